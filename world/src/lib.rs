@@ -1,0 +1,35 @@
+//! The deterministic simulation: maps, character physics, sensing and the navigation task.
+//!
+//! This crate takes time only as ticks and randomness only as seeds. It knows no clock, no file, no
+//! socket, no async runtime, no neural network and no wire format: everything above it (training,
+//! probing, serving, evaluation) calls the same [`World`] and therefore sees the same physics.
+//!
+//! Start reading at [`World`] (many NPCs on one map), then [`character`] (one body, one tick),
+//! [`sense`] (what an NPC sees) and [`map::generate`] (where the ground comes from).
+//!
+//! Conventions: right-handed, y up, metres, seconds, radians. Yaw 0 faces +z and grows counter-clockwise
+//! seen from above, so +x lies to the *left* of an NPC with yaw 0.
+
+pub mod character;
+pub mod map;
+pub mod mesh;
+pub mod navigable;
+pub mod sense;
+pub mod task;
+mod world;
+
+pub use character::{Action, Body, CharacterProfile};
+pub use map::{Map, MapHash, MapSpec, SpecError};
+pub use parry3d::math::Vec3;
+pub use sense::{OBSERVATION_LEN, RAY_COUNT};
+pub use task::{End, Episode, TaskConfig};
+pub use world::{DecisionOutcome, Npc, NpcSlot, World};
+
+/// Physics ticks per second (the paper: "60 times per second").
+pub const TICKS_PER_SECOND: u32 = 60;
+/// Length of one tick in seconds.
+pub const TICK_SECONDS: f32 = 1.0 / TICKS_PER_SECOND as f32;
+/// Ticks that one action is held for (the paper: a decision every 10 time-steps, action repeated).
+pub const TICKS_PER_DECISION: u32 = 10;
+/// Length of one decision in seconds.
+pub const DECISION_SECONDS: f32 = TICK_SECONDS * TICKS_PER_DECISION as f32;

@@ -1,0 +1,262 @@
+//! The density lattice and the extraction of its iso-surface.
+//!
+//! Density is positive inside rock. It is sampled on a lattice of [`VOXEL_M`]; the surface is extracted by
+//! naive surface nets (Gibson 1998): one vertex per cell that the surface crosses, one quad per lattice edge
+//! that changes sign.
+
+use super::spec::MapSize;
+use crate::Vec3;
+use noise::{NoiseFn, Perlin};
+
+/// Spacing of the density lattice in metres.
+pub(crate) const VOXEL_M: f32 = 1.25;
+/// Height of the rock floor below every map, in metres (as in the released environment).
+const FLOOR_M: f32 = 1.5;
+/// The lattice on which noise itself is sampled is coarser by this factor, and interpolated between.
+const NOISE_STRIDE: usize = 2;
+
+/// Mean height of the terrain in metres.
+const BASE_HEIGHT_M: f32 = 20.0;
+/// (wavelength m, amplitude m) of each octave of 3D Perlin noise.
+const OCTAVES: [(f64, f32); 3] = [(95.0, 24.0), (33.0, 6.5), (13.0, 1.6)];
+/// Height of one terrace in metres: below the 5 m that a double jump reaches.
+const TERRACE_M: f32 = 4.0;
+/// Share of a terrace's height that lies in its nearly level tread.
+const TREAD_HEIGHT_SHARE: f32 = 0.22;
+/// Share of the terrain's rise that the tread takes up; the rest goes into the riser.
+const TREAD_RISE_SHARE: f32 = 0.72;
+
+/// Density samples over a map's whole volume.
+pub(crate) struct Lattice {
+    counts: [usize; 3],
+    values: Vec<f32>,
+}
+
+impl Lattice {
+    /// Samples the terrain of `seed` over `size`, on all cores; equal bits for any number of them.
+    pub(crate) fn sample(seed: u64, size: MapSize) -> Self {
+        let counts = [size.width, size.height, size.depth]
+            .map(|extent| (extent as f32 / VOXEL_M).ceil() as usize + 1);
+        let coarse_counts = counts.map(|count| count.div_ceil(NOISE_STRIDE) + 1);
+        let noises: Vec<Perlin> = (0..OCTAVES.len())
+            .map(|octave| Perlin::new(mix_seed(seed, octave as u64)))
+            .collect();
+        let mut coarse = vec![0.0f32; coarse_counts.iter().product()];
+        let coarse_slab = coarse_counts[0] * coarse_counts[1];
+        for_each_slab(&mut coarse, coarse_slab, |z, slab| {
+            for y in 0..coarse_counts[1] {
+                for x in 0..coarse_counts[0] {
+                    let point = [x, y, z].map(|i| (i * NOISE_STRIDE) as f64 * f64::from(VOXEL_M));
+                    let sum: f32 = noises
+                        .iter()
+                        .zip(OCTAVES)
+                        .map(|(noise, (wavelength, amplitude))| {
+                            amplitude * noise.get(point.map(|c| c / wavelength + 0.5)) as f32
+                        })
+                        .sum();
+                    slab[y * coarse_counts[0] + x] = sum;
+                }
+            }
+        });
+        let mut values = vec![0.0f32; counts.iter().product()];
+        let slab_len = counts[0] * counts[1];
+        for_each_slab(&mut values, slab_len, |z, slab| {
+            for y in 0..counts[1] {
+                let height = y as f32 * VOXEL_M;
+                let terraced = terrace(height);
+                for x in 0..counts[0] {
+                    let noise = interpolate(&coarse, coarse_counts, [x, y, z]);
+                    let terrain = BASE_HEIGHT_M + noise - terraced;
+                    slab[y * counts[0] + x] = terrain.max(FLOOR_M - height);
+                }
+            }
+        });
+        Self { counts, values }
+    }
+
+    fn idx(&self, x: usize, y: usize, z: usize) -> usize {
+        (z * self.counts[1] + y) * self.counts[0] + x
+    }
+
+    /// Rewrites the density of every lattice point within `radius` of the vertical line through (`x`, `z`).
+    ///
+    /// `edit` gets the distance to the line, the height and the density, and returns the new density.
+    pub(crate) fn edit_column(&mut self, x: f32, z: f32, radius: f32, edit: impl Fn(f32, f32, f32) -> f32) {
+        let range = |centre: f32, count: usize| {
+            let low = ((centre - radius) / VOXEL_M).floor().max(0.0) as usize;
+            let high = (((centre + radius) / VOXEL_M).ceil().max(0.0) as usize).min(count - 1);
+            low..=high
+        };
+        for k in range(z, self.counts[2]) {
+            for i in range(x, self.counts[0]) {
+                let (dx, dz) = (i as f32 * VOXEL_M - x, k as f32 * VOXEL_M - z);
+                let distance = (dx * dx + dz * dz).sqrt();
+                if distance > radius {
+                    continue;
+                }
+                for j in 0..self.counts[1] {
+                    let idx = self.idx(i, j, k);
+                    self.values[idx] = edit(distance, j as f32 * VOXEL_M, self.values[idx]);
+                }
+            }
+        }
+    }
+
+    /// Height of the uppermost surface over (`x`, `z`), linearly interpolated along the nearest column.
+    pub(crate) fn top(&self, x: f32, z: f32) -> f32 {
+        let column = |value: f32, count: usize| ((value / VOXEL_M).round().max(0.0) as usize).min(count - 1);
+        let (i, k) = (column(x, self.counts[0]), column(z, self.counts[2]));
+        let mut above = self.values[self.idx(i, self.counts[1] - 1, k)];
+        for j in (0..self.counts[1] - 1).rev() {
+            let here = self.values[self.idx(i, j, k)];
+            if here > 0.0 && above <= 0.0 {
+                return (j as f32 + here / (here - above)) * VOXEL_M;
+            }
+            above = here;
+        }
+        FLOOR_M
+    }
+
+    /// Extracts the iso-surface as triangles with outward normals (counter-clockwise seen from the air).
+    pub(crate) fn surface(&self) -> Vec<[Vec3; 3]> {
+        let cells = self.counts.map(|count| count - 1);
+        let (layer, row) = (cells[0] * cells[1], cells[0]);
+        const NONE: u32 = u32::MAX;
+        let mut vertices: Vec<Vec3> = Vec::new();
+        let mut triangles = Vec::new();
+        // Two layers of cells suffice: a quad around an edge joins cells of this layer and the one before.
+        let mut previous = vec![NONE; layer];
+        let mut current = vec![NONE; layer];
+        for z in 0..cells[2] {
+            current.fill(NONE);
+            for y in 0..cells[1] {
+                for x in 0..cells[0] {
+                    if let Some(vertex) = self.cell_vertex(x, y, z) {
+                        current[y * row + x] = vertices.len() as u32;
+                        vertices.push(vertex);
+                    }
+                }
+            }
+            for y in 0..cells[1] {
+                for x in 0..cells[0] {
+                    let here = self.values[self.idx(x, y, z)];
+                    let at = |cells: &[u32], x: usize, y: usize| vertices[cells[y * row + x] as usize];
+                    // Edge along x: shared by the cells around it in y and z.
+                    if y > 0 && z > 0 {
+                        let quad = || [at(&previous, x, y - 1), at(&current, x, y - 1), at(&current, x, y), at(&previous, x, y)];
+                        push_quad(&mut triangles, here, self.values[self.idx(x + 1, y, z)], quad, true);
+                    }
+                    if x > 0 && z > 0 {
+                        let quad = || [at(&previous, x - 1, y), at(&current, x - 1, y), at(&current, x, y), at(&previous, x, y)];
+                        push_quad(&mut triangles, here, self.values[self.idx(x, y + 1, z)], quad, false);
+                    }
+                    if x > 0 && y > 0 {
+                        let quad = || [at(&current, x - 1, y - 1), at(&current, x, y - 1), at(&current, x, y), at(&current, x - 1, y)];
+                        push_quad(&mut triangles, here, self.values[self.idx(x, y, z + 1)], quad, false);
+                    }
+                }
+            }
+            std::mem::swap(&mut previous, &mut current);
+        }
+        triangles
+    }
+
+    /// The mean of the edge crossings of one cell, if the surface passes through it.
+    fn cell_vertex(&self, x: usize, y: usize, z: usize) -> Option<Vec3> {
+        const CORNERS: [[usize; 3]; 8] =
+            [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
+        const EDGES: [(usize, usize); 12] = [
+            (0, 1), (2, 3), (4, 5), (6, 7),
+            (0, 2), (1, 3), (4, 6), (5, 7),
+            (0, 4), (1, 5), (2, 6), (3, 7),
+        ];
+        let values = CORNERS.map(|[dx, dy, dz]| self.values[self.idx(x + dx, y + dy, z + dz)]);
+        let solid_count = values.iter().filter(|&&value| value > 0.0).count();
+        if solid_count == 0 || solid_count == 8 {
+            return None;
+        }
+        let mut sum = Vec3::ZERO;
+        let mut crossing_count = 0.0f32;
+        for (a, b) in EDGES {
+            if (values[a] > 0.0) != (values[b] > 0.0) {
+                let t = values[a] / (values[a] - values[b]);
+                let corner = |i: usize| Vec3::from_array(CORNERS[i].map(|c| c as f32));
+                sum += corner(a) + (corner(b) - corner(a)) * t;
+                crossing_count += 1.0;
+            }
+        }
+        let base = Vec3::new(x as f32, y as f32, z as f32);
+        Some((base + sum / crossing_count) * VOXEL_M)
+    }
+}
+
+/// Pushes the two triangles of a quad around a lattice edge from `here` to `there`, facing the air.
+fn push_quad(
+    triangles: &mut Vec<[Vec3; 3]>,
+    here: f32,
+    there: f32,
+    quad: impl Fn() -> [Vec3; 4],
+    flip: bool,
+) {
+    if (here > 0.0) == (there > 0.0) {
+        return;
+    }
+    let [a, b, c, d] = quad();
+    let faces_along_edge = here > 0.0;
+    if faces_along_edge != flip {
+        triangles.extend([[a, b, c], [a, c, d]]);
+    } else {
+        triangles.extend([[a, c, b], [a, d, c]]);
+    }
+}
+
+/// Maps height to "noise height": slow inside treads (so the ground there is nearly level), fast in risers.
+fn terrace(height: f32) -> f32 {
+    let step = (height / TERRACE_M).floor();
+    let t = height / TERRACE_M - step;
+    let warped = if t < TREAD_HEIGHT_SHARE {
+        t / TREAD_HEIGHT_SHARE * TREAD_RISE_SHARE
+    } else {
+        TREAD_RISE_SHARE + (t - TREAD_HEIGHT_SHARE) / (1.0 - TREAD_HEIGHT_SHARE) * (1.0 - TREAD_RISE_SHARE)
+    };
+    (step + warped) * TERRACE_M
+}
+
+/// Trilinear interpolation of the coarse noise at a fine lattice point.
+fn interpolate(coarse: &[f32], counts: [usize; 3], fine: [usize; 3]) -> f32 {
+    let cell = fine.map(|i| i / NOISE_STRIDE);
+    let [tx, ty, tz] = fine.map(|i| (i % NOISE_STRIDE) as f32 / NOISE_STRIDE as f32);
+    let at = |dx: usize, dy: usize, dz: usize| {
+        coarse[((cell[2] + dz) * counts[1] + cell[1] + dy) * counts[0] + cell[0] + dx]
+    };
+    let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
+    let face = |dz: usize| {
+        lerp(lerp(at(0, 0, dz), at(1, 0, dz), tx), lerp(at(0, 1, dz), at(1, 1, dz), tx), ty)
+    };
+    lerp(face(0), face(1), tz)
+}
+
+/// Runs `fill` on each z slab of `values`, split over the available cores.
+fn for_each_slab(values: &mut [f32], slab_len: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+    let slab_count = values.len() / slab_len;
+    let thread_count = std::thread::available_parallelism().map_or(1, usize::from).min(slab_count);
+    let slabs_per_thread = slab_count.div_ceil(thread_count);
+    std::thread::scope(|scope| {
+        for (thread_idx, chunk) in values.chunks_mut(slabs_per_thread * slab_len).enumerate() {
+            let fill = &fill;
+            scope.spawn(move || {
+                for (slab_idx, slab) in chunk.chunks_mut(slab_len).enumerate() {
+                    fill(thread_idx * slabs_per_thread + slab_idx, slab);
+                }
+            });
+        }
+    });
+}
+
+/// Spreads a 64-bit seed and a stream number over the 32 bits that the noise crate takes (SplitMix64).
+fn mix_seed(seed: u64, stream: u64) -> u32 {
+    let mut z = seed.wrapping_add(stream.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 32) as u32
+}

@@ -1,0 +1,492 @@
+//! Triangles in a uniform grid: the one structure behind both contacts and rays.
+//!
+//! Each cell lists the triangles whose bounds touch it. Empty space is skipped by a second array that holds,
+//! for each cell, how many cells (Chebyshev distance) it is certainly away from the nearest triangle.
+//! parry3d's triangle is the reference: property tests hold rays and contacts against it.
+
+use crate::Vec3;
+
+/// Side of a grid cell in metres.
+const CELL_M: f32 = 1.25;
+/// Its inverse.
+const CELLS_PER_M: f32 = 1.0 / CELL_M;
+/// Barycentric slack that closes the seams between neighbouring triangles for rays.
+const SEAM_SLACK: f32 = 1.0e-4;
+/// Slack around the stretch of a ray inside one cell, m.
+const STRETCH_SLACK_M: f32 = 1.0e-3;
+/// Longest empty-space skip that is stored, in cells.
+const MAX_SKIP: u8 = 15;
+
+/// What a triangle is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Surface {
+    /// Rock, building, plateau: solid.
+    Ground = 0,
+    /// Surface of a water pool: seen by rays, walked through.
+    Water = 1,
+    /// Surface of a lava pool: seen by rays, fallen into.
+    Lava = 2,
+    /// A jump pad: seen by rays, triggers by position.
+    Pad = 3,
+}
+
+impl Surface {
+    /// Whether bodies collide with it.
+    pub fn is_solid(self) -> bool {
+        self == Surface::Ground
+    }
+}
+
+/// One triangle with its precomputed edges and normal.
+#[derive(Debug, Clone, Copy)]
+pub struct Triangle {
+    a: Vec3,
+    ab: Vec3,
+    ac: Vec3,
+    normal: Vec3,
+    /// Dual vectors of `ab` and `ac`: the barycentric coordinates of a point `p` in the plane are
+    /// `dual_b . (p - a)` and `dual_c . (p - a)`.
+    dual_b: Vec3,
+    dual_c: Vec3,
+    surface: Surface,
+}
+
+impl Triangle {
+    /// A triangle with corners in counter-clockwise order seen from outside; `None` if it has no area.
+    pub fn new([a, b, c]: [Vec3; 3], surface: Surface) -> Option<Self> {
+        let (ab, ac) = (b - a, c - a);
+        let cross = ab.cross(ac);
+        let length = cross.length();
+        (length > 1.0e-9).then(|| {
+            let normal = cross / length;
+            Self { a, ab, ac, normal, dual_b: ac.cross(normal) / length, dual_c: normal.cross(ab) / length, surface }
+        })
+    }
+
+    /// The three corners.
+    pub fn corners(&self) -> [Vec3; 3] {
+        [self.a, self.a + self.ab, self.a + self.ac]
+    }
+
+    /// Unit normal, pointing out of the rock.
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// What it is made of.
+    pub fn surface(&self) -> Surface {
+        self.surface
+    }
+
+    fn bounds(&self) -> (Vec3, Vec3) {
+        let [a, b, c] = self.corners();
+        (a.min(b).min(c), a.max(b).max(c))
+    }
+
+    /// Two-sided intersection inside `near..=far` along the ray: plane first, then barycentric coordinates,
+    /// slightly widened so that seams do not leak.
+    #[inline]
+    fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
+        let offset = origin - self.a;
+        let distance = -self.normal.dot(offset) / self.normal.dot(direction);
+        // Also refuses the NaN of a ray inside the plane.
+        if !(distance >= near && distance <= far) {
+            return None;
+        }
+        let point = offset + direction * distance;
+        let (b, c) = (self.dual_b.dot(point), self.dual_c.dot(point));
+        (b >= -SEAM_SLACK && c >= -SEAM_SLACK && b + c <= 1.0 + SEAM_SLACK).then_some(distance)
+    }
+
+    /// Closest point of the triangle to `point` when that lies in its interior or on its border
+    /// (Ericson, Real-Time Collision Detection, 5.1.5).
+    fn closest_point(&self, point: Vec3) -> Vec3 {
+        let (ab, ac, a) = (self.ab, self.ac, self.a);
+        let ap = point - a;
+        let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+        if d1 <= 0.0 && d2 <= 0.0 {
+            return a;
+        }
+        let bp = ap - ab;
+        let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+        if d3 >= 0.0 && d4 <= d3 {
+            return a + ab;
+        }
+        let vc = d1 * d4 - d3 * d2;
+        if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+            return a + ab * (d1 / (d1 - d3));
+        }
+        let cp = ap - ac;
+        let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+        if d6 >= 0.0 && d5 <= d6 {
+            return a + ac;
+        }
+        let vb = d5 * d2 - d1 * d6;
+        if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+            return a + ac * (d2 / (d2 - d6));
+        }
+        let va = d3 * d6 - d5 * d4;
+        if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+            let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+            return a + ab + (ac - ab) * t;
+        }
+        let scale = 1.0 / (va + vb + vc);
+        a + ab * (vb * scale) + ac * (vc * scale)
+    }
+
+    /// Penetration of an upright capsule, if any.
+    ///
+    /// The capsule is the vertical segment of length `height` above `low`, widened by `radius`. Contacts from
+    /// behind are ignored: solids are entered only through a bug, and pushing outwards then makes it worse.
+    #[inline]
+    pub fn capsule_contact(&self, low: Vec3, height: f32, radius: f32) -> Option<Contact> {
+        let low_side = self.normal.dot(low - self.a);
+        let high_side = low_side + self.normal.y * height;
+        if low_side.min(high_side) > radius || low_side.max(high_side) < 0.0 {
+            return None;
+        }
+        if low_side.min(high_side) < 0.0 {
+            // The segment crosses the plane: if it does so inside the triangle, push its buried end out.
+            let t = low_side / (low_side - high_side);
+            let crossing = low + Vec3::new(0.0, height * t, 0.0);
+            if self.closest_point(crossing).distance_squared(crossing) < 1.0e-8 {
+                let depth = radius - low_side.min(high_side);
+                return Some(Contact { normal: self.normal, depth, point: crossing, face_normal: self.normal });
+            }
+        }
+        let (on_axis, on_triangle) = self.closest_to_vertical(low, height);
+        let offset = on_axis - on_triangle;
+        let distance_squared = offset.length_squared();
+        if distance_squared >= radius * radius || offset.dot(self.normal) <= 0.0 {
+            return None;
+        }
+        let distance = distance_squared.sqrt();
+        let normal = if distance > 1.0e-5 { offset / distance } else { self.normal };
+        Some(Contact { normal, depth: radius - distance, point: on_triangle, face_normal: self.normal })
+    }
+
+    /// Closest pair of points between the vertical segment above `low` and the triangle, for a segment that
+    /// does not pass through it.
+    #[inline]
+    fn closest_to_vertical(&self, low: Vec3, height: f32) -> (Vec3, Vec3) {
+        let high = low + Vec3::new(0.0, height, 0.0);
+        let mut best = (low, self.closest_point(low));
+        let mut best_squared = best.0.distance_squared(best.1);
+        let mut offer = |pair: (Vec3, Vec3)| {
+            let squared = pair.0.distance_squared(pair.1);
+            if squared < best_squared {
+                (best, best_squared) = (pair, squared);
+            }
+        };
+        offer((high, self.closest_point(high)));
+        let [a, b, c] = self.corners();
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            offer(closest_vertical_to_edge(low, height, from, to));
+        }
+        best
+    }
+}
+
+/// Closest points between a vertical segment and an edge.
+#[inline]
+fn closest_vertical_to_edge(low: Vec3, height: f32, from: Vec3, to: Vec3) -> (Vec3, Vec3) {
+    let edge = to - from;
+    let offset = low - from;
+    let horizontal_squared = edge.x * edge.x + edge.z * edge.z;
+    let mut t = if horizontal_squared > 1.0e-12 {
+        ((offset.x * edge.x + offset.z * edge.z) / horizontal_squared).clamp(0.0, 1.0)
+    } else {
+        0.5
+    };
+    let y_on_edge = from.y + edge.y * t;
+    let y_on_axis = y_on_edge.clamp(low.y, low.y + height);
+    if y_on_axis != y_on_edge || horizontal_squared <= 1.0e-12 {
+        // The infinite axis meets the edge beyond the segment's end: take the end against the edge.
+        let end = Vec3::new(low.x, y_on_axis, low.z);
+        t = ((end - from).dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+        let on_edge = from + edge * t;
+        let y = on_edge.y.clamp(low.y, low.y + height);
+        return (Vec3::new(low.x, y, low.z), on_edge);
+    }
+    (Vec3::new(low.x, y_on_axis, low.z), from + edge * t)
+}
+
+/// A penetration of a capsule into a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct Contact {
+    /// Unit direction that separates the two fastest, away from the triangle.
+    pub normal: Vec3,
+    /// Penetration in metres, positive.
+    pub depth: f32,
+    /// The touched point on the triangle.
+    pub point: Vec3,
+    /// Normal of the touched triangle; differs from `normal` on its edges.
+    pub face_normal: Vec3,
+}
+
+/// Where a ray ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayHit {
+    /// Metres along the ray.
+    pub distance: f32,
+    /// Index of the triangle that was hit.
+    pub triangle_idx: u32,
+    /// What was hit.
+    pub surface: Surface,
+}
+
+/// Triangles with the grid that finds them.
+#[derive(Debug)]
+pub struct Mesh {
+    triangles: Vec<Triangle>,
+    counts: [i32; 3],
+    /// `cell_starts[c]..cell_starts[c + 1]` is the range of `cell_items` that belongs to cell `c`.
+    cell_starts: Vec<u32>,
+    cell_items: Vec<u32>,
+    /// Lowest and highest y that the triangles of each cell reach, m: rays that pass above are not tested.
+    cell_heights: Vec<[f32; 2]>,
+    /// Cells that can be stepped over from each cell without meeting a triangle.
+    skips: Vec<u8>,
+}
+
+impl Mesh {
+    /// Indexes `triangles` inside the box from the origin to `extent`.
+    pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
+        let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
+        let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
+        let mut mesh = Self { triangles, counts, cell_starts: vec![0; cell_count + 1], cell_items: Vec::new(), cell_heights: Vec::new(), skips: Vec::new() };
+        let mut item_counts = vec![0u32; cell_count + 1];
+        mesh.for_each_cell_of_triangles(|cell, _| item_counts[cell + 1] += 1);
+        for cell in 0..cell_count {
+            item_counts[cell + 1] += item_counts[cell];
+        }
+        mesh.cell_starts.copy_from_slice(&item_counts);
+        let mut items = vec![0u32; item_counts[cell_count] as usize];
+        mesh.for_each_cell_of_triangles(|cell, triangle_idx| {
+            items[item_counts[cell] as usize] = triangle_idx;
+            item_counts[cell] += 1;
+        });
+        mesh.cell_items = items;
+        mesh.cell_heights = mesh.height_ranges();
+        mesh.skips = mesh.empty_space_skips();
+        mesh
+    }
+
+    /// All triangles, in a fixed order.
+    pub fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
+    /// Bytes held by the triangles and their grid.
+    pub fn memory_bytes(&self) -> usize {
+        std::mem::size_of_val(self.triangles.as_slice())
+            + std::mem::size_of_val(self.cell_starts.as_slice())
+            + std::mem::size_of_val(self.cell_items.as_slice())
+            + std::mem::size_of_val(self.cell_heights.as_slice())
+            + self.skips.len()
+    }
+
+    fn cell_idx(&self, [x, y, z]: [i32; 3]) -> usize {
+        ((z * self.counts[1] + y) * self.counts[0] + x) as usize
+    }
+
+    fn cell_of(&self, point: Vec3) -> [i32; 3] {
+        // Truncation rounds towards zero, which is the floor wherever the grid has cells.
+        [point.x, point.y, point.z].map(|c| (c * CELLS_PER_M) as i32)
+    }
+
+    fn clamped_cells(&self, low: Vec3, high: Vec3) -> ([i32; 3], [i32; 3]) {
+        let clamp = |cell: [i32; 3]| {
+            [0, 1, 2].map(|axis| cell[axis].clamp(0, self.counts[axis] - 1))
+        };
+        (clamp(self.cell_of(low)), clamp(self.cell_of(high)))
+    }
+
+    fn for_each_cell_of_triangles(&self, mut visit: impl FnMut(usize, u32)) {
+        // Slightly widened bounds, so that a triangle on a cell's border is found from both sides.
+        let slack = Vec3::splat(1.0e-3);
+        let half = Vec3::splat(CELL_M * 0.5 + 1.0e-3);
+        for (idx, triangle) in self.triangles.iter().enumerate() {
+            let (low, high) = triangle.bounds();
+            let (from, to) = self.clamped_cells(low - slack, high + slack);
+            for z in from[2]..=to[2] {
+                for y in from[1]..=to[1] {
+                    for x in from[0]..=to[0] {
+                        let centre = (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M;
+                        let reach = triangle.normal.abs().dot(half);
+                        let on_border = [(x, 0), (y, 1), (z, 2)].iter().any(|&(c, axis)| c == 0 || c == self.counts[axis] - 1);
+                        if on_border || triangle.normal.dot(centre - triangle.a).abs() <= reach {
+                            visit(self.cell_idx([x, y, z]), idx as u32);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn height_ranges(&self) -> Vec<[f32; 2]> {
+        self.cell_starts
+            .windows(2)
+            .map(|range| {
+                self.cell_items[range[0] as usize..range[1] as usize].iter().fold(
+                    [f32::INFINITY, f32::NEG_INFINITY],
+                    |[lowest, highest], &triangle_idx| {
+                        let (low, high) = self.triangles[triangle_idx as usize].bounds();
+                        [lowest.min(low.y), highest.max(high.y)]
+                    },
+                )
+            })
+            .collect()
+    }
+
+    /// Chebyshev distance transform of cell occupancy, capped at [`MAX_SKIP`]: two raster passes.
+    fn empty_space_skips(&self) -> Vec<u8> {
+        let cell_count = self.cell_starts.len() - 1;
+        let mut skips: Vec<u8> = (0..cell_count)
+            .map(|cell| if self.cell_starts[cell] == self.cell_starts[cell + 1] { MAX_SKIP } else { 0 })
+            .collect();
+        // A Chebyshev distance transform separates by axis: min over |dx| first, then max-combine.
+        for axis in 0..3 {
+            let stride = [1, self.counts[0], self.counts[0] * self.counts[1]][axis] as usize;
+            let length = self.counts[axis] as usize;
+            let mut line = vec![0u8; length];
+            for start in self.line_starts(axis) {
+                for (i, value) in line.iter_mut().enumerate() {
+                    *value = skips[start + i * stride];
+                }
+                for i in 0..length {
+                    let mut best = line[i];
+                    for reach in 1..=usize::from(MAX_SKIP) {
+                        if reach >= usize::from(best) {
+                            break;
+                        }
+                        let distance = reach as u8;
+                        if i >= reach {
+                            best = best.min(line[i - reach].max(distance));
+                        }
+                        if i + reach < length {
+                            best = best.min(line[i + reach].max(distance));
+                        }
+                    }
+                    skips[start + i * stride] = best;
+                }
+            }
+        }
+        skips
+    }
+
+    fn line_starts(&self, axis: usize) -> Vec<usize> {
+        let [nx, ny, nz] = self.counts;
+        let (outer, inner): (i32, i32) = [(nz, ny), (nz, nx), (ny, nx)][axis];
+        (0..outer)
+            .flat_map(|o| (0..inner).map(move |i| (o, i)))
+            .map(|(o, i)| match axis {
+                0 => self.cell_idx([0, i, o]),
+                1 => self.cell_idx([i, 0, o]),
+                _ => self.cell_idx([i, o, 0]),
+            })
+            .collect()
+    }
+
+    /// First triangle along the ray within `max_distance` metres; `direction` must have unit length.
+    pub fn cast_ray(&self, origin: Vec3, direction: Vec3, max_distance: f32) -> Option<RayHit> {
+        let mut travelled = self.enter(origin, direction)?;
+        let inverse = Vec3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
+        let step = [direction.x, direction.y, direction.z].map(|d| if d > 0.0 { 1 } else { -1 });
+        let mut cell = self.cell_of(origin + direction * travelled);
+        for axis in 0..3 {
+            cell[axis] = cell[axis].clamp(0, self.counts[axis] - 1);
+        }
+        while travelled <= max_distance {
+            if (0..3).any(|axis| cell[axis] < 0 || cell[axis] >= self.counts[axis]) {
+                return None;
+            }
+            let idx = self.cell_idx(cell);
+            let skip = i32::from(self.skips[idx]);
+            // Leave this cell, or the block of cells around it that is known to be empty.
+            let margin = (skip - 1).max(0);
+            let exit = |axis: usize, o: f32, inv: f32| {
+                let border = if step[axis] > 0 { cell[axis] + 1 + margin } else { cell[axis] - margin };
+                if inv.is_finite() { (border as f32 * CELL_M - o) * inv } else { f32::INFINITY }
+            };
+            let exits = [exit(0, origin.x, inverse.x), exit(1, origin.y, inverse.y), exit(2, origin.z, inverse.z)];
+            let axis = if exits[0] <= exits[1] && exits[0] <= exits[2] { 0 } else if exits[1] <= exits[2] { 1 } else { 2 };
+            let leave = exits[axis].max(travelled);
+            if skip == 0 {
+                // A hit beyond this cell is found where it lies, so only this stretch of the ray is tested.
+                let (near, far) = ((travelled - STRETCH_SLACK_M).max(0.0), (leave + STRETCH_SLACK_M).min(max_distance));
+                let (y0, y1) = (origin.y + direction.y * near, origin.y + direction.y * far);
+                let [lowest, highest] = self.cell_heights[idx];
+                if y0.max(y1) >= lowest - STRETCH_SLACK_M && y0.min(y1) <= highest + STRETCH_SLACK_M {
+                    let range = self.cell_starts[idx] as usize..self.cell_starts[idx + 1] as usize;
+                    let mut best: Option<RayHit> = None;
+                    for &triangle_idx in &self.cell_items[range] {
+                        let triangle = &self.triangles[triangle_idx as usize];
+                        let far = best.map_or(far, |hit| hit.distance);
+                        if let Some(distance) = triangle.ray(origin, direction, near, far) {
+                            best = Some(RayHit { distance, triangle_idx, surface: triangle.surface });
+                        }
+                    }
+                    if best.is_some() {
+                        return best;
+                    }
+                }
+            }
+            travelled = leave;
+            if margin > 0 {
+                let point = origin + direction * travelled;
+                let moved = self.cell_of(point);
+                for other in 0..3 {
+                    if other != axis {
+                        cell[other] = moved[other].clamp(cell[other] - margin, cell[other] + margin);
+                    }
+                }
+            }
+            cell[axis] += step[axis] * (1 + margin);
+        }
+        None
+    }
+
+    /// Distance along the ray at which it enters the grid's box; `None` if it misses.
+    fn enter(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let (mut near, mut far) = (0.0f32, f32::INFINITY);
+        for axis in 0..3 {
+            let (o, d) = (origin[axis], direction[axis]);
+            let high = self.counts[axis] as f32 * CELL_M;
+            if d == 0.0 {
+                if o < 0.0 || o > high {
+                    return None;
+                }
+                continue;
+            }
+            let (t0, t1) = (-o / d, (high - o) / d);
+            near = near.max(t0.min(t1));
+            far = far.min(t0.max(t1));
+        }
+        (near <= far).then_some(near)
+    }
+
+    /// Fills `found` with the solid triangles whose bounds touch the box; a triangle may appear twice.
+    pub fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
+        found.clear();
+        let (from, to) = self.clamped_cells(low, high);
+        for z in from[2]..=to[2] {
+            for y in from[1]..=to[1] {
+                let row = self.cell_idx([0, y, z]);
+                let range = self.cell_starts[row + from[0] as usize] as usize..self.cell_starts[row + to[0] as usize + 1] as usize;
+                for &triangle_idx in &self.cell_items[range] {
+                    let triangle = &self.triangles[triangle_idx as usize];
+                    let (t_low, t_high) = triangle.bounds();
+                    if triangle.surface.is_solid()
+                        && t_low.cmple(high).all()
+                        && t_high.cmpge(low).all()
+                        && !found.contains(&triangle_idx)
+                    {
+                        found.push(triangle_idx);
+                    }
+                }
+            }
+        }
+    }
+}

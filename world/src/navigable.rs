@@ -1,0 +1,106 @@
+//! Sampling of navigable ground: places where the real body stands.
+//!
+//! This is the paper's `f_navmesh`. A sample is a place where the capsule, dropped, comes to rest on ground
+//! that can be walked, clear of geometry, pads and liquids. It may still be cut off from the rest of the map:
+//! such goals stay in the headline score.
+
+use crate::character::{Action, Body, CharacterProfile, MoveScratch, is_clear};
+use crate::map::Map;
+use crate::mesh::Surface;
+use crate::{TICKS_PER_SECOND, Vec3};
+use rand::{Rng, RngExt};
+
+/// Attempts until a map is declared to have no navigable ground.
+const MAX_TRIES: usize = 10_000;
+/// Distance kept from the rim of the map, m.
+const RIM_M: f32 = 2.0;
+/// Horizontal drift while settling that is still called standing, m.
+const MAX_DRIFT_M: f32 = 0.25;
+/// Floors considered in one column.
+const MAX_FLOORS: usize = 8;
+
+/// A map on which no place was found where the character can stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("no navigable ground found in {MAX_TRIES} samples: the map has no place where this character can stand")]
+pub struct NoGround;
+
+/// Draws one place to stand, uniformly over the map's area.
+///
+/// # Errors
+/// [`NoGround`] if ten thousand columns offered none.
+pub fn sample(map: &Map, profile: &CharacterProfile, rng: &mut impl Rng, scratch: &mut MoveScratch) -> Result<Vec3, NoGround> {
+    let extent = map.extent();
+    for _ in 0..MAX_TRIES {
+        let x = rng.random_range(RIM_M..extent.x - RIM_M);
+        let z = rng.random_range(RIM_M..extent.z - RIM_M);
+        let (floors, floor_count) = floors(map, profile, x, z);
+        if floor_count == 0 {
+            continue;
+        }
+        let floor = floors[rng.random_range(0..floor_count)];
+        if let Some(feet) = settle(map, profile, Vec3::new(x, floor, z), scratch) {
+            return Ok(feet);
+        }
+    }
+    Err(NoGround)
+}
+
+/// Draws `count` places to stand.
+///
+/// # Errors
+/// As [`sample`].
+pub fn sample_many(map: &Map, profile: &CharacterProfile, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, NoGround> {
+    let mut scratch = MoveScratch::default();
+    (0..count).map(|_| sample(map, profile, rng, &mut scratch)).collect()
+}
+
+/// The nearest place to stand under `point`: where a character dropped there comes to rest.
+pub fn ground_below(map: &Map, profile: &CharacterProfile, point: Vec3) -> Option<Vec3> {
+    let hit = map.mesh().cast_ray(point + Vec3::new(0.0, 0.5, 0.0), DOWN, map.extent().y)?;
+    let floor = point.y + 0.5 - hit.distance;
+    settle(map, profile, Vec3::new(point.x, floor, point.z), &mut MoveScratch::default())
+}
+
+/// A hair off vertical, so that no ray runs exactly along an edge of the lattice.
+const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
+
+/// Heights of the walkable floors over (`x`, `z`), from the top down.
+fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([f32; MAX_FLOORS], usize) {
+    let mut found = [0.0; MAX_FLOORS];
+    let mut count = 0;
+    let limit = libm::cosf(profile.max_slope);
+    let mut origin = Vec3::new(x, map.extent().y - 0.01, z);
+    while count < MAX_FLOORS {
+        let Some(hit) = map.mesh().cast_ray(origin, DOWN, map.extent().y) else { break };
+        origin += DOWN * (hit.distance + 0.02);
+        let normal = map.mesh().triangles()[hit.triangle_idx as usize].normal();
+        if hit.surface == Surface::Ground && normal.y >= limit {
+            found[count] = origin.y + 0.02;
+            count += 1;
+        }
+    }
+    (found, count)
+}
+
+/// Lets a body come to rest on the floor at `floor`; `None` if it cannot stand there.
+fn settle(map: &Map, profile: &CharacterProfile, floor: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
+    // A capsule on a slope touches beside its lowest point, so it starts a little higher than the floor.
+    let clearance = profile.radius * (1.0 / libm::cosf(profile.max_slope) - 1.0) + 0.02;
+    let start = floor + Vec3::new(0.0, clearance, 0.0);
+    if !is_clear(map.mesh(), profile, start, 0.01, scratch) {
+        return None;
+    }
+    let mut body = Body::at(start, 0.0);
+    for _ in 0..TICKS_PER_SECOND / 2 {
+        body.tick(map, profile, &Action::default(), scratch);
+    }
+    let drift = Vec3::new(body.feet.x - floor.x, 0.0, body.feet.z - floor.z).length();
+    let stands = body.is_grounded()
+        && drift <= MAX_DRIFT_M
+        && (body.feet.y - floor.y).abs() < 0.5
+        && !map.is_outside(body.feet)
+        && map.liquid_at(body.feet, -0.1).is_none()
+        && map.pad_at(body.feet).is_none()
+        && is_clear(map.mesh(), profile, body.feet, 0.01, scratch);
+    stands.then_some(body.feet)
+}

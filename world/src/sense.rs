@@ -1,0 +1,189 @@
+//! What an NPC sees: 8 x 8 rays and a vector of its own state, as one flat row of f32.
+//!
+//! Layout of a row (all values roughly in [-1, 1]):
+//!
+//! | range | meaning |
+//! |---|---|
+//! | 0..64 | proximity `1 - d / 30 m` of each ray, 0 where nothing is hit |
+//! | 64..128 | 1 where the ray ended on water |
+//! | 128..192 | 1 where it ended on lava |
+//! | 192..256 | 1 where it ended on a jump pad |
+//! | 256..280 | the state vector, see [`state_vector`] |
+//!
+//! Rays are ordered row by row from the lowest elevation, each row from left to right.
+
+use crate::character::{Body, CharacterProfile};
+use crate::map::Map;
+use crate::mesh::Surface;
+use crate::task::TaskConfig;
+use crate::{Episode, Vec3};
+
+/// Rays per row and per column of the cone.
+pub const RAY_SIDE: usize = 8;
+/// Rays in all.
+pub const RAY_COUNT: usize = RAY_SIDE * RAY_SIDE;
+/// Values per ray.
+pub const RAY_CHANNELS: usize = 4;
+/// Length of the state vector.
+pub const STATE_LEN: usize = 24;
+/// Length of an observation.
+pub const OBSERVATION_LEN: usize = RAY_COUNT * RAY_CHANNELS + STATE_LEN;
+/// Reach of every ray, m.
+pub const RAY_RANGE_M: f32 = 30.0;
+/// Changes whenever the meaning of an observation changes; checkpoints carry it.
+pub const OBSERVATION_VERSION: u32 = 1;
+
+/// Share of the body's height at which the rays start.
+const EYE_HEIGHT_SHARE: f32 = 0.85;
+/// Azimuth of each ray of a row, degrees, positive to the right: denser ahead, symmetric for mirroring.
+const AZIMUTHS_DEG: [f32; RAY_SIDE] = [-80.0, -45.0, -22.0, -7.0, 7.0, 22.0, 45.0, 80.0];
+/// Elevation of each row, degrees.
+const ELEVATIONS_DEG: [f32; RAY_SIDE] = [-65.0, -42.0, -26.0, -14.0, -5.0, 6.0, 22.0, 45.0];
+
+/// Unit directions of the cone in the body's frame (x right, y up, z forward).
+#[derive(Debug, Clone)]
+pub struct RayCone {
+    directions: [Vec3; RAY_COUNT],
+}
+
+impl Default for RayCone {
+    fn default() -> Self {
+        let mut directions = [Vec3::ZERO; RAY_COUNT];
+        for (row, elevation) in ELEVATIONS_DEG.iter().enumerate() {
+            for (column, azimuth) in AZIMUTHS_DEG.iter().enumerate() {
+                let (sin_e, cos_e) = libm::sincosf(elevation.to_radians());
+                let (sin_a, cos_a) = libm::sincosf(azimuth.to_radians());
+                directions[row * RAY_SIDE + column] = Vec3::new(sin_a * cos_e, sin_e, cos_a * cos_e);
+            }
+        }
+        Self { directions }
+    }
+}
+
+impl RayCone {
+    /// Directions in the body's frame.
+    pub fn directions(&self) -> &[Vec3; RAY_COUNT] {
+        &self.directions
+    }
+
+    /// Casts the cone from `body` and calls `found` with each ray's index, distance and surface.
+    pub fn cast(&self, map: &Map, profile: &CharacterProfile, body: &Body, mut found: impl FnMut(usize, f32, Surface)) {
+        let eye = body.feet + Vec3::new(0.0, profile.height * EYE_HEIGHT_SHARE, 0.0);
+        let (sin, cos) = libm::sincosf(body.yaw);
+        for (idx, local) in self.directions.iter().enumerate() {
+            let direction = Vec3::new(sin * local.z - cos * local.x, local.y, cos * local.z + sin * local.x);
+            if let Some(hit) = map.mesh().cast_ray(eye, direction, RAY_RANGE_M) {
+                found(idx, hit.distance, hit.surface);
+            }
+        }
+    }
+}
+
+/// What the state vector needs besides the body.
+#[derive(Debug, Clone, Copy)]
+pub struct SenseContext<'a> {
+    /// The map that the body is on.
+    pub map: &'a Map,
+    /// The body's profile.
+    pub profile: &'a CharacterProfile,
+    /// Constants of the task.
+    pub task: &'a TaskConfig,
+}
+
+/// Memory of the previous decision that the state vector reports.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LastDecision {
+    /// Velocity at its start, m/s.
+    pub velocity: Vec3,
+    /// Forward, strafe, turn, jump.
+    pub action: [f32; 4],
+    /// Ticks spent in water so far.
+    pub ticks_in_water: u32,
+}
+
+/// Writes a whole observation into `row`.
+///
+/// # Panics
+/// If `row` is not [`OBSERVATION_LEN`] long.
+pub fn observe(cone: &RayCone, context: SenseContext<'_>, body: &Body, episode: &Episode, last: &LastDecision, row: &mut [f32]) {
+    assert_eq!(row.len(), OBSERVATION_LEN);
+    let (rays, state) = row.split_at_mut(RAY_COUNT * RAY_CHANNELS);
+    rays.fill(0.0);
+    cone.cast(context.map, context.profile, body, |idx, distance, surface| {
+        rays[idx] = 1.0 - distance / RAY_RANGE_M;
+        let channel = match surface {
+            Surface::Ground => return,
+            Surface::Water => 1,
+            Surface::Lava => 2,
+            Surface::Pad => 3,
+        };
+        rays[channel * RAY_COUNT + idx] = 1.0;
+    });
+    state.copy_from_slice(&state_vector(context, body, episode, last));
+}
+
+/// The non-visual part of an observation. Vectors are in the body's frame (x right, y up, z forward).
+///
+/// 0 goal distance / 50 m; 1..4 unit direction to the goal; 4 horizontal goal distance and 5 height of the
+/// goal, each / 8 m and clamped; 6..9 velocity / 12 m/s; 9..12 change of velocity over the last decision /
+/// 12 m/s; 12..16 previous action; 16 grounded; 17 can jump (again); 18 share of the patience used; 19 share
+/// of the breath used; 20..23 unit direction to the nearest pad; 23 its proximity `1 - d / 50 m`.
+pub fn state_vector(context: SenseContext<'_>, body: &Body, episode: &Episode, last: &LastDecision) -> [f32; STATE_LEN] {
+    let goal = body.to_local(episode.goal - body.feet);
+    let goal_distance = goal.length();
+    let goal_direction = goal / goal_distance.max(1.0e-3);
+    let horizontal = (goal.x * goal.x + goal.z * goal.z).sqrt();
+    let velocity = body.to_local(body.velocity) / 12.0;
+    let acceleration = body.to_local(body.velocity - last.velocity) / 12.0;
+    let (pad_direction, pad_proximity) = context.map.nearest_pad(body.feet).map_or((Vec3::ZERO, 0.0), |pad| {
+        let pad = body.to_local(pad.centre - body.feet);
+        let distance = pad.length();
+        (pad / distance.max(1.0e-3), (1.0 - distance / 50.0).max(0.0))
+    });
+    let flag = |on: bool| if on { 1.0 } else { 0.0 };
+    let [forward, strafe, turn, jump] = last.action;
+    [
+        (goal_distance / 50.0).min(4.0),
+        goal_direction.x,
+        goal_direction.y,
+        goal_direction.z,
+        (horizontal / 8.0).min(1.5),
+        (goal.y / 8.0).clamp(-1.5, 1.5),
+        velocity.x,
+        velocity.y,
+        velocity.z,
+        acceleration.x,
+        acceleration.y,
+        acceleration.z,
+        forward,
+        strafe,
+        turn,
+        jump,
+        flag(body.is_grounded()),
+        flag(body.can_jump(context.profile)),
+        episode.patience_used(context.task),
+        (last.ticks_in_water as f32 / context.task.drown_ticks as f32).min(1.0),
+        pad_direction.x,
+        pad_direction.y,
+        pad_direction.z,
+        pad_proximity,
+    ]
+}
+
+/// Reflects an observation left to right, in place; its own inverse.
+pub fn mirror_observation(row: &mut [f32]) {
+    let (rays, state) = row.split_at_mut(RAY_COUNT * RAY_CHANNELS);
+    for ray_row in rays.chunks_mut(RAY_SIDE) {
+        ray_row.reverse();
+    }
+    // goal x, velocity x, acceleration x, strafe, turn, pad x
+    for idx in [1, 6, 9, 13, 14, 20] {
+        state[idx] = -state[idx];
+    }
+}
+
+/// Reflects an action left to right, in place; its own inverse.
+pub fn mirror_action(action: &mut [f32]) {
+    action[1] = -action[1];
+    action[2] = -action[2];
+}

@@ -1,0 +1,132 @@
+//! The point-goal task: reward, patience and every way an episode ends.
+
+use crate::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// Constants of the task; defaults are the paper's where it gives them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TaskConfig {
+    /// A goal counts as reached within this distance of the feet, m (paper: 1 m).
+    pub goal_radius: f32,
+    /// Decisions without a new best distance until the episode is cut off (paper: 300).
+    pub patience: u32,
+    /// The paper's lambda: metres of progress that are worth a reward of 1.
+    pub lambda: f32,
+    /// Reward for every decision (paper: -0.0005).
+    pub decision_penalty: f32,
+    /// Time in water after which a character drowns, in ticks (released environment: 5 s).
+    pub drown_ticks: u32,
+}
+
+impl Default for TaskConfig {
+    fn default() -> Self {
+        Self { goal_radius: 1.0, patience: 300, lambda: 20.0, decision_penalty: -0.0005, drown_ticks: 300 }
+    }
+}
+
+/// How an episode ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum End {
+    /// Within the goal radius.
+    Reached,
+    /// Left the map.
+    Fell,
+    /// Touched lava.
+    Burnt,
+    /// Was in water for too long.
+    Drowned,
+    /// No new best distance for the whole patience: cut off, not part of the task's dynamics.
+    NoProgress,
+}
+
+impl End {
+    /// All ends, in a fixed order.
+    pub const ALL: [End; 5] = [End::Reached, End::Fell, End::Burnt, End::Drowned, End::NoProgress];
+
+    /// Whether this is a cut-off after which the value of the next state still counts.
+    pub fn is_truncation(self) -> bool {
+        self == End::NoProgress
+    }
+
+    /// Lower-case name as used in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            End::Reached => "reached",
+            End::Fell => "fell",
+            End::Burnt => "burnt",
+            End::Drowned => "drowned",
+            End::NoProgress => "no_progress",
+        }
+    }
+
+    /// The paper's sparse reward: +1 when the task succeeds, -1 when it fails.
+    pub fn reward(self) -> f32 {
+        if self == End::Reached { 1.0 } else { -1.0 }
+    }
+}
+
+/// One attempt at one goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Episode {
+    /// Where the feet should be, m.
+    pub goal: Vec3,
+    /// Smallest distance to the goal so far, m.
+    pub best_distance: f32,
+    /// Decisions since `best_distance` last shrank.
+    pub stalled_decisions: u32,
+    /// Decisions taken so far.
+    pub decisions: u32,
+    /// Set by the tick in which it ended.
+    pub end: Option<End>,
+    /// Progress since the last decision, m: the best distance then minus now.
+    progress: f32,
+}
+
+impl Episode {
+    /// Starts an attempt at `goal` from `feet`.
+    pub fn new(goal: Vec3, feet: Vec3) -> Self {
+        Self {
+            goal,
+            best_distance: feet.distance(goal),
+            stalled_decisions: 0,
+            decisions: 0,
+            end: None,
+            progress: 0.0,
+        }
+    }
+
+    /// Notes where the feet are after a tick. Reaching is tested here, every tick.
+    pub fn note_tick(&mut self, feet: Vec3, config: &TaskConfig) {
+        let distance = feet.distance(self.goal);
+        if distance < self.best_distance {
+            self.progress += self.best_distance - distance;
+            self.best_distance = distance;
+        }
+        if distance <= config.goal_radius {
+            self.end = Some(End::Reached);
+        }
+    }
+
+    /// Closes a decision: returns its reward and, if patience has run out, ends the episode.
+    ///
+    /// The reward is the paper's: progress / lambda, a constant penalty, and the end's +1 or -1.
+    pub fn close_decision(&mut self, config: &TaskConfig) -> f32 {
+        self.decisions += 1;
+        if self.progress > 0.0 {
+            self.stalled_decisions = 0;
+        } else {
+            self.stalled_decisions += 1;
+        }
+        if self.end.is_none() && self.stalled_decisions >= config.patience {
+            self.end = Some(End::NoProgress);
+        }
+        let dense = std::mem::take(&mut self.progress) / config.lambda;
+        dense + config.decision_penalty + self.end.map_or(0.0, End::reward)
+    }
+
+    /// Share of the patience that is used up, in [0, 1].
+    pub fn patience_used(&self, config: &TaskConfig) -> f32 {
+        self.stalled_decisions as f32 / config.patience as f32
+    }
+}
