@@ -123,7 +123,7 @@ impl Action {
 }
 
 /// How a body is supported.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Support {
     /// Nothing underneath.
     #[default]
@@ -135,7 +135,7 @@ pub enum Support {
 }
 
 /// Position and motion of one character.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Body {
     /// Lowest point of the capsule, m.
     pub feet: Vec3,
@@ -158,7 +158,7 @@ pub struct Body {
 }
 
 /// What happened to a body in one tick, besides moving.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TickEvents {
     /// It jumped from the ground.
     pub jumped: bool,

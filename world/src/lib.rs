@@ -23,7 +23,7 @@ pub use map::{Map, MapHash, MapSpec, SpecError};
 pub use parry3d::math::Vec3;
 pub use sense::{OBSERVATION_LEN, RAY_COUNT};
 pub use task::{End, Episode, TaskConfig};
-pub use world::{DecisionOutcome, Npc, NpcSlot, World};
+pub use world::{DecisionOutcome, Npc, NpcSlot, World, WorldState};
 
 /// Physics ticks per second (the paper: "60 times per second").
 pub const TICKS_PER_SECOND: u32 = 60;

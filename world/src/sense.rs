@@ -17,6 +17,7 @@ use crate::map::Map;
 use crate::mesh::Surface;
 use crate::task::TaskConfig;
 use crate::{Episode, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// Rays per row and per column of the cone.
 pub const RAY_SIDE: usize = 8;
@@ -91,7 +92,7 @@ pub struct SenseContext<'a> {
 }
 
 /// Memory of the previous decision that the state vector reports.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LastDecision {
     /// Velocity at its start, m/s.
     pub velocity: Vec3,

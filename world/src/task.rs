@@ -67,7 +67,7 @@ impl End {
 }
 
 /// One attempt at one goal.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Episode {
     /// Where the feet should be, m.
     pub goal: Vec3,

@@ -5,6 +5,7 @@ use crate::map::{Liquid, Map};
 use crate::sense::{self, LastDecision, RayCone, SenseContext};
 use crate::task::{End, Episode, TaskConfig};
 use crate::{TICKS_PER_DECISION, Vec3};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Index of an NPC's place in its world's arrays; reused after the NPC is removed.
@@ -12,7 +13,7 @@ use std::sync::Arc;
 pub struct NpcSlot(pub u32);
 
 /// One NPC: its body, its running decision and its episode.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Npc {
     /// Position and motion.
     pub body: Body,
@@ -35,6 +36,13 @@ pub struct DecisionOutcome {
     pub end: Option<End>,
 }
 
+/// Everything about a world that changes while it is stepped.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WorldState {
+    tick: u64,
+    npcs: Vec<Option<Npc>>,
+}
+
 /// A map with its NPCs, stepped tick by tick. Nothing is allocated while stepping.
 ///
 /// The calls of one decision, for one NPC: [`World::observe`], [`World::decide`], ten times [`World::tick`]
@@ -54,6 +62,17 @@ impl World {
     /// An empty world on `map`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
         Self { map, profile, task, cone: RayCone::default(), tick: 0, npcs: Vec::new(), scratch: MoveScratch::default() }
+    }
+
+    /// A copy of all that changes; together with the map, the profile and the task it restores this world.
+    pub fn save(&self) -> WorldState {
+        WorldState { tick: self.tick, npcs: self.npcs.clone() }
+    }
+
+    /// Continues from a saved state; the map, profile and task must be those it was saved with.
+    pub fn restore(&mut self, state: WorldState) {
+        self.tick = state.tick;
+        self.npcs = state.npcs;
     }
 
     /// The map.

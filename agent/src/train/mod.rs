@@ -1,0 +1,14 @@
+//! Soft actor-critic training of the reactive agent.
+//!
+//! Read [`sac`] against the paper (losses with their equation numbers), [`replay`] for what is remembered,
+//! [`collector`] for where it comes from, and [`run`] for how a run goes on: rounds in which collecting and
+//! learning happen side by side, on one thread each, and meet at a barrier. That makes a run a pure function
+//! of its configuration, so that a checkpoint taken at a barrier continues exactly.
+
+pub mod collector;
+pub mod replay;
+pub mod run;
+pub mod sac;
+mod tensorboard;
+
+pub use run::{TrainConfig, TrainError, run};
