@@ -1,11 +1,14 @@
 //! Rolls a policy out towards many goals at once, without a graph: what validation and evaluation share.
 
-use rand::{Rng, RngExt};
+use rand::rngs::ChaCha8Rng;
+use rand::{Rng, RngExt, SeedableRng};
 use std::ops::Range;
 use std::sync::Arc;
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
 
+/// Share of the exploration noise that evaluation and workers act with unless told otherwise.
+pub const DEFAULT_NOISE_SHARE: f32 = 0.5;
 /// NPCs that share one batch.
 const BATCH: usize = 256;
 
@@ -61,12 +64,16 @@ pub struct Rollout {
     task: TaskConfig,
     /// Decisions without progress after which an attempt is called [`End::NoProgress`] early.
     pub give_up_after: u32,
+    /// Share of the policy's exploration noise to act with.
+    pub noise_share: f32,
+    /// Seed of that noise.
+    pub seed: u64,
 }
 
 impl Rollout {
     /// Attempts on `map` under `task`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
-        Self { map, profile, give_up_after: task.patience, task }
+        Self { map, profile, give_up_after: task.patience, task, noise_share: DEFAULT_NOISE_SHARE, seed: 0 }
     }
 
     /// One attempt for each goal, in the order of the goals.
@@ -82,13 +89,14 @@ impl Rollout {
         }
         let mut attempts: Vec<Option<Attempt>> = vec![None; goals.len()];
         let mut running: Vec<NpcSlot> = (0..goals.len()).map(|idx| NpcSlot(idx as u32)).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let (mut observations, mut actions) = (Vec::new(), Vec::new());
         while !running.is_empty() {
             observations.resize(running.len() * OBSERVATION_LEN, 0.0);
             for (slot, row) in running.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
                 world.observe(*slot, row);
             }
-            policy.act(&observations, &mut actions);
+            policy.act(&observations, self.noise_share, &mut rng, &mut actions);
             for (slot, action) in running.iter().zip(&actions) {
                 world.decide(*slot, *action);
             }

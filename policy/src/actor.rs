@@ -97,6 +97,18 @@ impl Actor {
     }
 }
 
+/// Standard normal values by Box-Muller.
+pub fn gaussian(rng: &mut impl Rng, count: usize) -> Vec<f32> {
+    let mut values = Vec::with_capacity(count + 1);
+    while values.len() < count {
+        let radius = (-2.0 * (1.0 - rng.random::<f32>()).ln()).sqrt();
+        let (sin, cos) = (std::f32::consts::TAU * rng.random::<f32>()).sin_cos();
+        values.extend([radius * cos, radius * sin]);
+    }
+    values.truncate(count);
+    values
+}
+
 /// A linear layer initialised like PyTorch's, U(-1/sqrt(in), 1/sqrt(in)), from a seeded generator.
 pub fn linear(input: usize, output: usize, device: &Device, rng: &mut impl Rng) -> Linear {
     let bound = 1.0 / (input as f32).sqrt();

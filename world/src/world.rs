@@ -168,7 +168,8 @@ impl World {
         npc.body.begin_decision(&action);
     }
 
-    /// Moves every NPC by one tick. An NPC whose episode has ended stays where it is.
+    /// Moves every NPC by one tick. An NPC that came to harm stays where it is;
+    /// one that reached its goal runs on until its decision is over.
     pub fn tick(&mut self) {
         let Self { map, profile, task, npcs, scratch, .. } = self;
         for npc in npcs.iter_mut().flatten() {
@@ -210,7 +211,7 @@ impl World {
 }
 
 fn tick_npc(npc: &mut Npc, map: &Map, profile: &CharacterProfile, task: &TaskConfig, scratch: &mut MoveScratch) {
-    if npc.episode.is_some_and(|episode| episode.end.is_some()) {
+    if npc.episode.and_then(|episode| episode.end).is_some_and(|end| end != End::Reached) {
         return;
     }
     let events = npc.body.tick(map, profile, &npc.action, scratch);
@@ -219,8 +220,10 @@ fn tick_npc(npc: &mut Npc, map: &Map, profile: &CharacterProfile, task: &TaskCon
     npc.events.padded |= events.padded;
     let hazard = hazard_end(npc, map, task);
     if let Some(episode) = &mut npc.episode {
-        episode.note_tick(npc.body.feet, task);
-        episode.end = episode.end.or(hazard);
+        if episode.end.is_none() {
+            episode.note_tick(npc.body.feet, task);
+            episode.end = episode.end.or(hazard);
+        }
     }
 }
 

@@ -2,7 +2,6 @@
 
 use super::replay::{RowKind, Step};
 use super::run::RngState;
-use super::sac::gaussian;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::rngs::ChaCha8Rng;
@@ -10,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use surefoot_policy::Actor;
+use surefoot_policy::actor::gaussian;
 use surefoot_world::character::{ACTION_LEN, Action};
 use surefoot_world::{
     CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldState, navigable,

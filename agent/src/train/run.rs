@@ -4,7 +4,7 @@ use super::collector::{Collector, CollectorConfig, CollectorState};
 use super::replay::{Batch, Replay, Sampling, Step};
 use super::sac::{Learner, LearnerState, SacConfig, UpdateStats};
 use super::tensorboard::EventWriter;
-use crate::rollout::{Goal, Rollout};
+use crate::rollout::{DEFAULT_NOISE_SHARE, Goal, Rollout};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -300,13 +300,14 @@ impl ValidationSet {
         Self { maps, task: TaskConfig::default() }
     }
 
-    fn measure(&self, policy: &Policy) -> Validation {
+    fn measure(&self, policy: &Policy, noise_share: f32) -> Validation {
         let mut reached = [0usize; 2];
         let mut tried = [0usize; 2];
         for (map, near, far) in &self.maps {
             for (band, goals) in [near, far].into_iter().enumerate() {
                 let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), self.task.clone());
                 rollout.give_up_after = 90;
+                rollout.noise_share = noise_share;
                 for end in rollout.run(policy, goals) {
                     tried[band] += 1;
                     reached[band] += usize::from(end.end == End::Reached);
@@ -389,10 +390,20 @@ pub fn run(config: TrainConfig, folder: &Path, resume: bool, stop: &AtomicBool, 
 fn validate(run: &mut Run, set: &ValidationSet, folder: &Path, events: &mut EventWriter, report: &mut impl FnMut(&str)) -> Result<(), TrainError> {
     let weights = module_bytes(run.actor())?;
     let manifest = Manifest::new(&run.config.name, run.config.sac.network, &weights, serde_json::Value::Null);
-    let validation = set.measure(&Policy::new(run.actor(), manifest));
-    report(&format!("validation at {} updates: {:.1} % up to 25 m, {:.1} % at 25-60 m", run.updates(), 100.0 * validation.near, 100.0 * validation.far));
+    let policy = Policy::new(run.actor(), manifest);
+    let greedy = set.measure(&policy, 0.0);
+    let validation = set.measure(&policy, DEFAULT_NOISE_SHARE);
+    report(&format!(
+        "validation at {} updates: {:.1} % up to 25 m, {:.1} % at 25-60 m (without noise {:.1} %, {:.1} %)",
+        run.updates(), 100.0 * validation.near, 100.0 * validation.far, 100.0 * greedy.near, 100.0 * greedy.far,
+    ));
     events
-        .scalars(run.updates(), &[("validation/near", validation.near as f32), ("validation/far", validation.far as f32)])
+        .scalars(run.updates(), &[
+            ("validation/near", validation.near as f32),
+            ("validation/far", validation.far as f32),
+            ("validation/near_without_noise", greedy.near as f32),
+            ("validation/far_without_noise", greedy.far as f32),
+        ])
         .map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     let score = validation.near + 0.5 * validation.far;
     if score > run.best_validation {

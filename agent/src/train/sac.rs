@@ -10,9 +10,9 @@ use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::activation::softplus;
 use burn::tensor::{Bytes, Device, Tensor, TensorData};
 use rand::rngs::ChaCha8Rng;
-use rand::{Rng, RngExt};
+use rand::Rng;
 use serde::{Deserialize, Serialize};
-use surefoot_policy::actor::{ActionDistribution, Trunk, linear};
+use surefoot_policy::actor::{ActionDistribution, Trunk, gaussian, linear};
 use surefoot_policy::checkpoint::{load_module, module_bytes};
 use surefoot_policy::{Actor, ActorConfig, CheckpointError};
 use surefoot_world::OBSERVATION_LEN;
@@ -43,7 +43,7 @@ impl Default for SacConfig {
             network: ActorConfig::default(),
             learning_rate: 3.0e-4,
             tau: 0.005,
-            target_entropy: -4.0,
+            target_entropy: -2.0,
             initial_alpha: 0.05,
             min_alpha: 1.0e-4,
             actor_interval: 2,
@@ -304,18 +304,6 @@ pub fn sample_squashed(distribution: ActionDistribution, noise: Tensor<2>) -> (T
     // log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2u))
     let correction = (-(raw.clone()) + LOG_TWO - softplus(raw.clone() * -2.0, 1.0)) * 2.0;
     (raw.tanh(), (gaussian - correction).sum_dim(1))
-}
-
-/// Standard normal values by Box-Muller.
-pub fn gaussian(rng: &mut impl Rng, count: usize) -> Vec<f32> {
-    let mut values = Vec::with_capacity(count + 1);
-    while values.len() < count {
-        let radius = (-2.0 * (1.0 - rng.random::<f32>()).ln()).sqrt();
-        let (sin, cos) = (std::f32::consts::TAU * rng.random::<f32>()).sin_cos();
-        values.extend([radius * cos, radius * sin]);
-    }
-    values.truncate(count);
-    values
 }
 
 fn scalar<const D: usize>(tensor: Tensor<D>) -> f32 {

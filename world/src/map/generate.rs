@@ -15,7 +15,9 @@ const PLATEAU_COUNT: f32 = 12.0;
 const BUILDING_COUNT: f32 = 18.0;
 const WATER_COUNT: f32 = 6.0;
 const LAVA_COUNT: f32 = 5.0;
-const PAD_COUNT: f32 = 8.0;
+const PAD_COUNT: f32 = 4.0;
+/// Pads at the foot of cliffs.
+const CLIFF_PAD_COUNT: f32 = 20.0;
 /// Distance of every feature from the rim of the map, m.
 const RIM_M: f32 = 14.0;
 /// Rises above this need a pad: a double jump reaches 5 m.
@@ -171,6 +173,9 @@ impl Placer {
                 pads.push(pad);
             }
         }
+        for _ in 0..self.count(CLIFF_PAD_COUNT, self.spec.features.pads) {
+            pads.extend(self.pad_below_cliff(lattice));
+        }
         for _ in 0..self.count(PAD_COUNT, self.spec.features.pads) {
             let Some((x, z)) = self.spot(PAD_RADIUS_M) else { continue };
             if pools.iter().any(|pool| (pool.centre.x - x).hypot(pool.centre.z - z) < pool.radius + 2.0) {
@@ -181,6 +186,21 @@ impl Placer {
             pads.push(pad(Vec3::new(x, lattice.top(x, z), z), rise));
         }
         pads
+    }
+
+    /// A pad where the terrain nearby rises higher than can be jumped.
+    fn pad_below_cliff(&mut self, lattice: &Lattice) -> Option<Pad> {
+        for _ in 0..24 {
+            let (x, z) = self.spot(PAD_RADIUS_M)?;
+            let ground = lattice.top(x, z);
+            let (low, high) = ring_heights(lattice, x, z, PAD_RADIUS_M);
+            let rise = ring_heights(lattice, x, z, 7.0).1 - ground;
+            if (JUMPABLE_M..14.0).contains(&rise) && high - low < 0.8 {
+                self.taken.push((x, z, PAD_RADIUS_M));
+                return Some(pad(Vec3::new(x, ground, z), rise - PAD_EXTRA_M + 4.0));
+            }
+        }
+        None
     }
 
     /// A pad at the foot of something too tall to be jumped onto from the pad's own ground.

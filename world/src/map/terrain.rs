@@ -18,9 +18,14 @@ const NOISE_STRIDE: usize = 2;
 /// Mean height of the terrain in metres.
 const BASE_HEIGHT_M: f32 = 20.0;
 /// (wavelength m, amplitude m) of each octave of 3D Perlin noise.
-const OCTAVES: [(f64, f32); 3] = [(95.0, 24.0), (33.0, 6.5), (13.0, 1.6)];
-/// Height of one terrace in metres: below the 5 m that a double jump reaches.
-const TERRACE_M: f32 = 4.0;
+const OCTAVES: [(f64, f32); 3] = [(95.0, 28.0), (33.0, 6.5), (13.0, 1.6)];
+/// Height of one terrace in metres: its riser is about as high as the 5 m that a double jump reaches, so some
+/// risers can be climbed and others must be walked around or taken by a pad.
+const TERRACE_M: f32 = 6.6;
+/// Wavelength of the noise that decides where the ground is terraced and where it rises smoothly, m.
+const TERRACING_WAVELENGTH_M: f64 = 60.0;
+/// Mean and gain of that noise before it is clamped to [0, 1].
+const TERRACING: (f32, f32) = (0.8, 2.4);
 /// Share of a terrace's height that lies in its nearly level tread.
 const TREAD_HEIGHT_SHARE: f32 = 0.22;
 /// Share of the terrain's rise that the tread takes up; the rest goes into the riser.
@@ -60,13 +65,20 @@ impl Lattice {
         });
         let mut values = vec![0.0f32; counts.iter().product()];
         let slab_len = counts[0] * counts[1];
+        let terracing = Perlin::new(mix_seed(seed, OCTAVES.len() as u64));
         for_each_slab(&mut values, slab_len, |z, slab| {
+            let shares: Vec<f32> = (0..counts[0])
+                .map(|x| {
+                    let point = [x, z].map(|i| i as f64 * f64::from(VOXEL_M) / TERRACING_WAVELENGTH_M + 0.5);
+                    (TERRACING.0 + TERRACING.1 * terracing.get(point) as f32).clamp(0.0, 1.0)
+                })
+                .collect();
             for y in 0..counts[1] {
                 let height = y as f32 * VOXEL_M;
                 let terraced = terrace(height);
                 for x in 0..counts[0] {
                     let noise = interpolate(&coarse, coarse_counts, [x, y, z]);
-                    let terrain = BASE_HEIGHT_M + noise - terraced;
+                    let terrain = BASE_HEIGHT_M + noise - (height + (terraced - height) * shares[x]);
                     slab[y * counts[0] + x] = terrain.max(FLOOR_M - height);
                 }
             }

@@ -1,0 +1,16 @@
+//! Compiles the contracts in Rust (protox): no protoc needs to be installed.
+
+use std::path::PathBuf;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let files = ["surefoot/world/v1/world.proto", "surefoot/planner/v1/planner.proto"];
+    for file in files.iter().chain(&["surefoot/world/v1/map.proto"]) {
+        println!("cargo::rerun-if-changed={file}");
+    }
+    let mut compiler = protox::Compiler::new(["."])?;
+    compiler.include_source_info(true).include_imports(true).open_files(files)?;
+    let out = PathBuf::from(std::env::var("OUT_DIR")?);
+    std::fs::write(out.join("descriptors.bin"), compiler.encode_file_descriptor_set())?;
+    tonic_prost_build::configure().bytes(".").compile_fds(compiler.file_descriptor_set())?;
+    Ok(())
+}
