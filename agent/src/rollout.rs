@@ -1,9 +1,12 @@
-//! Rolls a policy out towards many goals at once, without a graph: what validation and evaluation share.
+//! Rolls a policy out towards many goals at once, straight or by plan: what validation and evaluation share.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt, SeedableRng};
+use crate::follow::{FollowConfig, Follower, Step};
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Instant;
+use surefoot_planner::{NavGraph, search};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
 
@@ -54,6 +57,8 @@ pub struct Attempt {
     pub end: End,
     /// Decisions taken.
     pub decisions: u32,
+    /// Plans asked for beyond the first.
+    pub replans: u32,
 }
 
 /// Runs attempts on one map.
@@ -76,16 +81,37 @@ impl Rollout {
         Self { map, profile, give_up_after: task.patience, task, noise_share: DEFAULT_NOISE_SHARE, seed: 0 }
     }
 
-    /// One attempt for each goal, in the order of the goals.
+    /// One attempt for each goal, in the order of the goals, each heading straight for it.
     pub fn run(&self, policy: &Policy, goals: &[Goal]) -> Vec<Attempt> {
-        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, chunk)).collect()
+        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, None, chunk, &mut Vec::new())).collect()
     }
 
-    fn run_batch(&self, policy: &Policy, goals: &[Goal]) -> Vec<Attempt> {
+    /// One attempt for each goal, each following plans on `graph`; the duration of every search is noted in
+    /// `search_us`.
+    pub fn run_by_plan(&self, policy: &Policy, graph: &NavGraph, goals: &[Goal], search_us: &mut Vec<f64>) -> Vec<Attempt> {
+        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, Some(graph), chunk, search_us)).collect()
+    }
+
+    fn run_batch(&self, policy: &Policy, graph: Option<&NavGraph>, goals: &[Goal], search_us: &mut Vec<f64>) -> Vec<Attempt> {
         let mut world = World::new(self.map.clone(), self.profile.clone(), self.task.clone());
         for goal in goals {
             let slot = world.spawn(goal.start, goal.yaw);
             world.set_goal(slot, goal.goal);
+        }
+        let mut decisions = vec![0; goals.len()];
+        let mut followers: Vec<Option<Follower>> = goals
+            .iter()
+            .map(|goal| {
+                let graph = graph?;
+                let mut follower = Follower::new(goal.goal, FollowConfig { patience: self.give_up_after, ..FollowConfig::default() });
+                plan(&mut follower, graph, goal.start, search_us);
+                Some(follower)
+            })
+            .collect();
+        for (idx, follower) in followers.iter().enumerate() {
+            if let Some(waypoint) = follower.as_ref().and_then(Follower::waypoint) {
+                world.set_goal(NpcSlot(idx as u32), waypoint);
+            }
         }
         let mut attempts: Vec<Option<Attempt>> = vec![None; goals.len()];
         let mut running: Vec<NpcSlot> = (0..goals.len()).map(|idx| NpcSlot(idx as u32)).collect();
@@ -104,13 +130,51 @@ impl Rollout {
             running.retain(|&slot| {
                 let outcome = world.close_decision(slot).expect("an episode in every slot");
                 let episode = world.npc(slot).and_then(|npc| npc.episode).expect("an episode in every slot");
-                let gave_up = (episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress);
-                let Some(end) = outcome.end.or(gave_up) else { return true };
-                attempts[slot.0 as usize] = Some(Attempt { end, decisions: episode.decisions });
+                let idx = slot.0 as usize;
+                decisions[idx] += 1;
+                let end = match (&mut followers[idx], graph) {
+                    (Some(follower), Some(graph)) => {
+                        follow(&mut world, slot, follower, graph, outcome.end, search_us)
+                    }
+                    _ => outcome.end.or((episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress)),
+                };
+                let Some(end) = end else { return true };
+                let replans = followers[idx].as_ref().map_or(0, Follower::replans);
+                attempts[idx] = Some(Attempt { end, decisions: decisions[idx], replans });
                 world.despawn(slot);
                 false
             });
         }
         attempts.into_iter().map(|attempt| attempt.expect("every attempt ends")).collect()
     }
+}
+
+/// Settles one decision of an NPC that follows a plan: how its attempt ended, if it did.
+fn follow(world: &mut World, slot: NpcSlot, follower: &mut Follower, graph: &NavGraph, leg_end: Option<End>, search_us: &mut Vec<f64>) -> Option<End> {
+    let feet = world.npc(slot).expect("a running NPC").body.feet;
+    let waypoint_reached = leg_end == Some(End::Reached);
+    if waypoint_reached && follower.is_last_leg() {
+        return leg_end;
+    }
+    if let Some(end) = leg_end.filter(|end| !end.is_truncation() && *end != End::Reached) {
+        return Some(end);
+    }
+    match follower.note(feet, waypoint_reached) {
+        Step::Keep => {}
+        Step::Head(waypoint) => world.set_goal(slot, waypoint),
+        Step::Plan => {
+            let waypoint = plan(follower, graph, feet, search_us);
+            world.set_goal(slot, waypoint);
+        }
+        Step::GiveUp => return Some(End::NoProgress),
+    }
+    None
+}
+
+fn plan(follower: &mut Follower, graph: &NavGraph, feet: Vec3, search_us: &mut Vec<f64>) -> Vec3 {
+    let query = follower.query(feet);
+    let started = Instant::now();
+    let plan = search::find_path(graph, &query);
+    search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
+    follower.take_plan(plan)
 }

@@ -1,0 +1,135 @@
+//! `surefoot eval`.
+
+use super::{core_count, load_policy, parse_maps, parse_seeds};
+use crate::terminal::{print_json, progress_bar};
+use anyhow::{Context, bail};
+use std::ops::Range;
+use std::path::PathBuf;
+use surefoot_agent::eval::{EvalConfig, Method, Rate, Report, evaluate};
+use surefoot_agent::rollout::DEFAULT_NOISE_SHARE;
+use surefoot_planner::{BuildSettings, Placement};
+
+/// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --method spaced\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --method spaced --vertices 800 --neighbours 20")]
+pub struct Args {
+    /// training, validation, test, or map seeds such as 7 or 1000,1001 or 0..4
+    #[arg(long, default_value = "validation")]
+    maps: String,
+    /// Side of the maps in metres
+    #[arg(long, default_value_t = 250, value_name = "METRES")]
+    size: u32,
+    /// Goals per map and seed
+    #[arg(long, default_value_t = 200, value_name = "N")]
+    goals: usize,
+    /// How goals are approached: policy heads straight, random and spaced follow a graph so placed
+    #[arg(long, default_value = "spaced", value_parser = ["policy", "random", "spaced"])]
+    method: String,
+    /// Vertices of the graph
+    #[arg(long, default_value_t = 300, value_name = "N")]
+    vertices: usize,
+    /// Nearest vertices that each is tried against
+    #[arg(long, default_value_t = 12, value_name = "K")]
+    neighbours: usize,
+    /// Tries per candidate edge
+    #[arg(long, default_value_t = 2, value_name = "R")]
+    repeats: u32,
+    /// Share of tries that must succeed
+    #[arg(long, default_value_t = 0.5, value_name = "T")]
+    threshold: f64,
+    /// Folder of the model; default: the shipped general reactive policy
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    /// Straight-line distance of goals in metres, MIN..MAX; default: any
+    #[arg(long, value_name = "MIN..MAX")]
+    distance: Option<String>,
+    /// Seeds of goals, graphs and noise, such as 0 or 0..3; each is one whole evaluation
+    #[arg(long, default_value = "0", value_name = "SEED")]
+    seed: String,
+    /// Share of the policy's exploration noise to act with, 0 to 1
+    #[arg(long, default_value_t = DEFAULT_NOISE_SHARE, value_name = "SHARE")]
+    noise: f32,
+    /// Threads to use; default: one per core
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let config = args.config()?;
+    let policy = load_policy(args.model.as_deref())?;
+    let bar = progress_bar((config.maps.len() * config.seeds.len() * config.goals) as u64, "evaluating");
+    let report = evaluate(&policy, &config, |done, _| bar.set_position(done as u64))?;
+    bar.finish_and_clear();
+    if args.json { print_json(&report) } else { print_table(&report) }
+}
+
+impl Args {
+    fn config(&self) -> anyhow::Result<EvalConfig> {
+        if !(1..=100_000).contains(&self.goals) {
+            bail!("--goals is {}, allowed are 1 to 100000", self.goals);
+        }
+        if !(0.0..=1.0).contains(&self.noise) {
+            bail!("--noise is {}, allowed are 0 to 1", self.noise);
+        }
+        let settings = |placement| BuildSettings {
+            placement,
+            vertices: self.vertices,
+            neighbours: self.neighbours,
+            repeats: self.repeats,
+            threshold: self.threshold,
+            seed: 0,
+        };
+        let method = match self.method.as_str() {
+            "random" => Method::Graph(settings(Placement::Random)),
+            "spaced" => Method::Graph(settings(Placement::Spaced)),
+            _ => Method::Policy,
+        };
+        if let Method::Graph(settings) = method {
+            settings.validate()?;
+        }
+        Ok(EvalConfig {
+            maps: parse_maps(&self.maps, self.size)?,
+            goals: self.goals,
+            seeds: parse_seeds(&self.seed).context("--seed")?,
+            method,
+            distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
+            noise_share: self.noise,
+            thread_count: self.threads.unwrap_or_else(core_count),
+        })
+    }
+}
+
+fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {
+    let wrong = || format!("--distance is `{text}`, expected MIN..MAX in metres such as 2..25");
+    let (low, high) = text.split_once("..").with_context(wrong)?;
+    let (low, high): (f32, f32) = (low.parse().with_context(wrong)?, high.parse().with_context(wrong)?);
+    if !(low >= 0.0 && low < high) {
+        bail!(wrong());
+    }
+    Ok(low..high)
+}
+
+fn print_table(report: &Report) -> anyhow::Result<()> {
+    println!("method {}  model {}  maps {:?}  {} goals a map, seeds {:?}", report.method, report.model, report.maps, report.goals, report.seeds);
+    println!("{:<8}{:>9}{:>19}{:>8}", "goals", "success", "95 % interval", "n");
+    let rows = [("all", report.success.all), ("easy", report.success.easy), ("medium", report.success.medium), ("hard", report.success.hard)];
+    for (name, Rate { rate, low, high, n }) in rows {
+        println!("{name:<8}{:>8.1}%{:>10.1} - {:>5.1}%{n:>8}", 100.0 * rate, 100.0 * low, 100.0 * high);
+    }
+    if let Some(spread) = report.spread {
+        println!("spread between seeds {:.2} points", 100.0 * spread);
+    }
+    let ends: Vec<String> = report.ends.iter().map(|(end, count)| format!("{end} {count}")).collect();
+    println!("ends: {}", ends.join(", "));
+    println!("mean time to goal {:.1} s, re-plans per attempt {:.2}", report.seconds_to_goal, report.replans);
+    if let Some(graph) = &report.graph {
+        println!(
+            "graph: {:.0} vertices, {:.0} edges, {:.1} islands, {:.1} % of vertex pairs connected, {:.0} probes in {:.1} s, search {:.0} us (median)",
+            graph.vertices, graph.edges, graph.islands, 100.0 * graph.connected, graph.probes, graph.build_s, graph.search_us_median
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,49 @@
+//! One module per subcommand.
+
+pub mod eval;
+pub mod map;
+pub mod train;
+
+use anyhow::{Context, bail};
+use std::path::Path;
+use surefoot_policy::Policy;
+use surefoot_world::MapSpec;
+
+/// The weights in `folder`, or those that ship with the program.
+fn load_policy(folder: Option<&Path>) -> anyhow::Result<Policy> {
+    match folder {
+        Some(folder) => Policy::load(folder).with_context(|| format!("cannot use the model in {}", folder.display())),
+        None => Policy::shipped().context("cannot use the shipped model"),
+    }
+}
+
+/// Threads to use unless told otherwise: one per core.
+fn core_count() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Seeds as `5`, `5,7` or `0..4`.
+fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
+    let number = |text: &str| text.trim().parse::<u64>().with_context(|| format!("`{text}` is not a seed"));
+    if let Some((from, to)) = text.split_once("..") {
+        let (from, to) = (number(from)?, number(to)?);
+        if from >= to || to - from > 10_000 {
+            bail!("`{text}` is not a range of 1 to 10000 seeds");
+        }
+        return Ok((from..to).collect());
+    }
+    text.split(',').map(number).collect()
+}
+
+/// Maps of a named split or of listed seeds.
+fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
+    let seeds = match text {
+        "training" => (0..128).collect(),
+        "validation" => vec![1000, 1001, 1002, 1003],
+        "test" => vec![2000, 2001, 2002, 2003],
+        seeds => parse_seeds(seeds).context("--maps takes training, validation, test, or seeds such as 7 or 0..4")?,
+    };
+    let specs: Vec<MapSpec> = seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect();
+    specs[0].validate().context("--size")?;
+    Ok(specs)
+}

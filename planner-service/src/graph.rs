@@ -1,0 +1,265 @@
+//! The proved graph: positions, directed edges with their evidence, islands.
+
+use crate::candidates::Candidate;
+use petgraph::algo::tarjan_scc;
+use petgraph::graph::{DiGraph, NodeIndex};
+use serde::{Deserialize, Serialize};
+use surefoot_world::Vec3;
+use surefoot_world::character::TickEvents;
+
+/// The most demanding thing that a leg takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+pub enum Ability {
+    /// Walking, sliding, dropping.
+    #[default]
+    Walk,
+    /// A jump from the ground.
+    Jump,
+    /// A second jump in the air.
+    DoubleJump,
+    /// A jump pad.
+    Pad,
+}
+
+impl Ability {
+    /// The ability behind what a body did.
+    pub fn used(events: TickEvents) -> Self {
+        if events.padded {
+            Ability::Pad
+        } else if events.double_jumped {
+            Ability::DoubleJump
+        } else if events.jumped {
+            Ability::Jump
+        } else {
+            Ability::Walk
+        }
+    }
+
+    /// Lower-case name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Ability::Walk => "walk",
+            Ability::Jump => "jump",
+            Ability::DoubleJump => "double_jump",
+            Ability::Pad => "pad",
+        }
+    }
+}
+
+/// What probing an edge showed.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Evidence {
+    /// Probes run.
+    pub tries: u32,
+    /// Probes that arrived.
+    pub successes: u32,
+    /// Sum of the decisions of those that arrived.
+    decisions_sum: f64,
+    /// Sum of their squares.
+    decisions_squared: f64,
+    /// Ability used by the least demanding probe that arrived.
+    pub ability: Ability,
+}
+
+impl Evidence {
+    /// Adds one probe.
+    pub fn note(&mut self, reached: bool, decisions: u32, ability: Ability) {
+        self.tries += 1;
+        if !reached {
+            return;
+        }
+        self.ability = if self.successes == 0 { ability } else { self.ability.min(ability) };
+        self.successes += 1;
+        self.decisions_sum += f64::from(decisions);
+        self.decisions_squared += f64::from(decisions).powi(2);
+    }
+
+    /// Share of probes that arrived, in [0, 1].
+    pub fn success_rate(&self) -> f64 {
+        f64::from(self.successes) / f64::from(self.tries.max(1))
+    }
+
+    /// Estimated chance of success, pulled towards an optimistic prior of one success in one try.
+    pub fn chance(&self) -> f64 {
+        (f64::from(self.successes) + 0.9) / (f64::from(self.tries) + 1.0)
+    }
+
+    /// Mean decisions of probes that arrived.
+    pub fn decisions_mean(&self) -> f64 {
+        self.decisions_sum / f64::from(self.successes.max(1))
+    }
+
+    /// Standard deviation of those decisions.
+    pub fn decisions_deviation(&self) -> f64 {
+        let mean = self.decisions_mean();
+        (self.decisions_squared / f64::from(self.successes.max(1)) - mean * mean).max(0.0).sqrt()
+    }
+
+    /// What a search minimises, in decisions: expected time per success, plus a price on risk.
+    ///
+    /// Chances multiply along a plan, so their logarithms add.
+    pub fn cost(&self) -> f64 {
+        let chance = self.chance();
+        self.decisions_mean() / chance - RISK_DECISIONS * chance.ln()
+    }
+}
+
+/// Decisions that a plan may last longer to avoid a leg that fails with probability 1 - 1/e.
+const RISK_DECISIONS: f64 = 60.0;
+
+/// A proved edge.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Edge {
+    /// Index of the vertex it leaves.
+    pub from: u32,
+    /// Index of the vertex it reaches.
+    pub to: u32,
+    /// What probing showed.
+    pub evidence: Evidence,
+}
+
+/// A checked graph: every edge joins two existing, different vertices.
+#[derive(Debug, Clone)]
+pub struct NavGraph {
+    graph: DiGraph<Vec3, Edge>,
+    islands: Vec<u32>,
+    island_count: u32,
+}
+
+/// A graph as it is stored and sent, not yet checked.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GraphData {
+    /// Positions, m.
+    pub vertices: Vec<Vec3>,
+    /// Edges between them.
+    pub edges: Vec<Edge>,
+}
+
+/// A stored graph that makes no sense.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GraphError {
+    /// An edge names a vertex that does not exist, or itself.
+    #[error("edge {0} -> {1} does not join two of the graph's vertices")]
+    BadEdge(u32, u32),
+    /// A vertex has a position that is not finite.
+    #[error("vertex {0} has no finite position")]
+    BadVertex(usize),
+}
+
+impl NavGraph {
+    /// Keeps the candidates whose success rate reaches `threshold`.
+    ///
+    /// # Panics
+    /// If there is not one evidence per candidate.
+    pub fn prove(vertices: Vec<Vec3>, candidates: &[Candidate], evidence: &[Evidence], threshold: f64) -> Self {
+        assert_eq!(candidates.len(), evidence.len());
+        let edges = candidates
+            .iter()
+            .zip(evidence)
+            .filter(|(_, evidence)| evidence.successes > 0 && evidence.success_rate() >= threshold)
+            .map(|(&(from, to), &evidence)| Edge { from, to, evidence })
+            .collect();
+        Self::check(GraphData { vertices, edges }).expect("candidates join existing vertices")
+    }
+
+    /// Checks a stored graph.
+    ///
+    /// # Errors
+    /// Names the first vertex or edge that makes no sense.
+    pub fn check(data: GraphData) -> Result<Self, GraphError> {
+        let mut graph = DiGraph::with_capacity(data.vertices.len(), data.edges.len());
+        for (idx, vertex) in data.vertices.iter().enumerate() {
+            if !vertex.is_finite() {
+                return Err(GraphError::BadVertex(idx));
+            }
+            graph.add_node(*vertex);
+        }
+        for edge in data.edges {
+            let inside = |idx: u32| (idx as usize) < data.vertices.len();
+            if !inside(edge.from) || !inside(edge.to) || edge.from == edge.to {
+                return Err(GraphError::BadEdge(edge.from, edge.to));
+            }
+            graph.add_edge(NodeIndex::new(edge.from as usize), NodeIndex::new(edge.to as usize), edge);
+        }
+        let components = tarjan_scc(&graph);
+        let mut islands = vec![0; graph.node_count()];
+        for (island, members) in components.iter().enumerate() {
+            for member in members {
+                islands[member.index()] = island as u32;
+            }
+        }
+        Ok(Self { graph, islands, island_count: components.len() as u32 })
+    }
+
+    /// The graph as plain data.
+    pub fn to_data(&self) -> GraphData {
+        GraphData {
+            vertices: self.graph.node_weights().copied().collect(),
+            edges: self.graph.edge_weights().copied().collect(),
+        }
+    }
+
+    /// The petgraph behind it.
+    pub fn as_petgraph(&self) -> &DiGraph<Vec3, Edge> {
+        &self.graph
+    }
+
+    /// Vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.graph.node_count()
+    }
+
+    /// Proved edges.
+    pub fn edge_count(&self) -> usize {
+        self.graph.edge_count()
+    }
+
+    /// Position of a vertex, m.
+    pub fn position(&self, vertex: u32) -> Vec3 {
+        self.graph[NodeIndex::new(vertex as usize)]
+    }
+
+    /// Edges that leave a vertex.
+    pub fn edges_from(&self, vertex: u32) -> impl Iterator<Item = &Edge> {
+        self.graph.edges(NodeIndex::new(vertex as usize)).map(|edge| edge.weight())
+    }
+
+    /// All edges.
+    pub fn edges(&self) -> impl Iterator<Item = &Edge> {
+        self.graph.edge_weights()
+    }
+
+    /// Strongly connected components.
+    pub fn island_count(&self) -> u32 {
+        self.island_count
+    }
+
+    /// Island of each vertex.
+    pub fn islands(&self) -> &[u32] {
+        &self.islands
+    }
+
+    /// Vertices that can be reached from `from`, itself included.
+    pub fn reachable_from(&self, from: u32) -> Vec<bool> {
+        let mut seen = vec![false; self.vertex_count()];
+        let mut stack = vec![from];
+        seen[from as usize] = true;
+        while let Some(vertex) = stack.pop() {
+            for edge in self.edges_from(vertex) {
+                if !std::mem::replace(&mut seen[edge.to as usize], true) {
+                    stack.push(edge.to);
+                }
+            }
+        }
+        seen
+    }
+
+    /// Share of ordered pairs of different vertices with a path, in [0, 1].
+    pub fn connected_share(&self) -> f64 {
+        let count = self.vertex_count();
+        let pairs: usize = (0..count as u32)
+            .map(|from| self.reachable_from(from).iter().filter(|&&seen| seen).count() - 1)
+            .sum();
+        pairs as f64 / (count * count.saturating_sub(1)).max(1) as f64
+    }
+}
