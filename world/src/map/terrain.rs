@@ -16,16 +16,16 @@ const FLOOR_M: f32 = 1.5;
 const NOISE_STRIDE: usize = 2;
 
 /// Mean height of the terrain in metres.
-const BASE_HEIGHT_M: f32 = 20.0;
+const BASE_HEIGHT_M: f32 = 26.0;
 /// (wavelength m, amplitude m) of each octave of 3D Perlin noise.
-const OCTAVES: [(f64, f32); 3] = [(95.0, 28.0), (33.0, 6.5), (13.0, 1.6)];
+const OCTAVES: [(f64, f32); 3] = [(95.0, 34.0), (33.0, 6.5), (13.0, 1.6)];
 /// Height of one terrace in metres: its riser is about as high as the 5 m that a double jump reaches, so some
 /// risers can be climbed and others must be walked around or taken by a pad.
-const TERRACE_M: f32 = 6.6;
+const TERRACE_M: f32 = 8.5;
 /// Wavelength of the noise that decides where the ground is terraced and where it rises smoothly, m.
 const TERRACING_WAVELENGTH_M: f64 = 60.0;
 /// Mean and gain of that noise before it is clamped to [0, 1].
-const TERRACING: (f32, f32) = (0.8, 2.4);
+const TERRACING: (f32, f32) = (1.05, 2.4);
 /// Share of a terrace's height that lies in its nearly level tread.
 const TREAD_HEIGHT_SHARE: f32 = 0.22;
 /// Share of the terrain's rise that the tread takes up; the rest goes into the riser.
