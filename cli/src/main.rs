@@ -5,7 +5,7 @@ mod render;
 mod terminal;
 
 use clap::{Parser, Subcommand};
-use commands::{eval, map, train};
+use commands::{eval, map, services, train, up};
 
 /// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
 #[derive(Parser)]
@@ -17,6 +17,14 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Run everything in one process, with a crowd to look at (the default).
+    Up(up::Args),
+    /// Run the world server.
+    Serve(services::ServeArgs),
+    /// Run the planner service.
+    Plan(services::PlanArgs),
+    /// Run an NPC worker.
+    Work(services::WorkArgs),
     /// Train the reactive SAC agent, resumable.
     Train(train::Args),
     /// Measure success on maps by the paper's protocol.
@@ -28,8 +36,13 @@ enum Command {
 
 fn main() -> std::process::ExitCode {
     terminal::start_logging();
-    let command = Cli::parse().command.unwrap_or_else(|| todo!());
+    // Without a subcommand: `up` with its defaults.
+    let command = Cli::parse().command.unwrap_or_else(|| Cli::parse_from(["surefoot", "up"]).command.expect("a subcommand"));
     let result = match command {
+        Command::Up(args) => up::run(&args),
+        Command::Serve(args) => services::serve(&args),
+        Command::Plan(args) => services::plan(&args),
+        Command::Work(args) => services::run_worker(&args),
         Command::Train(args) => train::run(args),
         Command::Eval(args) => eval::run(&args),
         Command::Map(command) => map::run(&command),

@@ -11,7 +11,6 @@ pub mod candidates;
 pub mod graph;
 pub mod probe;
 pub mod search;
-#[expect(missing_docs)]
 pub mod service;
 pub mod vertices;
 

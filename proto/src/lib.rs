@@ -1,9 +1,10 @@
 //! The gRPC contracts of Surefoot: generated code, file descriptors and conversions to checked types.
 //!
 //! Shapes, units, ranges and errors are documented in the `.proto` files beside this crate. [`convert`] is the
-//! only place where wire types become the world's own.
+//! only place where wire types become the world's own; [`serving`] is what every endpoint has in common.
 
 pub mod convert;
+pub mod serving;
 
 /// Generated code of `surefoot.world.v1`.
 pub mod world {

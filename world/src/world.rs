@@ -25,6 +25,8 @@ pub struct Npc {
     pub last: LastDecision,
     /// What happened since the running decision began.
     pub events: TickEvents,
+    /// The hazard it came to; it stays where that happened until it is teleported.
+    pub harm: Option<End>,
 }
 
 /// What one decision came to.
@@ -103,6 +105,7 @@ impl World {
             episode: None,
             last: LastDecision::default(),
             events: TickEvents::default(),
+            harm: None,
         };
         let free = self.npcs.iter().position(Option::is_none).unwrap_or_else(|| {
             self.npcs.push(None);
@@ -142,6 +145,7 @@ impl World {
         npc.action = Action::default();
         npc.episode = None;
         npc.last = LastDecision::default();
+        npc.harm = None;
     }
 
     /// Starts an episode towards `goal`, keeping the body's motion.
@@ -211,18 +215,18 @@ impl World {
 }
 
 fn tick_npc(npc: &mut Npc, map: &Map, profile: &CharacterProfile, task: &TaskConfig, scratch: &mut MoveScratch) {
-    if npc.episode.and_then(|episode| episode.end).is_some_and(|end| end != End::Reached) {
+    if npc.harm.is_some() || npc.episode.and_then(|episode| episode.end) == Some(End::NoProgress) {
         return;
     }
     let events = npc.body.tick(map, profile, &npc.action, scratch);
     npc.events.jumped |= events.jumped;
     npc.events.double_jumped |= events.double_jumped;
     npc.events.padded |= events.padded;
-    let hazard = hazard_end(npc, map, task);
+    npc.harm = hazard_end(npc, map, task);
     if let Some(episode) = &mut npc.episode {
         if episode.end.is_none() {
             episode.note_tick(npc.body.feet, task);
-            episode.end = episode.end.or(hazard);
+            episode.end = episode.end.or(npc.harm);
         }
     }
 }

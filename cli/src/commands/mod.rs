@@ -2,7 +2,9 @@
 
 pub mod eval;
 pub mod map;
+pub mod services;
 pub mod train;
+pub mod up;
 
 use anyhow::{Context, bail};
 use std::path::Path;

@@ -1,0 +1,445 @@
+//! The NPC worker: connects to a world server, carries NPCs, asks the planner for plans, decides.
+//!
+//! One session per connection; one task per world within it. The policy runs on blocking threads, never on
+//! the ones that move messages. A lost server is looked for again with growing pauses; without a planner (or
+//! while it is away) NPCs head straight for their goals.
+
+use crate::follow::{FollowConfig, Follower, Step};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::collections::BTreeMap;
+use std::time::Duration;
+use surefoot_planner::Plan;
+use surefoot_planner::service::plan_from_wire;
+use surefoot_policy::Policy;
+use surefoot_proto::convert;
+use surefoot_proto::planner::v1 as planner;
+use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::serving::{MAX_MESSAGE_BYTES, Shutdown};
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_world::sense::OBSERVATION_VERSION;
+use surefoot_world::{OBSERVATION_LEN, Vec3};
+use tokio::sync::{mpsc, watch};
+use tokio_stream::StreamExt;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{Channel, Endpoint};
+use tonic::{Code, Status};
+use tracing::{info, warn};
+
+/// How a worker works.
+#[derive(Debug, Clone)]
+pub struct WorkConfig {
+    /// URI of the world server, such as `http://127.0.0.1:7600`.
+    pub server: String,
+    /// URI of the planner; without one NPCs head straight for their goals.
+    pub planner: Option<String>,
+    /// NPCs to carry at most.
+    pub capacity: u32,
+    /// Name shown by the server.
+    pub name: String,
+    /// How graphs are to be built.
+    pub graph: planner::BuildSettings,
+    /// Share of the policy's exploration noise to act with.
+    pub noise_share: f32,
+}
+
+/// A worker that cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkError {
+    /// An address is not a URI.
+    #[error("{0} is not a URI such as http://127.0.0.1:7600")]
+    Uri(String),
+    /// The server will not have this worker.
+    #[error("the server refuses this worker: {0}")]
+    Refused(Status),
+}
+
+/// First pause before connecting again; doubled up to [`MAX_PAUSE`].
+const MIN_PAUSE: Duration = Duration::from_millis(100);
+/// Longest pause before connecting again.
+const MAX_PAUSE: Duration = Duration::from_secs(5);
+/// Answers waiting to be sent.
+const OUT_QUEUE: usize = 256;
+/// Messages waiting for a world's task; the server's own queue is the bound that counts.
+const WORLD_QUEUE: usize = 256;
+/// Longest wait for a batch of plans.
+const PLAN_LIMIT: Duration = Duration::from_secs(5);
+
+/// Carries NPCs until `shutdown`, through any number of connections.
+///
+/// # Errors
+/// If an address is not a URI or the server refuses the worker for good.
+pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Result<(), WorkError> {
+    let endpoint = |uri: &str| Endpoint::from_shared(uri.to_owned()).map_err(|_| WorkError::Uri(uri.to_owned()));
+    let server = endpoint(&config.server)?.connect_timeout(Duration::from_secs(3)).tcp_nodelay(true);
+    let planner = match &config.planner {
+        Some(uri) => Some(endpoint(uri)?.connect_timeout(Duration::from_secs(3)).tcp_nodelay(true).connect_lazy()),
+        None => None,
+    };
+    let mut pause = MIN_PAUSE;
+    while !shutdown.is_triggered() {
+        let session = Session { config: &config, policy: &policy, planner: planner.clone() };
+        let result = tokio::select! {
+            result = session.run(&server) => result,
+            () = shutdown.wait() => return Ok(()),
+        };
+        match result {
+            Ok(()) => pause = MIN_PAUSE,
+            Err(status) if matches!(status.code(), Code::FailedPrecondition | Code::InvalidArgument) => {
+                return Err(WorkError::Refused(status));
+            }
+            Err(status) => warn!(server = config.server, %status, pause_ms = pause.as_millis(), "no connection to the server: trying again"),
+        }
+        tokio::select! {
+            () = tokio::time::sleep(pause) => {}
+            () = shutdown.wait() => {}
+        }
+        pause = (pause * 2).min(MAX_PAUSE);
+    }
+    Ok(())
+}
+
+/// One connection to the server.
+struct Session<'a> {
+    config: &'a WorkConfig,
+    policy: &'a Policy,
+    planner: Option<Channel>,
+}
+
+/// What a world's task is told.
+enum WorldMessage {
+    Release(Vec<u64>),
+    Observations(wire::ObservationBatch),
+}
+
+impl Session<'_> {
+    async fn run(&self, server: &Endpoint) -> Result<(), Status> {
+        let channel = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
+        let mut client = WorldServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE_BYTES);
+        let (out, requests) = mpsc::channel(OUT_QUEUE);
+        let hello = wire::Hello {
+            name: self.config.name.clone(),
+            capacity: self.config.capacity,
+            observation_len: OBSERVATION_LEN as u32,
+            observation_version: OBSERVATION_VERSION,
+        };
+        let hello = wire::WorkRequest { message: Some(wire::work_request::Message::Hello(hello)) };
+        out.send(hello).await.map_err(|_| Status::internal("the request stream closed"))?;
+        let mut responses = client.work(ReceiverStream::new(requests)).await?.into_inner();
+        let mut worlds: BTreeMap<u64, mpsc::Sender<WorldMessage>> = BTreeMap::new();
+        while let Some(response) = responses.next().await {
+            match response?.message {
+                Some(wire::work_response::Message::Welcome(welcome)) => {
+                    info!(worker = welcome.worker_id, server = self.config.server, "carrying NPCs");
+                }
+                Some(wire::work_response::Message::Assignment(assignment)) => {
+                    worlds.entry(assignment.world_id).or_insert_with(|| self.start_world(&assignment, out.clone()));
+                }
+                Some(wire::work_response::Message::Release(release)) => {
+                    if let Some(world) = worlds.get(&release.world_id) {
+                        forward(world, WorldMessage::Release(release.npc_ids));
+                    }
+                }
+                Some(wire::work_response::Message::Observations(batch)) => {
+                    if let Some(world) = worlds.get(&batch.world_id) {
+                        forward(world, WorldMessage::Observations(batch));
+                    }
+                }
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn start_world(&self, assignment: &wire::Assignment, out: mpsc::Sender<wire::WorkRequest>) -> mpsc::Sender<WorldMessage> {
+        let (sender, messages) = mpsc::channel(WORLD_QUEUE);
+        let graph = self.planner.clone().map(|channel| {
+            let client = PlannerServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE_BYTES);
+            let (ready, graph_id) = watch::channel(String::new());
+            let request = planner::BuildGraphRequest { map: assignment.map, settings: Some(self.config.graph) };
+            let build = tokio::spawn(keep_graph(client.clone(), request, ready.clone()));
+            Graph { client, ready, graph_id, build }
+        });
+        let (planned, plans) = mpsc::channel(WORLD_QUEUE);
+        let world = WorldTask {
+            world_id: assignment.world_id,
+            is_lockstep: assignment.mode() == wire::TimeMode::Lockstep,
+            policy: self.policy.clone(),
+            noise_share: self.config.noise_share,
+            graph,
+            npcs: BTreeMap::new(),
+            planned,
+            plans,
+            out,
+        };
+        tokio::spawn(world.run(messages));
+        sender
+    }
+}
+
+/// A full queue means that this worker is far too slow: the batch is dropped, the server counts the misses.
+fn forward(world: &mpsc::Sender<WorldMessage>, message: WorldMessage) {
+    if world.try_send(message).is_err() {
+        warn!("a world's queue is full: a message is dropped");
+    }
+}
+
+/// Builds the graph of a world's map, again whenever that fails, and says when it is ready.
+async fn keep_graph(mut client: PlannerServiceClient<Channel>, request: planner::BuildGraphRequest, ready: watch::Sender<String>) {
+    let mut pause = MIN_PAUSE;
+    loop {
+        match build_graph(&mut client, request).await {
+            Ok(graph_id) => {
+                info!(graph_id, "graph ready");
+                ready.send_replace(graph_id);
+                // A query to which the planner no longer knows the graph clears it; then it is built again.
+                if ready.subscribe().wait_for(String::is_empty).await.is_err() {
+                    return;
+                }
+                pause = MIN_PAUSE;
+            }
+            Err(status) => {
+                warn!(%status, "no graph yet: NPCs head straight for their goals");
+                tokio::time::sleep(pause).await;
+                pause = (pause * 2).min(MAX_PAUSE);
+            }
+        }
+    }
+}
+
+async fn build_graph(client: &mut PlannerServiceClient<Channel>, request: planner::BuildGraphRequest) -> Result<String, Status> {
+    let mut progress = client.build_graph(request).await?.into_inner();
+    while let Some(message) = progress.next().await {
+        let message = message?;
+        if message.summary.is_some() {
+            return Ok(message.graph_id);
+        }
+    }
+    Err(Status::unavailable("the planner ended the build without a graph"))
+}
+
+/// The planner's graph of one map.
+struct Graph {
+    client: PlannerServiceClient<Channel>,
+    ready: watch::Sender<String>,
+    /// Empty until it is built.
+    graph_id: watch::Receiver<String>,
+    build: tokio::task::JoinHandle<()>,
+}
+
+impl Drop for Graph {
+    fn drop(&mut self) {
+        self.build.abort();
+    }
+}
+
+/// An NPC that this worker carries.
+struct Carried {
+    attempt: u32,
+    follower: Follower,
+    /// A plan has been asked for and not come yet.
+    is_planning: bool,
+    /// A waypoint that the server has not been told yet.
+    new_waypoint: Option<Vec3>,
+}
+
+/// Plans that have come, with the attempts they are for; `None` where the planner failed.
+type Planned = Vec<(u64, u32, Option<Plan>)>;
+
+/// All NPCs of one world that this worker carries.
+struct WorldTask {
+    world_id: u64,
+    is_lockstep: bool,
+    policy: Policy,
+    noise_share: f32,
+    graph: Option<Graph>,
+    npcs: BTreeMap<u64, Carried>,
+    planned: mpsc::Sender<Planned>,
+    plans: mpsc::Receiver<Planned>,
+    out: mpsc::Sender<wire::WorkRequest>,
+}
+
+impl WorldTask {
+    async fn run(mut self, mut messages: mpsc::Receiver<WorldMessage>) {
+        while let Some(message) = messages.recv().await {
+            match message {
+                WorldMessage::Release(npc_ids) => {
+                    for id in npc_ids {
+                        self.npcs.remove(&id);
+                    }
+                }
+                WorldMessage::Observations(batch) => {
+                    let Some(answer) = self.decide(batch).await else { return };
+                    let request = wire::WorkRequest { message: Some(wire::work_request::Message::Actions(answer)) };
+                    if self.out.send(request).await.is_err() {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Answers one batch; `None` if the batch cannot be understood.
+    async fn decide(&mut self, batch: wire::ObservationBatch) -> Option<wire::ActionBatch> {
+        let count = batch.npc_ids.len();
+        let vectors = |bytes: &[u8], field| convert::unpack(bytes, count * 3, field);
+        let (observations, positions, goals) = match (
+            convert::unpack(&batch.observations, count * OBSERVATION_LEN, "observations"),
+            vectors(&batch.positions, "positions"),
+            vectors(&batch.goals, "goals"),
+        ) {
+            (Ok(observations), Ok(positions), Ok(goals)) => (observations, positions, goals),
+            _ => {
+                warn!(world = self.world_id, "the server sent a batch of another shape");
+                return None;
+            }
+        };
+        let at = |values: &[f32], idx: usize| Vec3::new(values[3 * idx], values[3 * idx + 1], values[3 * idx + 2]);
+        self.take_plans();
+        let mut gave_up = Vec::new();
+        let mut queries = Vec::new();
+        for (idx, &id) in batch.npc_ids.iter().enumerate() {
+            let (feet, goal) = (at(&positions, idx), at(&goals, idx));
+            let attempt = batch.attempts.get(idx).copied().unwrap_or(0);
+            let touched = batch.waypoint_reached.get(idx).copied().unwrap_or(false);
+            match self.note(id, attempt, feet, goal, touched) {
+                Step::Keep => {}
+                Step::Head(waypoint) => self.carried(id).new_waypoint = Some(waypoint),
+                Step::Plan => queries.push((id, attempt, feet)),
+                Step::GiveUp => gave_up.push(id),
+            }
+        }
+        self.ask_for_plans(queries).await;
+        let waypoints = batch.npc_ids.iter().filter_map(|&id| {
+            let position = self.npcs.get_mut(&id)?.new_waypoint.take()?;
+            Some(wire::Waypoint { npc_id: id, position: Some(convert::to_wire(position)) })
+        });
+        let waypoints = waypoints.collect();
+        let actions = self.act(observations, batch.tick).await?;
+        Some(wire::ActionBatch { world_id: self.world_id, tick: batch.tick, npc_ids: batch.npc_ids, actions, waypoints, gave_up })
+    }
+
+    fn carried(&mut self, id: u64) -> &mut Carried {
+        self.npcs.get_mut(&id).expect("noted in this batch")
+    }
+
+    /// Takes note of where an NPC is; a new attempt gets a new follower.
+    fn note(&mut self, id: u64, attempt: u32, feet: Vec3, goal: Vec3, touched: bool) -> Step {
+        let has_planner = self.graph.is_some();
+        let carried = self.npcs.entry(id).and_modify(|carried| {
+            if carried.attempt != attempt {
+                carried.attempt = attempt;
+                carried.follower = Follower::new(goal, FollowConfig::default());
+                carried.is_planning = false;
+                carried.new_waypoint = None;
+            }
+        });
+        let carried = carried.or_insert_with(|| Carried {
+            attempt,
+            follower: Follower::new(goal, FollowConfig::default()),
+            is_planning: false,
+            new_waypoint: None,
+        });
+        if !has_planner || carried.is_planning {
+            // The server itself ends attempts that make no progress.
+            return Step::Keep;
+        }
+        carried.follower.note(feet, touched)
+    }
+
+    /// Asks the planner; in lockstep waits for the answer, otherwise it is taken up at a later decision.
+    async fn ask_for_plans(&mut self, queries: Vec<(u64, u32, Vec3)>) {
+        let Some(graph) = &mut self.graph else { return };
+        if queries.is_empty() {
+            return;
+        }
+        if self.is_lockstep && graph.graph_id.wait_for(|id| !id.is_empty()).await.is_err() {
+            return;
+        }
+        let graph_id = graph.graph_id.borrow().clone();
+        if graph_id.is_empty() {
+            return;
+        }
+        let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()) };
+        for &(id, _, feet) in &queries {
+            let carried = self.npcs.get_mut(&id).expect("noted in this batch");
+            carried.is_planning = true;
+            request.queries.push(query_to_wire(&carried.follower.query(feet)));
+        }
+        let (client, ready, planned) = (graph.client.clone(), graph.ready.clone(), self.planned.clone());
+        let asked: Vec<(u64, u32)> = queries.into_iter().map(|(id, attempt, _)| (id, attempt)).collect();
+        if self.is_lockstep {
+            let plans = find_paths(client, request, asked, &ready).await;
+            self.apply(plans);
+        } else {
+            tokio::spawn(async move {
+                let plans = find_paths(client, request, asked, &ready).await;
+                // The world's task may have ended.
+                let _ = planned.send(plans).await;
+            });
+        }
+    }
+
+    fn take_plans(&mut self) {
+        while let Ok(plans) = self.plans.try_recv() {
+            self.apply(plans);
+        }
+    }
+
+    fn apply(&mut self, plans: Planned) {
+        for (id, attempt, plan) in plans {
+            let Some(carried) = self.npcs.get_mut(&id).filter(|carried| carried.attempt == attempt) else { continue };
+            carried.is_planning = false;
+            if let Some(plan) = plan {
+                carried.new_waypoint = Some(carried.follower.take_plan(plan));
+            }
+        }
+    }
+
+    /// Evaluates the policy on a blocking thread: packed actions.
+    async fn act(&self, observations: Vec<f32>, tick: u64) -> Option<Vec<u8>> {
+        let (policy, noise_share, world_id) = (self.policy.clone(), self.noise_share, self.world_id);
+        let task = tokio::task::spawn_blocking(move || {
+            let mut rng = ChaCha8Rng::seed_from_u64(world_id);
+            rng.set_stream(tick);
+            let mut actions = Vec::new();
+            policy.act(&observations, noise_share, &mut rng, &mut actions);
+            convert::pack(actions.iter().flat_map(|action| action.to_array()))
+        });
+        task.await.ok()
+    }
+}
+
+async fn find_paths(
+    mut client: PlannerServiceClient<Channel>,
+    request: planner::FindPathsRequest,
+    asked: Vec<(u64, u32)>,
+    graph_ready: &watch::Sender<String>,
+) -> Planned {
+    let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
+    let plans = match answer {
+        Ok(Ok(response)) => response.into_inner().plans,
+        Ok(Err(status)) => {
+            warn!(%status, "the planner did not answer");
+            if status.code() == Code::NotFound {
+                graph_ready.send_replace(String::new());
+            }
+            Vec::new()
+        }
+        Err(_) => {
+            warn!("the planner did not answer in time");
+            Vec::new()
+        }
+    };
+    let mut plans = plans.into_iter();
+    asked.into_iter().map(|(id, attempt)| (id, attempt, plans.next().and_then(|plan| plan_from_wire(&plan).ok()))).collect()
+}
+
+fn query_to_wire(query: &surefoot_planner::Query) -> planner::PathQuery {
+    planner::PathQuery {
+        start: Some(convert::to_wire(query.start)),
+        goal: Some(convert::to_wire(query.goal)),
+        avoid: query.avoid.iter().map(|&(from, to)| planner::Leg { from, to, ..Default::default() }).collect(),
+    }
+}

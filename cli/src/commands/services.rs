@@ -1,0 +1,200 @@
+//! `surefoot serve`, `surefoot plan` and `surefoot work`: the three services of a deployment.
+
+use super::{core_count, load_policy};
+use anyhow::Context;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use surefoot_agent::work::{WorkConfig, work};
+use surefoot_planner::cache::DiskStore;
+use surefoot_planner::service::{self as planner, PlannerConfig};
+use surefoot_proto::planner::v1 as wire;
+use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_server::{ServerConfig, shutdown_signal};
+use tracing::info;
+
+/// Run the world server until Ctrl-C or SIGTERM.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --max-npcs 4096\n  curl http://127.0.0.1:7600/metrics")]
+pub struct ServeArgs {
+    /// Address for gRPC, gRPC-Web and GET /metrics
+    #[arg(long, default_value = "127.0.0.1:7600", env = "SUREFOOT_LISTEN")]
+    listen: SocketAddr,
+    #[command(flatten)]
+    limits: ServerLimits,
+}
+
+/// Limits of a world server.
+#[derive(clap::Args)]
+pub struct ServerLimits {
+    /// Most worlds at a time
+    #[arg(long, default_value_t = ServerConfig::default().max_worlds, value_name = "N")]
+    max_worlds: usize,
+    /// Most NPCs on one world
+    #[arg(long, default_value_t = ServerConfig::default().max_npcs_per_world, value_name = "N")]
+    max_npcs: usize,
+    /// Threads that step worlds
+    #[arg(long, default_value_t = ServerConfig::default().sim_threads, value_name = "N")]
+    sim_threads: usize,
+}
+
+impl ServerLimits {
+    pub fn config(&self) -> ServerConfig {
+        ServerConfig { max_worlds: self.max_worlds, max_npcs_per_world: self.max_npcs, sim_threads: self.sim_threads }
+    }
+}
+
+/// Run the planner service until Ctrl-C or SIGTERM.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot plan\n  surefoot plan --listen 0.0.0.0:7601 --cache /var/lib/surefoot")]
+pub struct PlanArgs {
+    /// Address for gRPC, gRPC-Web and GET /metrics
+    #[arg(long, default_value = "127.0.0.1:7601", env = "SUREFOOT_LISTEN")]
+    listen: SocketAddr,
+    /// Folder of the graph cache; default: surefoot in the user's cache folder
+    #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
+    cache: Option<PathBuf>,
+    /// Folder of the model; default: the shipped general reactive policy
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    /// Threads that probe; default: one per core
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Most vertices of a graph
+    #[arg(long, default_value_t = PlannerConfig::default().max_vertices, value_name = "N")]
+    max_vertices: usize,
+    /// Most queries in one batch
+    #[arg(long, default_value_t = PlannerConfig::default().max_queries, value_name = "N")]
+    max_queries: usize,
+    /// Most builds that run or wait
+    #[arg(long, default_value_t = PlannerConfig::default().max_builds, value_name = "N")]
+    max_builds: usize,
+    /// Graphs kept in memory
+    #[arg(long, default_value_t = PlannerConfig::default().graphs_in_memory, value_name = "N")]
+    graphs_in_memory: usize,
+}
+
+/// Carry NPCs of a world server: decide for them with the policy, along plans of a planner.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot work\n  surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  surefoot work --no-planner")]
+pub struct WorkArgs {
+    /// The world server
+    #[arg(long, default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]
+    server: String,
+    /// The planner
+    #[arg(long, default_value = "http://127.0.0.1:7601", value_name = "URI", env = "SUREFOOT_PLANNER")]
+    planner: String,
+    /// Head straight for goals instead of asking a planner
+    #[arg(long)]
+    no_planner: bool,
+    /// NPCs to carry at most
+    #[arg(long, default_value_t = 512, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    npcs: u32,
+    /// Name shown by the server; default: surefoot and the process id
+    #[arg(long)]
+    name: Option<String>,
+    /// Folder of the model; default: the shipped general reactive policy
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    graph: GraphArgs,
+}
+
+/// How graphs are built.
+#[derive(clap::Args, Clone, Copy)]
+pub struct GraphArgs {
+    /// Vertices of the graph
+    #[arg(long, default_value_t = 300, value_name = "N")]
+    pub vertices: u32,
+    /// Nearest vertices that each is tried against
+    #[arg(long, default_value_t = 12, value_name = "K")]
+    pub neighbours: u32,
+    /// Tries per candidate edge
+    #[arg(long, default_value_t = 2, value_name = "R")]
+    pub repeats: u32,
+    /// Share of tries that must succeed
+    #[arg(long, default_value_t = 0.5, value_name = "T")]
+    pub threshold: f32,
+}
+
+impl GraphArgs {
+    pub fn to_wire(self) -> wire::BuildSettings {
+        wire::BuildSettings {
+            placement: wire::Placement::Spaced.into(),
+            vertices: self.vertices,
+            neighbours: self.neighbours,
+            repeats: self.repeats,
+            threshold: self.threshold,
+            seed: 0,
+        }
+    }
+}
+
+/// Runs `body` on a tokio runtime with a shutdown that Ctrl-C and SIGTERM trigger.
+pub fn run_until_signal<F>(body: impl FnOnce(Shutdown) -> F) -> anyhow::Result<()>
+where
+    F: Future<Output = anyhow::Result<()>>,
+{
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let result = runtime.block_on(async {
+        let shutdown = Shutdown::default();
+        let trigger = shutdown.clone();
+        tokio::spawn(async move {
+            shutdown_signal().await;
+            info!("stopping");
+            trigger.trigger();
+        });
+        body(shutdown).await
+    });
+    // Blocking work that is still going on must not hold the process.
+    runtime.shutdown_timeout(std::time::Duration::from_secs(1));
+    result
+}
+
+pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
+    run_until_signal(|shutdown| async move {
+        let endpoint = Endpoint::bind(args.listen)?;
+        info!(address = %endpoint.address(), "world server ready");
+        Ok(surefoot_server::serve(endpoint, args.limits.config(), shutdown).await?)
+    })
+}
+
+pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
+    let policy = load_policy(args.model.as_deref())?;
+    let folder = cache_folder(args.cache.as_deref())?;
+    let store = DiskStore::open(&folder)?;
+    let config = PlannerConfig {
+        max_vertices: args.max_vertices,
+        max_queries: args.max_queries,
+        max_builds: args.max_builds,
+        graphs_in_memory: args.graphs_in_memory,
+        threads: args.threads.unwrap_or_else(core_count),
+    };
+    run_until_signal(|shutdown| async move {
+        let endpoint = Endpoint::bind(args.listen)?;
+        info!(address = %endpoint.address(), cache = %folder.display(), "planner ready");
+        Ok(planner::serve(endpoint, config, policy, Box::new(store), shutdown).await?)
+    })
+}
+
+pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
+    let policy = load_policy(args.model.as_deref())?;
+    let config = WorkConfig {
+        server: args.server.clone(),
+        planner: (!args.no_planner).then(|| args.planner.clone()),
+        capacity: args.npcs,
+        name: args.name.clone().unwrap_or_else(|| format!("surefoot-{}", std::process::id())),
+        graph: args.graph.to_wire(),
+        noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
+    };
+    run_until_signal(|shutdown| async move { Ok(work(config, policy, shutdown).await?) })
+}
+
+/// Where graphs are cached: `chosen`, or `surefoot` in the user's cache folder.
+pub fn cache_folder(chosen: Option<&std::path::Path>) -> anyhow::Result<PathBuf> {
+    if let Some(folder) = chosen {
+        return Ok(folder.to_owned());
+    }
+    let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
+    let base = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
+    Ok(base.context("neither XDG_CACHE_HOME nor HOME is set: choose a folder with --cache")?.join("surefoot"))
+}

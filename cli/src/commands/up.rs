@@ -1,0 +1,216 @@
+//! `surefoot up`: everything in one process, with a crowd to look at.
+
+use super::services::{GraphArgs, ServerLimits, cache_folder, run_until_signal};
+use super::{core_count, load_policy};
+use crate::terminal::{is_interactive, print_json};
+use anyhow::{Context, bail};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use surefoot_agent::crowd::Crowd;
+use surefoot_agent::work::{WorkConfig, work};
+use surefoot_planner::cache::DiskStore;
+use surefoot_planner::service::{self as planner, PlannerConfig};
+use surefoot_proto::convert::map_spec_to_wire;
+use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_proto::world::v1::{WatchWorldResponse, WorldStats};
+use surefoot_world::MapSpec;
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+
+/// Maps of the scene: in none of the splits.
+const FIRST_SEED: u64 = 5000;
+
+/// Run everything in one process: world server, planner, NPC workers and a crowd with random goals.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot up\n  surefoot up --for 120 --json\n  surefoot up --maps 4 --npcs 512")]
+pub struct Args {
+    /// Address of the world server; port 0 takes a free one
+    #[arg(long, default_value = "127.0.0.1:7600")]
+    listen: SocketAddr,
+    /// Address of the planner; port 0 takes a free one
+    #[arg(long, default_value = "127.0.0.1:7601")]
+    planner_listen: SocketAddr,
+    /// Worlds, each on an unseen map of its own
+    #[arg(long, default_value_t = 2, value_name = "N")]
+    maps: u64,
+    /// NPCs in all
+    #[arg(long, default_value_t = 128, value_name = "N")]
+    npcs: usize,
+    /// NPC workers to share them
+    #[arg(long, default_value_t = 2, value_name = "N")]
+    workers: u32,
+    /// End after so many seconds with a summary; fails if nobody arrived
+    #[arg(long = "for", value_name = "SECONDS")]
+    duration: Option<f64>,
+    /// Folder of the graph cache; default: surefoot in the user's cache folder
+    #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
+    cache: Option<PathBuf>,
+    /// Folder of the model; default: the shipped general reactive policy
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    graph: GraphArgs,
+    #[command(flatten)]
+    limits: ServerLimits,
+    /// Print the summary as one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    if args.maps == 0 || args.npcs == 0 || args.workers == 0 {
+        bail!("--maps, --npcs and --workers must be at least 1");
+    }
+    run_until_signal(|shutdown| scene(args, shutdown))
+}
+
+async fn scene(args: &Args, shutdown: Shutdown) -> anyhow::Result<()> {
+    let started = Instant::now();
+    let policy = load_policy(args.model.as_deref())?;
+    let store = DiskStore::open(&cache_folder(args.cache.as_deref())?)?;
+    let (server, plans) = (Endpoint::bind(args.listen)?, Endpoint::bind(args.planner_listen)?);
+    let (server_uri, planner_uri) = (format!("http://{}", server.address()), format!("http://{}", plans.address()));
+    eprintln!("world server  {server_uri}  (gRPC, gRPC-Web, GET /metrics)");
+    eprintln!("planner       {planner_uri}");
+    let mut parts: JoinSet<anyhow::Result<()>> = JoinSet::new();
+    let (limits, stop) = (args.limits.config(), shutdown.clone());
+    parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });
+    let (config, prober, stop) = (PlannerConfig { threads: core_count(), ..PlannerConfig::default() }, policy.clone(), shutdown.clone());
+    parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
+    for idx in 0..args.workers {
+        let config = WorkConfig {
+            server: server_uri.clone(),
+            planner: Some(planner_uri.clone()),
+            capacity: (args.npcs as u32).max(1),
+            name: format!("up-{idx}"),
+            graph: args.graph.to_wire(),
+            noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
+        };
+        let (policy, stop) = (policy.clone(), shutdown.clone());
+        parts.spawn(async move { Ok(work(config, policy, stop).await?) });
+    }
+    let channel = tonic::transport::Endpoint::from_shared(server_uri)?.connect().await.context("cannot connect to the world server")?;
+    let mut watches = Vec::new();
+    for idx in 0..args.maps {
+        let share = args.npcs / args.maps as usize + usize::from((idx as usize) < args.npcs % args.maps as usize);
+        let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
+        let crowd = Crowd::start(channel.clone(), map, share, FIRST_SEED + idx).await.context("cannot populate a world")?;
+        let (latest, watching) = watch::channel(WatchWorldResponse::default());
+        watches.push((crowd.world().world_id, watching));
+        let stop = shutdown.clone();
+        parts.spawn(async move {
+            tokio::select! {
+                result = crowd.keep_busy(latest) => result.context("a crowd stopped"),
+                () = stop.wait() => Ok(()),
+            }
+        });
+    }
+    eprintln!("{} NPCs on {} maps are moving after {:.1} s", args.npcs, args.maps, started.elapsed().as_secs_f64());
+    let failure = watch_scene(args, started, &watches, &mut parts, &shutdown).await;
+    shutdown.trigger();
+    while let Some(ended) = parts.join_next().await {
+        // The first failure is the one that is told.
+        drop(ended);
+    }
+    failure?;
+    summarise(args, started, &watches)
+}
+
+/// Prints a table until time is up, the user stops, or a part fails.
+async fn watch_scene(
+    args: &Args,
+    started: Instant,
+    watches: &[(u64, watch::Receiver<WatchWorldResponse>)],
+    parts: &mut JoinSet<anyhow::Result<()>>,
+    shutdown: &Shutdown,
+) -> anyhow::Result<()> {
+    let period = Duration::from_secs(if is_interactive() { 1 } else { 10 });
+    let mut ticks = tokio::time::interval_at(tokio::time::Instant::now() + period, period);
+    let end = args.duration.map(|seconds| tokio::time::Instant::from_std(started) + Duration::from_secs_f64(seconds.clamp(0.0, 1.0e6)));
+    let time_up = async {
+        match end {
+            Some(end) => tokio::time::sleep_until(end).await,
+            None => std::future::pending().await,
+        }
+    };
+    tokio::pin!(time_up);
+    let mut before = 0;
+    loop {
+        tokio::select! {
+            _ = ticks.tick() => before = print_table(started, watches, before, period),
+            () = &mut time_up => return Ok(()),
+            () = shutdown.wait() => return Ok(()),
+            Some(ended) = parts.join_next() => ended.context("a part of the scene panicked")??,
+        }
+    }
+}
+
+fn stats(watching: &watch::Receiver<WatchWorldResponse>) -> WorldStats {
+    watching.borrow().stats.unwrap_or_default()
+}
+
+fn attempts(stats: &WorldStats) -> u64 {
+    stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress
+}
+
+fn percent(part: u64, whole: u64) -> f64 {
+    100.0 * part as f64 / whole.max(1) as f64
+}
+
+/// Prints one row per world; returns the decisions answered so far.
+fn print_table(started: Instant, watches: &[(u64, watch::Receiver<WatchWorldResponse>)], before: u64, period: Duration) -> u64 {
+    let mut table = format!(
+        "{:>6.0} s  {:>5} {:>5} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8}\n",
+        started.elapsed().as_secs_f64(), "world", "npcs", "tick p50", "tick p99", "dropped", "missed", "arrived", "success"
+    );
+    let mut answered = 0;
+    for (world_id, watching) in watches {
+        let stats = stats(watching);
+        answered += stats.decisions_answered;
+        table += &format!(
+            "          {world_id:>5} {:>5} {:>6.2} ms {:>6.2} ms {:>8} {:>7.2}% {:>8} {:>7.1}%\n",
+            watching.borrow().npcs.len(), stats.tick_us_p50 / 1000.0, stats.tick_us_p99 / 1000.0, stats.ticks_dropped,
+            percent(stats.decisions_missed, stats.decisions_asked), stats.reached, percent(stats.reached, attempts(&stats)),
+        );
+    }
+    eprint!("{table}          {:.0} decisions/s\n", (answered.saturating_sub(before)) as f64 / period.as_secs_f64());
+    answered
+}
+
+fn summarise(args: &Args, started: Instant, watches: &[(u64, watch::Receiver<WatchWorldResponse>)]) -> anyhow::Result<()> {
+    let all: Vec<WorldStats> = watches.iter().map(|(_, watching)| stats(watching)).collect();
+    let sum = |value: fn(&WorldStats) -> u64| all.iter().map(value).sum::<u64>();
+    let worst = |value: fn(&WorldStats) -> f32| all.iter().map(value).fold(0.0, f32::max);
+    let (arrivals, attempted) = (sum(|stats| stats.reached), sum(attempts));
+    if args.json {
+        print_json(&serde_json::json!({
+            "seconds": started.elapsed().as_secs_f64(),
+            "npcs": args.npcs,
+            "maps": args.maps,
+            "arrivals": arrivals,
+            "attempts": attempted,
+            "success": arrivals as f64 / attempted.max(1) as f64,
+            "ends": { "reached": arrivals, "fell": sum(|s| s.fell), "burnt": sum(|s| s.burnt), "drowned": sum(|s| s.drowned), "no_progress": sum(|s| s.no_progress) },
+            "tick_ms_p50": worst(|s| s.tick_us_p50) / 1000.0,
+            "tick_ms_p99": worst(|s| s.tick_us_p99) / 1000.0,
+            "ticks_dropped": sum(|s| s.ticks_dropped),
+            "decisions_asked": sum(|s| s.decisions_asked),
+            "decisions_missed": sum(|s| s.decisions_missed),
+        }))?;
+    } else {
+        println!(
+            "{arrivals} arrivals in {attempted} attempts that ended: {:.1} % success (fell {}, burnt {}, drowned {}, no progress {})",
+            percent(arrivals, attempted), sum(|s| s.fell), sum(|s| s.burnt), sum(|s| s.drowned), sum(|s| s.no_progress)
+        );
+        println!(
+            "tick p50 {:.2} ms, p99 {:.2} ms, {} ticks dropped, {:.2} % of {} decisions missed",
+            worst(|s| s.tick_us_p50) / 1000.0, worst(|s| s.tick_us_p99) / 1000.0, sum(|s| s.ticks_dropped),
+            percent(sum(|s| s.decisions_missed), sum(|s| s.decisions_asked)), sum(|s| s.decisions_asked)
+        );
+    }
+    if args.duration.is_some() && arrivals == 0 {
+        bail!("nobody arrived");
+    }
+    Ok(())
+}
