@@ -5,7 +5,7 @@ mod render;
 mod terminal;
 
 use clap::{Parser, Subcommand};
-use commands::{eval, map, services, train, up};
+use commands::{bench, eval, graph, health, map, services, train, up};
 
 /// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
 #[derive(Parser)]
@@ -29,6 +29,13 @@ enum Command {
     Train(train::Args),
     /// Measure success on maps by the paper's protocol.
     Eval(eval::Args),
+    /// Build and look at graphs.
+    #[command(subcommand)]
+    Graph(graph::Command),
+    /// Measure speed.
+    Bench(bench::Args),
+    /// Ask a service whether it is serving.
+    Health(health::Args),
     /// Look at maps.
     #[command(subcommand)]
     Map(map::Command),
@@ -45,6 +52,9 @@ fn main() -> std::process::ExitCode {
         Command::Work(args) => services::run_worker(&args),
         Command::Train(args) => train::run(args),
         Command::Eval(args) => eval::run(&args),
+        Command::Graph(command) => graph::run(&command),
+        Command::Bench(args) => bench::run(&args),
+        Command::Health(args) => health::run(&args),
         Command::Map(command) => map::run(&command),
     };
     match result {

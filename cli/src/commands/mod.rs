@@ -1,6 +1,9 @@
 //! One module per subcommand.
 
+pub mod bench;
 pub mod eval;
+pub mod graph;
+pub mod health;
 pub mod map;
 pub mod services;
 pub mod train;

@@ -1,0 +1,33 @@
+//! `surefoot health`.
+
+use anyhow::{Context, bail};
+use std::time::Duration;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+
+/// Ask a service whether it is serving; exits non-zero if not. Container health checks use it.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot health\n  surefoot health http://127.0.0.1:7601")]
+pub struct Args {
+    /// The service
+    #[arg(default_value = "http://127.0.0.1:7600")]
+    uri: String,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let endpoint = tonic::transport::Endpoint::from_shared(args.uri.clone()).context("not a URI such as http://127.0.0.1:7600")?;
+        let check = async {
+            let channel = endpoint.connect().await.with_context(|| format!("cannot connect to {}", args.uri))?;
+            let request = tonic_health::pb::HealthCheckRequest::default();
+            anyhow::Ok(HealthClient::new(channel).check(request).await?.into_inner().status())
+        };
+        let status = tokio::time::timeout(Duration::from_secs(2), check).await.context("no answer within two seconds")??;
+        if status != ServingStatus::Serving {
+            bail!("{} is {}", args.uri, status.as_str_name());
+        }
+        println!("serving");
+        Ok(())
+    })
+}
