@@ -175,6 +175,13 @@ impl Map {
         })
     }
 
+    /// A map of given geometry: levels made elsewhere, and tests.
+    pub fn from_parts(size: MapSize, triangles: Vec<crate::mesh::Triangle>, pools: Vec<Pool>, pads: Vec<Pad>) -> Self {
+        let spec = MapSpec { size, ..MapSpec::new(0) };
+        let extent = Vec3::new(size.width as f32, size.height as f32, size.depth as f32);
+        Self::assemble(spec, Mesh::new(triangles, extent), pools, pads, Vec::new(), Vec::new())
+    }
+
     fn assemble(
         spec: MapSpec,
         mesh: Mesh,

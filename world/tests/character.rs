@@ -1,0 +1,250 @@
+//! How a body moves on simple geometry.
+
+use std::sync::Arc;
+use surefoot_world::map::{Liquid, MapSize, Pad, Pool};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Action, CharacterProfile, End, Map, NpcSlot, TaskConfig, Vec3, World};
+
+const GROUND: f32 = 10.0;
+const MIDDLE: Vec3 = Vec3::new(30.0, GROUND, 30.0);
+const SIZE: MapSize = MapSize { width: 60, height: 80, depth: 60 };
+
+fn quad(corners: [Vec3; 4]) -> Vec<Triangle> {
+    let [a, b, c, d] = corners;
+    [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect()
+}
+
+/// A floor whose height is a function of z, in strips along x.
+fn profile_along_z(heights: &[(f32, f32)]) -> Vec<Triangle> {
+    heights
+        .windows(2)
+        .flat_map(|pair| {
+            let [(z0, y0), (z1, y1)] = [pair[0], pair[1]];
+            quad([Vec3::new(0.0, y0, z0), Vec3::new(0.0, y1, z1), Vec3::new(60.0, y1, z1), Vec3::new(60.0, y0, z0)])
+        })
+        .collect()
+}
+
+fn flat() -> Vec<Triangle> {
+    profile_along_z(&[(0.0, GROUND), (60.0, GROUND)])
+}
+
+fn world(triangles: Vec<Triangle>, pools: Vec<Pool>, pads: Vec<Pad>) -> World {
+    World::new(Arc::new(Map::from_parts(SIZE, triangles, pools, pads)), CharacterProfile::default(), TaskConfig::default())
+}
+
+const NPC: NpcSlot = NpcSlot(0);
+const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
+const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
+
+/// Runs decisions and returns the highest point of the feet.
+fn run(world: &mut World, actions: &[Action]) -> f32 {
+    let mut top = f32::NEG_INFINITY;
+    for action in actions {
+        world.decide(NPC, *action);
+        for _ in 0..10 {
+            world.tick();
+            top = top.max(feet(world).y);
+        }
+    }
+    top
+}
+
+fn feet(world: &World) -> Vec3 {
+    world.npc(NPC).unwrap().body.feet
+}
+
+fn on(triangles: Vec<Triangle>, at: Vec3) -> World {
+    let mut world = world(triangles, Vec::new(), Vec::new());
+    world.spawn(at, 0.0);
+    run(&mut world, &[STAND; 2]);
+    world
+}
+
+#[test]
+fn runs_at_eleven_metres_a_second_and_backs_up_at_sixty_percent() {
+    let mut ahead = on(flat(), MIDDLE);
+    run(&mut ahead, &[FORWARD; 6]);
+    assert!((ahead.npc(NPC).unwrap().body.velocity.z - 11.0).abs() < 0.05);
+    let mut back = on(flat(), MIDDLE);
+    run(&mut back, &[Action { forward: -1.0, ..STAND }; 6]);
+    assert!((back.npc(NPC).unwrap().body.velocity.z + 6.6).abs() < 0.05);
+    let mut right = on(flat(), MIDDLE);
+    run(&mut right, &[Action { strafe: 1.0, ..STAND }; 6]);
+    assert!((right.npc(NPC).unwrap().body.velocity.x + 6.6).abs() < 0.05, "right of an NPC that faces +z is -x");
+}
+
+#[test]
+fn a_jump_rises_two_and_a_half_metres_and_a_double_jump_five() {
+    let jump = Action { jump: 1.0, ..STAND };
+    let single = run(&mut on(flat(), MIDDLE), &[jump, STAND, STAND, STAND]) - GROUND;
+    assert!((single - 2.5).abs() < 0.15, "{single}");
+    let double = run(&mut on(flat(), MIDDLE), &[jump, STAND, STAND, jump, STAND, STAND, STAND]) - GROUND;
+    assert!((double - 5.0).abs() < 0.2, "{double}");
+    let triple = run(&mut on(flat(), MIDDLE), &[jump, STAND, STAND, jump, STAND, STAND, jump, STAND, STAND]) - GROUND;
+    assert!(triple <= double + 0.01, "a third jump lifted to {triple}");
+}
+
+#[test]
+fn walks_slopes_of_thirty_degrees_and_slides_on_fifty() {
+    let ramp = |degrees: f32| {
+        let rise = 20.0 * degrees.to_radians().tan();
+        profile_along_z(&[(0.0, GROUND), (30.0, GROUND), (50.0, GROUND + rise), (60.0, GROUND + rise)])
+    };
+    let mut gentle = on(ramp(30.0), MIDDLE - Vec3::new(0.0, 0.0, 4.0));
+    run(&mut gentle, &[FORWARD; 15]);
+    assert!(feet(&gentle).y > GROUND + 5.0, "stuck at {:?}", feet(&gentle));
+    let mut steep = on(ramp(50.0), MIDDLE - Vec3::new(0.0, 0.0, 4.0));
+    run(&mut steep, &[FORWARD; 30]);
+    assert!(feet(&steep).y < GROUND + 1.0, "climbed to {:?}", feet(&steep));
+    let mut sliding = world(ramp(50.0), Vec::new(), Vec::new());
+    sliding.spawn(Vec3::new(30.0, GROUND + 18.0, 44.0), 0.0);
+    run(&mut sliding, &[STAND; 30]);
+    assert!(feet(&sliding).y < GROUND + 1.0, "hangs at {:?}", feet(&sliding));
+}
+
+#[test]
+fn does_not_creep_on_a_slope_it_can_stand_on() {
+    let slope = profile_along_z(&[(0.0, 0.5), (60.0, 0.5 + 60.0 * 30.0f32.to_radians().tan())]);
+    let mut standing = on(slope, Vec3::new(30.0, 18.0, 30.0));
+    let before = feet(&standing);
+    run(&mut standing, &[STAND; 60]);
+    assert!(before.distance(feet(&standing)) < 0.02, "crept from {before:?} to {:?}", feet(&standing));
+}
+
+#[test]
+fn stays_on_the_ground_when_running_downhill() {
+    let slope = profile_along_z(&[(0.0, 40.0), (60.0, 40.0 - 60.0 * 30.0f32.to_radians().tan())]);
+    let mut running = on(slope, Vec3::new(30.0, 40.0, 5.0));
+    for _ in 0..20 {
+        running.decide(NPC, FORWARD);
+        for _ in 0..10 {
+            running.tick();
+            assert!(running.npc(NPC).unwrap().body.is_grounded(), "took off at {:?}", feet(&running));
+        }
+    }
+}
+
+#[test]
+fn walks_over_a_low_step_and_is_stopped_by_a_high_one() {
+    let step = |height: f32| profile_along_z(&[(0.0, GROUND), (35.0, GROUND), (35.0, GROUND + height), (60.0, GROUND + height)]);
+    let mut low = on(step(0.09), MIDDLE);
+    run(&mut low, &[FORWARD; 6]);
+    assert!(feet(&low).z > 37.0, "stopped at {:?}", feet(&low));
+    let mut high = on(step(0.6), MIDDLE);
+    run(&mut high, &[FORWARD; 12]);
+    assert!(feet(&high).z < 35.0, "walked through to {:?}", feet(&high));
+}
+
+#[test]
+fn the_fastest_fall_does_not_pass_through_a_floor() {
+    let mut falling = world(flat(), Vec::new(), Vec::new());
+    falling.spawn(Vec3::new(30.3, 79.0, 30.7), 0.0);
+    run(&mut falling, &[STAND; 30]);
+    assert!((feet(&falling).y - GROUND).abs() < 0.01, "{:?}", feet(&falling));
+}
+
+#[test]
+fn a_pad_throws_as_high_as_its_speed_says() {
+    let speed = (2.0f32 * 20.0 * 14.0).sqrt();
+    let mut padded = world(flat(), Vec::new(), vec![Pad { centre: MIDDLE, speed }]);
+    padded.spawn(MIDDLE - Vec3::new(0.0, 0.0, 3.0), 0.0);
+    run(&mut padded, &[FORWARD; 1]);
+    let top = run(&mut padded, &[FORWARD, FORWARD, STAND, STAND, STAND, STAND, STAND, STAND]) - GROUND;
+    assert!((top - 14.0).abs() < 0.5, "{top}");
+    assert!(padded.npc(NPC).unwrap().body.feet.y > GROUND);
+}
+
+fn pool(liquid: Liquid) -> World {
+    let pool = Pool { centre: MIDDLE + Vec3::new(0.0, 1.0, 0.0), radius: 8.0, depth: 1.5, liquid };
+    let mut world = world(flat(), vec![pool], Vec::new());
+    world.spawn(MIDDLE, 0.0);
+    world.set_goal(NPC, Vec3::new(5.0, GROUND, 5.0));
+    world
+}
+
+fn ticks_until_end(world: &mut World) -> (u32, End) {
+    world.decide(NPC, STAND);
+    for tick in 1..2000 {
+        world.tick();
+        if let Some(end) = world.npc(NPC).unwrap().episode.unwrap().end {
+            return (tick, end);
+        }
+    }
+    panic!("nothing happened");
+}
+
+#[test]
+fn lava_burns_at_once_and_water_drowns_after_five_seconds() {
+    assert_eq!(ticks_until_end(&mut pool(Liquid::Lava)), (1, End::Burnt));
+    assert_eq!(ticks_until_end(&mut pool(Liquid::Water)), (300, End::Drowned));
+}
+
+#[test]
+fn whoever_leaves_the_map_fell_and_stays_where_that_happened() {
+    let mut leaving = on(flat(), Vec3::new(30.0, GROUND, 57.0));
+    leaving.set_goal(NPC, MIDDLE);
+    run(&mut leaving, &[FORWARD; 5]);
+    assert_eq!(leaving.npc(NPC).unwrap().episode.unwrap().end, Some(End::Fell));
+    let there = feet(&leaving);
+    run(&mut leaving, &[FORWARD; 5]);
+    assert_eq!(feet(&leaving), there);
+    leaving.teleport(NPC, MIDDLE, 0.0);
+    run(&mut leaving, &[FORWARD; 1]);
+    assert!(feet(&leaving).z > MIDDLE.z, "a teleport revives");
+}
+
+#[test]
+fn the_goal_is_reached_on_the_tick_that_comes_within_a_metre() {
+    let mut running = on(flat(), MIDDLE);
+    running.set_goal(NPC, MIDDLE + Vec3::new(0.0, 0.0, 5.0));
+    let mut rewards = Vec::new();
+    for _ in 0..10 {
+        running.decide(NPC, FORWARD);
+        running.tick_decision();
+        let outcome = running.close_decision(NPC).unwrap();
+        rewards.push(outcome.reward);
+        if outcome.end.is_some() {
+            assert_eq!(outcome.end, Some(End::Reached));
+            break;
+        }
+    }
+    let total: f32 = rewards.iter().sum();
+    let expected = 1.0 + 4.0 / 20.0 - 0.0005 * rewards.len() as f32;
+    assert!((total - expected).abs() < 0.02, "{total} against {expected}");
+}
+
+#[test]
+fn no_progress_for_the_whole_patience_cuts_the_attempt_off() {
+    let mut standing = on(flat(), MIDDLE);
+    standing.set_goal(NPC, MIDDLE + Vec3::new(0.0, 0.0, 20.0));
+    for decision in 1..=300 {
+        standing.decide(NPC, STAND);
+        standing.tick_decision();
+        let end = standing.close_decision(NPC).unwrap().end;
+        assert_eq!(end, (decision == 300).then_some(End::NoProgress), "decision {decision}");
+    }
+    assert!(End::NoProgress.is_truncation());
+    assert!(End::ALL.iter().filter(|end| end.is_truncation()).count() == 1);
+}
+
+#[test]
+fn actions_that_are_not_numbers_are_refused_and_large_ones_clamped() {
+    assert_eq!(Action::from_array([0.0, f32::NAN, 0.0, 0.0]).unwrap_err().index, 1);
+    assert_eq!(Action::from_array([0.0, 0.0, 0.0, f32::INFINITY]).unwrap_err().index, 3);
+    assert_eq!(Action::from_array([7.0, -7.0, 0.5, 0.0]).unwrap().to_array(), [1.0, -1.0, 0.5, 0.0]);
+}
+
+#[test]
+fn a_mirrored_observation_mirrored_again_is_itself() {
+    let mut world = on(flat(), MIDDLE);
+    world.set_goal(NPC, MIDDLE + Vec3::new(4.0, 0.0, 9.0));
+    run(&mut world, &[Action { strafe: 0.4, turn: 0.2, ..FORWARD }; 3]);
+    let mut row = vec![0.0; surefoot_world::OBSERVATION_LEN];
+    assert!(world.observe(NPC, &mut row));
+    let mut mirrored = row.clone();
+    surefoot_world::sense::mirror_observation(&mut mirrored);
+    assert_ne!(row, mirrored);
+    surefoot_world::sense::mirror_observation(&mut mirrored);
+    assert_eq!(row, mirrored);
+}
