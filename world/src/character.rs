@@ -19,6 +19,8 @@ const CONTACT_SLOP_M: f32 = 1.0e-4;
 const MAX_FALL_SPEED: f32 = 45.0;
 /// Speed below which a body wedged between steep faces counts as standing, m/s.
 const WEDGED_SPEED: f32 = 0.6;
+/// Share of the control in the air that is left while sliding down a steep face.
+const SLIDE_CONTROL: f32 = 0.2;
 /// Depth of liquid over the feet from which it acts, in metres.
 const WADING_DEPTH_M: f32 = 0.25;
 /// Share of the walking speed that is left in water.
@@ -242,7 +244,12 @@ impl Body {
         if self.liquid.is_some() {
             wish *= WADING_SPEED;
         }
-        let limit = if self.is_grounded() { profile.ground_acceleration } else { profile.air_acceleration };
+        let limit = match self.support {
+            Support::Ground => profile.ground_acceleration,
+            Support::Air => profile.air_acceleration,
+            // Sliding: the slope has the say, not the legs.
+            Support::Steep => profile.air_acceleration * SLIDE_CONTROL,
+        };
         let mut change = Vec3::new(wish.x - self.velocity.x, 0.0, wish.z - self.velocity.z);
         let change_length = change.length();
         let most = limit * TICK_SECONDS;

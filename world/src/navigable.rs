@@ -38,7 +38,7 @@ pub fn sample(map: &Map, profile: &CharacterProfile, rng: &mut impl Rng, scratch
             continue;
         }
         let floor = floors[rng.random_range(0..floor_count)];
-        if let Some(feet) = settle(map, profile, Vec3::new(x, floor, z), scratch) {
+        if let Some(feet) = settle(map, profile, floor, scratch) {
             return Ok(feet);
         }
     }
@@ -57,27 +57,32 @@ pub fn sample_many(map: &Map, profile: &CharacterProfile, count: usize, rng: &mu
 /// The nearest place to stand under `point`: where a character dropped there comes to rest.
 pub fn ground_below(map: &Map, profile: &CharacterProfile, point: Vec3) -> Option<Vec3> {
     let hit = map.mesh().cast_ray(point + Vec3::new(0.0, 0.5, 0.0), DOWN, map.extent().y)?;
-    let floor = point.y + 0.5 - hit.distance;
-    settle(map, profile, Vec3::new(point.x, floor, point.z), &mut MoveScratch::default())
+    settle(map, profile, point + Vec3::new(0.0, 0.5, 0.0) + DOWN * hit.distance, &mut MoveScratch::default())
 }
 
 /// A hair off vertical, so that no ray runs exactly along an edge of the lattice.
 const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 
-/// Heights of the walkable floors over (`x`, `z`), from the top down.
-fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([f32; MAX_FLOORS], usize) {
-    let mut found = [0.0; MAX_FLOORS];
+/// Points on the walkable floors over (`x`, `z`), from the top down.
+fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([Vec3; MAX_FLOORS], usize) {
+    let mut found = [Vec3::ZERO; MAX_FLOORS];
     let mut count = 0;
     let limit = libm::cosf(profile.max_slope);
     let mut origin = Vec3::new(x, map.extent().y - 0.01, z);
+    // Solids entered and not left: ground under the floor of a building is inside it, not a floor.
+    let mut solids_around = 0;
     while count < MAX_FLOORS {
         let Some(hit) = map.mesh().cast_ray(origin, DOWN, map.extent().y) else { break };
         origin += DOWN * (hit.distance + 0.02);
+        if hit.surface != Surface::Ground {
+            continue;
+        }
         let normal = map.mesh().triangles()[hit.triangle_idx as usize].normal();
-        if hit.surface == Surface::Ground && normal.y >= limit {
-            found[count] = origin.y + 0.02;
+        if normal.y >= limit && solids_around == 0 {
+            found[count] = origin - DOWN * 0.02;
             count += 1;
         }
+        solids_around += if normal.y > 0.0 { 1 } else { -1 };
     }
     (found, count)
 }

@@ -115,7 +115,7 @@ fn does_not_creep_on_a_slope_it_can_stand_on() {
 #[test]
 fn stays_on_the_ground_when_running_downhill() {
     let slope = profile_along_z(&[(0.0, 40.0), (60.0, 40.0 - 60.0 * 30.0f32.to_radians().tan())]);
-    let mut running = on(slope, Vec3::new(30.0, 40.0, 5.0));
+    let mut running = on(slope, Vec3::new(30.0, 37.2, 5.0));
     for _ in 0..20 {
         running.decide(NPC, FORWARD);
         for _ in 0..10 {

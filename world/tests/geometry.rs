@@ -65,7 +65,7 @@ proptest! {
         let [a, b, c] = corners;
         let identity = parry3d::math::Pose::IDENTITY;
         let segment = parry3d::shape::Segment::new(low, high);
-        let distance = query::distance(&identity, &ParryTriangle::new(a, b, c), &identity, &segment).unwrap();
+        let distance = query::distance(&identity, &ParryTriangle::new(a, b, c), &identity, &segment).unwrap().distance;
         match triangle.capsule_contact(low, height, radius) {
             // Deep contacts, where the axis passes through the triangle, are pushed out to the front instead.
             Some(contact) if distance > 1.0e-3 => {
@@ -124,8 +124,8 @@ fn sampled_ground_holds_the_body_clear_of_all_geometry() {
         for triangle in near {
             let [a, b, c] = triangle.corners();
             let shape = ParryTriangle::new(a, b, c);
-            assert!(!query::intersection_test(&pose, &capsule, &identity, &shape).unwrap(), "inside geometry at {feet:?}");
-            supported |= query::distance(&pose, &capsule, &identity, &shape).unwrap() < slack + 0.08;
+            assert!(!query::intersection_test(&pose, &capsule, &identity, &shape).unwrap().intersecting, "inside {triangle:?} at {feet:?}");
+            supported |= query::distance(&pose, &capsule, &identity, &shape).unwrap().distance < slack + 0.08;
         }
         assert!(supported, "floating at {feet:?}");
         assert!(map.liquid_at(feet, 0.0).is_none(), "in a pool at {feet:?}");
