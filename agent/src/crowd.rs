@@ -38,7 +38,11 @@ impl Crowd {
         let points = client.sample_ground(request).await?.into_inner().points;
         let mut crowd = Self { client, world, points, rng: ChaCha8Rng::seed_from_u64(seed) };
         for _ in 0..npc_count {
-            let request = wire::SpawnNpcRequest { world_id: crowd.world.world_id, position: Some(crowd.point()), yaw: crowd.yaw() };
+            let request = wire::SpawnNpcRequest {
+                world_id: crowd.world.world_id,
+                position: Some(crowd.point()),
+                yaw: crowd.yaw(),
+            };
             let npc_id = crowd.client.spawn_npc(request).await?.into_inner().npc_id;
             crowd.send_somewhere(npc_id).await?;
         }
@@ -89,7 +93,8 @@ impl Crowd {
         match npc.status() {
             NpcStatus::Idle => self.send_somewhere(npc.npc_id).await,
             NpcStatus::Down => {
-                let request = wire::TeleportNpcRequest { npc_id: npc.npc_id, position: Some(self.point()), yaw: self.yaw() };
+                let request =
+                    wire::TeleportNpcRequest { npc_id: npc.npc_id, position: Some(self.point()), yaw: self.yaw() };
                 self.client.teleport_npc(request).await?;
                 self.send_somewhere(npc.npc_id).await
             }

@@ -161,7 +161,11 @@ struct Outcome {
 ///
 /// # Errors
 /// If a map, its goals or a graph cannot be made.
-pub fn evaluate(policy: &Policy, config: &EvalConfig, mut progress: impl FnMut(usize, usize)) -> Result<Report, EvalError> {
+pub fn evaluate(
+    policy: &Policy,
+    config: &EvalConfig,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Report, EvalError> {
     let profile = CharacterProfile::default();
     let total = config.maps.len() * config.seeds.len() * config.goals;
     let mut outcomes: Vec<Outcome> = Vec::with_capacity(total);
@@ -190,7 +194,8 @@ pub fn evaluate(policy: &Policy, config: &EvalConfig, mut progress: impl FnMut(u
         }
     }
     search_us.sort_unstable_by(f64::total_cmp);
-    let mean = |value: &dyn Fn(&surefoot_planner::Built) -> f64| builds.iter().map(value).sum::<f64>() / builds.len() as f64;
+    let mean =
+        |value: &dyn Fn(&surefoot_planner::Built) -> f64| builds.iter().map(value).sum::<f64>() / builds.len() as f64;
     let graph = (!builds.is_empty()).then(|| GraphFigures {
         vertices: mean(&|built| built.graph.vertex_count() as f64),
         edges: mean(&|built| built.graph.edge_count() as f64),
@@ -203,7 +208,13 @@ pub fn evaluate(policy: &Policy, config: &EvalConfig, mut progress: impl FnMut(u
     Ok(summarise(policy, config, &outcomes, graph))
 }
 
-fn draw_goals(map: &Map, profile: &CharacterProfile, config: &EvalConfig, map_seed: u64, seed: u64) -> Result<Vec<Goal>, EvalError> {
+fn draw_goals(
+    map: &Map,
+    profile: &CharacterProfile,
+    config: &EvalConfig,
+    map_seed: u64,
+    seed: u64,
+) -> Result<Vec<Goal>, EvalError> {
     let mut rng = ChaCha8Rng::seed_from_u64(map_seed);
     rng.set_stream(1000 + seed);
     let points = navigable::sample_many(map, profile, POINTS_PER_MAP, &mut rng)?;
@@ -264,9 +275,8 @@ fn summarise(policy: &Policy, config: &EvalConfig, outcomes: &[Outcome], graph: 
     };
     let per_seed: Vec<f64> = (0..config.seeds.len()).map(|idx| rate(&|outcome| outcome.seed_idx == idx).rate).collect();
     let mean = per_seed.iter().sum::<f64>() / per_seed.len() as f64;
-    let spread = (per_seed.len() > 1).then(|| {
-        (per_seed.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / (per_seed.len() - 1) as f64).sqrt()
-    });
+    let spread = (per_seed.len() > 1)
+        .then(|| (per_seed.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / (per_seed.len() - 1) as f64).sqrt());
     let mut ends: BTreeMap<&'static str, usize> = End::ALL.iter().map(|end| (end.name(), 0)).collect();
     for outcome in outcomes {
         *ends.entry(outcome.attempt.end.name()).or_default() += 1;

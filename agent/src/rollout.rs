@@ -1,8 +1,8 @@
 //! Rolls a policy out towards many goals at once, straight or by plan: what validation and evaluation share.
 
+use crate::follow::{FollowConfig, Follower, Step};
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt, SeedableRng};
-use crate::follow::{FollowConfig, Follower, Step};
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -88,11 +88,23 @@ impl Rollout {
 
     /// One attempt for each goal, each following plans on `graph`; the duration of every search is noted in
     /// `search_us`.
-    pub fn run_by_plan(&self, policy: &Policy, graph: &NavGraph, goals: &[Goal], search_us: &mut Vec<f64>) -> Vec<Attempt> {
+    pub fn run_by_plan(
+        &self,
+        policy: &Policy,
+        graph: &NavGraph,
+        goals: &[Goal],
+        search_us: &mut Vec<f64>,
+    ) -> Vec<Attempt> {
         goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, Some(graph), chunk, search_us)).collect()
     }
 
-    fn run_batch(&self, policy: &Policy, graph: Option<&NavGraph>, goals: &[Goal], search_us: &mut Vec<f64>) -> Vec<Attempt> {
+    fn run_batch(
+        &self,
+        policy: &Policy,
+        graph: Option<&NavGraph>,
+        goals: &[Goal],
+        search_us: &mut Vec<f64>,
+    ) -> Vec<Attempt> {
         let mut world = World::new(self.map.clone(), self.profile.clone(), self.task.clone());
         for goal in goals {
             let slot = world.spawn(goal.start, goal.yaw);
@@ -103,7 +115,8 @@ impl Rollout {
             .iter()
             .map(|goal| {
                 let graph = graph?;
-                let mut follower = Follower::new(goal.goal, FollowConfig { patience: self.give_up_after, ..FollowConfig::default() });
+                let mut follower =
+                    Follower::new(goal.goal, FollowConfig { patience: self.give_up_after, ..FollowConfig::default() });
                 plan(&mut follower, graph, goal.start, search_us);
                 Some(follower)
             })
@@ -133,9 +146,7 @@ impl Rollout {
                 let idx = slot.0 as usize;
                 decisions[idx] += 1;
                 let end = match (&mut followers[idx], graph) {
-                    (Some(follower), Some(graph)) => {
-                        follow(&mut world, slot, follower, graph, outcome.end, search_us)
-                    }
+                    (Some(follower), Some(graph)) => follow(&mut world, slot, follower, graph, outcome.end, search_us),
                     _ => outcome.end.or((episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress)),
                 };
                 let Some(end) = end else { return true };
@@ -150,7 +161,14 @@ impl Rollout {
 }
 
 /// Settles one decision of an NPC that follows a plan: how its attempt ended, if it did.
-fn follow(world: &mut World, slot: NpcSlot, follower: &mut Follower, graph: &NavGraph, leg_end: Option<End>, search_us: &mut Vec<f64>) -> Option<End> {
+fn follow(
+    world: &mut World,
+    slot: NpcSlot,
+    follower: &mut Follower,
+    graph: &NavGraph,
+    leg_end: Option<End>,
+    search_us: &mut Vec<f64>,
+) -> Option<End> {
     let feet = world.npc(slot).expect("a running NPC").body.feet;
     let waypoint_reached = leg_end == Some(End::Reached);
     if waypoint_reached && follower.is_last_leg() {

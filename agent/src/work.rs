@@ -89,7 +89,9 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
             Err(status) if matches!(status.code(), Code::FailedPrecondition | Code::InvalidArgument) => {
                 return Err(WorkError::Refused(status));
             }
-            Err(status) => warn!(server = config.server, %status, pause_ms = pause.as_millis(), "no connection to the server: trying again"),
+            Err(status) => {
+                warn!(server = config.server, %status, pause_ms = pause.as_millis(), "no connection to the server: trying again")
+            }
         }
         tokio::select! {
             () = tokio::time::sleep(pause) => {}
@@ -152,7 +154,11 @@ impl Session<'_> {
         Ok(())
     }
 
-    fn start_world(&self, assignment: &wire::Assignment, out: mpsc::Sender<wire::WorkRequest>) -> mpsc::Sender<WorldMessage> {
+    fn start_world(
+        &self,
+        assignment: &wire::Assignment,
+        out: mpsc::Sender<wire::WorkRequest>,
+    ) -> mpsc::Sender<WorldMessage> {
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
         let graph = self.planner.clone().map(|channel| {
             let client = PlannerServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE_BYTES);
@@ -186,7 +192,11 @@ fn forward(world: &mpsc::Sender<WorldMessage>, message: WorldMessage) {
 }
 
 /// Builds the graph of a world's map, again whenever that fails, and says when it is ready.
-async fn keep_graph(mut client: PlannerServiceClient<Channel>, request: planner::BuildGraphRequest, ready: watch::Sender<String>) {
+async fn keep_graph(
+    mut client: PlannerServiceClient<Channel>,
+    request: planner::BuildGraphRequest,
+    ready: watch::Sender<String>,
+) {
     let mut pause = MIN_PAUSE;
     loop {
         match build_graph(&mut client, request).await {
@@ -208,7 +218,10 @@ async fn keep_graph(mut client: PlannerServiceClient<Channel>, request: planner:
     }
 }
 
-async fn build_graph(client: &mut PlannerServiceClient<Channel>, request: planner::BuildGraphRequest) -> Result<String, Status> {
+async fn build_graph(
+    client: &mut PlannerServiceClient<Channel>,
+    request: planner::BuildGraphRequest,
+) -> Result<String, Status> {
     let mut progress = client.build_graph(request).await?.into_inner();
     while let Some(message) = progress.next().await {
         let message = message?;
@@ -317,7 +330,14 @@ impl WorldTask {
         });
         let waypoints = waypoints.collect();
         let actions = self.act(observations, batch.tick).await?;
-        Some(wire::ActionBatch { world_id: self.world_id, tick: batch.tick, npc_ids: batch.npc_ids, actions, waypoints, gave_up })
+        Some(wire::ActionBatch {
+            world_id: self.world_id,
+            tick: batch.tick,
+            npc_ids: batch.npc_ids,
+            actions,
+            waypoints,
+            gave_up,
+        })
     }
 
     fn carried(&mut self, id: u64) -> &mut Carried {
@@ -433,7 +453,10 @@ async fn find_paths(
         }
     };
     let mut plans = plans.into_iter();
-    asked.into_iter().map(|(id, attempt)| (id, attempt, plans.next().and_then(|plan| plan_from_wire(&plan).ok()))).collect()
+    asked
+        .into_iter()
+        .map(|(id, attempt)| (id, attempt, plans.next().and_then(|plan| plan_from_wire(&plan).ok())))
+        .collect()
 }
 
 fn query_to_wire(query: &surefoot_planner::Query) -> planner::PathQuery {

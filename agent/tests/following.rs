@@ -11,12 +11,19 @@ use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
 
 fn plan(waypoints: &[f32]) -> Plan {
-    let legs = (0..waypoints.len() as u32).map(|idx| Leg { from: idx, to: idx + 1, seconds: 1.0, chance: 0.9, ability: Ability::Walk });
+    let legs = (0..waypoints.len() as u32).map(|idx| Leg {
+        from: idx,
+        to: idx + 1,
+        seconds: 1.0,
+        chance: 0.9,
+        ability: Ability::Walk,
+    });
     Plan { waypoints: waypoints.iter().map(|x| Vec3::new(*x, 0.0, 0.0)).collect(), legs: legs.collect(), no_path: None }
 }
 
 fn follower() -> Follower {
-    let mut follower = Follower::new(Vec3::new(30.0, 0.0, 0.0), FollowConfig { replan_after: 5, patience: 40, max_replans: 3 });
+    let mut follower =
+        Follower::new(Vec3::new(30.0, 0.0, 0.0), FollowConfig { replan_after: 5, patience: 40, max_replans: 3 });
     assert_eq!(follower.note(Vec3::ZERO, false), Step::Plan, "without a plan it asks for one");
     assert_eq!(follower.take_plan(plan(&[10.0, 20.0, 30.0])), Vec3::new(10.0, 0.0, 0.0));
     follower
@@ -60,8 +67,11 @@ fn intervals_contain_the_rate_and_shrink_with_more_attempts() {
     let few = Rate::of(8, 10);
     let many = Rate::of(800, 1000);
     assert!(few.low < 0.8 && 0.8 < few.high && many.high - many.low < few.high - few.low);
-    assert!((Rate::of(8, 10).low - 0.4902).abs() < 1.0e-3 && (Rate::of(8, 10).high - 0.9433).abs() < 1.0e-3, "Wilson's own figures");
-    assert_eq!(Rate::of(10, 10).high, 1.0);
+    assert!(
+        (Rate::of(8, 10).low - 0.4902).abs() < 1.0e-3 && (Rate::of(8, 10).high - 0.9433).abs() < 1.0e-3,
+        "Wilson's own figures"
+    );
+    assert!((Rate::of(10, 10).high - 1.0).abs() < 1.0e-9);
 }
 
 #[test]
@@ -99,7 +109,9 @@ fn the_shipped_policy_reaches_most_near_goals_on_an_unseen_map() {
 fn an_evaluation_by_plan_does_not_depend_on_the_number_of_threads() {
     let settings = BuildSettings { vertices: 60, neighbours: 8, repeats: 1, ..BuildSettings::default() };
     let policy = Policy::shipped().unwrap();
-    let run = |thread_count| evaluate(&policy, &EvalConfig { thread_count, ..config(Method::Graph(settings)) }, |_, _| {}).unwrap();
+    let run = |thread_count| {
+        evaluate(&policy, &EvalConfig { thread_count, ..config(Method::Graph(settings)) }, |_, _| {}).unwrap()
+    };
     let (one, two) = (run(1), run(2));
     assert_eq!((one.success.clone(), one.ends), (two.success, two.ends));
     assert!(one.success.all.rate > 0.8, "{:?}", one.success);

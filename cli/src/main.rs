@@ -44,7 +44,8 @@ enum Command {
 fn main() -> std::process::ExitCode {
     terminal::start_logging();
     // Without a subcommand: `up` with its defaults.
-    let command = Cli::parse().command.unwrap_or_else(|| Cli::parse_from(["surefoot", "up"]).command.expect("a subcommand"));
+    let command =
+        Cli::parse().command.unwrap_or_else(|| Cli::parse_from(["surefoot", "up"]).command.expect("a subcommand"));
     let result = match command {
         Command::Up(args) => up::run(&args),
         Command::Serve(args) => services::serve(&args),

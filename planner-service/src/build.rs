@@ -154,7 +154,12 @@ pub struct Progress {
 ///
 /// # Errors
 /// If a setting is out of range, the map has no ground, or `progress.cancel` was set.
-pub fn build(context: &ProbeContext, settings: &BuildSettings, thread_count: usize, progress: &Progress) -> Result<Built, BuildError> {
+pub fn build(
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+) -> Result<Built, BuildError> {
     settings.validate()?;
     let started = Instant::now();
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
@@ -166,7 +171,8 @@ pub fn build(context: &ProbeContext, settings: &BuildSettings, thread_count: usi
     let probes = candidates.len() as u64 * u64::from(settings.repeats);
     progress.total.store(probes, Ordering::Relaxed);
     let executor = InProcess { context: context.clone(), thread_count };
-    let task = ProbeTask { vertices: &positions, candidates: &candidates, repeats: settings.repeats, seed: settings.seed };
+    let task =
+        ProbeTask { vertices: &positions, candidates: &candidates, repeats: settings.repeats, seed: settings.seed };
     let evidence = executor.probe(&task, &progress.done, &progress.cancel);
     if progress.cancel.load(Ordering::Relaxed) {
         return Err(BuildError::Cancelled);

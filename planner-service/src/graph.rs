@@ -1,6 +1,7 @@
 //! The proved graph: positions, directed edges with their evidence, islands.
 
 use crate::candidates::Candidate;
+use petgraph::Direction;
 use petgraph::algo::tarjan_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use serde::{Deserialize, Serialize};
@@ -224,6 +225,16 @@ impl NavGraph {
         self.graph.edges(NodeIndex::new(vertex as usize)).map(|edge| edge.weight())
     }
 
+    /// Whether any proved edge leaves a vertex.
+    pub fn is_left(&self, vertex: u32) -> bool {
+        self.edges_from(vertex).next().is_some()
+    }
+
+    /// Whether any proved edge reaches a vertex.
+    pub fn is_reached(&self, vertex: u32) -> bool {
+        self.graph.edges_directed(NodeIndex::new(vertex as usize), Direction::Incoming).next().is_some()
+    }
+
     /// All edges.
     pub fn edges(&self) -> impl Iterator<Item = &Edge> {
         self.graph.edge_weights()
@@ -257,9 +268,8 @@ impl NavGraph {
     /// Share of ordered pairs of different vertices with a path, in [0, 1].
     pub fn connected_share(&self) -> f64 {
         let count = self.vertex_count();
-        let pairs: usize = (0..count as u32)
-            .map(|from| self.reachable_from(from).iter().filter(|&&seen| seen).count() - 1)
-            .sum();
+        let pairs: usize =
+            (0..count as u32).map(|from| self.reachable_from(from).iter().filter(|&&seen| seen).count() - 1).sum();
         pairs as f64 / (count * count.saturating_sub(1)).max(1) as f64
     }
 }

@@ -109,9 +109,11 @@ fn unproved_leg(from_idx: u32, to_idx: u32, from: Vec3, to: Vec3) -> Leg {
     }
 }
 
-/// The nearest vertices to a point by the price of walking there (or from there, if `towards_point`).
+/// The cheapest vertices to walk to from a point (or from which to walk to it, if `towards_point`). Vertices
+/// that no proved edge leaves (or reaches) lead nowhere and are left out.
 fn attachments(graph: &NavGraph, point: Vec3, towards_point: bool, avoid: &[(u32, u32)]) -> Vec<(u32, f64)> {
     let mut priced: Vec<(u32, f64)> = (0..graph.vertex_count() as u32)
+        .filter(|&vertex| if towards_point { graph.is_reached(vertex) } else { graph.is_left(vertex) })
         .filter(|&vertex| !avoid.contains(&if towards_point { (vertex, OFF_GRAPH) } else { (OFF_GRAPH, vertex) }))
         .map(|vertex| {
             let position = graph.position(vertex);
@@ -144,7 +146,12 @@ pub fn find_path(graph: &NavGraph, query: &Query) -> Plan {
 /// Dijkstra from all priced starts to the best of all priced goals: total cost and the vertices passed.
 ///
 /// Exact for non-negative costs; property tests hold it against petgraph's Dijkstra.
-pub fn cheapest(graph: &NavGraph, starts: &[(u32, f64)], goals: &[(u32, f64)], avoid: &[(u32, u32)]) -> Option<(f64, Vec<u32>)> {
+pub fn cheapest(
+    graph: &NavGraph,
+    starts: &[(u32, f64)],
+    goals: &[(u32, f64)],
+    avoid: &[(u32, u32)],
+) -> Option<(f64, Vec<u32>)> {
     const NONE: u32 = u32::MAX;
     let count = graph.vertex_count();
     let mut cost = vec![f64::INFINITY; count];
@@ -235,11 +242,10 @@ fn assemble(graph: &NavGraph, query: &Query, vertices: &[u32]) -> Plan {
 }
 
 fn explain(graph: &NavGraph, starts: &[(u32, f64)], goals: &[(u32, f64)]) -> NoPath {
-    if starts.iter().all(|&(vertex, _)| graph.edges_from(vertex).next().is_none()) {
+    if starts.is_empty() {
         return NoPath::StartOffGraph;
     }
-    let is_reached = |vertex: u32| graph.edges().any(|edge| edge.to == vertex);
-    if goals.iter().all(|&(vertex, _)| !is_reached(vertex)) {
+    if goals.is_empty() {
         return NoPath::GoalOffGraph;
     }
     let back = goals.iter().any(|&(goal, _)| {

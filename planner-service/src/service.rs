@@ -97,7 +97,13 @@ struct Shared {
 ///
 /// # Errors
 /// If the transport fails.
-pub async fn serve(endpoint: Endpoint, config: PlannerConfig, policy: Policy, store: Box<dyn GraphStore>, shutdown: Shutdown) -> Result<(), ServeError> {
+pub async fn serve(
+    endpoint: Endpoint,
+    config: PlannerConfig,
+    policy: Policy,
+    store: Box<dyn GraphStore>,
+    shutdown: Shutdown,
+) -> Result<(), ServeError> {
     let api = PlannerApi::new(config, policy, store, shutdown.clone());
     let metrics = {
         let api = api.clone();
@@ -107,7 +113,9 @@ pub async fn serve(endpoint: Endpoint, config: PlannerConfig, policy: Policy, st
         }
     };
     let mut routes = tonic::service::Routes::builder();
-    let grpc = PlannerServiceServer::new(api.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES).max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let grpc = PlannerServiceServer::new(api.clone())
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
     routes.add_service(with_grpc_web(grpc));
     let result = endpoint.serve(routes, &[SERVICE_NAME], metrics, shutdown).await;
     api.cancel_builds();
@@ -164,7 +172,9 @@ impl PlannerApi {
         if let Some(ready) = self.recall(&id) {
             return Ok(ready);
         }
-        Err(Status::not_found(format!("graph {graph_id} is not loaded: call BuildGraph first (a cached graph loads at once)")))
+        Err(Status::not_found(format!(
+            "graph {graph_id} is not loaded: call BuildGraph first (a cached graph loads at once)"
+        )))
     }
 
     fn recall(&self, id: &GraphId) -> Option<Arc<Ready>> {
@@ -193,7 +203,9 @@ impl PlannerApi {
         }
         let limit = self.shared.config.max_builds;
         if jobs.len() >= limit {
-            return Err(Status::resource_exhausted(format!("{limit} builds run or wait already, the most allowed (--max-builds)")));
+            return Err(Status::resource_exhausted(format!(
+                "{limit} builds run or wait already, the most allowed (--max-builds)"
+            )));
         }
         let (sender, state) = watch::channel(None);
         let job = Job { progress: Arc::default(), state };
@@ -207,7 +219,12 @@ impl PlannerApi {
         Ok(job)
     }
 
-    async fn run_build(&self, spec: MapSpec, settings: BuildSettings, progress: Arc<Progress>) -> Result<Arc<Ready>, Status> {
+    async fn run_build(
+        &self,
+        spec: MapSpec,
+        settings: BuildSettings,
+        progress: Arc<Progress>,
+    ) -> Result<Arc<Ready>, Status> {
         let _turn = self.shared.turn.acquire().await.map_err(|_| going_away())?;
         let api = self.clone();
         let task = tokio::task::spawn_blocking(move || api.build_or_load(&spec, &settings, &progress));
@@ -216,7 +233,12 @@ impl PlannerApi {
         Ok(ready)
     }
 
-    fn build_or_load(&self, spec: &MapSpec, settings: &BuildSettings, progress: &Progress) -> Result<Arc<Ready>, Status> {
+    fn build_or_load(
+        &self,
+        spec: &MapSpec,
+        settings: &BuildSettings,
+        progress: &Progress,
+    ) -> Result<Arc<Ready>, Status> {
         let map = Arc::new(Map::generate(spec).map_err(FieldError::from)?);
         let map_hash = map.hash().0.iter().map(|byte| format!("{byte:02x}")).collect();
         let context = ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() };
@@ -247,7 +269,10 @@ impl PlannerApi {
 
     fn plan(&self, graph: &NavGraph, query: &wire::PathQuery) -> Result<wire::Plan, Status> {
         if query.avoid.len() > MAX_AVOID {
-            return Err(Status::invalid_argument(format!("query.avoid has {} legs, allowed are {MAX_AVOID}", query.avoid.len())));
+            return Err(Status::invalid_argument(format!(
+                "query.avoid has {} legs, allowed are {MAX_AVOID}",
+                query.avoid.len()
+            )));
         }
         let query = Query {
             start: convert::point(query.start.as_ref(), "query.start")?,
@@ -266,7 +291,9 @@ fn settings_from_wire(settings: Option<&wire::BuildSettings>, config: &PlannerCo
     let placement = match wire::Placement::try_from(settings.placement) {
         Ok(wire::Placement::Unspecified | wire::Placement::Spaced) => Placement::Spaced,
         Ok(wire::Placement::Random) => Placement::Random,
-        Err(_) => return Err(Status::invalid_argument(format!("settings.placement {} is unknown", settings.placement))),
+        Err(_) => {
+            return Err(Status::invalid_argument(format!("settings.placement {} is unknown", settings.placement)));
+        }
     };
     let checked = BuildSettings {
         placement,
@@ -278,7 +305,10 @@ fn settings_from_wire(settings: Option<&wire::BuildSettings>, config: &PlannerCo
     };
     let limit = config.max_vertices.min(MAX_VERTICES);
     if checked.vertices > limit {
-        return Err(Status::resource_exhausted(format!("settings.vertices is {}, at most {limit} are allowed (--max-vertices)", checked.vertices)));
+        return Err(Status::resource_exhausted(format!(
+            "settings.vertices is {}, at most {limit} are allowed (--max-vertices)",
+            checked.vertices
+        )));
     }
     checked.validate()?;
     Ok(checked)
@@ -335,9 +365,14 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
 /// If it has no waypoints, not one leg for each, or a point that is not finite.
 pub fn plan_from_wire(plan: &wire::Plan) -> Result<Plan, FieldError> {
     if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
-        return Err(FieldError::Length { field: "plan.legs", found: plan.legs.len(), expected: plan.waypoints.len().max(1) });
+        return Err(FieldError::Length {
+            field: "plan.legs",
+            found: plan.legs.len(),
+            expected: plan.waypoints.len().max(1),
+        });
     }
-    let waypoints = plan.waypoints.iter().map(|point| convert::point(Some(point), "plan.waypoints")).collect::<Result<_, _>>()?;
+    let waypoints =
+        plan.waypoints.iter().map(|point| convert::point(Some(point), "plan.waypoints")).collect::<Result<_, _>>()?;
     let legs = plan.legs.iter().map(|leg| search::Leg {
         from: leg.from,
         to: leg.to,
@@ -376,7 +411,10 @@ type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 impl PlannerService for PlannerApi {
     type BuildGraphStream = BoxStream<wire::BuildGraphResponse>;
 
-    async fn build_graph(&self, request: Request<wire::BuildGraphRequest>) -> Result<Response<Self::BuildGraphStream>, Status> {
+    async fn build_graph(
+        &self,
+        request: Request<wire::BuildGraphRequest>,
+    ) -> Result<Response<Self::BuildGraphStream>, Status> {
         let request = request.into_inner();
         let spec = convert::map_spec(request.map.as_ref())?;
         let settings = settings_from_wire(request.settings.as_ref(), &self.shared.config)?;
@@ -386,7 +424,10 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
     }
 
-    async fn get_graph(&self, request: Request<wire::GetGraphRequest>) -> Result<Response<wire::GetGraphResponse>, Status> {
+    async fn get_graph(
+        &self,
+        request: Request<wire::GetGraphRequest>,
+    ) -> Result<Response<wire::GetGraphResponse>, Status> {
         let ready = self.ready(&request.into_inner().graph_id)?;
         let graph = &ready.built.graph;
         let edge = |edge: &crate::Edge| wire::Edge {
@@ -406,7 +447,10 @@ impl PlannerService for PlannerApi {
         }))
     }
 
-    async fn find_path(&self, request: Request<wire::FindPathRequest>) -> Result<Response<wire::FindPathResponse>, Status> {
+    async fn find_path(
+        &self,
+        request: Request<wire::FindPathRequest>,
+    ) -> Result<Response<wire::FindPathResponse>, Status> {
         let request = request.into_inner();
         let ready = self.ready(&request.graph_id)?;
         let query = request.query.ok_or(FieldError::Missing("query"))?;
@@ -414,12 +458,18 @@ impl PlannerService for PlannerApi {
         Ok(Response::new(wire::FindPathResponse { plan: Some(plan) }))
     }
 
-    async fn find_paths(&self, request: Request<wire::FindPathsRequest>) -> Result<Response<wire::FindPathsResponse>, Status> {
+    async fn find_paths(
+        &self,
+        request: Request<wire::FindPathsRequest>,
+    ) -> Result<Response<wire::FindPathsResponse>, Status> {
         let request = request.into_inner();
         let ready = self.ready(&request.graph_id)?;
         let limit = self.shared.config.max_queries;
         if request.queries.len() > limit {
-            return Err(Status::resource_exhausted(format!("{} queries, at most {limit} are allowed in one batch (--max-queries)", request.queries.len())));
+            return Err(Status::resource_exhausted(format!(
+                "{} queries, at most {limit} are allowed in one batch (--max-queries)",
+                request.queries.len()
+            )));
         }
         let api = self.clone();
         let plans = tokio::task::spawn_blocking(move || {
@@ -444,11 +494,20 @@ async fn report(mut job: Job, queue: mpsc::Sender<Result<wire::BuildGraphRespons
             () = &mut stopping => Some(Err(going_away())),
             () = queue.closed() => return,
         };
-        let (probes_done, probes_total) = (job.progress.done.load(Ordering::Relaxed), job.progress.total.load(Ordering::Relaxed));
+        let (probes_done, probes_total) =
+            (job.progress.done.load(Ordering::Relaxed), job.progress.total.load(Ordering::Relaxed));
         let (last, message) = match finished {
             None => {
                 let stage = if probes_total == 0 { "vertices" } else { "probe" };
-                (false, Ok(wire::BuildGraphResponse { stage: stage.to_owned(), probes_done, probes_total, ..Default::default() }))
+                (
+                    false,
+                    Ok(wire::BuildGraphResponse {
+                        stage: stage.to_owned(),
+                        probes_done,
+                        probes_total,
+                        ..Default::default()
+                    }),
+                )
             }
             Some(result) => {
                 let done = result.map(|ready| wire::BuildGraphResponse {

@@ -18,7 +18,8 @@ fn context() -> ProbeContext {
     }
 }
 
-const SETTINGS: BuildSettings = BuildSettings { placement: Placement::Spaced, vertices: 30, neighbours: 6, repeats: 2, threshold: 0.5, seed: 4 };
+const SETTINGS: BuildSettings =
+    BuildSettings { placement: Placement::Spaced, vertices: 30, neighbours: 6, repeats: 2, threshold: 0.5, seed: 4 };
 
 #[test]
 fn a_build_proves_edges_and_does_not_depend_on_the_number_of_threads() {
@@ -31,7 +32,9 @@ fn a_build_proves_edges_and_does_not_depend_on_the_number_of_threads() {
     assert_eq!(progress.done.load(Ordering::Relaxed), one.probes);
     assert!(one.graph.edge_count() > 90, "only {} of 180 candidates were proved", one.graph.edge_count());
     for edge in one.graph.edges() {
-        assert!(edge.evidence.tries == 2 && edge.evidence.success_rate() >= 0.5 && edge.evidence.decisions_mean() > 0.0);
+        assert!(
+            edge.evidence.tries == 2 && edge.evidence.success_rate() >= 0.5 && edge.evidence.decisions_mean() > 0.0
+        );
     }
 }
 
@@ -71,8 +74,17 @@ fn the_id_of_a_graph_changes_with_everything_that_decides_it() {
     let others = [
         GraphId::of(&context, &BuildSettings { vertices: 31, ..SETTINGS }),
         GraphId::of(&context, &BuildSettings { threshold: 0.6, ..SETTINGS }),
-        GraphId::of(&ProbeContext { profile: CharacterProfile { height: 1.7, ..CharacterProfile::default() }, ..context.clone() }, &SETTINGS),
-        GraphId::of(&ProbeContext { map: Arc::new(Map::generate(&MapSpec::with_side(32, 80)).unwrap()), ..context.clone() }, &SETTINGS),
+        GraphId::of(
+            &ProbeContext {
+                profile: CharacterProfile { height: 1.7, ..CharacterProfile::default() },
+                ..context.clone()
+            },
+            &SETTINGS,
+        ),
+        GraphId::of(
+            &ProbeContext { map: Arc::new(Map::generate(&MapSpec::with_side(32, 80)).unwrap()), ..context.clone() },
+            &SETTINGS,
+        ),
     ];
     assert!(others.iter().all(|other| *other != id));
 }

@@ -92,7 +92,9 @@ fn where_there_is_no_path_the_reason_is_told_and_the_goal_is_headed_for() {
     let two_islands = |edges: Vec<Edge>| {
         let mut vertices = row(8);
         vertices.extend((0..8).map(|idx| Vec3::new(5000.0 + 30.0 * idx as f32, 0.0, 0.0)));
-        let chain = |from: u32, to: u32| (from..to).flat_map(|idx| [edge(idx, idx + 1, 10, 2, 2), edge(idx + 1, idx, 10, 2, 2)]);
+        let chain = |from: u32, to: u32| {
+            (from..to).flat_map(|idx| [edge(idx, idx + 1, 10, 2, 2), edge(idx + 1, idx, 10, 2, 2)])
+        };
         graph(vertices, chain(0, 7).chain(chain(8, 15)).chain(edges).collect())
     };
     let (start, goal) = (Vec3::new(10.0, 0.0, 0.0), Vec3::new(5100.0, 0.0, 0.0));

@@ -115,10 +115,7 @@ pub fn linear(input: usize, output: usize, device: &Device, rng: &mut impl Rng) 
     let mut draw = |count: usize| (0..count).map(|_| rng.random_range(-bound..bound)).collect::<Vec<f32>>();
     let weight = TensorData::new(draw(input * output), [input, output]);
     let bias = TensorData::new(draw(output), [output]);
-    Linear {
-        weight: Param::from_data(weight, device),
-        bias: Some(Param::from_data(bias, device)),
-    }
+    Linear { weight: Param::from_data(weight, device), bias: Some(Param::from_data(bias, device)) }
 }
 
 impl Trunk {

@@ -168,7 +168,12 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CheckpointError> {
 /// # Errors
 /// If the module cannot be encoded.
 pub fn module_bytes<M: Module>(module: &M) -> Result<Vec<u8>, CheckpointError> {
-    module.valid().into_record().into_bytes().map(|bytes| bytes.to_vec()).map_err(|error| CheckpointError::Decode(error.to_string()))
+    module
+        .valid()
+        .into_record()
+        .into_bytes()
+        .map(|bytes| bytes.to_vec())
+        .map_err(|error| CheckpointError::Decode(error.to_string()))
 }
 
 /// Loads parameters into a module of the same shape.

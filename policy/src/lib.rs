@@ -6,8 +6,8 @@
 pub mod actor;
 pub mod checkpoint;
 
-pub use actor::{Actor, ActorConfig};
 use actor::{ActionDistribution, gaussian};
+pub use actor::{Actor, ActorConfig};
 pub use checkpoint::{CheckpointError, Manifest};
 
 use burn::module::Module;
@@ -50,7 +50,8 @@ impl Policy {
         if row_count == 0 {
             return;
         }
-        let rows = Tensor::<2>::from_data(TensorData::new(observations.to_vec(), [row_count, OBSERVATION_LEN]), &self.device);
+        let rows =
+            Tensor::<2>::from_data(TensorData::new(observations.to_vec(), [row_count, OBSERVATION_LEN]), &self.device);
         let ActionDistribution { mean, log_std } = self.actor.forward(rows);
         let raw = if noise_share > 0.0 {
             let noise = TensorData::new(gaussian(rng, row_count * ACTION_LEN), [row_count, ACTION_LEN]);
@@ -60,8 +61,10 @@ impl Policy {
         };
         let data = raw.tanh().into_data();
         let values = data.as_slice::<f32>().expect("the flex backend computes in f32");
-        actions.extend(values.chunks_exact(ACTION_LEN).map(|row| {
-            Action::from_array([row[0], row[1], row[2], row[3]]).unwrap_or_default()
-        }));
+        actions.extend(
+            values
+                .chunks_exact(ACTION_LEN)
+                .map(|row| Action::from_array([row[0], row[1], row[2], row[3]]).unwrap_or_default()),
+        );
     }
 }

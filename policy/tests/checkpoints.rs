@@ -72,7 +72,8 @@ fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
     assert!(matches!(Policy::load(folder.path()), Err(CheckpointError::Damaged { .. })));
     std::fs::write(&weights, &good_weights).unwrap();
 
-    std::fs::write(&manifest, good_manifest.replace("\"observation_version\": 1", "\"observation_version\": 9")).unwrap();
+    std::fs::write(&manifest, good_manifest.replace("\"observation_version\": 1", "\"observation_version\": 9"))
+        .unwrap();
     let refusal = Policy::load(folder.path()).unwrap_err().to_string();
     assert!(refusal.contains("observation_version is 9"), "{refusal}");
 

@@ -104,7 +104,13 @@ impl Endpoint {
     ///
     /// # Errors
     /// If the transport fails.
-    pub async fn serve<M, F>(self, mut services: RoutesBuilder, names: &[&str], metrics: M, shutdown: Shutdown) -> Result<(), ServeError>
+    pub async fn serve<M, F>(
+        self,
+        mut services: RoutesBuilder,
+        names: &[&str],
+        metrics: M,
+        shutdown: Shutdown,
+    ) -> Result<(), ServeError>
     where
         M: Fn() -> F + Clone + Send + Sync + 'static,
         F: Future<Output = String> + Send,

@@ -17,7 +17,13 @@ pub struct WorldFigures {
 impl WorldFigures {
     /// Copies the figures of `world`.
     pub fn of(id: u64, world: &HostedWorld) -> Self {
-        Self { id, npcs: world.npc_count(), ticks: world.tick(), counters: world.counters().clone(), tick_us: world.tick_us().to_vec() }
+        Self {
+            id,
+            npcs: world.npc_count(),
+            ticks: world.tick(),
+            counters: world.counters().clone(),
+            tick_us: world.tick_us().to_vec(),
+        }
     }
 }
 
@@ -41,11 +47,36 @@ pub fn render(worlds: &[WorldFigures], workers: usize, carried: u32) -> String {
     family("npcs_carried", "gauge", "NPCs that have a worker.", &[(String::new(), f64::from(carried))]);
     family("npcs", "gauge", "NPCs on each world.", &per_world(&|world| world.npcs as f64));
     family("ticks_total", "counter", "Ticks stepped.", &per_world(&|world| world.ticks as f64));
-    family("ticks_dropped_total", "counter", "Ticks dropped to catch up.", &per_world(&|world| world.counters.ticks_dropped as f64));
-    family("decisions_asked_total", "counter", "Decisions asked for.", &per_world(&|world| world.counters.asked as f64));
-    family("decisions_answered_total", "counter", "Decisions answered in time.", &per_world(&|world| world.counters.answered as f64));
-    family("decisions_missed_total", "counter", "Decisions not answered in time.", &per_world(&|world| world.counters.missed as f64));
-    family("answers_stale_total", "counter", "Answers that nobody waited for any more.", &per_world(&|world| world.counters.stale as f64));
+    family(
+        "ticks_dropped_total",
+        "counter",
+        "Ticks dropped to catch up.",
+        &per_world(&|world| world.counters.ticks_dropped as f64),
+    );
+    family(
+        "decisions_asked_total",
+        "counter",
+        "Decisions asked for.",
+        &per_world(&|world| world.counters.asked as f64),
+    );
+    family(
+        "decisions_answered_total",
+        "counter",
+        "Decisions answered in time.",
+        &per_world(&|world| world.counters.answered as f64),
+    );
+    family(
+        "decisions_missed_total",
+        "counter",
+        "Decisions not answered in time.",
+        &per_world(&|world| world.counters.missed as f64),
+    );
+    family(
+        "answers_stale_total",
+        "counter",
+        "Answers that nobody waited for any more.",
+        &per_world(&|world| world.counters.stale as f64),
+    );
     let mut ends = Vec::new();
     for world in worlds {
         for (end, count) in End::ALL.iter().zip(world.counters.ends) {

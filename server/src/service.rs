@@ -102,9 +102,8 @@ impl WorldApi {
         let sims = self.shared.sims.read().expect(POISON).clone();
         let mut worlds = Vec::new();
         for sim in sims {
-            let figures = sim.call(|sim| {
-                sim.seats.iter().map(|(&id, seat)| WorldFigures::of(id, &seat.world)).collect::<Vec<_>>()
-            });
+            let figures = sim
+                .call(|sim| sim.seats.iter().map(|(&id, seat)| WorldFigures::of(id, &seat.world)).collect::<Vec<_>>());
             // A thread that cannot answer is shown by its worlds being absent.
             worlds.extend(figures.await.unwrap_or_default());
         }
@@ -131,9 +130,9 @@ impl WorldApi {
 
     async fn describe(&self, world_id: u64) -> Result<wire::World, Status> {
         let directory = self.directory(world_id)?;
-        let counts = directory.sim.call(move |sim| {
-            sim.seats.get(&world_id).map(|seat| (seat.world.npc_count() as u32, seat.world.tick()))
-        });
+        let counts = directory
+            .sim
+            .call(move |sim| sim.seats.get(&world_id).map(|seat| (seat.world.npc_count() as u32, seat.world.tick())));
         let (npc_count, tick) = counts.await?.unwrap_or_default();
         Ok(wire::World {
             world_id,
@@ -194,7 +193,8 @@ fn check_answer(batch: &wire::ActionBatch) -> Result<Answer, Status> {
         return Err(Status::invalid_argument(format!("actions.npc_ids names npc {} twice", pair[0])));
     }
     let actions = values.as_chunks::<ACTION_LEN>().0.iter().enumerate().map(|(idx, row)| {
-        Action::from_array(*row).map_err(|error| Status::invalid_argument(format!("npc {}: {error}", batch.npc_ids[idx])))
+        Action::from_array(*row)
+            .map_err(|error| Status::invalid_argument(format!("npc {}: {error}", batch.npc_ids[idx])))
     });
     let waypoints = batch.waypoints.iter().map(|waypoint| {
         Ok((waypoint.npc_id, convert::point(waypoint.position.as_ref(), "actions.waypoints.position")?))
@@ -214,7 +214,10 @@ fn check_hello(hello: Option<&wire::WorkRequest>) -> Result<wire::Hello, Status>
     };
     convert::in_range(f64::from(hello.capacity), 1.0, MAX_CAPACITY, "hello.capacity")?;
     if hello.name.len() > MAX_NAME {
-        return Err(Status::invalid_argument(format!("hello.name is {} bytes long, allowed are {MAX_NAME}", hello.name.len())));
+        return Err(Status::invalid_argument(format!(
+            "hello.name is {} bytes long, allowed are {MAX_NAME}",
+            hello.name.len()
+        )));
     }
     let (len, version) = (hello.observation_len as usize, hello.observation_version);
     if (len, version) != (OBSERVATION_LEN, OBSERVATION_VERSION) {
@@ -229,7 +232,10 @@ type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
 #[tonic::async_trait]
 impl WorldService for WorldApi {
-    async fn create_world(&self, request: Request<wire::CreateWorldRequest>) -> Result<Response<wire::CreateWorldResponse>, Status> {
+    async fn create_world(
+        &self,
+        request: Request<wire::CreateWorldRequest>,
+    ) -> Result<Response<wire::CreateWorldResponse>, Status> {
         let request = request.into_inner();
         let spec = convert::map_spec(request.map.as_ref())?;
         let mode = match wire::TimeMode::try_from(request.mode) {
@@ -238,7 +244,8 @@ impl WorldService for WorldApi {
             Err(_) => return Err(Status::invalid_argument(format!("mode {} is unknown", request.mode))),
         };
         let limit = self.shared.config.max_worlds;
-        let full = || Status::resource_exhausted(format!("there are already {limit} worlds, the most allowed (--max-worlds)"));
+        let full =
+            || Status::resource_exhausted(format!("there are already {limit} worlds, the most allowed (--max-worlds)"));
         if self.shared.worlds.read().expect(POISON).len() >= limit {
             return Err(full());
         }
@@ -270,7 +277,10 @@ impl WorldService for WorldApi {
         Ok(Response::new(wire::CreateWorldResponse { world: Some(self.describe(world_id).await?) }))
     }
 
-    async fn list_worlds(&self, _: Request<wire::ListWorldsRequest>) -> Result<Response<wire::ListWorldsResponse>, Status> {
+    async fn list_worlds(
+        &self,
+        _: Request<wire::ListWorldsRequest>,
+    ) -> Result<Response<wire::ListWorldsResponse>, Status> {
         let ids: Vec<u64> = self.shared.worlds.read().expect(POISON).keys().copied().collect();
         let mut worlds = Vec::with_capacity(ids.len());
         for id in ids {
@@ -280,7 +290,10 @@ impl WorldService for WorldApi {
         Ok(Response::new(wire::ListWorldsResponse { worlds }))
     }
 
-    async fn drop_world(&self, request: Request<wire::DropWorldRequest>) -> Result<Response<wire::DropWorldResponse>, Status> {
+    async fn drop_world(
+        &self,
+        request: Request<wire::DropWorldRequest>,
+    ) -> Result<Response<wire::DropWorldResponse>, Status> {
         let world_id = request.into_inner().world_id;
         let directory = self.directory(world_id)?;
         directory
@@ -295,7 +308,10 @@ impl WorldService for WorldApi {
         Ok(Response::new(wire::DropWorldResponse {}))
     }
 
-    async fn sample_ground(&self, request: Request<wire::SampleGroundRequest>) -> Result<Response<wire::SampleGroundResponse>, Status> {
+    async fn sample_ground(
+        &self,
+        request: Request<wire::SampleGroundRequest>,
+    ) -> Result<Response<wire::SampleGroundResponse>, Status> {
         let wire::SampleGroundRequest { world_id, count, seed } = request.into_inner();
         let map = self.directory(world_id)?.map;
         convert::in_range(f64::from(count), 1.0, 10_000.0, "count")?;
@@ -305,7 +321,10 @@ impl WorldService for WorldApi {
         Ok(Response::new(wire::SampleGroundResponse { points: points.into_iter().map(convert::to_wire).collect() }))
     }
 
-    async fn spawn_npc(&self, request: Request<wire::SpawnNpcRequest>) -> Result<Response<wire::SpawnNpcResponse>, Status> {
+    async fn spawn_npc(
+        &self,
+        request: Request<wire::SpawnNpcRequest>,
+    ) -> Result<Response<wire::SpawnNpcResponse>, Status> {
         let request = request.into_inner();
         let world_id = request.world_id;
         let directory = self.directory(world_id)?;
@@ -320,20 +339,29 @@ impl WorldService for WorldApi {
         Ok(Response::new(wire::SpawnNpcResponse { npc_id }))
     }
 
-    async fn despawn_npc(&self, request: Request<wire::DespawnNpcRequest>) -> Result<Response<wire::DespawnNpcResponse>, Status> {
+    async fn despawn_npc(
+        &self,
+        request: Request<wire::DespawnNpcRequest>,
+    ) -> Result<Response<wire::DespawnNpcResponse>, Status> {
         let npc_id = request.into_inner().npc_id;
         self.with_npc(npc_id, move |world| world.despawn(npc_id)).await?;
         Ok(Response::new(wire::DespawnNpcResponse {}))
     }
 
-    async fn set_goal(&self, request: Request<wire::SetGoalRequest>) -> Result<Response<wire::SetGoalResponse>, Status> {
+    async fn set_goal(
+        &self,
+        request: Request<wire::SetGoalRequest>,
+    ) -> Result<Response<wire::SetGoalResponse>, Status> {
         let request = request.into_inner();
         let goal = convert::point(request.goal.as_ref(), "goal")?;
         self.with_npc(request.npc_id, move |world| world.set_goal(request.npc_id, goal)).await?;
         Ok(Response::new(wire::SetGoalResponse {}))
     }
 
-    async fn teleport_npc(&self, request: Request<wire::TeleportNpcRequest>) -> Result<Response<wire::TeleportNpcResponse>, Status> {
+    async fn teleport_npc(
+        &self,
+        request: Request<wire::TeleportNpcRequest>,
+    ) -> Result<Response<wire::TeleportNpcResponse>, Status> {
         let request = request.into_inner();
         let position = convert::point(request.position.as_ref(), "position")?;
         let yaw = finite(request.yaw, "yaw")?;
@@ -349,7 +377,10 @@ impl WorldService for WorldApi {
 
     type WatchWorldStream = BoxStream<wire::WatchWorldResponse>;
 
-    async fn watch_world(&self, request: Request<wire::WatchWorldRequest>) -> Result<Response<Self::WatchWorldStream>, Status> {
+    async fn watch_world(
+        &self,
+        request: Request<wire::WatchWorldRequest>,
+    ) -> Result<Response<Self::WatchWorldStream>, Status> {
         let wire::WatchWorldRequest { world_id, rate_hz } = request.into_inner();
         let directory = self.directory(world_id)?;
         let rate = if rate_hz == 0.0 { 10.0 } else { convert::in_range(f64::from(rate_hz), 0.1, 60.0, "rate_hz")? };
@@ -359,7 +390,8 @@ impl WorldService for WorldApi {
             seat.publish();
             Some(receiver)
         });
-        let snapshots = subscribed.await?.ok_or_else(|| Status::not_found(format!("world {world_id} does not exist")))?;
+        let snapshots =
+            subscribed.await?.ok_or_else(|| Status::not_found(format!("world {world_id} does not exist")))?;
         let (queue, stream) = mpsc::channel(WATCH_QUEUE);
         let pause = Duration::from_secs_f64(1.0 / rate);
         tokio::spawn(forward_snapshots(world_id, snapshots, pause, queue, self.shared.shutdown.clone()));
@@ -377,7 +409,9 @@ impl WorldService for WorldApi {
         let (queue, responses) = mpsc::channel::<ToWorker>(WORKER_QUEUE);
         let worker = self.shared.registry.join(hello.capacity, queue.clone());
         info!(worker = worker.0, name = hello.name, capacity = hello.capacity, "worker joined");
-        let welcome = wire::WorkResponse { message: Some(wire::work_response::Message::Welcome(wire::Welcome { worker_id: worker.0 })) };
+        let welcome = wire::WorkResponse {
+            message: Some(wire::work_response::Message::Welcome(wire::Welcome { worker_id: worker.0 })),
+        };
         // The queue is new and empty.
         let _ = queue.try_send(Ok(welcome));
         self.cast_all(|sim| {
@@ -392,7 +426,12 @@ impl WorldService for WorldApi {
 
 impl WorldApi {
     /// Reads a worker's stream until it ends, fails, or the server shuts down.
-    async fn read_answers(self, worker: WorkerId, mut requests: Streaming<wire::WorkRequest>, queue: mpsc::Sender<ToWorker>) {
+    async fn read_answers(
+        self,
+        worker: WorkerId,
+        mut requests: Streaming<wire::WorkRequest>,
+        queue: mpsc::Sender<ToWorker>,
+    ) {
         let shutdown = self.shared.shutdown.wait();
         tokio::pin!(shutdown);
         let end = loop {

@@ -57,7 +57,9 @@ impl SimHandle {
     /// RESOURCE_EXHAUSTED if too many calls are waiting, UNAVAILABLE if the thread is gone.
     pub fn cast(&self, call: impl FnOnce(&mut Sim) + Send + 'static) -> Result<(), Status> {
         self.inbox.try_send(Box::new(call)).map_err(|error| match error {
-            TrySendError::Full(_) => Status::resource_exhausted(format!("{INBOX} calls are waiting already: try again")),
+            TrySendError::Full(_) => {
+                Status::resource_exhausted(format!("{INBOX} calls are waiting already: try again"))
+            }
             TrySendError::Disconnected(_) => Status::unavailable("the simulation has stopped"),
         })
     }
@@ -66,7 +68,10 @@ impl SimHandle {
     ///
     /// # Errors
     /// As [`SimHandle::cast`].
-    pub async fn call<R: Send + 'static>(&self, call: impl FnOnce(&mut Sim) -> R + Send + 'static) -> Result<R, Status> {
+    pub async fn call<R: Send + 'static>(
+        &self,
+        call: impl FnOnce(&mut Sim) -> R + Send + 'static,
+    ) -> Result<R, Status> {
         let (reply, result) = oneshot::channel();
         self.cast(move |sim| {
             // Whoever asked may have gone away in the meantime.

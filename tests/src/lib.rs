@@ -1,1 +1,142 @@
-//! stub
+//! Shared scaffolding of the whole-system tests: real services on real sockets, on free ports.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use surefoot_agent::work::{WorkConfig, WorkError, work};
+use surefoot_planner::cache::DiskStore;
+use surefoot_planner::service::{self as planner_service, PlannerConfig};
+use surefoot_policy::Policy;
+use surefoot_proto::planner::v1 as planner;
+use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_proto::world::v1 as world;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_server::ServerConfig;
+use tokio::task::JoinHandle;
+use tonic::transport::Channel;
+
+/// A running service that stops when it is dropped or told to.
+#[derive(Debug)]
+pub struct Running {
+    /// Where clients connect.
+    pub uri: String,
+    shutdown: Shutdown,
+    task: JoinHandle<()>,
+}
+
+impl Running {
+    /// Stops gracefully and waits for the end.
+    pub async fn stop(self) {
+        self.shutdown.trigger();
+        self.task.await.expect("a service ends without a panic");
+    }
+}
+
+fn free_port() -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], 0))
+}
+
+/// Starts a world server.
+pub fn start_server(config: ServerConfig) -> Running {
+    let (endpoint, shutdown) = (Endpoint::bind(free_port()).expect("a free port"), Shutdown::default());
+    let stop = shutdown.clone();
+    let uri = format!("http://{}", endpoint.address());
+    let task =
+        tokio::spawn(async move { surefoot_server::serve(endpoint, config, stop).await.expect("the server serves") });
+    Running { uri, shutdown, task }
+}
+
+/// Starts a planner with its cache in `folder`.
+pub fn start_planner(folder: &Path, config: PlannerConfig) -> Running {
+    let (endpoint, shutdown) = (Endpoint::bind(free_port()).expect("a free port"), Shutdown::default());
+    let store = DiskStore::open(folder).expect("a cache folder");
+    let (policy, stop) = (Policy::shipped().expect("shipped weights"), shutdown.clone());
+    let uri = format!("http://{}", endpoint.address());
+    let task = tokio::spawn(async move {
+        planner_service::serve(endpoint, config, policy, Box::new(store), stop).await.expect("the planner serves");
+    });
+    Running { uri, shutdown, task }
+}
+
+/// A running worker.
+#[derive(Debug)]
+pub struct Worker {
+    shutdown: Shutdown,
+    /// Resolves with the worker's end.
+    pub task: JoinHandle<Result<(), WorkError>>,
+}
+
+impl Worker {
+    /// Breaks its connections at once, as a killed process would.
+    pub fn kill(&self) {
+        self.task.abort();
+    }
+
+    /// Asks it to stop and waits.
+    pub async fn stop(self) {
+        self.shutdown.trigger();
+        // A worker that was killed has no result.
+        let _ = self.task.await;
+    }
+}
+
+/// Starts a worker; without a planner its NPCs head straight for their goals.
+pub fn start_worker(server: &Running, planner: Option<&Running>, capacity: u32) -> Worker {
+    let shutdown = Shutdown::default();
+    let config = WorkConfig {
+        server: server.uri.clone(),
+        planner: planner.map(|planner| planner.uri.clone()),
+        capacity,
+        name: "e2e".to_owned(),
+        graph: small_graph(),
+        noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
+    };
+    let (policy, stop) = (Policy::shipped().expect("shipped weights"), shutdown.clone());
+    Worker { shutdown, task: tokio::spawn(work(config, policy, stop)) }
+}
+
+/// Settings of a graph that is quick to build.
+pub fn small_graph() -> planner::BuildSettings {
+    planner::BuildSettings { vertices: 50, neighbours: 8, repeats: 1, threshold: 0.5, ..Default::default() }
+}
+
+/// A small map with everything on it.
+pub fn small_map(seed: u64) -> world::MapSpec {
+    world::MapSpec { seed, size: Some(world::MapSize { width: 100, height: 80, depth: 100 }), features: None }
+}
+
+/// A client of a world server.
+pub async fn world_client(server: &Running) -> WorldServiceClient<Channel> {
+    WorldServiceClient::connect(server.uri.clone()).await.expect("the server accepts")
+}
+
+/// A client of a planner.
+pub async fn planner_client(planner: &Running) -> PlannerServiceClient<Channel> {
+    PlannerServiceClient::connect(planner.uri.clone()).await.expect("the planner accepts")
+}
+
+/// Creates a world and returns it.
+pub async fn create_world(client: &mut WorldServiceClient<Channel>, seed: u64, mode: world::TimeMode) -> world::World {
+    let request = world::CreateWorldRequest { map: Some(small_map(seed)), mode: mode.into() };
+    client.create_world(request).await.expect("a valid spec").into_inner().world.expect("a description")
+}
+
+/// Places to stand on a world.
+pub async fn ground(client: &mut WorldServiceClient<Channel>, world_id: u64, count: u32) -> Vec<world::Vec3> {
+    let request = world::SampleGroundRequest { world_id, count, seed: 1 };
+    client.sample_ground(request).await.expect("ground").into_inner().points
+}
+
+/// Builds a graph to its end and returns its id and summary.
+pub async fn build_graph(client: &mut PlannerServiceClient<Channel>, seed: u64) -> (String, planner::GraphSummary) {
+    use tokio_stream::StreamExt;
+    let request = planner::BuildGraphRequest { map: Some(small_map(seed)), settings: Some(small_graph()) };
+    let mut progress = client.build_graph(request).await.expect("valid settings").into_inner();
+    while let Some(message) = progress.next().await {
+        let message = message.expect("the build goes on");
+        if let Some(summary) = message.summary {
+            return (message.graph_id, summary);
+        }
+    }
+    panic!("the build ended without a graph");
+}

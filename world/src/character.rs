@@ -210,7 +210,13 @@ impl Body {
     }
 
     /// Advances the body by one tick under `action`.
-    pub fn tick(&mut self, map: &Map, profile: &CharacterProfile, action: &Action, scratch: &mut MoveScratch) -> TickEvents {
+    pub fn tick(
+        &mut self,
+        map: &Map,
+        profile: &CharacterProfile,
+        action: &Action,
+        scratch: &mut MoveScratch,
+    ) -> TickEvents {
         let mut events = TickEvents::default();
         self.liquid = map.liquid_at(self.feet, WADING_DEPTH_M);
         self.turn(profile, action);

@@ -255,7 +255,14 @@ impl Mesh {
     pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
-        let mut mesh = Self { triangles, counts, cell_starts: vec![0; cell_count + 1], cell_items: Vec::new(), cell_heights: Vec::new(), skips: Vec::new() };
+        let mut mesh = Self {
+            triangles,
+            counts,
+            cell_starts: vec![0; cell_count + 1],
+            cell_items: Vec::new(),
+            cell_heights: Vec::new(),
+            skips: Vec::new(),
+        };
         let mut item_counts = vec![0u32; cell_count + 1];
         mesh.for_each_cell_of_triangles(|cell, _| item_counts[cell + 1] += 1);
         for cell in 0..cell_count {
@@ -297,9 +304,7 @@ impl Mesh {
     }
 
     fn clamped_cells(&self, low: Vec3, high: Vec3) -> ([i32; 3], [i32; 3]) {
-        let clamp = |cell: [i32; 3]| {
-            [0, 1, 2].map(|axis| cell[axis].clamp(0, self.counts[axis] - 1))
-        };
+        let clamp = |cell: [i32; 3]| [0, 1, 2].map(|axis| cell[axis].clamp(0, self.counts[axis] - 1));
         (clamp(self.cell_of(low)), clamp(self.cell_of(high)))
     }
 
@@ -315,7 +320,8 @@ impl Mesh {
                     for x in from[0]..=to[0] {
                         let centre = (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M;
                         let reach = triangle.normal.abs().dot(half);
-                        let on_border = [(x, 0), (y, 1), (z, 2)].iter().any(|&(c, axis)| c == 0 || c == self.counts[axis] - 1);
+                        let on_border =
+                            [(x, 0), (y, 1), (z, 2)].iter().any(|&(c, axis)| c == 0 || c == self.counts[axis] - 1);
                         if on_border || triangle.normal.dot(centre - triangle.a).abs() <= reach {
                             visit(self.cell_idx([x, y, z]), idx as u32);
                         }
@@ -411,7 +417,13 @@ impl Mesh {
                 if inv.is_finite() { (border as f32 * CELL_M - o) * inv } else { f32::INFINITY }
             };
             let exits = [exit(0, origin.x, inverse.x), exit(1, origin.y, inverse.y), exit(2, origin.z, inverse.z)];
-            let axis = if exits[0] <= exits[1] && exits[0] <= exits[2] { 0 } else if exits[1] <= exits[2] { 1 } else { 2 };
+            let axis = if exits[0] <= exits[1] && exits[0] <= exits[2] {
+                0
+            } else if exits[1] <= exits[2] {
+                1
+            } else {
+                2
+            };
             let leave = exits[axis].max(travelled);
             if skip == 0 {
                 // A hit beyond this cell is found where it lies, so only this stretch of the ray is tested.
@@ -474,7 +486,8 @@ impl Mesh {
         for z in from[2]..=to[2] {
             for y in from[1]..=to[1] {
                 let row = self.cell_idx([0, y, z]);
-                let range = self.cell_starts[row + from[0] as usize] as usize..self.cell_starts[row + to[0] as usize + 1] as usize;
+                let range = self.cell_starts[row + from[0] as usize] as usize
+                    ..self.cell_starts[row + to[0] as usize + 1] as usize;
                 for &triangle_idx in &self.cell_items[range] {
                     let triangle = &self.triangles[triangle_idx as usize];
                     let (t_low, t_high) = triangle.bounds();

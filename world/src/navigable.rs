@@ -28,7 +28,12 @@ pub struct NoGround;
 ///
 /// # Errors
 /// [`NoGround`] if ten thousand columns offered none.
-pub fn sample(map: &Map, profile: &CharacterProfile, rng: &mut impl Rng, scratch: &mut MoveScratch) -> Result<Vec3, NoGround> {
+pub fn sample(
+    map: &Map,
+    profile: &CharacterProfile,
+    rng: &mut impl Rng,
+    scratch: &mut MoveScratch,
+) -> Result<Vec3, NoGround> {
     let extent = map.extent();
     for _ in 0..MAX_TRIES {
         let x = rng.random_range(RIM_M..extent.x - RIM_M);
@@ -49,7 +54,12 @@ pub fn sample(map: &Map, profile: &CharacterProfile, rng: &mut impl Rng, scratch
 ///
 /// # Errors
 /// As [`sample`].
-pub fn sample_many(map: &Map, profile: &CharacterProfile, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, NoGround> {
+pub fn sample_many(
+    map: &Map,
+    profile: &CharacterProfile,
+    count: usize,
+    rng: &mut impl Rng,
+) -> Result<Vec<Vec3>, NoGround> {
     let mut scratch = MoveScratch::default();
     (0..count).map(|_| sample(map, profile, rng, &mut scratch)).collect()
 }

@@ -106,7 +106,14 @@ pub struct LastDecision {
 ///
 /// # Panics
 /// If `row` is not [`OBSERVATION_LEN`] long.
-pub fn observe(cone: &RayCone, context: SenseContext<'_>, body: &Body, episode: &Episode, last: &LastDecision, row: &mut [f32]) {
+pub fn observe(
+    cone: &RayCone,
+    context: SenseContext<'_>,
+    body: &Body,
+    episode: &Episode,
+    last: &LastDecision,
+    row: &mut [f32],
+) {
     assert_eq!(row.len(), OBSERVATION_LEN);
     let (rays, state) = row.split_at_mut(RAY_COUNT * RAY_CHANNELS);
     rays.fill(0.0);
@@ -129,7 +136,12 @@ pub fn observe(cone: &RayCone, context: SenseContext<'_>, body: &Body, episode: 
 /// goal, each / 8 m and clamped; 6..9 velocity / 12 m/s; 9..12 change of velocity over the last decision /
 /// 12 m/s; 12..16 previous action; 16 grounded; 17 can jump (again); 18 share of the patience used; 19 share
 /// of the breath used; 20..23 unit direction to the nearest pad; 23 its proximity `1 - d / 50 m`.
-pub fn state_vector(context: SenseContext<'_>, body: &Body, episode: &Episode, last: &LastDecision) -> [f32; STATE_LEN] {
+pub fn state_vector(
+    context: SenseContext<'_>,
+    body: &Body,
+    episode: &Episode,
+    last: &LastDecision,
+) -> [f32; STATE_LEN] {
     let goal = body.to_local(episode.goal - body.feet);
     let goal_distance = goal.length();
     let goal_direction = goal / goal_distance.max(1.0e-3);

@@ -86,14 +86,7 @@ pub struct Episode {
 impl Episode {
     /// Starts an attempt at `goal` from `feet`.
     pub fn new(goal: Vec3, feet: Vec3) -> Self {
-        Self {
-            goal,
-            best_distance: feet.distance(goal),
-            stalled_decisions: 0,
-            decisions: 0,
-            end: None,
-            progress: 0.0,
-        }
+        Self { goal, best_distance: feet.distance(goal), stalled_decisions: 0, decisions: 0, end: None, progress: 0.0 }
     }
 
     /// Notes where the feet are after a tick. Reaching is tested here, every tick.

@@ -63,7 +63,15 @@ pub struct World {
 impl World {
     /// An empty world on `map`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
-        Self { map, profile, task, cone: RayCone::default(), tick: 0, npcs: Vec::new(), scratch: MoveScratch::default() }
+        Self {
+            map,
+            profile,
+            task,
+            cone: RayCone::default(),
+            tick: 0,
+            npcs: Vec::new(),
+            scratch: MoveScratch::default(),
+        }
     }
 
     /// A copy of all that changes; together with the map, the profile and the task it restores this world.

@@ -30,7 +30,11 @@ fn flat() -> Vec<Triangle> {
 }
 
 fn world(triangles: Vec<Triangle>, pools: Vec<Pool>, pads: Vec<Pad>) -> World {
-    World::new(Arc::new(Map::from_parts(SIZE, triangles, pools, pads)), CharacterProfile::default(), TaskConfig::default())
+    World::new(
+        Arc::new(Map::from_parts(SIZE, triangles, pools, pads)),
+        CharacterProfile::default(),
+        TaskConfig::default(),
+    )
 }
 
 const NPC: NpcSlot = NpcSlot(0);
@@ -127,7 +131,9 @@ fn stays_on_the_ground_when_running_downhill() {
 
 #[test]
 fn walks_over_a_low_step_and_is_stopped_by_a_high_one() {
-    let step = |height: f32| profile_along_z(&[(0.0, GROUND), (35.0, GROUND), (35.0, GROUND + height), (60.0, GROUND + height)]);
+    let step = |height: f32| {
+        profile_along_z(&[(0.0, GROUND), (35.0, GROUND), (35.0, GROUND + height), (60.0, GROUND + height)])
+    };
     let mut low = on(step(0.09), MIDDLE);
     run(&mut low, &[FORWARD; 6]);
     assert!(feet(&low).z > 37.0, "stopped at {:?}", feet(&low));

@@ -118,13 +118,17 @@ fn sampled_ground_holds_the_body_clear_of_all_geometry() {
         let centre = feet + Vec3::new(0.0, profile.height / 2.0, 0.0);
         let pose = parry3d::math::Pose::from_translation(centre);
         let near = map.mesh().triangles().iter().filter(|triangle| {
-            triangle.surface() == Surface::Ground && triangle.corners().iter().any(|corner| corner.distance(centre) < 12.0)
+            triangle.surface() == Surface::Ground
+                && triangle.corners().iter().any(|corner| corner.distance(centre) < 12.0)
         });
         let mut supported = false;
         for triangle in near {
             let [a, b, c] = triangle.corners();
             let shape = ParryTriangle::new(a, b, c);
-            assert!(!query::intersection_test(&pose, &capsule, &identity, &shape).unwrap().intersecting, "inside {triangle:?} at {feet:?}");
+            assert!(
+                !query::intersection_test(&pose, &capsule, &identity, &shape).unwrap().intersecting,
+                "inside {triangle:?} at {feet:?}"
+            );
             supported |= query::distance(&pose, &capsule, &identity, &shape).unwrap().distance < slack + 0.08;
         }
         assert!(supported, "floating at {feet:?}");

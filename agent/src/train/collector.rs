@@ -93,7 +93,8 @@ impl Arena {
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(2);
-        let points = navigable::sample_many(&map, &profile, POINTS_PER_MAP, &mut rng).expect("generated maps have ground");
+        let points =
+            navigable::sample_many(&map, &profile, POINTS_PER_MAP, &mut rng).expect("generated maps have ground");
         Self { seed, points, world: World::new(map, profile, TaskConfig::default()) }
     }
 
@@ -212,9 +213,10 @@ impl Collector {
     /// Collects `step_count` decisions of every NPC with `actor` and hands each step to `store`.
     pub fn round(&mut self, actor: &Actor, step_count: usize, mut store: impl FnMut(Step)) {
         self.rounds += 1;
-        let exchanged = self.rounds.is_multiple_of(self.config.rounds_per_map).then(|| {
-            (self.rounds / self.config.rounds_per_map) as usize % self.arenas.len()
-        });
+        let exchanged = self
+            .rounds
+            .is_multiple_of(self.config.rounds_per_map)
+            .then(|| (self.rounds / self.config.rounds_per_map) as usize % self.arenas.len());
         for step_idx in 0..step_count {
             let exchange = exchanged.filter(|_| step_idx == 0);
             if let Some(arena_idx) = exchange {

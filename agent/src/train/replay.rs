@@ -40,11 +40,16 @@ mod ray_array {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub fn serialize<T: Serialize, S: Serializer, const N: usize>(array: &[T; N], serializer: S) -> Result<S::Ok, S::Error> {
+    pub fn serialize<T: Serialize, S: Serializer, const N: usize>(
+        array: &[T; N],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
         array.as_slice().serialize(serializer)
     }
 
-    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[T; N], D::Error> {
+    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>, const N: usize>(
+        deserializer: D,
+    ) -> Result<[T; N], D::Error> {
         let values = Vec::<T>::deserialize(deserializer)?;
         let count = values.len();
         values.try_into().map_err(|_| D::Error::custom(format!("{count} rays, expected {N}")))
@@ -204,14 +209,8 @@ pub struct Step {
 
 impl Row {
     fn pack(observation: &[f32], action: [f32; ACTION_LEN], reward: f32, kind: RowKind) -> Self {
-        let mut row = Row {
-            proximity: [0; RAY_COUNT],
-            surface: [0; RAY_COUNT],
-            state: [0.0; STATE_LEN],
-            action,
-            reward,
-            kind,
-        };
+        let mut row =
+            Row { proximity: [0; RAY_COUNT], surface: [0; RAY_COUNT], state: [0.0; STATE_LEN], action, reward, kind };
         for ray in 0..RAY_COUNT {
             row.proximity[ray] = (observation[ray] * f32::from(u16::MAX)).round() as u16;
             row.surface[ray] = (1..4u8).find(|&s| observation[usize::from(s) * RAY_COUNT + ray] > 0.5).unwrap_or(0);

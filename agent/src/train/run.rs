@@ -179,7 +179,8 @@ impl Run {
     pub fn round(&mut self) -> Vec<UpdateStats> {
         let actor = Collector::snapshot(self.learner.actor());
         let Self { config, collector, learner, replay, .. } = self;
-        let sampling = Sampling { batch: config.batch, n_step: config.n_step, discount: config.discount, mirror: config.mirror };
+        let sampling =
+            Sampling { batch: config.batch, n_step: config.n_step, discount: config.discount, mirror: config.mirror };
         let warm = replay.len() >= 40 * config.batch.max(collector.lane_count());
         let (steps, stats) = std::thread::scope(|scope| {
             let collecting = scope.spawn(|| {
@@ -288,7 +289,9 @@ impl ValidationSet {
             .validation_seeds
             .iter()
             .map(|&seed| {
-                let map = Arc::new(Map::generate(&MapSpec::with_side(seed, config.collector.map_side)).expect("a valid spec"));
+                let map = Arc::new(
+                    Map::generate(&MapSpec::with_side(seed, config.collector.map_side)).expect("a valid spec"),
+                );
                 let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x5EED);
                 let points = navigable::sample_many(&map, &CharacterProfile::default(), 800, &mut rng).expect("ground");
                 let near = Goal::draw(&points, 2.0..25.0, config.validation_goals, &mut rng);
@@ -326,7 +329,13 @@ impl ValidationSet {
 ///
 /// # Errors
 /// If files cannot be read or written, or a checkpoint does not fit.
-pub fn run(config: TrainConfig, folder: &Path, resume: bool, stop: &AtomicBool, mut report: impl FnMut(&str)) -> Result<(), TrainError> {
+pub fn run(
+    config: TrainConfig,
+    folder: &Path,
+    resume: bool,
+    stop: &AtomicBool,
+    mut report: impl FnMut(&str),
+) -> Result<(), TrainError> {
     let io = |source| TrainError::Io { path: folder.to_owned(), source };
     let mut run = if resume {
         Run::load(folder)?
@@ -356,21 +365,31 @@ pub fn run(config: TrainConfig, folder: &Path, resume: bool, stop: &AtomicBool, 
             let updates = run.updates();
             report(&format!(
                 "updates {updates} decisions {} | {:.0} decisions/s {:.1} updates/s | success {:.1} % of {} | q {:.3} critic {:.4} entropy {:.2} alpha {:.4}",
-                run.collector.total_decisions(), rate(stats.decisions), rate(updates - updates_before),
-                100.0 * success, stats.episodes, recent.q_mean, recent.critic_loss, recent.entropy, recent.alpha,
+                run.collector.total_decisions(),
+                rate(stats.decisions),
+                rate(updates - updates_before),
+                100.0 * success,
+                stats.episodes,
+                recent.q_mean,
+                recent.critic_loss,
+                recent.entropy,
+                recent.alpha,
             ));
             events
-                .scalars(updates, &[
-                    ("collect/success", success as f32),
-                    ("collect/reward_per_decision", (stats.reward / stats.decisions.max(1) as f64) as f32),
-                    ("speed/decisions_s", rate(stats.decisions) as f32),
-                    ("speed/updates_s", rate(updates - updates_before) as f32),
-                    ("sac/critic_loss", recent.critic_loss),
-                    ("sac/actor_loss", recent.actor_loss),
-                    ("sac/q_mean", recent.q_mean),
-                    ("sac/entropy", recent.entropy),
-                    ("sac/alpha", recent.alpha),
-                ])
+                .scalars(
+                    updates,
+                    &[
+                        ("collect/success", success as f32),
+                        ("collect/reward_per_decision", (stats.reward / stats.decisions.max(1) as f64) as f32),
+                        ("speed/decisions_s", rate(stats.decisions) as f32),
+                        ("speed/updates_s", rate(updates - updates_before) as f32),
+                        ("sac/critic_loss", recent.critic_loss),
+                        ("sac/actor_loss", recent.actor_loss),
+                        ("sac/q_mean", recent.q_mean),
+                        ("sac/entropy", recent.entropy),
+                        ("sac/alpha", recent.alpha),
+                    ],
+                )
                 .map_err(io)?;
             (since, updates_before) = (Instant::now(), updates);
         }
@@ -387,7 +406,13 @@ pub fn run(config: TrainConfig, folder: &Path, resume: bool, stop: &AtomicBool, 
     Ok(())
 }
 
-fn validate(run: &mut Run, set: &ValidationSet, folder: &Path, events: &mut EventWriter, report: &mut impl FnMut(&str)) -> Result<(), TrainError> {
+fn validate(
+    run: &mut Run,
+    set: &ValidationSet,
+    folder: &Path,
+    events: &mut EventWriter,
+    report: &mut impl FnMut(&str),
+) -> Result<(), TrainError> {
     let weights = module_bytes(run.actor())?;
     let manifest = Manifest::new(&run.config.name, run.config.sac.network, &weights, serde_json::Value::Null);
     let policy = Policy::new(run.actor(), manifest);
@@ -395,15 +420,22 @@ fn validate(run: &mut Run, set: &ValidationSet, folder: &Path, events: &mut Even
     let validation = set.measure(&policy, DEFAULT_NOISE_SHARE);
     report(&format!(
         "validation at {} updates: {:.1} % up to 25 m, {:.1} % at 25-60 m (without noise {:.1} %, {:.1} %)",
-        run.updates(), 100.0 * validation.near, 100.0 * validation.far, 100.0 * greedy.near, 100.0 * greedy.far,
+        run.updates(),
+        100.0 * validation.near,
+        100.0 * validation.far,
+        100.0 * greedy.near,
+        100.0 * greedy.far,
     ));
     events
-        .scalars(run.updates(), &[
-            ("validation/near", validation.near as f32),
-            ("validation/far", validation.far as f32),
-            ("validation/near_without_noise", greedy.near as f32),
-            ("validation/far_without_noise", greedy.far as f32),
-        ])
+        .scalars(
+            run.updates(),
+            &[
+                ("validation/near", validation.near as f32),
+                ("validation/far", validation.far as f32),
+                ("validation/near_without_noise", greedy.near as f32),
+                ("validation/far_without_noise", greedy.far as f32),
+            ],
+        )
         .map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     let score = validation.near + 0.5 * validation.far;
     if score > run.best_validation {

@@ -9,8 +9,8 @@ use burn::nn::Linear;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::activation::softplus;
 use burn::tensor::{Bytes, Device, Tensor, TensorData};
-use rand::rngs::ChaCha8Rng;
 use rand::Rng;
+use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use surefoot_policy::actor::{ActionDistribution, Trunk, gaussian, linear};
 use surefoot_policy::checkpoint::{load_module, module_bytes};
@@ -185,7 +185,8 @@ impl Learner {
 
         // Targets: r + gamma (min Q'(s', a') - alpha log pi(a'|s')), eq. (7) with the soft value of eq. (3).
         let noise = self.noise(size, &inner);
-        let (next_actions, next_log_prob) = sample_squashed(self.actor.valid().forward(next_observations.clone()), noise);
+        let (next_actions, next_log_prob) =
+            sample_squashed(self.actor.valid().forward(next_observations.clone()), noise);
         let next_value = self.target.min(next_observations, next_actions) - next_log_prob * alpha;
         let targets = returns + bootstrap * next_value;
 
@@ -231,7 +232,8 @@ impl Learner {
         let gap = mean_log_prob + self.config.target_entropy;
         let loss = self.temperature.log_alpha.val() * -gap;
         let gradients = GradientsParams::from_grads(loss.sum().backward(), &self.temperature);
-        self.temperature = self.temperature_optimizer.step(self.config.learning_rate, self.temperature.clone(), gradients);
+        self.temperature =
+            self.temperature_optimizer.step(self.config.learning_rate, self.temperature.clone(), gradients);
     }
 
     fn alpha(&self) -> f32 {
@@ -250,7 +252,10 @@ impl Learner {
     /// If a module cannot be encoded.
     pub fn save(&self) -> Result<LearnerState, CheckpointError> {
         let optimizer = |optimizer: &ModuleOptimizer| {
-            optimizer.into_bytes().map(|bytes| bytes.to_vec()).map_err(|error| CheckpointError::Decode(error.to_string()))
+            optimizer
+                .into_bytes()
+                .map(|bytes| bytes.to_vec())
+                .map_err(|error| CheckpointError::Decode(error.to_string()))
         };
         Ok(LearnerState {
             modules: [
@@ -281,7 +286,9 @@ impl Learner {
         learner.target = load_module(learner.target, &target)?;
         learner.temperature = load_module(learner.temperature, &temperature)?;
         let load = |optimizer: ModuleOptimizer, bytes: Vec<u8>| {
-            optimizer.from_bytes(Bytes::from_bytes_vec(bytes)).map_err(|error| CheckpointError::Decode(error.to_string()))
+            optimizer
+                .from_bytes(Bytes::from_bytes_vec(bytes))
+                .map_err(|error| CheckpointError::Decode(error.to_string()))
         };
         let [actor, critic, temperature] = state.optimizers;
         learner.actor_optimizer = load(learner.actor_optimizer, actor)?;

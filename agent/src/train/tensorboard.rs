@@ -48,7 +48,11 @@ impl EventWriter {
         let seconds = now();
         let path = folder.join(format!("events.out.tfevents.{seconds:.0}.surefoot.{}", std::process::id()));
         let mut writer = Self { file: OpenOptions::new().create(true).append(true).open(path)? };
-        writer.write(&Event { wall_time: seconds, file_version: Some("brain.Event:2".to_owned()), ..Event::default() })?;
+        writer.write(&Event {
+            wall_time: seconds,
+            file_version: Some("brain.Event:2".to_owned()),
+            ..Event::default()
+        })?;
         Ok(writer)
     }
 

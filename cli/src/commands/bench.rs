@@ -8,8 +8,8 @@ use serde::Serialize;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_agent::train::sac::{Learner, SacConfig};
 use surefoot_agent::train::replay::Batch;
+use surefoot_agent::train::sac::{Learner, SacConfig};
 use surefoot_world::character::{ACTION_LEN, Action};
 use surefoot_world::sense::{RAY_COUNT, RayCone};
 use surefoot_world::{CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
@@ -52,7 +52,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 fn machine() -> String {
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = cpu.lines().find_map(|line| line.strip_prefix("model name")).map(|rest| rest.trim_start_matches([' ', '\t', ':']));
+    let model = cpu
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"))
+        .map(|rest| rest.trim_start_matches([' ', '\t', ':']));
     format!("{} x {}", super::core_count(), model.unwrap_or(std::env::consts::ARCH))
 }
 
@@ -75,7 +78,12 @@ fn world() -> anyhow::Result<Vec<Figure>> {
     for _ in 0..300 {
         observing.push(timed(|| (0..NPCS).for_each(|idx| _ = world.observe(NpcSlot(idx as u32), &mut row))));
         for idx in 0..NPCS {
-            let action = Action::from_array([rng.random_range(0.0..1.0), rng.random_range(-0.5..0.5), rng.random_range(-0.5..0.5), rng.random_range(-1.0..0.4)])?;
+            let action = Action::from_array([
+                rng.random_range(0.0..1.0),
+                rng.random_range(-0.5..0.5),
+                rng.random_range(-0.5..0.5),
+                rng.random_range(-1.0..0.4),
+            ])?;
             world.decide(NpcSlot(idx as u32), action);
         }
         moving.push(timed(|| world.tick_decision()));
@@ -91,7 +99,9 @@ fn world() -> anyhow::Result<Vec<Figure>> {
     let (observe_s, move_s) = (median(observing) / NPCS as f64, median(moving) / NPCS as f64);
     let cone = RayCone::default();
     let bodies: Vec<_> = world.npcs().map(|(_, npc)| npc.body).collect();
-    let rays = (0..50).map(|_| timed(|| bodies.iter().for_each(|body| cone.cast(&map, &profile, body, |_, d, _| _ = black_box(d))))).collect();
+    let rays = (0..50)
+        .map(|_| timed(|| bodies.iter().for_each(|body| cone.cast(&map, &profile, body, |_, d, _| _ = black_box(d)))))
+        .collect();
     let ray_us = median(rays) / (bodies.len() * RAY_COUNT) as f64 * 1.0e6;
     Ok(vec![
         Figure::new("decisions_per_core_s", 1.0 / (observe_s + move_s), "1/s").target(20_000.0),

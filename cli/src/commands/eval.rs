@@ -11,7 +11,9 @@ use surefoot_planner::{BuildSettings, Placement};
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --method spaced\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --method spaced --vertices 800 --neighbours 20")]
+#[command(
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --method spaced\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --method spaced --vertices 800 --neighbours 20"
+)]
 pub struct Args {
     /// training, validation, test, or map seeds such as 7 or 1000,1001 or 0..4
     #[arg(long, default_value = "validation")]
@@ -113,9 +115,17 @@ fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {
 }
 
 fn print_table(report: &Report) -> anyhow::Result<()> {
-    println!("method {}  model {}  maps {:?}  {} goals a map, seeds {:?}", report.method, report.model, report.maps, report.goals, report.seeds);
+    println!(
+        "method {}  model {}  maps {:?}  {} goals a map, seeds {:?}",
+        report.method, report.model, report.maps, report.goals, report.seeds
+    );
     println!("{:<8}{:>9}{:>19}{:>8}", "goals", "success", "95 % interval", "n");
-    let rows = [("all", report.success.all), ("easy", report.success.easy), ("medium", report.success.medium), ("hard", report.success.hard)];
+    let rows = [
+        ("all", report.success.all),
+        ("easy", report.success.easy),
+        ("medium", report.success.medium),
+        ("hard", report.success.hard),
+    ];
     for (name, Rate { rate, low, high, n }) in rows {
         println!("{name:<8}{:>8.1}%{:>10.1} - {:>5.1}%{n:>8}", 100.0 * rate, 100.0 * low, 100.0 * high);
     }
@@ -128,7 +138,13 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
     if let Some(graph) = &report.graph {
         println!(
             "graph: {:.0} vertices, {:.0} edges, {:.1} islands, {:.1} % of vertex pairs connected, {:.0} probes in {:.1} s, search {:.0} us (median)",
-            graph.vertices, graph.edges, graph.islands, 100.0 * graph.connected, graph.probes, graph.build_s, graph.search_us_median
+            graph.vertices,
+            graph.edges,
+            graph.islands,
+            100.0 * graph.connected,
+            graph.probes,
+            graph.build_s,
+            graph.search_us_median
         );
     }
     Ok(())

@@ -29,7 +29,9 @@ pub enum Command {
 
 /// Build the graph of a map into the cache, or find it there, and describe or draw it.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json")]
+#[command(
+    after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json"
+)]
 pub struct Args {
     /// Seed of the map
     seed: u64,
@@ -120,7 +122,8 @@ fn describe(args: &Args, id: &GraphId, built: &Built, cached: bool) -> anyhow::R
     let by_ability = |ability: Ability| graph.edges().filter(|edge| edge.evidence.ability == ability).count();
     let abilities = [Ability::Walk, Ability::Jump, Ability::DoubleJump, Ability::Pad];
     if args.json {
-        let counts: serde_json::Map<_, _> = abilities.iter().map(|&a| (a.name().to_owned(), by_ability(a).into())).collect();
+        let counts: serde_json::Map<_, _> =
+            abilities.iter().map(|&a| (a.name().to_owned(), by_ability(a).into())).collect();
         return print_json(&serde_json::json!({
             "graph_id": id.to_string(),
             "map_seed": args.seed,
@@ -135,7 +138,13 @@ fn describe(args: &Args, id: &GraphId, built: &Built, cached: bool) -> anyhow::R
         }));
     }
     println!("graph {id}{}", if cached { " (from the cache)" } else { "" });
-    println!("{} vertices, {} edges, {} islands, {:.1} % of vertex pairs connected", graph.vertex_count(), graph.edge_count(), graph.island_count(), 100.0 * graph.connected_share());
+    println!(
+        "{} vertices, {} edges, {} islands, {:.1} % of vertex pairs connected",
+        graph.vertex_count(),
+        graph.edge_count(),
+        graph.island_count(),
+        100.0 * graph.connected_share()
+    );
     let counts: Vec<String> = abilities.iter().map(|&a| format!("{} {}", a.name(), by_ability(a))).collect();
     println!("edges by ability: {}", counts.join(", "));
     println!("{} probes in {:.1} s", built.probes, built.seconds);
@@ -162,8 +171,15 @@ fn draw_graph(picture: &mut Picture, graph: &NavGraph) {
 }
 
 /// Runs NPCs to random goals by plan, draws where they went, and returns how many arrived.
-fn draw_tracks(picture: &mut Picture, map: &Arc<Map>, policy: &Policy, graph: &NavGraph, count: usize) -> anyhow::Result<usize> {
-    const COLOURS: [[u8; 3]; 6] = [[255, 80, 160], [255, 150, 40], [160, 90, 255], [40, 230, 170], [255, 60, 60], [60, 200, 255]];
+fn draw_tracks(
+    picture: &mut Picture,
+    map: &Arc<Map>,
+    policy: &Policy,
+    graph: &NavGraph,
+    count: usize,
+) -> anyhow::Result<usize> {
+    const COLOURS: [[u8; 3]; 6] =
+        [[255, 80, 160], [255, 150, 40], [160, 90, 255], [40, 230, 170], [255, 60, 60], [60, 200, 255]];
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let points = navigable::sample_many(map, &CharacterProfile::default(), 2 * count, &mut rng)?;
     let mut arrived = 0;
@@ -182,7 +198,14 @@ fn draw_tracks(picture: &mut Picture, map: &Arc<Map>, policy: &Policy, graph: &N
     Ok(arrived)
 }
 
-fn run_one(map: &Arc<Map>, policy: &Policy, graph: &NavGraph, start: Vec3, goal: Vec3, rng: &mut ChaCha8Rng) -> (Vec<Vec3>, bool) {
+fn run_one(
+    map: &Arc<Map>,
+    policy: &Policy,
+    graph: &NavGraph,
+    start: Vec3,
+    goal: Vec3,
+    rng: &mut ChaCha8Rng,
+) -> (Vec<Vec3>, bool) {
     let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
     let slot = world.spawn(start, 0.0);
     let mut follower = Follower::new(goal, FollowConfig::default());

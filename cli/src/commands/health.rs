@@ -17,13 +17,15 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
-        let endpoint = tonic::transport::Endpoint::from_shared(args.uri.clone()).context("not a URI such as http://127.0.0.1:7600")?;
+        let endpoint = tonic::transport::Endpoint::from_shared(args.uri.clone())
+            .context("not a URI such as http://127.0.0.1:7600")?;
         let check = async {
             let channel = endpoint.connect().await.with_context(|| format!("cannot connect to {}", args.uri))?;
             let request = tonic_health::pb::HealthCheckRequest::default();
             anyhow::Ok(HealthClient::new(channel).check(request).await?.into_inner().status())
         };
-        let status = tokio::time::timeout(Duration::from_secs(2), check).await.context("no answer within two seconds")??;
+        let status =
+            tokio::time::timeout(Duration::from_secs(2), check).await.context("no answer within two seconds")??;
         if status != ServingStatus::Serving {
             bail!("{} is {}", args.uri, status.as_str_name());
         }

@@ -16,7 +16,9 @@ pub enum Command {
 
 /// Describe a generated map, or draw it from above.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot map show 2000\n  surefoot map show 7 --png map.png --scale 4\n  surefoot map show 3000 --size 1000 --json")]
+#[command(
+    after_help = "Examples:\n  surefoot map show 2000\n  surefoot map show 7 --png map.png --scale 4\n  surefoot map show 3000 --size 1000 --json"
+)]
 pub struct ShowArgs {
     /// Seed of the map
     seed: u64,
@@ -68,10 +70,17 @@ fn show(args: &ShowArgs) -> anyhow::Result<()> {
         return print_json(&description);
     }
     println!("map {} ({} m a side), hash {}", args.seed, args.size, map.hash());
-    println!("{} triangles, {:.0} MB, generated in {seconds:.2} s", map.mesh().triangles().len(), map.mesh().memory_bytes() as f64 / 1.0e6);
+    println!(
+        "{} triangles, {:.0} MB, generated in {seconds:.2} s",
+        map.mesh().triangles().len(),
+        map.mesh().memory_bytes() as f64 / 1.0e6
+    );
     println!(
         "{} plateaus, {} buildings, {} pools, {} jump pads",
-        map.plateaus().len(), map.buildings().len(), map.pools().len(), map.pads().len()
+        map.plateaus().len(),
+        map.buildings().len(),
+        map.pools().len(),
+        map.pads().len()
     );
     Ok(())
 }

@@ -14,7 +14,9 @@ use tracing::info;
 
 /// Run the world server until Ctrl-C or SIGTERM.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --max-npcs 4096\n  curl http://127.0.0.1:7600/metrics")]
+#[command(
+    after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --max-npcs 4096\n  curl http://127.0.0.1:7600/metrics"
+)]
 pub struct ServeArgs {
     /// Address for gRPC, gRPC-Web and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7600", env = "SUREFOOT_LISTEN")]
@@ -75,7 +77,9 @@ pub struct PlanArgs {
 
 /// Carry NPCs of a world server: decide for them with the policy, along plans of a planner.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot work\n  surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  surefoot work --no-planner")]
+#[command(
+    after_help = "Examples:\n  surefoot work\n  surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  surefoot work --no-planner"
+)]
 pub struct WorkArgs {
     /// The world server
     #[arg(long, default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]

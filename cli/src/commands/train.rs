@@ -8,7 +8,9 @@ use surefoot_agent::train::{self, TrainConfig};
 
 /// Train the reactive SAC agent. Ctrl-C or SIGTERM writes a checkpoint and ends; --resume continues exactly.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/mine --config my.json --updates 50000\n  tensorboard --logdir runs")]
+#[command(
+    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/mine --config my.json --updates 50000\n  tensorboard --logdir runs"
+)]
 pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
     folder: PathBuf,
@@ -30,7 +32,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = match &args.config {
         Some(path) => {
             let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-            serde_json::from_slice(&text).with_context(|| format!("{} is not a training configuration", path.display()))?
+            serde_json::from_slice(&text)
+                .with_context(|| format!("{} is not a training configuration", path.display()))?
         }
         None => TrainConfig::default(),
     };

@@ -76,7 +76,8 @@ async fn scene(args: &Args, shutdown: Shutdown) -> anyhow::Result<()> {
     let mut parts: JoinSet<anyhow::Result<()>> = JoinSet::new();
     let (limits, stop) = (args.limits.config(), shutdown.clone());
     parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });
-    let (config, prober, stop) = (PlannerConfig { threads: core_count(), ..PlannerConfig::default() }, policy.clone(), shutdown.clone());
+    let (config, prober, stop) =
+        (PlannerConfig { threads: core_count(), ..PlannerConfig::default() }, policy.clone(), shutdown.clone());
     parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
     for idx in 0..args.workers {
         let config = WorkConfig {
@@ -90,12 +91,16 @@ async fn scene(args: &Args, shutdown: Shutdown) -> anyhow::Result<()> {
         let (policy, stop) = (policy.clone(), shutdown.clone());
         parts.spawn(async move { Ok(work(config, policy, stop).await?) });
     }
-    let channel = tonic::transport::Endpoint::from_shared(server_uri)?.connect().await.context("cannot connect to the world server")?;
+    let channel = tonic::transport::Endpoint::from_shared(server_uri)?
+        .connect()
+        .await
+        .context("cannot connect to the world server")?;
     let mut watches = Vec::new();
     for idx in 0..args.maps {
         let share = args.npcs / args.maps as usize + usize::from((idx as usize) < args.npcs % args.maps as usize);
         let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
-        let crowd = Crowd::start(channel.clone(), map, share, FIRST_SEED + idx).await.context("cannot populate a world")?;
+        let crowd =
+            Crowd::start(channel.clone(), map, share, FIRST_SEED + idx).await.context("cannot populate a world")?;
         let (latest, watching) = watch::channel(WatchWorldResponse::default());
         watches.push((crowd.world().world_id, watching));
         let stop = shutdown.clone();
@@ -127,7 +132,9 @@ async fn watch_scene(
 ) -> anyhow::Result<()> {
     let period = Duration::from_secs(if is_interactive() { 1 } else { 10 });
     let mut ticks = tokio::time::interval_at(tokio::time::Instant::now() + period, period);
-    let end = args.duration.map(|seconds| tokio::time::Instant::from_std(started) + Duration::from_secs_f64(seconds.clamp(0.0, 1.0e6)));
+    let end = args
+        .duration
+        .map(|seconds| tokio::time::Instant::from_std(started) + Duration::from_secs_f64(seconds.clamp(0.0, 1.0e6)));
     let time_up = async {
         match end {
             Some(end) => tokio::time::sleep_until(end).await,
@@ -159,10 +166,23 @@ fn percent(part: u64, whole: u64) -> f64 {
 }
 
 /// Prints one row per world; returns the decisions answered so far.
-fn print_table(started: Instant, watches: &[(u64, watch::Receiver<WatchWorldResponse>)], before: u64, period: Duration) -> u64 {
+fn print_table(
+    started: Instant,
+    watches: &[(u64, watch::Receiver<WatchWorldResponse>)],
+    before: u64,
+    period: Duration,
+) -> u64 {
     let mut table = format!(
         "{:>6.0} s  {:>5} {:>5} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8}\n",
-        started.elapsed().as_secs_f64(), "world", "npcs", "tick p50", "tick p99", "dropped", "missed", "arrived", "success"
+        started.elapsed().as_secs_f64(),
+        "world",
+        "npcs",
+        "tick p50",
+        "tick p99",
+        "dropped",
+        "missed",
+        "arrived",
+        "success"
     );
     let mut answered = 0;
     for (world_id, watching) in watches {
@@ -170,15 +190,24 @@ fn print_table(started: Instant, watches: &[(u64, watch::Receiver<WatchWorldResp
         answered += stats.decisions_answered;
         table += &format!(
             "          {world_id:>5} {:>5} {:>6.2} ms {:>6.2} ms {:>8} {:>7.2}% {:>8} {:>7.1}%\n",
-            watching.borrow().npcs.len(), stats.tick_us_p50 / 1000.0, stats.tick_us_p99 / 1000.0, stats.ticks_dropped,
-            percent(stats.decisions_missed, stats.decisions_asked), stats.reached, percent(stats.reached, attempts(&stats)),
+            watching.borrow().npcs.len(),
+            stats.tick_us_p50 / 1000.0,
+            stats.tick_us_p99 / 1000.0,
+            stats.ticks_dropped,
+            percent(stats.decisions_missed, stats.decisions_asked),
+            stats.reached,
+            percent(stats.reached, attempts(&stats)),
         );
     }
     eprint!("{table}          {:.0} decisions/s\n", (answered.saturating_sub(before)) as f64 / period.as_secs_f64());
     answered
 }
 
-fn summarise(args: &Args, started: Instant, watches: &[(u64, watch::Receiver<WatchWorldResponse>)]) -> anyhow::Result<()> {
+fn summarise(
+    args: &Args,
+    started: Instant,
+    watches: &[(u64, watch::Receiver<WatchWorldResponse>)],
+) -> anyhow::Result<()> {
     let all: Vec<WorldStats> = watches.iter().map(|(_, watching)| stats(watching)).collect();
     let sum = |value: fn(&WorldStats) -> u64| all.iter().map(value).sum::<u64>();
     let worst = |value: fn(&WorldStats) -> f32| all.iter().map(value).fold(0.0, f32::max);
@@ -201,12 +230,19 @@ fn summarise(args: &Args, started: Instant, watches: &[(u64, watch::Receiver<Wat
     } else {
         println!(
             "{arrivals} arrivals in {attempted} attempts that ended: {:.1} % success (fell {}, burnt {}, drowned {}, no progress {})",
-            percent(arrivals, attempted), sum(|s| s.fell), sum(|s| s.burnt), sum(|s| s.drowned), sum(|s| s.no_progress)
+            percent(arrivals, attempted),
+            sum(|s| s.fell),
+            sum(|s| s.burnt),
+            sum(|s| s.drowned),
+            sum(|s| s.no_progress)
         );
         println!(
             "tick p50 {:.2} ms, p99 {:.2} ms, {} ticks dropped, {:.2} % of {} decisions missed",
-            worst(|s| s.tick_us_p50) / 1000.0, worst(|s| s.tick_us_p99) / 1000.0, sum(|s| s.ticks_dropped),
-            percent(sum(|s| s.decisions_missed), sum(|s| s.decisions_asked)), sum(|s| s.decisions_asked)
+            worst(|s| s.tick_us_p50) / 1000.0,
+            worst(|s| s.tick_us_p99) / 1000.0,
+            sum(|s| s.ticks_dropped),
+            percent(sum(|s| s.decisions_missed), sum(|s| s.decisions_asked)),
+            sum(|s| s.decisions_asked)
         );
     }
     if args.duration.is_some() && arrivals == 0 {

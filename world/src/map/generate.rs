@@ -163,11 +163,12 @@ impl Placer {
 
     fn pads(&mut self, lattice: &Lattice, plateaus: &[Plateau], buildings: &[Building], pools: &[Pool]) -> Vec<Pad> {
         let mut pads = Vec::new();
-        let tall = plateaus.iter().map(|plateau| (plateau.top, plateau.radius)).chain(buildings.iter().map(|building| {
-            let half = (building.max - building.min) * 0.5;
-            let centre = (building.max + building.min) * 0.5;
-            (Vec3::new(centre.x, building.max.y, centre.z), (half.x * half.x + half.z * half.z).sqrt())
-        }));
+        let tall =
+            plateaus.iter().map(|plateau| (plateau.top, plateau.radius)).chain(buildings.iter().map(|building| {
+                let half = (building.max - building.min) * 0.5;
+                let centre = (building.max + building.min) * 0.5;
+                (Vec3::new(centre.x, building.max.y, centre.z), (half.x * half.x + half.z * half.z).sqrt())
+            }));
         for (top, radius) in tall {
             if let Some(pad) = self.pad_beside(lattice, top, radius) {
                 pads.push(pad);
@@ -271,10 +272,25 @@ fn box_triangles(min: Vec3, max: Vec3) -> Vec<[Vec3; 3]> {
     // Each face counter-clockwise seen from outside.
     let faces = [
         [corner(false, true, false), corner(false, true, true), corner(true, true, true), corner(true, true, false)],
-        [corner(false, false, false), corner(true, false, false), corner(true, false, true), corner(false, false, true)],
-        [corner(false, false, false), corner(false, false, true), corner(false, true, true), corner(false, true, false)],
+        [
+            corner(false, false, false),
+            corner(true, false, false),
+            corner(true, false, true),
+            corner(false, false, true),
+        ],
+        [
+            corner(false, false, false),
+            corner(false, false, true),
+            corner(false, true, true),
+            corner(false, true, false),
+        ],
         [corner(true, false, false), corner(true, true, false), corner(true, true, true), corner(true, false, true)],
-        [corner(false, false, false), corner(false, true, false), corner(true, true, false), corner(true, false, false)],
+        [
+            corner(false, false, false),
+            corner(false, true, false),
+            corner(true, true, false),
+            corner(true, false, false),
+        ],
         [corner(false, false, true), corner(true, false, true), corner(true, true, true), corner(false, true, true)],
     ];
     faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()

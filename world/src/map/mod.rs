@@ -170,9 +170,7 @@ impl Map {
 
     /// The pad nearest to `point`, if the map has any.
     pub fn nearest_pad(&self, point: Vec3) -> Option<&Pad> {
-        self.pads.iter().min_by(|a, b| {
-            a.centre.distance_squared(point).total_cmp(&b.centre.distance_squared(point))
-        })
+        self.pads.iter().min_by(|a, b| a.centre.distance_squared(point).total_cmp(&b.centre.distance_squared(point)))
     }
 
     /// A map of given geometry: levels made elsewhere, and tests.

@@ -59,11 +59,7 @@ impl Default for Features {
 impl MapSpec {
     /// The default map of 250 x 80 x 250 m with the paper's set of features.
     pub fn new(seed: u64) -> Self {
-        Self {
-            seed,
-            size: MapSize { width: 250, height: 80, depth: 250 },
-            features: Features::default(),
-        }
+        Self { seed, size: MapSize { width: 250, height: 80, depth: 250 }, features: Features::default() }
     }
 
     /// A square default map with `side` metres to a side and 80 m of height.

@@ -40,12 +40,9 @@ pub(crate) struct Lattice {
 impl Lattice {
     /// Samples the terrain of `seed` over `size`, on all cores; equal bits for any number of them.
     pub(crate) fn sample(seed: u64, size: MapSize) -> Self {
-        let counts = [size.width, size.height, size.depth]
-            .map(|extent| (extent as f32 / VOXEL_M).ceil() as usize + 1);
+        let counts = [size.width, size.height, size.depth].map(|extent| (extent as f32 / VOXEL_M).ceil() as usize + 1);
         let coarse_counts = counts.map(|count| count.div_ceil(NOISE_STRIDE) + 1);
-        let noises: Vec<Perlin> = (0..OCTAVES.len())
-            .map(|octave| Perlin::new(mix_seed(seed, octave as u64)))
-            .collect();
+        let noises: Vec<Perlin> = (0..OCTAVES.len()).map(|octave| Perlin::new(mix_seed(seed, octave as u64))).collect();
         let mut coarse = vec![0.0f32; coarse_counts.iter().product()];
         let coarse_slab = coarse_counts[0] * coarse_counts[1];
         for_each_slab(&mut coarse, coarse_slab, |z, slab| {
@@ -155,15 +152,26 @@ impl Lattice {
                     let at = |cells: &[u32], x: usize, y: usize| vertices[cells[y * row + x] as usize];
                     // Edge along x: shared by the cells around it in y and z.
                     if y > 0 && z > 0 {
-                        let quad = || [at(&previous, x, y - 1), at(&current, x, y - 1), at(&current, x, y), at(&previous, x, y)];
+                        let quad = || {
+                            [at(&previous, x, y - 1), at(&current, x, y - 1), at(&current, x, y), at(&previous, x, y)]
+                        };
                         push_quad(&mut triangles, here, self.values[self.idx(x + 1, y, z)], quad, true);
                     }
                     if x > 0 && z > 0 {
-                        let quad = || [at(&previous, x - 1, y), at(&current, x - 1, y), at(&current, x, y), at(&previous, x, y)];
+                        let quad = || {
+                            [at(&previous, x - 1, y), at(&current, x - 1, y), at(&current, x, y), at(&previous, x, y)]
+                        };
                         push_quad(&mut triangles, here, self.values[self.idx(x, y + 1, z)], quad, false);
                     }
                     if x > 0 && y > 0 {
-                        let quad = || [at(&current, x - 1, y - 1), at(&current, x, y - 1), at(&current, x, y), at(&current, x - 1, y)];
+                        let quad = || {
+                            [
+                                at(&current, x - 1, y - 1),
+                                at(&current, x, y - 1),
+                                at(&current, x, y),
+                                at(&current, x - 1, y),
+                            ]
+                        };
                         push_quad(&mut triangles, here, self.values[self.idx(x, y, z + 1)], quad, false);
                     }
                 }
@@ -177,11 +185,8 @@ impl Lattice {
     fn cell_vertex(&self, x: usize, y: usize, z: usize) -> Option<Vec3> {
         const CORNERS: [[usize; 3]; 8] =
             [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
-        const EDGES: [(usize, usize); 12] = [
-            (0, 1), (2, 3), (4, 5), (6, 7),
-            (0, 2), (1, 3), (4, 6), (5, 7),
-            (0, 4), (1, 5), (2, 6), (3, 7),
-        ];
+        const EDGES: [(usize, usize); 12] =
+            [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
         let values = CORNERS.map(|[dx, dy, dz]| self.values[self.idx(x + dx, y + dy, z + dz)]);
         let solid_count = values.iter().filter(|&&value| value > 0.0).count();
         if solid_count == 0 || solid_count == 8 {
@@ -203,13 +208,7 @@ impl Lattice {
 }
 
 /// Pushes the two triangles of a quad around a lattice edge from `here` to `there`, facing the air.
-fn push_quad(
-    triangles: &mut Vec<[Vec3; 3]>,
-    here: f32,
-    there: f32,
-    quad: impl Fn() -> [Vec3; 4],
-    flip: bool,
-) {
+fn push_quad(triangles: &mut Vec<[Vec3; 3]>, here: f32, there: f32, quad: impl Fn() -> [Vec3; 4], flip: bool) {
     if (here > 0.0) == (there > 0.0) {
         return;
     }
@@ -242,9 +241,7 @@ fn interpolate(coarse: &[f32], counts: [usize; 3], fine: [usize; 3]) -> f32 {
         coarse[((cell[2] + dz) * counts[1] + cell[1] + dy) * counts[0] + cell[0] + dx]
     };
     let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
-    let face = |dz: usize| {
-        lerp(lerp(at(0, 0, dz), at(1, 0, dz), tx), lerp(at(0, 1, dz), at(1, 1, dz), tx), ty)
-    };
+    let face = |dz: usize| lerp(lerp(at(0, 0, dz), at(1, 0, dz), tx), lerp(at(0, 1, dz), at(1, 1, dz), tx), ty);
     lerp(face(0), face(1), tz)
 }
 

@@ -1,0 +1,176 @@
+//! NPCs that get there, across real sockets.
+
+use e2e::{build_graph, create_world, ground, planner_client, start_planner, start_server, start_worker, world_client};
+use std::time::Duration;
+use surefoot_planner::service::PlannerConfig;
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_server::ServerConfig;
+use tokio_stream::StreamExt;
+use tonic::transport::Channel;
+
+/// Far longer than any of this takes: a hang fails instead of blocking.
+const LIMIT: Duration = Duration::from_secs(120);
+
+async fn spawn(client: &mut WorldServiceClient<Channel>, world_id: u64, at: wire::Vec3) -> u64 {
+    let request = wire::SpawnNpcRequest { world_id, position: Some(at), yaw: 0.0 };
+    client.spawn_npc(request).await.unwrap().into_inner().npc_id
+}
+
+async fn set_goal(client: &mut WorldServiceClient<Channel>, npc_id: u64, goal: wire::Vec3) {
+    client.set_goal(wire::SetGoalRequest { npc_id, goal: Some(goal) }).await.unwrap();
+}
+
+/// Watches until `done` says so, and returns that snapshot.
+async fn watch_until(
+    client: &mut WorldServiceClient<Channel>,
+    world_id: u64,
+    done: impl Fn(&wire::WatchWorldResponse) -> bool,
+) -> wire::WatchWorldResponse {
+    let watching = async {
+        let mut snapshots =
+            client.watch_world(wire::WatchWorldRequest { world_id, rate_hz: 60.0 }).await.unwrap().into_inner();
+        while let Some(snapshot) = snapshots.next().await {
+            let snapshot = snapshot.unwrap();
+            if done(&snapshot) {
+                return snapshot;
+            }
+        }
+        panic!("the stream ended");
+    };
+    tokio::time::timeout(LIMIT, watching).await.expect("in time")
+}
+
+fn distance(a: wire::Vec3, b: wire::Vec3) -> f32 {
+    ((a.x - b.x).powi(2) + (a.y - b.y).powi(2) + (a.z - b.z).powi(2)).sqrt()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn npcs_reach_far_goals_by_plan_in_lockstep() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_worker(&server, Some(&planner), 64);
+    let mut client = world_client(&server).await;
+    let world = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await;
+    let points = ground(&mut client, world.world_id, 40).await;
+    let mut sent = Vec::new();
+    for (idx, start) in points.iter().enumerate().take(8) {
+        let goal = *points[8..].iter().max_by(|a, b| distance(*start, **a).total_cmp(&distance(*start, **b))).unwrap();
+        let npc = spawn(&mut client, world.world_id, *start).await;
+        set_goal(&mut client, npc, goal).await;
+        sent.push((npc, goal, idx));
+    }
+    let end =
+        watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0))
+            .await;
+    let arrived = end.npcs.iter().filter(|npc| npc.last_outcome() == wire::Outcome::Reached).count();
+    assert!(
+        arrived >= 6,
+        "only {arrived} of 8 arrived: {:?}",
+        end.npcs.iter().map(wire::Npc::last_outcome).collect::<Vec<_>>()
+    );
+    let stats = end.stats.unwrap();
+    assert_eq!(stats.reached as usize, arrived);
+    assert_eq!(stats.decisions_missed, 0, "a lockstep world waits for every answer");
+    let (_, summary) = build_graph(&mut planner_client(&planner).await, 1000).await;
+    assert!(summary.edges > 50, "the worker's plans came from a proved graph");
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn npcs_of_a_killed_worker_go_on_with_another() {
+    let server = start_server(ServerConfig::default());
+    let first = start_worker(&server, None, 16);
+    let mut client = world_client(&server).await;
+    let world = create_world(&mut client, 1001, wire::TimeMode::Realtime).await;
+    let points = ground(&mut client, world.world_id, 12).await;
+    let mut npcs = Vec::new();
+    for start in &points[..6] {
+        npcs.push(spawn(&mut client, world.world_id, *start).await);
+    }
+    let carried = watch_until(&mut client, world.world_id, |snapshot| set_worker_of(snapshot).is_some()).await;
+    let before = set_worker_of(&carried).unwrap();
+    let second = start_worker(&server, None, 16);
+    for (npc, goal) in npcs.iter().zip(&points[6..]) {
+        set_goal(&mut client, *npc, *goal).await;
+    }
+    watch_until(&mut client, world.world_id, |snapshot| snapshot.stats.unwrap().decisions_answered > 10).await;
+    first.kill();
+    let after = watch_until(&mut client, world.world_id, |snapshot| {
+        set_worker_of(snapshot).is_some_and(|worker| worker != before)
+    })
+    .await;
+    let answered = after.stats.unwrap().decisions_answered;
+    let end = watch_until(&mut client, world.world_id, |snapshot| {
+        snapshot.stats.unwrap().decisions_answered > answered + 60
+            || snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)
+    })
+    .await;
+    assert!(end.npcs.len() == 6 && end.stats.unwrap().reached + end.stats.unwrap().decisions_answered > answered);
+    second.stop().await;
+    server.stop().await;
+}
+
+/// The worker that carries every NPC of the snapshot, if one does.
+fn set_worker_of(snapshot: &wire::WatchWorldResponse) -> Option<u64> {
+    let worker = snapshot.npcs.first()?.worker_id;
+    (worker != 0 && snapshot.npcs.len() == 6 && snapshot.npcs.iter().all(|npc| npc.worker_id == worker))
+        .then_some(worker)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_starts_before_the_server_finds_it() {
+    let placeholder = start_server(ServerConfig::default());
+    let uri = placeholder.uri.clone();
+    let worker = start_worker(&placeholder, None, 4);
+    placeholder.stop().await;
+    let address = uri.trim_start_matches("http://").parse().unwrap();
+    let (endpoint, shutdown) =
+        (surefoot_proto::serving::Endpoint::bind(address).unwrap(), surefoot_proto::serving::Shutdown::default());
+    let serving = tokio::spawn(surefoot_server::serve(endpoint, ServerConfig::default(), shutdown.clone()));
+    let mut client = WorldServiceClient::connect(uri).await.unwrap();
+    let world = create_world(&mut client, 1002, wire::TimeMode::Realtime).await;
+    let start = ground(&mut client, world.world_id, 1).await[0];
+    spawn(&mut client, world.world_id, start).await;
+    watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.worker_id != 0)).await;
+    worker.stop().await;
+    shutdown.trigger();
+    serving.await.unwrap().unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn after_a_restart_the_planner_answers_from_its_cache() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let (id, built) = build_graph(&mut planner_client(&planner).await, 7).await;
+    assert!(!built.cached && built.probes == 50 * 8);
+    planner.stop().await;
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let (same, cached) = build_graph(&mut client, 7).await;
+    assert!(cached.cached && same == id);
+    assert_eq!((cached.edges, cached.islands), (built.edges, built.islands));
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn many_requests_for_one_graph_share_one_build() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig { max_builds: 1, ..PlannerConfig::default() });
+    let client = planner_client(&planner).await;
+    let requests: Vec<_> = (0..50)
+        .map(|_| {
+            let mut client = client.clone();
+            tokio::spawn(async move { build_graph(&mut client, 8).await })
+        })
+        .collect();
+    let mut ids = std::collections::BTreeSet::new();
+    for request in requests {
+        ids.insert(request.await.unwrap().0);
+    }
+    assert_eq!(ids.len(), 1, "with room for one build only, all fifty were answered by it");
+    planner.stop().await;
+}

@@ -1,0 +1,81 @@
+//! Health, reflection, metrics and the drain.
+
+use e2e::{create_world, planner_client, start_planner, start_server, world_client};
+use std::time::Duration;
+use surefoot_planner::service::PlannerConfig;
+use surefoot_proto::world::v1 as wire;
+use surefoot_server::ServerConfig;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio_stream::StreamExt;
+use tonic::Code;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn both_services_report_their_health_by_name() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    for (service, name) in
+        [(&server, "surefoot.world.v1.WorldService"), (&planner, "surefoot.planner.v1.PlannerService")]
+    {
+        let channel = tonic::transport::Endpoint::from_shared(service.uri.clone()).unwrap().connect().await.unwrap();
+        let mut health = HealthClient::new(channel);
+        for service in ["", name] {
+            let request = tonic_health::pb::HealthCheckRequest { service: service.to_owned() };
+            assert_eq!(health.check(request).await.unwrap().into_inner().status(), ServingStatus::Serving);
+        }
+    }
+    drop(planner_client(&planner).await);
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn metrics_name_every_world() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let world = create_world(&mut client, 3, wire::TimeMode::Realtime).await;
+    let address = server.uri.trim_start_matches("http://").to_owned();
+    let mut socket = tokio::net::TcpStream::connect(&address).await.unwrap();
+    socket
+        .write_all(format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").as_bytes())
+        .await
+        .unwrap();
+    let mut text = String::new();
+    socket.read_to_string(&mut text).await.unwrap();
+    assert!(text.starts_with("HTTP/1.1 200"), "{text}");
+    for line in [
+        "surefoot_workers 0".to_owned(),
+        format!("surefoot_npcs{{world=\"{}\"}} 0", world.world_id),
+        "# TYPE surefoot_ticks_total counter".to_owned(),
+    ] {
+        assert!(text.contains(&line), "no `{line}` in {text}");
+    }
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_drain_ends_streams_and_does_not_wait_for_silent_peers() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let world = create_world(&mut client, 4, wire::TimeMode::Realtime).await;
+    let mut snapshots = client
+        .watch_world(wire::WatchWorldRequest { world_id: world.world_id, rate_hz: 30.0 })
+        .await
+        .unwrap()
+        .into_inner();
+    snapshots.next().await.unwrap().unwrap();
+    let silent = tokio::net::TcpStream::connect(server.uri.trim_start_matches("http://")).await.unwrap();
+    let stopping = tokio::spawn(server.stop());
+    let end = loop {
+        match snapshots.next().await {
+            Some(Ok(_)) => {}
+            Some(Err(status)) => break status,
+            None => panic!("the stream ended without a status"),
+        }
+    };
+    assert_eq!(end.code(), Code::Unavailable);
+    tokio::time::timeout(Duration::from_secs(10), stopping).await.expect("the drain has a deadline").unwrap();
+    drop(silent);
+}
