@@ -124,7 +124,7 @@ impl Endpoint {
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
             .build_v1()?;
         services.add_service(health_service).add_service(reflection);
-        let router = services.routes().into_axum_router().route("/metrics", axum::routing::get(move || metrics()));
+        let router = services.routes().into_axum_router().route("/metrics", axum::routing::get(metrics));
         let server = Server::builder()
             .accept_http1(true)
             .max_concurrent_streams(MAX_STREAMS)

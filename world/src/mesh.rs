@@ -400,10 +400,8 @@ impl Mesh {
         let mut travelled = self.enter(origin, direction)?;
         let inverse = Vec3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
         let step = [direction.x, direction.y, direction.z].map(|d| if d > 0.0 { 1 } else { -1 });
-        let mut cell = self.cell_of(origin + direction * travelled);
-        for axis in 0..3 {
-            cell[axis] = cell[axis].clamp(0, self.counts[axis] - 1);
-        }
+        let entry = self.cell_of(origin + direction * travelled);
+        let mut cell = [0, 1, 2].map(|axis| entry[axis].clamp(0, self.counts[axis] - 1));
         while travelled <= max_distance {
             if (0..3).any(|axis| cell[axis] < 0 || cell[axis] >= self.counts[axis]) {
                 return None;

@@ -231,11 +231,9 @@ fn tick_npc(npc: &mut Npc, map: &Map, profile: &CharacterProfile, task: &TaskCon
     npc.events.double_jumped |= events.double_jumped;
     npc.events.padded |= events.padded;
     npc.harm = hazard_end(npc, map, task);
-    if let Some(episode) = &mut npc.episode {
-        if episode.end.is_none() {
-            episode.note_tick(npc.body.feet, task);
-            episode.end = episode.end.or(npc.harm);
-        }
+    if let Some(episode) = npc.episode.as_mut().filter(|episode| episode.end.is_none()) {
+        episode.note_tick(npc.body.feet, task);
+        episode.end = episode.end.or(npc.harm);
     }
 }
 

@@ -199,7 +199,7 @@ fn print_table(
             percent(stats.reached, attempts(&stats)),
         );
     }
-    eprint!("{table}          {:.0} decisions/s\n", (answered.saturating_sub(before)) as f64 / period.as_secs_f64());
+    eprintln!("{table}          {:.0} decisions/s", (answered.saturating_sub(before)) as f64 / period.as_secs_f64());
     answered
 }
 
