@@ -74,33 +74,12 @@ fn a_map_is_described_and_drawn() {
 }
 
 #[test]
-fn a_scene_ends_with_arrivals_and_again_from_the_cache() {
+fn a_scene_ends_with_arrivals_and_leaves_its_graphs_in_the_cache() {
     let cache = tempfile::tempdir().unwrap();
-    let scene = || {
-        surefoot(&[
-            "up",
-            "--for",
-            "25",
-            "--json",
-            "--maps",
-            "1",
-            "--npcs",
-            "48",
-            "--vertices",
-            "60",
-            "--neighbours",
-            "6",
-            "--repeats",
-            "1",
-            "--listen",
-            "127.0.0.1:0",
-            "--planner-listen",
-            "127.0.0.1:0",
-            "--cache",
-            cache.path().to_str().unwrap(),
-        ])
-    };
-    let summary = json(&scene());
+    let folder = cache.path().to_str().unwrap();
+    let size = ["--maps", "1", "--npcs", "48", "--vertices", "60", "--neighbours", "6", "--repeats", "1"];
+    let addresses = ["--listen", "127.0.0.1:0", "--planner-listen", "127.0.0.1:0", "--cache", folder];
+    let summary = json(&surefoot(&[&["up", "--for", "25", "--json"], &size[..], &addresses[..]].concat()));
     assert!(summary["arrivals"].as_u64().unwrap() > 0, "{summary}");
     assert!(cache.path().join("graphs.redb").exists());
 }
