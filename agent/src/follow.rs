@@ -73,11 +73,6 @@ impl Follower {
         }
     }
 
-    /// Where the attempt should end, m.
-    pub fn goal(&self) -> Vec3 {
-        self.goal
-    }
-
     /// The point to head for, once there is a plan, m.
     pub fn waypoint(&self) -> Option<Vec3> {
         self.plan.as_ref().map(|plan| plan.waypoints[self.leg])

@@ -161,7 +161,12 @@ impl Rollout {
 }
 
 /// Settles one decision of an NPC that follows a plan: how its attempt ended, if it did.
-fn follow(
+///
+/// `leg_end` is how the decision ended the episode towards the current waypoint, if it did.
+///
+/// # Panics
+/// If the slot is empty.
+pub fn follow(
     world: &mut World,
     slot: NpcSlot,
     follower: &mut Follower,
@@ -189,7 +194,8 @@ fn follow(
     None
 }
 
-fn plan(follower: &mut Follower, graph: &NavGraph, feet: Vec3, search_us: &mut Vec<f64>) -> Vec3 {
+/// Plans from `feet`: the first waypoint. The duration of the search is noted in `search_us`.
+pub fn plan(follower: &mut Follower, graph: &NavGraph, feet: Vec3, search_us: &mut Vec<f64>) -> Vec3 {
     let query = follower.query(feet);
     let started = Instant::now();
     let plan = search::find_path(graph, &query);

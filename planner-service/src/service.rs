@@ -240,7 +240,7 @@ impl PlannerApi {
         progress: &Progress,
     ) -> Result<Arc<Ready>, Status> {
         let map = Arc::new(Map::generate(spec).map_err(FieldError::from)?);
-        let map_hash = map.hash().0.iter().map(|byte| format!("{byte:02x}")).collect();
+        let map_hash = map.hash().to_hex();
         let context = ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() };
         let id = GraphId::of(&context, settings);
         if let Some(ready) = self.recall(&id) {

@@ -137,7 +137,7 @@ impl WorldApi {
         Ok(wire::World {
             world_id,
             map: Some(convert::map_spec_to_wire(directory.map.spec())),
-            map_hash: hex(&directory.map.hash().0),
+            map_hash: directory.map.hash().to_hex(),
             mode: directory.mode.to_wire().into(),
             npc_count,
             tick,
@@ -179,10 +179,6 @@ impl WorldApi {
 }
 
 const POISON: &str = "no holder of this lock panics";
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
 
 fn check_answer(batch: &wire::ActionBatch) -> Result<Answer, Status> {
     let count = batch.npc_ids.len();

@@ -64,12 +64,6 @@ pub fn sample_many(
     (0..count).map(|_| sample(map, profile, rng, &mut scratch)).collect()
 }
 
-/// The nearest place to stand under `point`: where a character dropped there comes to rest.
-pub fn ground_below(map: &Map, profile: &CharacterProfile, point: Vec3) -> Option<Vec3> {
-    let hit = map.mesh().cast_ray(point + Vec3::new(0.0, 0.5, 0.0), DOWN, map.extent().y)?;
-    settle(map, profile, point + Vec3::new(0.0, 0.5, 0.0) + DOWN * hit.distance, &mut MoveScratch::default())
-}
-
 /// A hair off vertical, so that no ray runs exactly along an edge of the lattice.
 const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 

@@ -299,7 +299,6 @@ impl ValidationSet {
                 (map, near, far)
             })
             .collect();
-        // Shorter patience than the task's: this only ranks checkpoints.
         Self { maps, task: TaskConfig::default() }
     }
 
@@ -309,6 +308,7 @@ impl ValidationSet {
         for (map, near, far) in &self.maps {
             for (band, goals) in [near, far].into_iter().enumerate() {
                 let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), self.task.clone());
+                // Shorter than the task's patience: this only ranks checkpoints.
                 rollout.give_up_after = 90;
                 rollout.noise_share = noise_share;
                 for end in rollout.run(policy, goals) {

@@ -10,11 +10,12 @@ use rand::rngs::ChaCha8Rng;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use surefoot_agent::follow::{FollowConfig, Follower, Step};
+use surefoot_agent::follow::{FollowConfig, Follower};
+use surefoot_agent::rollout::{DEFAULT_NOISE_SHARE, follow, plan};
 use surefoot_planner::build::{GraphId, Progress, build};
 use surefoot_planner::cache::{DiskStore, GraphStore};
 use surefoot_planner::probe::ProbeContext;
-use surefoot_planner::{Ability, BuildSettings, Built, NavGraph, Placement, search};
+use surefoot_planner::{Ability, BuildSettings, Built, NavGraph, Placement};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, End, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, navigable};
 
@@ -210,31 +211,18 @@ fn run_one(
     let slot = world.spawn(start, 0.0);
     let mut follower = Follower::new(goal, FollowConfig::default());
     let (mut row, mut actions, mut track) = (vec![0.0; OBSERVATION_LEN], Vec::new(), vec![start]);
-    let waypoint = follower.take_plan(search::find_path(graph, &follower.query(start)));
+    let mut search_us = Vec::new();
+    let waypoint = plan(&mut follower, graph, start, &mut search_us);
     world.set_goal(slot, waypoint);
     loop {
         world.observe(slot, &mut row);
-        policy.act(&row, surefoot_agent::rollout::DEFAULT_NOISE_SHARE, rng, &mut actions);
+        policy.act(&row, DEFAULT_NOISE_SHARE, rng, &mut actions);
         world.decide(slot, actions[0]);
         world.tick_decision();
-        let end = world.close_decision(slot).and_then(|outcome| outcome.end);
-        let feet = world.npc(slot).expect("the only NPC").body.feet;
-        track.push(feet);
-        let touched = end == Some(End::Reached);
-        if touched && follower.is_last_leg() {
-            return (track, true);
-        }
-        if end.is_some() && !touched {
-            return (track, false);
-        }
-        match follower.note(feet, touched) {
-            Step::Keep => {}
-            Step::Head(waypoint) => world.set_goal(slot, waypoint),
-            Step::Plan => {
-                let waypoint = follower.take_plan(search::find_path(graph, &follower.query(feet)));
-                world.set_goal(slot, waypoint);
-            }
-            Step::GiveUp => return (track, false),
+        let leg_end = world.close_decision(slot).and_then(|outcome| outcome.end);
+        track.push(world.npc(slot).expect("the only NPC").body.feet);
+        if let Some(end) = follow(&mut world, slot, &mut follower, graph, leg_end, &mut search_us) {
+            return (track, end == End::Reached);
         }
     }
 }

@@ -29,6 +29,13 @@ pub struct Map {
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct MapHash(pub [u8; 32]);
 
+impl MapHash {
+    /// All 64 hexadecimal digits; `Display` shows the first 16.
+    pub fn to_hex(self) -> String {
+        blake3::Hash::from_bytes(self.0).to_hex().to_string()
+    }
+}
+
 impl fmt::Display for MapHash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for byte in &self.0[..8] {
