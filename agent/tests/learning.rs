@@ -19,7 +19,7 @@ fn replay(kinds: &[(RowKind, f32)]) -> Replay {
     let mut replay = Replay::new(1, 64);
     for (number, &(kind, reward)) in kinds.iter().enumerate() {
         let mut observation = vec![0.0; OBSERVATION_LEN];
-        observation[256] = number as f32;
+        observation[RAY_LEN] = number as f32;
         replay.push_step(&Step {
             observations: observation,
             actions: vec![[0.5, 0.25, -0.25, 1.0]],
@@ -37,7 +37,7 @@ fn samples(replay: &Replay, n_step: usize) -> Vec<(u32, f32, f32, u32)> {
     replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
     (0..200)
         .map(|idx| {
-            let step = |rows: &[f32]| rows[idx * OBSERVATION_LEN + 256] as u32;
+            let step = |rows: &[f32]| rows[idx * OBSERVATION_LEN + RAY_LEN] as u32;
             (step(&batch.observations), batch.returns[idx], batch.bootstrap[idx], step(&batch.next_observations))
         })
         .collect()

@@ -12,7 +12,7 @@ use std::time::Instant;
 use surefoot_world::navigable::NoGround;
 
 /// Changes whenever equal settings would build another graph.
-pub const BUILDER_VERSION: u32 = 1;
+pub const BUILDER_VERSION: u32 = 2;
 
 /// How vertices are placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

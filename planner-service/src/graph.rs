@@ -20,12 +20,35 @@ pub enum Ability {
     DoubleJump,
     /// A jump pad.
     Pad,
+    /// A zip line.
+    ZipLine,
+    /// A teleporter.
+    Teleporter,
+    /// A jetpack's thrust.
+    Jetpack,
 }
 
 impl Ability {
+    /// All abilities, from the least demanding on.
+    pub const ALL: [Ability; 7] = [
+        Ability::Walk,
+        Ability::Jump,
+        Ability::DoubleJump,
+        Ability::Pad,
+        Ability::ZipLine,
+        Ability::Teleporter,
+        Ability::Jetpack,
+    ];
+
     /// The ability behind what a body did.
     pub fn used(events: TickEvents) -> Self {
-        if events.padded {
+        if events.thrust {
+            Ability::Jetpack
+        } else if events.teleported {
+            Ability::Teleporter
+        } else if events.zipped {
+            Ability::ZipLine
+        } else if events.padded {
             Ability::Pad
         } else if events.double_jumped {
             Ability::DoubleJump
@@ -43,6 +66,9 @@ impl Ability {
             Ability::Jump => "jump",
             Ability::DoubleJump => "double_jump",
             Ability::Pad => "pad",
+            Ability::ZipLine => "zip_line",
+            Ability::Teleporter => "teleporter",
+            Ability::Jetpack => "jetpack",
         }
     }
 }

@@ -320,6 +320,9 @@ fn ability_to_wire(ability: Ability) -> i32 {
         Ability::Jump => wire::Ability::Jump,
         Ability::DoubleJump => wire::Ability::DoubleJump,
         Ability::Pad => wire::Ability::Pad,
+        Ability::ZipLine => wire::Ability::ZipLine,
+        Ability::Teleporter => wire::Ability::Teleporter,
+        Ability::Jetpack => wire::Ability::Jetpack,
     }
     .into()
 }
@@ -329,6 +332,9 @@ fn ability_from_wire(ability: i32) -> Ability {
         Ok(wire::Ability::Jump) => Ability::Jump,
         Ok(wire::Ability::DoubleJump) => Ability::DoubleJump,
         Ok(wire::Ability::Pad) => Ability::Pad,
+        Ok(wire::Ability::ZipLine) => Ability::ZipLine,
+        Ok(wire::Ability::Teleporter) => Ability::Teleporter,
+        Ok(wire::Ability::Jetpack) => Ability::Jetpack,
         Ok(wire::Ability::Walk | wire::Ability::Unspecified) | Err(_) => Ability::Walk,
     }
 }

@@ -354,7 +354,7 @@ impl HostedWorld {
         for (worker, npc_ids) in given {
             let assignment = wire::Assignment {
                 world_id: self.id,
-                map: Some(convert::map_spec_to_wire(self.world.map().spec())),
+                map: self.world.map().spec().map(convert::map_spec_to_wire),
                 npc_ids,
                 mode: self.mode.to_wire().into(),
             };

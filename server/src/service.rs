@@ -136,7 +136,7 @@ impl WorldApi {
         let (npc_count, tick) = counts.await?.unwrap_or_default();
         Ok(wire::World {
             world_id,
-            map: Some(convert::map_spec_to_wire(directory.map.spec())),
+            map: directory.map.spec().map(convert::map_spec_to_wire),
             map_hash: directory.map.hash().to_hex(),
             mode: directory.mode.to_wire().into(),
             npc_count,

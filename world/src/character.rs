@@ -4,7 +4,8 @@
 //! contact until none is left, then snap to the ground when walking down. Tick by tick it touches only the
 //! few triangles around it (see `docs/adr/0001-own-capsule-controller.md` for why it is not rapier's).
 
-use crate::map::{Liquid, Map};
+use crate::map::features::ZIP_LIFT_M;
+use crate::map::{Liquid, Map, Zone};
 use crate::mesh::{Contact, Mesh};
 use crate::{TICK_SECONDS, Vec3};
 use serde::{Deserialize, Serialize};
@@ -25,6 +26,9 @@ const SLIDE_CONTROL: f32 = 0.2;
 const WADING_DEPTH_M: f32 = 0.25;
 /// Share of the walking speed that is left in water.
 const WADING_SPEED: f32 = 0.5;
+
+/// Share of the speed that is kept when a zip line is let go.
+const ZIP_RELEASE_SHARE: f32 = 0.4;
 
 /// Everything that makes one kind of character move differently from another.
 ///
@@ -57,6 +61,16 @@ pub struct CharacterProfile {
     pub air_acceleration: f32,
     /// Time after leaving the ground in which a jump still counts as one from the ground, in ticks.
     pub coyote_ticks: u8,
+    /// Whether it can use zip lines.
+    pub uses_zip_lines: bool,
+    /// Speed along a zip line, m/s.
+    pub zip_line_speed: f32,
+    /// Whether it can put on jetpacks.
+    pub uses_jetpacks: bool,
+    /// Upward acceleration of a jetpack, gravity not subtracted, m/s2.
+    pub jetpack_acceleration: f32,
+    /// Upward speed from which a jetpack pushes no more, m/s.
+    pub jetpack_climb_speed: f32,
 }
 
 impl Default for CharacterProfile {
@@ -75,7 +89,57 @@ impl Default for CharacterProfile {
             ground_acceleration: 60.0,
             air_acceleration: 25.0,
             coyote_ticks: 6,
+            uses_zip_lines: true,
+            zip_line_speed: 14.0,
+            uses_jetpacks: true,
+            jetpack_acceleration: 38.0,
+            jetpack_climb_speed: 8.0,
         }
+    }
+}
+
+/// A field of a [`CharacterProfile`] outside its range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("profile.{field} is {value}, allowed are {min} to {max}")]
+pub struct ProfileError {
+    /// Which field.
+    pub field: &'static str,
+    /// What was asked for.
+    pub value: f32,
+    /// Smallest allowed value.
+    pub min: f32,
+    /// Largest allowed value.
+    pub max: f32,
+}
+
+impl CharacterProfile {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// Names the first field outside its range.
+    pub fn validate(&self) -> Result<(), ProfileError> {
+        let ranges = [
+            ("radius", self.radius, 0.25, 1.0),
+            ("height", self.height, 2.0 * self.radius, 4.0),
+            ("forward_speed", self.forward_speed, 0.1, 20.0),
+            ("side_speed_share", self.side_speed_share, 0.0, 1.0),
+            ("turn_speed", self.turn_speed, 0.1, 20.0),
+            ("jump_speed", self.jump_speed, 0.0, 30.0),
+            ("gravity", self.gravity, 1.0, 100.0),
+            ("max_slope", self.max_slope, 0.0, 1.4),
+            ("step_height", self.step_height, 0.0, self.radius),
+            ("ground_acceleration", self.ground_acceleration, 1.0, 1000.0),
+            ("air_acceleration", self.air_acceleration, 0.0, 1000.0),
+            ("zip_line_speed", self.zip_line_speed, 1.0, 40.0),
+            ("jetpack_acceleration", self.jetpack_acceleration, 0.0, 200.0),
+            ("jetpack_climb_speed", self.jetpack_climb_speed, 0.0, 40.0),
+        ];
+        for (field, value, min, max) in ranges {
+            if !(min..=max).contains(&value) {
+                return Err(ProfileError { field, value, min, max });
+            }
+        }
+        Ok(())
     }
 }
 
@@ -155,8 +219,23 @@ pub struct Body {
     pub ticks_in_air: u8,
     /// The jump asked for by the running decision has not been made yet.
     pub jump_pending: bool,
+    /// The zip line it hangs on.
+    pub ride: Option<Ride>,
+    /// Seconds of jetpack thrust left.
+    pub fuel: f32,
+    /// It has just been teleported and must step off the disc before the next time.
+    pub teleport_locked: bool,
     /// Horizontal direction out of the steep face touched last tick.
     steep_out: Vec3,
+}
+
+/// A ride on a zip line.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Ride {
+    /// Index of the zip line on the map.
+    pub line_idx: u32,
+    /// Metres travelled.
+    pub distance: f32,
 }
 
 /// What happened to a body in one tick, besides moving.
@@ -168,6 +247,24 @@ pub struct TickEvents {
     pub double_jumped: bool,
     /// A pad threw it upwards.
     pub padded: bool,
+    /// It began to ride a zip line.
+    pub zipped: bool,
+    /// It was teleported.
+    pub teleported: bool,
+    /// Its jetpack pushed.
+    pub thrust: bool,
+}
+
+impl TickEvents {
+    /// Adds what happened in another tick.
+    pub fn merge(&mut self, other: TickEvents) {
+        self.jumped |= other.jumped;
+        self.double_jumped |= other.double_jumped;
+        self.padded |= other.padded;
+        self.zipped |= other.zipped;
+        self.teleported |= other.teleported;
+        self.thrust |= other.thrust;
+    }
 }
 
 /// Scratch memory of the controller, reused from tick to tick so that none is allocated.
@@ -220,10 +317,17 @@ impl Body {
         let mut events = TickEvents::default();
         self.liquid = map.liquid_at(self.feet, WADING_DEPTH_M);
         self.turn(profile, action);
+        if let Some(ride) = self.ride {
+            self.ride_on(map, profile, ride);
+            return events;
+        }
         self.accelerate(profile, action);
         self.jump(profile, &mut events);
-        self.ride_pads(map, &mut events);
-        self.move_and_collide(map.mesh(), profile, scratch);
+        self.thrust(profile, action, &mut events);
+        self.enter_devices(map, profile, &mut events);
+        if self.ride.is_none() {
+            self.move_and_collide(map.mesh(), profile, scratch);
+        }
         events
     }
 
@@ -290,19 +394,79 @@ impl Body {
         self.jump_pending = false;
     }
 
-    fn leave_ground(&mut self) {
+    pub(crate) fn leave_ground(&mut self) {
         self.support = Support::Air;
         self.ticks_in_air = u8::MAX;
     }
 
-    fn ride_pads(&mut self, map: &Map, events: &mut TickEvents) {
-        if self.velocity.y <= 0.0
-            && let Some(pad) = map.pad_at(self.feet)
-        {
-            self.velocity.y = pad.speed;
-            self.leave_ground();
-            events.padded = true;
+    /// A jetpack pushes in the air while the jump is held and no jump was made of it in this tick.
+    fn thrust(&mut self, profile: &CharacterProfile, action: &Action, events: &mut TickEvents) {
+        let jumps = events.jumped || events.double_jumped;
+        let wanted = action.jump > 0.0 && !jumps && !self.is_grounded();
+        if !wanted || self.fuel <= 0.0 || self.velocity.y >= profile.jetpack_climb_speed {
+            return;
         }
+        let pushed = self.velocity.y + profile.jetpack_acceleration * TICK_SECONDS;
+        self.velocity.y = pushed.min(profile.jetpack_climb_speed);
+        self.fuel = (self.fuel - TICK_SECONDS).max(0.0);
+        self.leave_ground();
+        events.thrust = true;
+    }
+
+    fn enter_devices(&mut self, map: &Map, profile: &CharacterProfile, events: &mut TickEvents) {
+        let device = map.device_at(self.feet);
+        if !matches!(device, Some(Zone::Teleporter(_) | Zone::TeleporterBack(_))) {
+            self.teleport_locked = false;
+        }
+        match device {
+            Some(Zone::Pad(idx)) if self.velocity.y <= 0.0 => {
+                self.velocity.y = map.placed().pads[idx as usize].speed;
+                self.leave_ground();
+                events.padded = true;
+            }
+            Some(Zone::ZipLine(line_idx)) if profile.uses_zip_lines => {
+                self.ride = Some(Ride { line_idx, distance: 0.0 });
+                self.leave_ground();
+                self.jump_pending = false;
+                events.zipped = true;
+            }
+            Some(Zone::Teleporter(idx)) if !self.teleport_locked => {
+                self.teleport_to(map.placed().teleporters[idx as usize].to, events);
+            }
+            Some(Zone::TeleporterBack(idx)) if !self.teleport_locked => {
+                self.teleport_to(map.placed().teleporters[idx as usize].from, events);
+            }
+            Some(Zone::Jetpack(idx)) if profile.uses_jetpacks => {
+                self.fuel = self.fuel.max(map.placed().jetpacks[idx as usize].fuel);
+            }
+            _ => {}
+        }
+    }
+
+    fn teleport_to(&mut self, place: Vec3, events: &mut TickEvents) {
+        self.feet = place + Vec3::new(0.0, 0.1, 0.0);
+        self.teleport_locked = true;
+        events.teleported = true;
+    }
+
+    /// One tick along a zip line: the cable has the say until its end, or until a jump lets go.
+    fn ride_on(&mut self, map: &Map, profile: &CharacterProfile, ride: Ride) {
+        let line = &map.placed().zip_lines[ride.line_idx as usize];
+        let distance = ride.distance + profile.zip_line_speed * TICK_SECONDS;
+        let (feet, direction) = line.at(distance.min(line.length()));
+        self.feet = feet;
+        self.velocity = direction * profile.zip_line_speed;
+        self.support = Support::Air;
+        let has_left_station = distance > 2.0 * ZIP_LIFT_M;
+        let lets_go = self.jump_pending && has_left_station;
+        if distance < line.length() && !lets_go {
+            self.ride = Some(Ride { distance, ..ride });
+            return;
+        }
+        self.ride = None;
+        self.jump_pending = false;
+        self.velocity *= ZIP_RELEASE_SHARE;
+        self.air_jumps_left = profile.extra_jumps;
     }
 
     fn move_and_collide(&mut self, mesh: &Mesh, profile: &CharacterProfile, scratch: &mut MoveScratch) {
@@ -372,6 +536,17 @@ impl Body {
             self.velocity -= n * self.velocity.dot(n).min(0.0);
             self.velocity.y = self.velocity.y.min(rise);
         }
+    }
+
+    /// Moves the body aside by `offset` metres, as far as the geometry lets it.
+    pub(crate) fn shove(&mut self, mesh: &Mesh, profile: &CharacterProfile, offset: Vec3, scratch: &mut MoveScratch) {
+        let support = self.support;
+        let reach = Vec3::splat(profile.radius + 0.05);
+        let (low, high) = (self.feet.min(self.feet + offset) - reach, self.feet.max(self.feet + offset) + reach);
+        mesh.gather_solids(low, high + Vec3::new(0.0, profile.height, 0.0), &mut scratch.triangles);
+        self.feet += offset;
+        self.push_out(mesh, profile, &scratch.triangles, support == Support::Ground);
+        self.support = support;
     }
 
     /// Keeps a walker on the ground that falls away under it; leaves it in the air over a ledge.

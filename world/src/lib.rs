@@ -11,9 +11,14 @@
 //! seen from above, so +x lies to the *left* of an NPC with yaw 0.
 
 pub mod character;
+mod crowd;
+pub mod exchange;
 pub mod map;
 pub mod mesh;
 pub mod navigable;
+mod parallel;
+pub mod reach;
+pub mod replay;
 pub mod sense;
 pub mod task;
 mod world;
@@ -23,7 +28,7 @@ pub use map::{Map, MapHash, MapSpec, SpecError};
 pub use parry3d::math::Vec3;
 pub use sense::{OBSERVATION_LEN, RAY_COUNT};
 pub use task::{End, Episode, TaskConfig};
-pub use world::{DecisionOutcome, Npc, NpcSlot, World, WorldState};
+pub use world::{DecisionOutcome, Npc, NpcSlot, ProfileIdx, World, WorldConfig, WorldState};
 
 /// Physics ticks per second (the paper: "60 times per second").
 pub const TICKS_PER_SECOND: u32 = 60;

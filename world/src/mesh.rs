@@ -1,10 +1,10 @@
 //! Triangles in a uniform grid: the one structure behind both contacts and rays.
 //!
-//! Each cell lists the triangles whose bounds touch it. Empty space is skipped by a second array that holds,
-//! for each cell, how many cells (Chebyshev distance) it is certainly away from the nearest triangle.
+//! Each cell lists the triangles whose bounds touch it; a cell without any holds how many cells (Chebyshev
+//! distance) it is certainly away from the nearest one with triangles, so that rays leap over empty space.
 //! parry3d's triangle is the reference: property tests hold rays and contacts against it.
 
-use crate::Vec3;
+use crate::{Vec3, parallel};
 
 /// Side of a grid cell in metres.
 const CELL_M: f32 = 1.25;
@@ -29,9 +29,26 @@ pub enum Surface {
     Lava = 2,
     /// A jump pad: seen by rays, triggers by position.
     Pad = 3,
+    /// Station of a zip line: likewise.
+    ZipLine = 4,
+    /// Entrance of a teleporter: likewise.
+    Teleporter = 5,
+    /// A jetpack to pick up: likewise.
+    Jetpack = 6,
 }
 
 impl Surface {
+    /// All surfaces, by their number.
+    pub const ALL: [Surface; 7] = [
+        Surface::Ground,
+        Surface::Water,
+        Surface::Lava,
+        Surface::Pad,
+        Surface::ZipLine,
+        Surface::Teleporter,
+        Surface::Jetpack,
+    ];
+
     /// Whether bodies collide with it.
     pub fn is_solid(self) -> bool {
         self == Surface::Ground
@@ -236,18 +253,30 @@ pub struct RayHit {
     pub surface: Surface,
 }
 
+/// Set in the entry of a cell without triangles; the rest is how many cells (Chebyshev) it is certainly away from
+/// the nearest one with triangles.
+const EMPTY: u32 = 1 << 31;
+
+/// The triangles of one occupied cell.
+#[derive(Debug, Clone, Copy)]
+struct Occupied {
+    /// Its first entry among the items; it ends where the next cell's begin.
+    start: u32,
+    /// Lowest and highest y that its triangles reach, m: rays that pass above or below are not tested.
+    lowest: f32,
+    highest: f32,
+}
+
 /// Triangles with the grid that finds them.
 #[derive(Debug)]
 pub struct Mesh {
     triangles: Vec<Triangle>,
     counts: [i32; 3],
-    /// `cell_starts[c]..cell_starts[c + 1]` is the range of `cell_items` that belongs to cell `c`.
-    cell_starts: Vec<u32>,
-    cell_items: Vec<u32>,
-    /// Lowest and highest y that the triangles of each cell reach, m: rays that pass above are not tested.
-    cell_heights: Vec<[f32; 2]>,
-    /// Cells that can be stepped over from each cell without meeting a triangle.
-    skips: Vec<u8>,
+    /// For each cell [`EMPTY`] with its distance, or its index among the occupied ones.
+    cells: Vec<u32>,
+    /// In the order of their cells, with one more at the end.
+    occupied: Vec<Occupied>,
+    items: Vec<u32>,
 }
 
 impl Mesh {
@@ -255,29 +284,34 @@ impl Mesh {
     pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
-        let mut mesh = Self {
-            triangles,
-            counts,
-            cell_starts: vec![0; cell_count + 1],
-            cell_items: Vec::new(),
-            cell_heights: Vec::new(),
-            skips: Vec::new(),
-        };
-        let mut item_counts = vec![0u32; cell_count + 1];
-        mesh.for_each_cell_of_triangles(|cell, _| item_counts[cell + 1] += 1);
-        for cell in 0..cell_count {
-            item_counts[cell + 1] += item_counts[cell];
+        let mut mesh =
+            Self { triangles, counts, cells: vec![0; cell_count], occupied: Vec::new(), items: Vec::new() };
+        let mut cells = std::mem::take(&mut mesh.cells);
+        mesh.for_each_cell_of_triangles(|cell, _| cells[cell] += 1);
+        let skips = mesh.empty_space_skips(&cells);
+        let mut item_count = 0;
+        let mut occupied = Vec::new();
+        for (cell, skip) in cells.iter_mut().zip(skips) {
+            if *cell == 0 {
+                *cell = EMPTY | u32::from(skip);
+                continue;
+            }
+            let triangle_count = std::mem::replace(cell, occupied.len() as u32);
+            occupied.push(Occupied { start: item_count, lowest: f32::INFINITY, highest: f32::NEG_INFINITY });
+            item_count += triangle_count;
         }
-        mesh.cell_starts.copy_from_slice(&item_counts);
-        let mut items = vec![0u32; item_counts[cell_count] as usize];
+        let mut ends: Vec<u32> = occupied.iter().map(|range| range.start).collect();
+        occupied.push(Occupied { start: item_count, lowest: 0.0, highest: 0.0 });
+        let mut items = vec![0u32; item_count as usize];
         mesh.for_each_cell_of_triangles(|cell, triangle_idx| {
-            items[item_counts[cell] as usize] = triangle_idx;
-            item_counts[cell] += 1;
+            let idx = cells[cell] as usize;
+            items[ends[idx] as usize] = triangle_idx;
+            ends[idx] += 1;
+            let (low, high) = mesh.triangles[triangle_idx as usize].bounds();
+            occupied[idx].lowest = occupied[idx].lowest.min(low.y);
+            occupied[idx].highest = occupied[idx].highest.max(high.y);
         });
-        mesh.cell_items = items;
-        mesh.cell_heights = mesh.height_ranges();
-        mesh.skips = mesh.empty_space_skips();
-        mesh
+        Self { cells, occupied, items, ..mesh }
     }
 
     /// All triangles, in a fixed order.
@@ -285,13 +319,24 @@ impl Mesh {
         &self.triangles
     }
 
+    /// Gives the triangles back.
+    pub(crate) fn into_triangles(self) -> Vec<Triangle> {
+        self.triangles
+    }
+
     /// Bytes held by the triangles and their grid.
     pub fn memory_bytes(&self) -> usize {
         std::mem::size_of_val(self.triangles.as_slice())
-            + std::mem::size_of_val(self.cell_starts.as_slice())
-            + std::mem::size_of_val(self.cell_items.as_slice())
-            + std::mem::size_of_val(self.cell_heights.as_slice())
-            + self.skips.len()
+            + std::mem::size_of_val(self.cells.as_slice())
+            + std::mem::size_of_val(self.occupied.as_slice())
+            + std::mem::size_of_val(self.items.as_slice())
+    }
+
+    /// Triangles of an occupied cell.
+    #[inline]
+    fn items_of(&self, occupied_idx: usize) -> &[u32] {
+        let range = self.occupied[occupied_idx].start as usize..self.occupied[occupied_idx + 1].start as usize;
+        &self.items[range]
     }
 
     fn cell_idx(&self, [x, y, z]: [i32; 3]) -> usize {
@@ -331,68 +376,61 @@ impl Mesh {
         }
     }
 
-    fn height_ranges(&self) -> Vec<[f32; 2]> {
-        self.cell_starts
-            .windows(2)
-            .map(|range| {
-                self.cell_items[range[0] as usize..range[1] as usize].iter().fold(
-                    [f32::INFINITY, f32::NEG_INFINITY],
-                    |[lowest, highest], &triangle_idx| {
-                        let (low, high) = self.triangles[triangle_idx as usize].bounds();
-                        [lowest.min(low.y), highest.max(high.y)]
-                    },
-                )
-            })
-            .collect()
-    }
-
-    /// Chebyshev distance transform of cell occupancy, capped at [`MAX_SKIP`]: two raster passes.
-    fn empty_space_skips(&self) -> Vec<u8> {
-        let cell_count = self.cell_starts.len() - 1;
-        let mut skips: Vec<u8> = (0..cell_count)
-            .map(|cell| if self.cell_starts[cell] == self.cell_starts[cell + 1] { MAX_SKIP } else { 0 })
-            .collect();
-        // A Chebyshev distance transform separates by axis: min over |dx| first, then max-combine.
-        for axis in 0..3 {
-            let stride = [1, self.counts[0], self.counts[0] * self.counts[1]][axis] as usize;
-            let length = self.counts[axis] as usize;
-            let mut line = vec![0u8; length];
-            for start in self.line_starts(axis) {
-                for (i, value) in line.iter_mut().enumerate() {
-                    *value = skips[start + i * stride];
-                }
-                for i in 0..length {
-                    let mut best = line[i];
-                    for reach in 1..=usize::from(MAX_SKIP) {
-                        if reach >= usize::from(best) {
-                            break;
-                        }
-                        let distance = reach as u8;
-                        if i >= reach {
-                            best = best.min(line[i - reach].max(distance));
-                        }
-                        if i + reach < length {
-                            best = best.min(line[i + reach].max(distance));
-                        }
+    /// Chebyshev distance transform of the cells with a count above 0, capped at [`MAX_SKIP`].
+    ///
+    /// It separates by axis: the distance along x first, then `min over j of max(d(j), |i - j|)` along y and z, row
+    /// by row so that the inner loops run over consecutive bytes.
+    fn empty_space_skips(&self, triangle_counts: &[u32]) -> Vec<u8> {
+        let [nx, ny, nz] = self.counts.map(|count| count as usize);
+        let threads = parallel::core_count();
+        let slab_len = nx * ny;
+        let mut along_x = vec![0u8; triangle_counts.len()];
+        parallel::for_each_slab(&mut along_x, nx, threads, |row_idx, row| {
+            let counts = &triangle_counts[row_idx * nx..(row_idx + 1) * nx];
+            let mut distance = MAX_SKIP;
+            for (value, &count) in row.iter_mut().zip(counts) {
+                distance = if count > 0 { 0 } else { (distance + 1).min(MAX_SKIP) };
+                *value = distance;
+            }
+            for value in row.iter_mut().rev() {
+                distance = if *value == 0 { 0 } else { (distance + 1).min(*value) };
+                *value = distance;
+            }
+        });
+        let combine = |into: &mut [u8], from: &[u8], reach: u8| {
+            for (value, &other) in into.iter_mut().zip(from) {
+                *value = (*value).min(other.max(reach));
+            }
+        };
+        let mut along_xy = along_x.clone();
+        parallel::for_each_slab(&mut along_xy, slab_len, threads, |z, slab| {
+            for y in 0..ny {
+                let into = &mut slab[y * nx..(y + 1) * nx];
+                for reach in 1..MAX_SKIP {
+                    let row = |y: usize| &along_x[z * slab_len + y * nx..z * slab_len + (y + 1) * nx];
+                    if let Some(below) = y.checked_sub(usize::from(reach)) {
+                        combine(into, row(below), reach);
                     }
-                    skips[start + i * stride] = best;
+                    if y + usize::from(reach) < ny {
+                        combine(into, row(y + usize::from(reach)), reach);
+                    }
                 }
             }
-        }
+        });
+        let mut skips = along_x;
+        skips.copy_from_slice(&along_xy);
+        parallel::for_each_slab(&mut skips, slab_len, threads, |z, slab| {
+            for reach in 1..MAX_SKIP {
+                let layer = |z: usize| &along_xy[z * slab_len..(z + 1) * slab_len];
+                if let Some(before) = z.checked_sub(usize::from(reach)) {
+                    combine(slab, layer(before), reach);
+                }
+                if z + usize::from(reach) < nz {
+                    combine(slab, layer(z + usize::from(reach)), reach);
+                }
+            }
+        });
         skips
-    }
-
-    fn line_starts(&self, axis: usize) -> Vec<usize> {
-        let [nx, ny, nz] = self.counts;
-        let (outer, inner): (i32, i32) = [(nz, ny), (nz, nx), (ny, nx)][axis];
-        (0..outer)
-            .flat_map(|o| (0..inner).map(move |i| (o, i)))
-            .map(|(o, i)| match axis {
-                0 => self.cell_idx([0, i, o]),
-                1 => self.cell_idx([i, 0, o]),
-                _ => self.cell_idx([i, o, 0]),
-            })
-            .collect()
     }
 
     /// First triangle along the ray within `max_distance` metres; `direction` must have unit length.
@@ -406,10 +444,9 @@ impl Mesh {
             if (0..3).any(|axis| cell[axis] < 0 || cell[axis] >= self.counts[axis]) {
                 return None;
             }
-            let idx = self.cell_idx(cell);
-            let skip = i32::from(self.skips[idx]);
+            let entry = self.cells[self.cell_idx(cell)];
             // Leave this cell, or the block of cells around it that is known to be empty.
-            let margin = (skip - 1).max(0);
+            let margin = if entry & EMPTY == 0 { 0 } else { (entry & !EMPTY) as i32 - 1 };
             let exit = |axis: usize, o: f32, inv: f32| {
                 let border = if step[axis] > 0 { cell[axis] + 1 + margin } else { cell[axis] - margin };
                 if inv.is_finite() { (border as f32 * CELL_M - o) * inv } else { f32::INFINITY }
@@ -423,15 +460,14 @@ impl Mesh {
                 2
             };
             let leave = exits[axis].max(travelled);
-            if skip == 0 {
+            if entry & EMPTY == 0 {
                 // A hit beyond this cell is found where it lies, so only this stretch of the ray is tested.
                 let (near, far) = ((travelled - STRETCH_SLACK_M).max(0.0), (leave + STRETCH_SLACK_M).min(max_distance));
                 let (y0, y1) = (origin.y + direction.y * near, origin.y + direction.y * far);
-                let [lowest, highest] = self.cell_heights[idx];
+                let Occupied { lowest, highest, .. } = self.occupied[entry as usize];
                 if y0.max(y1) >= lowest - STRETCH_SLACK_M && y0.min(y1) <= highest + STRETCH_SLACK_M {
-                    let range = self.cell_starts[idx] as usize..self.cell_starts[idx + 1] as usize;
                     let mut best: Option<RayHit> = None;
-                    for &triangle_idx in &self.cell_items[range] {
+                    for &triangle_idx in self.items_of(entry as usize) {
                         let triangle = &self.triangles[triangle_idx as usize];
                         let far = best.map_or(far, |hit| hit.distance);
                         if let Some(distance) = triangle.ray(origin, direction, near, far) {
@@ -456,6 +492,21 @@ impl Mesh {
             cell[axis] += step[axis] * (1 + margin);
         }
         None
+    }
+
+    /// In how many solids `point` lies: 0 in the open. Exact for closed solids, which may overlap.
+    pub fn solid_depth_at(&self, point: Vec3) -> u32 {
+        // Any direction will do; this one runs along no edge of the lattice or of a building.
+        const UP: Vec3 = Vec3::new(0.017_3, 0.999_65, 0.020_1);
+        let (mut origin, mut depth) = (point, 0i32);
+        while let Some(hit) = self.cast_ray(origin, UP, f32::MAX) {
+            if hit.surface.is_solid() {
+                let leaves = self.triangles[hit.triangle_idx as usize].normal.dot(UP) > 0.0;
+                depth += if leaves { 1 } else { -1 };
+            }
+            origin += UP * (hit.distance + 1.0e-3);
+        }
+        depth.max(0) as u32
     }
 
     /// Distance along the ray at which it enters the grid's box; `None` if it misses.
@@ -484,17 +535,20 @@ impl Mesh {
         for z in from[2]..=to[2] {
             for y in from[1]..=to[1] {
                 let row = self.cell_idx([0, y, z]);
-                let range = self.cell_starts[row + from[0] as usize] as usize
-                    ..self.cell_starts[row + to[0] as usize + 1] as usize;
-                for &triangle_idx in &self.cell_items[range] {
-                    let triangle = &self.triangles[triangle_idx as usize];
-                    let (t_low, t_high) = triangle.bounds();
-                    if triangle.surface.is_solid()
-                        && t_low.cmple(high).all()
-                        && t_high.cmpge(low).all()
-                        && !found.contains(&triangle_idx)
-                    {
-                        found.push(triangle_idx);
+                for entry in &self.cells[row + from[0] as usize..=row + to[0] as usize] {
+                    if entry & EMPTY != 0 {
+                        continue;
+                    }
+                    for &triangle_idx in self.items_of(*entry as usize) {
+                        let triangle = &self.triangles[triangle_idx as usize];
+                        let (t_low, t_high) = triangle.bounds();
+                        if triangle.surface.is_solid()
+                            && t_low.cmple(high).all()
+                            && t_high.cmpge(low).all()
+                            && !found.contains(&triangle_idx)
+                        {
+                            found.push(triangle_idx);
+                        }
                     }
                 }
             }

@@ -42,7 +42,7 @@ pub fn sample(
         if floor_count == 0 {
             continue;
         }
-        let floor = floors[rng.random_range(0..floor_count)];
+        let (floor, _) = floors[rng.random_range(0..floor_count)];
         if let Some(feet) = settle(map, profile, floor, scratch) {
             return Ok(feet);
         }
@@ -65,11 +65,11 @@ pub fn sample_many(
 }
 
 /// A hair off vertical, so that no ray runs exactly along an edge of the lattice.
-const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
+pub(crate) const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 
-/// Points on the walkable floors over (`x`, `z`), from the top down.
-fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([Vec3; MAX_FLOORS], usize) {
-    let mut found = [Vec3::ZERO; MAX_FLOORS];
+/// Points on the walkable floors over (`x`, `z`) with their normals, from the top down.
+pub(crate) fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([(Vec3, Vec3); MAX_FLOORS], usize) {
+    let mut found = [(Vec3::ZERO, Vec3::Y); MAX_FLOORS];
     let mut count = 0;
     let limit = libm::cosf(profile.max_slope);
     let mut origin = Vec3::new(x, map.extent().y - 0.01, z);
@@ -83,10 +83,10 @@ fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([Vec3; MAX_
         }
         let normal = map.mesh().triangles()[hit.triangle_idx as usize].normal();
         if normal.y >= limit && solids_around == 0 {
-            found[count] = origin - DOWN * 0.02;
+            found[count] = (origin - DOWN * 0.02, normal);
             count += 1;
         }
-        solids_around += if normal.y > 0.0 { 1 } else { -1 };
+        solids_around = if normal.dot(DOWN) < 0.0 { solids_around + 1 } else { (solids_around - 1).max(0) };
     }
     (found, count)
 }
@@ -109,7 +109,7 @@ fn settle(map: &Map, profile: &CharacterProfile, floor: Vec3, scratch: &mut Move
         && (body.feet.y - floor.y).abs() < 0.5
         && !map.is_outside(body.feet)
         && map.liquid_at(body.feet, -0.1).is_none()
-        && map.pad_at(body.feet).is_none()
+        && map.device_at(body.feet).is_none()
         && is_clear(map.mesh(), profile, body.feet, 0.01, scratch);
     stands.then_some(body.feet)
 }

@@ -8,12 +8,13 @@
 //! | 64..128 | 1 where the ray ended on water |
 //! | 128..192 | 1 where it ended on lava |
 //! | 192..256 | 1 where it ended on a jump pad |
-//! | 256..280 | the state vector, see [`state_vector`] |
+//! | 256..320 | where it ended on another device: 1 zip line, 0.7 teleporter, 0.4 jetpack |
+//! | 320..355 | the state vector, see [`state_vector`] |
 //!
 //! Rays are ordered row by row from the lowest elevation, each row from left to right.
 
 use crate::character::{Body, CharacterProfile};
-use crate::map::Map;
+use crate::map::{DEVICE_RANGE_M, Map};
 use crate::mesh::Surface;
 use crate::task::TaskConfig;
 use crate::{Episode, Vec3};
@@ -24,15 +25,15 @@ pub const RAY_SIDE: usize = 8;
 /// Rays in all.
 pub const RAY_COUNT: usize = RAY_SIDE * RAY_SIDE;
 /// Values per ray.
-pub const RAY_CHANNELS: usize = 4;
+pub const RAY_CHANNELS: usize = 5;
 /// Length of the state vector.
-pub const STATE_LEN: usize = 24;
+pub const STATE_LEN: usize = 35;
 /// Length of an observation.
 pub const OBSERVATION_LEN: usize = RAY_COUNT * RAY_CHANNELS + STATE_LEN;
 /// Reach of every ray, m.
 pub const RAY_RANGE_M: f32 = 30.0;
 /// Changes whenever the meaning of an observation changes; checkpoints carry it.
-pub const OBSERVATION_VERSION: u32 = 1;
+pub const OBSERVATION_VERSION: u32 = 2;
 
 /// Share of the body's height at which the rays start.
 const EYE_HEIGHT_SHARE: f32 = 0.85;
@@ -119,15 +120,33 @@ pub fn observe(
     rays.fill(0.0);
     cone.cast(context.map, context.profile, body, |idx, distance, surface| {
         rays[idx] = 1.0 - distance / RAY_RANGE_M;
-        let channel = match surface {
-            Surface::Ground => return,
-            Surface::Water => 1,
-            Surface::Lava => 2,
-            Surface::Pad => 3,
-        };
-        rays[channel * RAY_COUNT + idx] = 1.0;
+        if let Some((channel, value)) = surface_channel(surface) {
+            rays[channel * RAY_COUNT + idx] = value;
+        }
     });
     state.copy_from_slice(&state_vector(context, body, episode, last));
+}
+
+/// The channel that shows a ray's end on `surface`, and its value there; ground shows in none.
+pub fn surface_channel(surface: Surface) -> Option<(usize, f32)> {
+    match surface {
+        Surface::Ground => None,
+        Surface::Water => Some((1, 1.0)),
+        Surface::Lava => Some((2, 1.0)),
+        Surface::Pad => Some((3, 1.0)),
+        Surface::ZipLine => Some((4, 1.0)),
+        Surface::Teleporter => Some((4, 0.7)),
+        Surface::Jetpack => Some((4, 0.4)),
+    }
+}
+
+/// The surface that ray `ray` of an observation ended on; ground where it shows none.
+pub fn ray_surface(observation: &[f32], ray: usize) -> Surface {
+    let shows = |&surface: &Surface| {
+        surface_channel(surface)
+            .is_some_and(|(channel, value)| (observation[channel * RAY_COUNT + ray] - value).abs() < 0.1)
+    };
+    Surface::ALL.into_iter().find(shows).unwrap_or(Surface::Ground)
 }
 
 /// The non-visual part of an observation. Vectors are in the body's frame (x right, y up, z forward).
@@ -135,7 +154,10 @@ pub fn observe(
 /// 0 goal distance / 50 m; 1..4 unit direction to the goal; 4 horizontal goal distance and 5 height of the
 /// goal, each / 8 m and clamped; 6..9 velocity / 12 m/s; 9..12 change of velocity over the last decision /
 /// 12 m/s; 12..16 previous action; 16 grounded; 17 can jump (again); 18 share of the patience used; 19 share
-/// of the breath used; 20..23 unit direction to the nearest pad; 23 its proximity `1 - d / 50 m`.
+/// of the breath used; 20..23 unit direction to the nearest pad; 23 its proximity `1 - d / 50 m`; 24..27 unit
+/// direction to the entrance of the zip line or teleporter that brings the goal nearest; 27 its proximity; 28 the
+/// proximity of its exit to the goal; 29..32 and 32 direction and proximity of the nearest jetpack; 33 jetpack fuel /
+/// 5 s; 34 hanging on a zip line.
 pub fn state_vector(
     context: SenseContext<'_>,
     body: &Body,
@@ -148,11 +170,20 @@ pub fn state_vector(
     let horizontal = (goal.x * goal.x + goal.z * goal.z).sqrt();
     let velocity = body.to_local(body.velocity) / 12.0;
     let acceleration = body.to_local(body.velocity - last.velocity) / 12.0;
-    let (pad_direction, pad_proximity) = context.map.nearest_pad(body.feet).map_or((Vec3::ZERO, 0.0), |pad| {
-        let pad = body.to_local(pad.centre - body.feet);
-        let distance = pad.length();
-        (pad / distance.max(1.0e-3), (1.0 - distance / 50.0).max(0.0))
-    });
+    let proximity = |distance: f32| (1.0 - distance / DEVICE_RANGE_M).max(0.0);
+    let bearing = |place: Option<Vec3>| {
+        place.map_or((Vec3::ZERO, 0.0), |place| {
+            let local = body.to_local(place - body.feet);
+            let distance = local.length();
+            (local / distance.max(1.0e-3), proximity(distance))
+        })
+    };
+    let (pad_direction, pad_proximity) = bearing(context.map.nearest_pad(body.feet).map(|pad| pad.centre));
+    let transport = context.map.best_transport(body.feet, episode.goal);
+    let (entrance_direction, entrance_proximity) = bearing(transport.map(|(entrance, _)| entrance));
+    let exit_proximity = transport.map_or(0.0, |(_, exit)| proximity(exit.distance(episode.goal)));
+    let jetpack = context.map.nearest_jetpack(body.feet).map(|jetpack| jetpack.centre);
+    let (jetpack_direction, jetpack_proximity) = bearing(jetpack);
     let flag = |on: bool| if on { 1.0 } else { 0.0 };
     let [forward, strafe, turn, jump] = last.action;
     [
@@ -180,6 +211,17 @@ pub fn state_vector(
         pad_direction.y,
         pad_direction.z,
         pad_proximity,
+        entrance_direction.x,
+        entrance_direction.y,
+        entrance_direction.z,
+        entrance_proximity,
+        exit_proximity,
+        jetpack_direction.x,
+        jetpack_direction.y,
+        jetpack_direction.z,
+        jetpack_proximity,
+        (body.fuel / 5.0).min(1.0),
+        flag(body.ride.is_some()),
     ]
 }
 
@@ -189,8 +231,8 @@ pub fn mirror_observation(row: &mut [f32]) {
     for ray_row in rays.chunks_mut(RAY_SIDE) {
         ray_row.reverse();
     }
-    // goal x, velocity x, acceleration x, strafe, turn, pad x
-    for idx in [1, 6, 9, 13, 14, 20] {
+    // goal x, velocity x, acceleration x, strafe, turn, pad x, entrance x, jetpack x
+    for idx in [1, 6, 9, 13, 14, 20, 24, 29] {
         state[idx] = -state[idx];
     }
 }

@@ -2,19 +2,38 @@
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
 use crate::map::{Liquid, Map};
+use crate::replay::{CHECK_EVERY_TICKS, Input, Recording};
 use crate::sense::{self, LastDecision, RayCone, SenseContext};
 use crate::task::{End, Episode, TaskConfig};
+use crate::crowd::CrowdScratch;
 use crate::{TICKS_PER_DECISION, Vec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Index of an NPC's place in its world's arrays; reused after the NPC is removed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct NpcSlot(pub u32);
+
+/// Index of one of a world's character profiles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+pub struct ProfileIdx(pub u8);
+
+/// What a world is run with, besides its map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WorldConfig {
+    /// The kinds of characters that may be spawned, 1 to 256.
+    pub profiles: Vec<CharacterProfile>,
+    /// Constants of the task.
+    pub task: TaskConfig,
+    /// Whether NPCs push each other aside; off for training.
+    pub npc_collision: bool,
+}
 
 /// One NPC: its body, its running decision and its episode.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Npc {
+    /// What kind of character it is.
+    pub profile: ProfileIdx,
     /// Position and motion.
     pub body: Body,
     /// The action that is held.
@@ -45,6 +64,18 @@ pub struct WorldState {
     npcs: Vec<Option<Npc>>,
 }
 
+impl WorldState {
+    /// Ticks stepped when it was saved.
+    pub fn tick(&self) -> u64 {
+        self.tick
+    }
+
+    /// Hash of every bit of it.
+    pub fn hash(&self) -> [u8; 32] {
+        *blake3::hash(&postcard::to_stdvec(self).expect("plain data")).as_bytes()
+    }
+}
+
 /// A map with its NPCs, stepped tick by tick. Nothing is allocated while stepping.
 ///
 /// The calls of one decision, for one NPC: [`World::observe`], [`World::decide`], ten times [`World::tick`]
@@ -52,25 +83,54 @@ pub struct WorldState {
 #[derive(Debug)]
 pub struct World {
     map: Arc<Map>,
-    profile: CharacterProfile,
-    task: TaskConfig,
+    config: WorldConfig,
     cone: RayCone,
     tick: u64,
     npcs: Vec<Option<Npc>>,
     scratch: MoveScratch,
+    crowd: CrowdScratch,
+    recording: Option<Box<Recording>>,
 }
 
 impl World {
     /// An empty world on `map`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
+        Self::with_config(map, WorldConfig { profiles: vec![profile], task, npc_collision: false })
+    }
+
+    /// An empty world on `map` for several kinds of characters.
+    ///
+    /// # Panics
+    /// If there is no profile, or more than 256.
+    pub fn with_config(map: Arc<Map>, config: WorldConfig) -> Self {
+        assert!((1..=256).contains(&config.profiles.len()), "1 to 256 profiles");
         Self {
             map,
-            profile,
-            task,
+            config,
             cone: RayCone::default(),
             tick: 0,
             npcs: Vec::new(),
             scratch: MoveScratch::default(),
+            crowd: CrowdScratch::default(),
+            recording: None,
+        }
+    }
+
+    /// Records every input from now on; a recording under way is thrown away.
+    pub fn start_recording(&mut self) {
+        self.recording = Some(Box::new(Recording::begin(&self.map, &self.config, self.save())));
+    }
+
+    /// Ends the recording under way and hands it over.
+    pub fn finish_recording(&mut self) -> Option<Recording> {
+        let mut recording = self.recording.take()?;
+        recording.note_state(self.tick, self.save().hash());
+        Some(*recording)
+    }
+
+    fn note(&mut self, input: Input) {
+        if let Some(recording) = &mut self.recording {
+            recording.note(self.tick, input);
         }
     }
 
@@ -79,8 +139,10 @@ impl World {
         WorldState { tick: self.tick, npcs: self.npcs.clone() }
     }
 
-    /// Continues from a saved state; the map, profile and task must be those it was saved with.
+    /// Continues from a saved state; the map and the configuration must be those it was saved with. Ends a recording
+    /// under way.
     pub fn restore(&mut self, state: WorldState) {
+        self.recording = None;
         self.tick = state.tick;
         self.npcs = state.npcs;
     }
@@ -90,14 +152,14 @@ impl World {
         &self.map
     }
 
-    /// The profile of every NPC here.
-    pub fn profile(&self) -> &CharacterProfile {
-        &self.profile
+    /// What it is run with.
+    pub fn config(&self) -> &WorldConfig {
+        &self.config
     }
 
     /// Constants of the task.
     pub fn task(&self) -> &TaskConfig {
-        &self.task
+        &self.config.task
     }
 
     /// Ticks stepped so far.
@@ -105,9 +167,20 @@ impl World {
         self.tick
     }
 
-    /// Adds a resting NPC and returns its slot.
+    /// Adds a resting NPC of the first profile and returns its slot.
     pub fn spawn(&mut self, feet: Vec3, yaw: f32) -> NpcSlot {
+        self.spawn_as(ProfileIdx::default(), feet, yaw)
+    }
+
+    /// Adds a resting NPC of a profile and returns its slot.
+    ///
+    /// # Panics
+    /// If the world has no such profile.
+    pub fn spawn_as(&mut self, profile: ProfileIdx, feet: Vec3, yaw: f32) -> NpcSlot {
+        assert!(usize::from(profile.0) < self.config.profiles.len(), "a profile of this world");
+        self.note(Input::Spawn(profile, feet, yaw));
         let npc = Npc {
+            profile,
             body: Body::at(feet, yaw),
             action: Action::default(),
             episode: None,
@@ -125,6 +198,7 @@ impl World {
 
     /// Removes an NPC; false if the slot was empty.
     pub fn despawn(&mut self, slot: NpcSlot) -> bool {
+        self.note(Input::Despawn(slot));
         self.npcs.get_mut(slot.0 as usize).is_some_and(|npc| npc.take().is_some())
     }
 
@@ -148,6 +222,7 @@ impl World {
     /// # Panics
     /// If the slot is empty, like every call below.
     pub fn teleport(&mut self, slot: NpcSlot, feet: Vec3, yaw: f32) {
+        self.note(Input::Teleport(slot, feet, yaw));
         let npc = self.npc_mut(slot);
         npc.body = Body::at(feet, yaw);
         npc.action = Action::default();
@@ -158,12 +233,14 @@ impl World {
 
     /// Starts an episode towards `goal`, keeping the body's motion.
     pub fn set_goal(&mut self, slot: NpcSlot, goal: Vec3) {
+        self.note(Input::SetGoal(slot, goal));
         let npc = self.npc_mut(slot);
         npc.episode = Some(Episode::new(goal, npc.body.feet));
     }
 
     /// Ends the episode without an outcome; the NPC comes to rest.
     pub fn clear_goal(&mut self, slot: NpcSlot) {
+        self.note(Input::ClearGoal(slot));
         let npc = self.npc_mut(slot);
         npc.episode = None;
         npc.action = Action::default();
@@ -172,6 +249,7 @@ impl World {
 
     /// Starts a decision: `action` is held until the next one.
     pub fn decide(&mut self, slot: NpcSlot, action: Action) {
+        self.note(Input::Decide(slot, action));
         let npc = self.npc_mut(slot);
         npc.last.velocity = npc.body.velocity;
         npc.last.action = action.to_array();
@@ -183,11 +261,19 @@ impl World {
     /// Moves every NPC by one tick. An NPC that came to harm stays where it is;
     /// one that reached its goal runs on until its decision is over.
     pub fn tick(&mut self) {
-        let Self { map, profile, task, npcs, scratch, .. } = self;
+        let Self { map, config, npcs, scratch, crowd, .. } = self;
         for npc in npcs.iter_mut().flatten() {
-            tick_npc(npc, map, profile, task, scratch);
+            let profile = &config.profiles[usize::from(npc.profile.0)];
+            tick_npc(npc, map, profile, &config.task, scratch);
+        }
+        if config.npc_collision {
+            crowd.separate(npcs, map, &config.profiles, scratch);
         }
         self.tick += 1;
+        if self.recording.is_some() && self.tick.is_multiple_of(CHECK_EVERY_TICKS) {
+            let hash = self.save().hash();
+            self.recording.iter_mut().for_each(|recording| recording.note_state(self.tick, hash));
+        }
     }
 
     /// Ten ticks: a whole decision when all NPCs decide together.
@@ -199,9 +285,10 @@ impl World {
 
     /// Closes the running decision of an NPC with an episode: its reward, and its end if it came.
     pub fn close_decision(&mut self, slot: NpcSlot) -> Option<DecisionOutcome> {
-        let task = self.task.clone();
-        let episode = self.npc_mut(slot).episode.as_mut()?;
-        let reward = episode.close_decision(&task);
+        self.note(Input::Close(slot));
+        let npc = self.npcs[slot.0 as usize].as_mut().expect("an occupied slot");
+        let episode = npc.episode.as_mut()?;
+        let reward = episode.close_decision(&self.config.task);
         Some(DecisionOutcome { reward, end: episode.end })
     }
 
@@ -212,7 +299,8 @@ impl World {
             row.fill(0.0);
             return false;
         };
-        let context = SenseContext { map: &self.map, profile: &self.profile, task: &self.task };
+        let profile = &self.config.profiles[usize::from(npc.profile.0)];
+        let context = SenseContext { map: &self.map, profile, task: &self.config.task };
         sense::observe(&self.cone, context, &npc.body, episode, &npc.last, row);
         true
     }
@@ -226,11 +314,15 @@ fn tick_npc(npc: &mut Npc, map: &Map, profile: &CharacterProfile, task: &TaskCon
     if npc.harm.is_some() || npc.episode.and_then(|episode| episode.end) == Some(End::NoProgress) {
         return;
     }
+    let before = npc.body;
     let events = npc.body.tick(map, profile, &npc.action, scratch);
-    npc.events.jumped |= events.jumped;
-    npc.events.double_jumped |= events.double_jumped;
-    npc.events.padded |= events.padded;
-    npc.harm = hazard_end(npc, map, task);
+    if !(npc.body.feet.is_finite() && npc.body.velocity.is_finite()) {
+        // Never let a body without a place spread: it stays where it last was, and its owner is told.
+        npc.body = before;
+        npc.harm = Some(End::Fell);
+    }
+    npc.events.merge(events);
+    npc.harm = npc.harm.or_else(|| hazard_end(npc, map, task));
     if let Some(episode) = npc.episode.as_mut().filter(|episode| episode.end.is_none()) {
         episode.note_tick(npc.body.feet, task);
         episode.end = episode.end.or(npc.harm);

@@ -1,9 +1,11 @@
 //! How a body moves on simple geometry.
 
 use std::sync::Arc;
-use surefoot_world::map::{Liquid, MapSize, Pad, Pool};
+use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Action, CharacterProfile, End, Map, NpcSlot, TaskConfig, Vec3, World};
+use surefoot_world::{
+    Action, CharacterProfile, End, Map, NpcSlot, ProfileIdx, TaskConfig, Vec3, World, WorldConfig,
+};
 
 const GROUND: f32 = 10.0;
 const MIDDLE: Vec3 = Vec3::new(30.0, GROUND, 30.0);
@@ -29,12 +31,9 @@ fn flat() -> Vec<Triangle> {
     profile_along_z(&[(0.0, GROUND), (60.0, GROUND)])
 }
 
-fn world(triangles: Vec<Triangle>, pools: Vec<Pool>, pads: Vec<Pad>) -> World {
-    World::new(
-        Arc::new(Map::from_parts(SIZE, triangles, pools, pads)),
-        CharacterProfile::default(),
-        TaskConfig::default(),
-    )
+fn world(triangles: Vec<Triangle>, placed: Placed) -> World {
+    let map = Map::from_parts(SIZE, triangles, placed);
+    World::new(Arc::new(map), CharacterProfile::default(), TaskConfig::default())
 }
 
 const NPC: NpcSlot = NpcSlot(0);
@@ -59,7 +58,7 @@ fn feet(world: &World) -> Vec3 {
 }
 
 fn on(triangles: Vec<Triangle>, at: Vec3) -> World {
-    let mut world = world(triangles, Vec::new(), Vec::new());
+    let mut world = world(triangles, Placed::default());
     world.spawn(at, 0.0);
     run(&mut world, &[STAND; 2]);
     world
@@ -101,7 +100,7 @@ fn walks_slopes_of_thirty_degrees_and_slides_on_fifty() {
     let mut steep = on(ramp(50.0), MIDDLE - Vec3::new(0.0, 0.0, 4.0));
     run(&mut steep, &[FORWARD; 30]);
     assert!(feet(&steep).y < GROUND + 1.0, "climbed to {:?}", feet(&steep));
-    let mut sliding = world(ramp(50.0), Vec::new(), Vec::new());
+    let mut sliding = world(ramp(50.0), Placed::default());
     sliding.spawn(Vec3::new(30.0, GROUND + 18.0, 44.0), 0.0);
     run(&mut sliding, &[STAND; 30]);
     assert!(feet(&sliding).y < GROUND + 1.0, "hangs at {:?}", feet(&sliding));
@@ -144,7 +143,7 @@ fn walks_over_a_low_step_and_is_stopped_by_a_high_one() {
 
 #[test]
 fn the_fastest_fall_does_not_pass_through_a_floor() {
-    let mut falling = world(flat(), Vec::new(), Vec::new());
+    let mut falling = world(flat(), Placed::default());
     falling.spawn(Vec3::new(30.3, 79.0, 30.7), 0.0);
     run(&mut falling, &[STAND; 30]);
     assert!((feet(&falling).y - GROUND).abs() < 0.01, "{:?}", feet(&falling));
@@ -153,7 +152,7 @@ fn the_fastest_fall_does_not_pass_through_a_floor() {
 #[test]
 fn a_pad_throws_as_high_as_its_speed_says() {
     let speed = (2.0f32 * 20.0 * 14.0).sqrt();
-    let mut padded = world(flat(), Vec::new(), vec![Pad { centre: MIDDLE, speed }]);
+    let mut padded = world(flat(), Placed { pads: vec![Pad { centre: MIDDLE, speed }], ..Placed::default() });
     padded.spawn(MIDDLE - Vec3::new(0.0, 0.0, 3.0), 0.0);
     run(&mut padded, &[FORWARD; 1]);
     let top = run(&mut padded, &[FORWARD, FORWARD, STAND, STAND, STAND, STAND, STAND, STAND]) - GROUND;
@@ -162,8 +161,8 @@ fn a_pad_throws_as_high_as_its_speed_says() {
 }
 
 fn pool(liquid: Liquid) -> World {
-    let pool = Pool { centre: MIDDLE + Vec3::new(0.0, 1.0, 0.0), radius: 8.0, depth: 1.5, liquid };
-    let mut world = world(flat(), vec![pool], Vec::new());
+    let pool = Pool { centre: MIDDLE + Vec3::new(0.0, 1.0, 0.0), outline: Outline::Round { radius: 8.0 }, depth: 1.5, liquid };
+    let mut world = world(flat(), Placed { pools: vec![pool], ..Placed::default() });
     world.spawn(MIDDLE, 0.0);
     world.set_goal(NPC, Vec3::new(5.0, GROUND, 5.0));
     world
@@ -253,4 +252,177 @@ fn a_mirrored_observation_mirrored_again_is_itself() {
     assert_ne!(row, mirrored);
     surefoot_world::sense::mirror_observation(&mut mirrored);
     assert_eq!(row, mirrored);
+}
+
+#[test]
+fn a_zip_line_carries_to_its_lower_end_and_lets_go() {
+    let line = ZipLine { from: Vec3::new(30.0, 30.0, 10.0), to: Vec3::new(30.0, GROUND, 40.0) };
+    let tower = quad([
+        Vec3::new(26.0, 30.0, 6.0),
+        Vec3::new(26.0, 30.0, 12.0),
+        Vec3::new(34.0, 30.0, 12.0),
+        Vec3::new(34.0, 30.0, 6.0),
+    ]);
+    let triangles = [flat(), tower].concat();
+    let mut riding = world(triangles, Placed { zip_lines: vec![line], ..Placed::default() });
+    riding.spawn(Vec3::new(30.0, 30.0, 7.5), 0.0);
+    run(&mut riding, &[FORWARD; 2]);
+    let npc = riding.npc(NPC).unwrap();
+    assert!(npc.body.ride.is_some(), "not riding at {:?}", npc.body.feet);
+    run(&mut riding, &[STAND; 20]);
+    let body = riding.npc(NPC).unwrap().body;
+    assert!(body.ride.is_none() && body.is_grounded());
+    assert!((body.feet - line.to).length() < 3.0, "let go at {:?}", body.feet);
+}
+
+#[test]
+fn a_jump_lets_go_of_a_zip_line() {
+    let line = ZipLine { from: MIDDLE, to: MIDDLE + Vec3::new(0.0, -4.0, 25.0) };
+    let mut riding = world(flat(), Placed { zip_lines: vec![line], ..Placed::default() });
+    riding.spawn(MIDDLE, 0.0);
+    run(&mut riding, &[STAND; 3]);
+    assert!(riding.npc(NPC).unwrap().body.ride.is_some());
+    run(&mut riding, &[Action { jump: 1.0, ..STAND }]);
+    assert!(riding.npc(NPC).unwrap().body.ride.is_none());
+}
+
+#[test]
+fn characters_that_cannot_use_zip_lines_walk_past() {
+    let line = ZipLine { from: MIDDLE, to: MIDDLE + Vec3::new(0.0, -4.0, 25.0) };
+    let map = Map::from_parts(SIZE, flat(), Placed { zip_lines: vec![line], ..Placed::default() });
+    let profile = CharacterProfile { uses_zip_lines: false, ..CharacterProfile::default() };
+    let mut walking = World::new(Arc::new(map), profile, TaskConfig::default());
+    walking.spawn(MIDDLE, 0.0);
+    run(&mut walking, &[FORWARD; 3]);
+    assert!(walking.npc(NPC).unwrap().body.ride.is_none());
+}
+
+#[test]
+fn a_one_way_teleporter_leads_there_and_a_two_way_one_back_after_stepping_off() {
+    let there = Vec3::new(10.0, GROUND, 50.0);
+    for two_way in [false, true] {
+        let teleporter = Teleporter { from: MIDDLE, to: there, two_way };
+        let mut world = world(flat(), Placed { teleporters: vec![teleporter], ..Placed::default() });
+        world.spawn(MIDDLE - Vec3::new(0.0, 0.0, 3.0), 0.0);
+        run(&mut world, &[FORWARD, FORWARD, STAND, STAND]);
+        assert!(feet(&world).distance(there) < 4.0, "at {:?}", feet(&world));
+        // Onto the far disc again: only a two-way teleporter leads back.
+        world.teleport(NPC, there - Vec3::new(0.0, 0.0, 3.0), 0.0);
+        run(&mut world, &[FORWARD, FORWARD, STAND, STAND]);
+        let is_back = feet(&world).distance(MIDDLE) < 4.0;
+        assert_eq!(is_back, two_way, "at {:?}", feet(&world));
+    }
+}
+
+#[test]
+fn a_jetpack_lifts_higher_than_two_jumps_until_its_fuel_is_gone() {
+    let jetpack = Jetpack { centre: MIDDLE, fuel: 2.0 };
+    let mut flying = world(flat(), Placed { jetpacks: vec![jetpack], ..Placed::default() });
+    flying.spawn(MIDDLE, 0.0);
+    run(&mut flying, &[STAND]);
+    assert_eq!(flying.npc(NPC).unwrap().body.fuel, 2.0);
+    flying.teleport(NPC, MIDDLE + Vec3::new(0.0, 0.0, 8.0), 0.0);
+    assert_eq!(flying.npc(NPC).unwrap().body.fuel, 0.0, "a teleported NPC starts afresh");
+    flying.teleport(NPC, MIDDLE, 0.0);
+    let top = run(&mut flying, &[Action { jump: 1.0, ..STAND }; 24]) - GROUND;
+    assert!((12.0..22.0).contains(&top), "rose {top} m");
+    assert!(flying.npc(NPC).unwrap().body.fuel < 0.02 + 2.0);
+}
+
+#[test]
+fn a_body_slides_down_from_what_is_too_steep_to_stand_on() {
+    let slope = profile_along_z(&[(0.0, 50.0), (60.0, 50.0 - 60.0 * 45.0f32.to_radians().tan() * 0.8)]);
+    let mut sliding = on(slope, Vec3::new(30.0, 26.5, 30.0));
+    run(&mut sliding, &[STAND; 12]);
+    assert!(feet(&sliding).z > 36.0, "stuck at {:?}", feet(&sliding));
+}
+
+#[test]
+fn bodies_do_not_stick_to_the_seams_of_a_finely_cut_floor() {
+    let mut triangles = Vec::new();
+    for i in 0..120 {
+        for k in 0..120 {
+            let (x, z) = (i as f32 * 0.5, k as f32 * 0.5);
+            let at = |x: f32, z: f32| Vec3::new(x, GROUND, z);
+            triangles.extend(quad([at(x, z), at(x, z + 0.5), at(x + 0.5, z + 0.5), at(x + 0.5, z)]));
+        }
+    }
+    let mut running = on(triangles, Vec3::new(7.3, GROUND, 5.1));
+    let direction = 0.7;
+    running.teleport(NPC, Vec3::new(7.3, GROUND, 5.1), direction);
+    run(&mut running, &[FORWARD; 2]);
+    let mut last = feet(&running);
+    for _ in 0..120 {
+        running.decide(NPC, FORWARD);
+        running.tick();
+        let moved = feet(&running).distance(last);
+        assert!((moved - 11.0 / 60.0).abs() < 0.002, "moved {moved} m at {:?}", feet(&running));
+        last = feet(&running);
+    }
+}
+
+#[test]
+fn thrown_and_flying_bodies_do_not_pass_through_ceilings() {
+    let ceiling = |y: f32| {
+        quad([Vec3::new(0.0, y, 0.0), Vec3::new(60.0, y, 0.0), Vec3::new(60.0, y, 60.0), Vec3::new(0.0, y, 60.0)])
+    };
+    for (idx, speed) in [14.0, 20.0, 26.0, 32.0, 45.0].into_iter().enumerate() {
+        let height = GROUND + 4.0 + 0.37 * idx as f32;
+        let triangles = [flat(), ceiling(height)].concat();
+        let mut thrown = world(triangles, Placed { pads: vec![Pad { centre: MIDDLE, speed }], ..Placed::default() });
+        thrown.spawn(MIDDLE, 0.0);
+        let top = run(&mut thrown, &[STAND; 6]);
+        assert!(top + 1.8 < height + 0.01, "{top} under a ceiling at {height}");
+    }
+}
+
+#[test]
+fn npcs_push_each_other_aside_only_where_the_world_says_so() {
+    for npc_collision in [false, true] {
+        let map = Arc::new(Map::from_parts(SIZE, flat(), Placed::default()));
+        let profiles = vec![CharacterProfile::default()];
+        let config = WorldConfig { profiles, task: TaskConfig::default(), npc_collision };
+        let mut crowd = World::with_config(map, config);
+        for idx in 0..9 {
+            crowd.spawn(MIDDLE + Vec3::new(0.05 * (idx % 3) as f32, 0.0, 0.05 * (idx / 3) as f32), 0.0);
+        }
+        (0..120).for_each(|_| crowd.tick());
+        let places: Vec<Vec3> = crowd.npcs().map(|(_, npc)| npc.body.feet).collect();
+        let closest = (0..9).flat_map(|a| (0..a).map(move |b| (a, b))).map(|(a, b)| places[a].distance(places[b]));
+        let closest = closest.fold(f32::INFINITY, f32::min);
+        assert_eq!(closest > 0.58, npc_collision, "{closest} m apart");
+        assert!(places.iter().all(|place| (place.y - GROUND).abs() < 0.02));
+    }
+}
+
+#[test]
+fn characters_of_several_profiles_share_a_world() {
+    let map = Arc::new(Map::from_parts(SIZE, flat(), Placed::default()));
+    let slow = CharacterProfile { forward_speed: 3.0, height: 1.2, ..CharacterProfile::default() };
+    let profiles = vec![CharacterProfile::default(), slow];
+    let config = WorldConfig { profiles, task: TaskConfig::default(), npc_collision: false };
+    let mut world = World::with_config(map, config);
+    let start = Vec3::new(10.0, GROUND, 10.0);
+    let (fast, slow) = (world.spawn(start, 0.0), world.spawn_as(ProfileIdx(1), start, 0.0));
+    for _ in 0..6 {
+        world.decide(fast, FORWARD);
+        world.decide(slow, FORWARD);
+        world.tick_decision();
+    }
+    let z = |slot| world.npc(slot).unwrap().body.feet.z - start.z;
+    assert!((z(fast) - 11.0).abs() < 1.2 && (z(slow) - 3.0).abs() < 0.3, "{} and {} m", z(fast), z(slow));
+}
+
+#[test]
+fn profiles_out_of_range_are_refused_by_the_name_of_the_field() {
+    let field = |change: fn(&mut CharacterProfile)| {
+        let mut profile = CharacterProfile::default();
+        change(&mut profile);
+        profile.validate().unwrap_err().field
+    };
+    assert!(CharacterProfile::default().validate().is_ok());
+    assert_eq!(field(|profile| profile.radius = f32::NAN), "radius");
+    assert_eq!(field(|profile| profile.height = 0.3), "height");
+    assert_eq!(field(|profile| profile.gravity = 0.0), "gravity");
+    assert_eq!(field(|profile| profile.jetpack_acceleration = -1.0), "jetpack_acceleration");
 }

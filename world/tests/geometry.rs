@@ -100,8 +100,10 @@ fn the_uppermost_surface_faces_up() {
     for i in 3..77 {
         for k in 3..77 {
             let origin = Vec3::new(i as f32 + 0.37, 79.5, k as f32 + 0.41);
-            let hit = map.mesh().cast_ray(origin, Vec3::new(0.001, -1.0, 0.002).normalize(), 80.0).unwrap();
-            assert!(map.mesh().triangles()[hit.triangle_idx as usize].normal().y > 0.0, "inside out at {origin:?}");
+            let direction = Vec3::new(0.001, -1.0, 0.002).normalize();
+            let hit = map.mesh().cast_ray(origin, direction, 80.0).unwrap();
+            let normal = map.mesh().triangles()[hit.triangle_idx as usize].normal();
+            assert!(normal.dot(direction) < 0.0, "inside out at {origin:?}");
         }
     }
 }

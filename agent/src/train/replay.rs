@@ -9,7 +9,8 @@ use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::sense::{RAY_COUNT, STATE_LEN, mirror_action, mirror_observation};
+use surefoot_world::mesh::Surface;
+use surefoot_world::sense::{self, RAY_CHANNELS, RAY_COUNT, STATE_LEN, mirror_action, mirror_observation};
 
 /// How a row continues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,10 +26,11 @@ pub enum RowKind {
 /// One observation with what was done there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Row {
-    #[serde(with = "ray_array")]
+    #[serde(with = "long_array")]
     proximity: [u16; RAY_COUNT],
-    #[serde(with = "ray_array")]
+    #[serde(with = "long_array")]
     surface: [u8; RAY_COUNT],
+    #[serde(with = "long_array")]
     state: [f32; STATE_LEN],
     action: [f32; ACTION_LEN],
     reward: f32,
@@ -36,7 +38,7 @@ struct Row {
 }
 
 /// Arrays longer than 32 have no serde implementation of their own.
-mod ray_array {
+mod long_array {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -52,7 +54,7 @@ mod ray_array {
     ) -> Result<[T; N], D::Error> {
         let values = Vec::<T>::deserialize(deserializer)?;
         let count = values.len();
-        values.try_into().map_err(|_| D::Error::custom(format!("{count} rays, expected {N}")))
+        values.try_into().map_err(|_| D::Error::custom(format!("{count} values, expected {N}")))
     }
 }
 
@@ -213,9 +215,9 @@ impl Row {
             Row { proximity: [0; RAY_COUNT], surface: [0; RAY_COUNT], state: [0.0; STATE_LEN], action, reward, kind };
         for ray in 0..RAY_COUNT {
             row.proximity[ray] = (observation[ray] * f32::from(u16::MAX)).round() as u16;
-            row.surface[ray] = (1..4u8).find(|&s| observation[usize::from(s) * RAY_COUNT + ray] > 0.5).unwrap_or(0);
+            row.surface[ray] = sense::ray_surface(observation, ray) as u8;
         }
-        row.state.copy_from_slice(&observation[RAY_COUNT * 4..]);
+        row.state.copy_from_slice(&observation[RAY_COUNT * RAY_CHANNELS..]);
         row
     }
 
@@ -225,12 +227,11 @@ impl Row {
         let row = &mut into[start..];
         for ray in 0..RAY_COUNT {
             row[ray] = f32::from(self.proximity[ray]) / f32::from(u16::MAX);
-            let surface = usize::from(self.surface[ray]);
-            if surface > 0 {
-                row[surface * RAY_COUNT + ray] = 1.0;
+            if let Some((channel, value)) = sense::surface_channel(Surface::ALL[usize::from(self.surface[ray])]) {
+                row[channel * RAY_COUNT + ray] = value;
             }
         }
-        row[RAY_COUNT * 4..].copy_from_slice(&self.state);
+        row[RAY_COUNT * RAY_CHANNELS..].copy_from_slice(&self.state);
         if mirrored {
             mirror_observation(row);
         }

@@ -121,7 +121,7 @@ fn build_with_bar(context: &ProbeContext, settings: &BuildSettings) -> anyhow::R
 fn describe(args: &Args, id: &GraphId, built: &Built, cached: bool) -> anyhow::Result<()> {
     let graph = &built.graph;
     let by_ability = |ability: Ability| graph.edges().filter(|edge| edge.evidence.ability == ability).count();
-    let abilities = [Ability::Walk, Ability::Jump, Ability::DoubleJump, Ability::Pad];
+    let abilities = Ability::ALL;
     if args.json {
         let counts: serde_json::Map<_, _> =
             abilities.iter().map(|&a| (a.name().to_owned(), by_ability(a).into())).collect();
@@ -158,6 +158,9 @@ fn ability_colour(ability: Ability) -> [u8; 3] {
         Ability::Jump => [90, 220, 255],
         Ability::DoubleJump => [70, 120, 255],
         Ability::Pad => [255, 220, 60],
+        Ability::ZipLine => [255, 80, 200],
+        Ability::Teleporter => [150, 80, 255],
+        Ability::Jetpack => [80, 255, 220],
     }
 }
 

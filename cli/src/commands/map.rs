@@ -1,86 +1,443 @@
 //! `surefoot map`.
 
-use crate::render::Picture;
-use crate::terminal::print_json;
-use anyhow::bail;
-use std::path::PathBuf;
+use super::core_count;
+use crate::render::{self, Picture, View};
+use crate::terminal::{print_json, progress_bar};
+use anyhow::{Context, bail};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
-use surefoot_world::{Map, MapSpec};
+use surefoot_policy::Policy;
+use surefoot_world::exchange::{self, ImportOptions, UpAxis};
+use surefoot_world::map::generate::Stage;
+use surefoot_world::map::{Features, MapSize};
+use surefoot_world::reach::{Means, Reach};
+use surefoot_world::replay::Recording;
+use surefoot_world::{
+    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TICKS_PER_DECISION, TaskConfig, World, navigable,
+};
 
-/// Look at maps.
+/// Generate, look at, exchange and replay maps.
 #[derive(clap::Subcommand)]
 pub enum Command {
-    /// Describe a map, or draw it.
+    /// Generate a map and save it
+    Generate(GenerateArgs),
+    /// Describe a map, measure how it is connected, or draw it
     Show(ShowArgs),
+    /// Turn a level (.glb, .gltf or .obj) into a map
+    Import(ImportArgs),
+    /// Write a map as .glb for Blender, Godot and others
+    Export(ExportArgs),
+    /// Run NPCs on a map and record every input
+    Record(RecordArgs),
+    /// Run a recording again and compare
+    Replay(ReplayArgs),
 }
 
-/// Describe a generated map, or draw it from above.
+/// Which map.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot map show 2000\n  surefoot map show 7 --png map.png --scale 4\n  surefoot map show 3000 --size 1000 --json"
-)]
-pub struct ShowArgs {
-    /// Seed of the map
-    seed: u64,
-    /// Side in metres
+struct Source {
+    /// Seed of a generated map, or the file of a saved one
+    #[arg(value_name = "SEED|FILE")]
+    map: String,
+    /// Side in metres of a generated map, 50 to 1000
     #[arg(long, default_value_t = 250, value_name = "METRES")]
     size: u32,
-    /// Write a shaded top view here
+    /// Height in metres of a generated map, 40 to 200
+    #[arg(long, default_value_t = 80, value_name = "METRES")]
+    height: u32,
+    /// Features of a generated map: paper, all or none, then changes, such as all,lava=0,zip_lines=2
+    #[arg(long, default_value = "paper", value_name = "LIST", value_parser = parse_features)]
+    features: Features,
+}
+
+fn parse_features(text: &str) -> Result<Features, String> {
+    text.parse()
+}
+
+impl Source {
+    fn load(&self) -> anyhow::Result<Map> {
+        let Ok(seed) = self.map.parse::<u64>() else {
+            let path = Path::new(&self.map);
+            let bytes = std::fs::read(path)
+                .with_context(|| format!("`{}` is neither a seed nor a file that can be read", self.map))?;
+            return exchange::decode(&bytes).with_context(|| format!("cannot use {}", path.display()));
+        };
+        let size = MapSize { width: self.size, height: self.height, depth: self.size };
+        let spec = MapSpec { size, features: self.features, ..MapSpec::new(seed) };
+        let bar = progress_bar(Stage::ALL.len() as u64 - 1, "map");
+        let map = Map::generate_with(&spec, core_count(), |stage| {
+            bar.set_position(Stage::ALL.iter().position(|&other| other == stage).unwrap_or(0) as u64);
+            bar.set_message(stage.name());
+        })?;
+        bar.finish_and_clear();
+        Ok(map)
+    }
+}
+
+/// Generate a map and save it.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  surefoot map generate 7 --features all --out seven.sfmap")]
+pub struct GenerateArgs {
+    #[command(flatten)]
+    source: Source,
+    /// Where to write it
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Describe a map, measure how it is connected, or draw it.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot map show 2000\n  surefoot map show 7 --features all --stats\n  surefoot map show 7 --png map.png --iso\n  surefoot map show 7 --png floor.png --section 31.5\n  surefoot map show 3000 --size 1000 --height 200 --json"
+)]
+pub struct ShowArgs {
+    #[command(flatten)]
+    source: Source,
+    /// Measure which share of random goals can be reached, on foot and by every means
+    #[arg(long)]
+    stats: bool,
+    /// Write a picture here
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// Pixels per metre of the picture
-    #[arg(long, default_value_t = 3.0)]
-    scale: f32,
+    /// Look straight down (the default)
+    #[arg(long, conflicts_with_all = ["iso", "section"])]
+    top: bool,
+    /// Look from a corner
+    #[arg(long, conflicts_with = "section")]
+    iso: bool,
+    /// Look down on what lies below this height, metres
+    #[arg(long, value_name = "Y")]
+    section: Option<f32>,
+    /// Colour what is connected on foot
+    #[arg(long)]
+    islands: bool,
+    /// Pixels per metre of the picture; as many as make it 1,000 wide if not given
+    #[arg(long)]
+    scale: Option<f32>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
 }
 
+/// Turn a level into a map.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and jetpack* become\nfeatures; a sidecar file can list them instead.\n\nExamples:\n  surefoot map import level.glb --out level.sfmap\n  surefoot map import level.obj --up z --scale 0.01 --out level.sfmap"
+)]
+pub struct ImportArgs {
+    /// The level: .glb, .gltf or .obj
+    level: PathBuf,
+    /// Where to write the map
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Metres per unit of the level
+    #[arg(long, default_value_t = 1.0)]
+    scale: f32,
+    /// Axis of the level that points up
+    #[arg(long, default_value = "y", value_parser = ["y", "z"])]
+    up: String,
+    /// List of features; LEVEL.surefoot.json beside the level is taken if it is there
+    #[arg(long, value_name = "FILE")]
+    sidecar: Option<PathBuf>,
+}
+
+/// Write a map as .glb.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  surefoot map export 7 --features all --out seven.glb")]
+pub struct ExportArgs {
+    #[command(flatten)]
+    source: Source,
+    /// Where to write it
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Run NPCs on a map and record every input.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  surefoot map record 7 --npcs 32 --ticks 3600 --out run.sfreplay")]
+pub struct RecordArgs {
+    #[command(flatten)]
+    source: Source,
+    /// NPCs, each with goals of its own
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    npcs: u32,
+    /// Ticks, 60 a second; whole decisions of 10 are run
+    #[arg(long, default_value_t = 3600, value_parser = clap::value_parser!(u64).range(10..=1_000_000))]
+    ticks: u64,
+    /// Where to write it
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Run a recording again; without --check it only says what is in it.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  surefoot map replay run.sfreplay --check")]
+pub struct ReplayArgs {
+    /// The recording
+    file: PathBuf,
+    /// Run it and compare the state with the recorded one, every 600 ticks and at the end
+    #[arg(long)]
+    check: bool,
+    /// The saved map, for recordings on maps that were not generated
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+}
+
 pub fn run(command: &Command) -> anyhow::Result<()> {
     match command {
+        Command::Generate(args) => generate(args),
         Command::Show(args) => show(args),
+        Command::Import(args) => import(args),
+        Command::Export(args) => write(&args.out, &exchange::export_glb(&args.source.load()?)),
+        Command::Record(args) => record(args),
+        Command::Replay(args) => replay(args),
     }
 }
 
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    println!("wrote {} ({:.1} MB)", path.display(), bytes.len() as f64 / 1.0e6);
+    Ok(())
+}
+
+fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+fn generate(args: &GenerateArgs) -> anyhow::Result<()> {
+    let map = args.source.load()?;
+    println!("hash {}", map.hash());
+    write(&args.out, &exchange::encode(&map))
+}
+
 fn show(args: &ShowArgs) -> anyhow::Result<()> {
-    if !(0.1..=16.0).contains(&args.scale) || args.scale * args.size as f32 > 8192.0 {
-        bail!("--scale is {}, allowed are 0.1 to 16 and at most 8192 pixels a side", args.scale);
-    }
     let started = Instant::now();
-    let map = Map::generate(&MapSpec::with_side(args.seed, args.size))?;
+    let map = args.source.load()?;
     let seconds = started.elapsed().as_secs_f64();
+    let reach = (args.stats || args.islands)
+        .then(|| Reach::survey(&map, &CharacterProfile::default(), core_count()));
     if let Some(path) = &args.png {
-        Picture::top_view(&map, args.scale).save(path)?;
+        draw(args, &map, reach.as_ref())?.save(path)?;
     }
-    let description = serde_json::json!({
-        "seed": args.seed,
-        "size": { "width": map.spec().size.width, "height": map.spec().size.height, "depth": map.spec().size.depth },
+    let placed = map.placed();
+    let counts = [
+        ("plateaus", placed.plateaus.len()),
+        ("buildings", placed.buildings.len()),
+        ("pools", placed.pools.len()),
+        ("pads", placed.pads.len()),
+        ("zip_lines", placed.zip_lines.len()),
+        ("ravines", placed.ravines.len()),
+        ("caves", placed.caves.len()),
+        ("teleporters", placed.teleporters.len()),
+        ("jetpacks", placed.jetpacks.len()),
+    ];
+    let size = map.size();
+    let mut description = serde_json::json!({
+        "seed": map.spec().map(|spec| spec.seed),
+        "size": { "width": size.width, "height": size.height, "depth": size.depth },
         "hash": map.hash().to_string(),
         "triangles": map.mesh().triangles().len(),
-        "memory_mb": map.mesh().memory_bytes() as f64 / 1.0e6,
-        "generate_s": seconds,
-        "features": {
-            "plateaus": map.plateaus().len(),
-            "buildings": map.buildings().len(),
-            "pools": map.pools().len(),
-            "pads": map.pads().len(),
-        },
+        "memory_mb": map.memory_bytes() as f64 / 1.0e6,
+        "load_s": seconds,
+        "features": counts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     });
+    let stats = reach.as_ref().filter(|_| args.stats).map(|reach| Stats::of(reach, &map));
+    if let (Some(stats), Some(object)) = (&stats, description.as_object_mut()) {
+        object.extend(stats.to_json());
+    }
     if args.json {
         return print_json(&description);
     }
-    println!("map {} ({} m a side), hash {}", args.seed, args.size, map.hash());
+    println!("map {} ({} x {} x {} m), hash {}", args.source.map, size.width, size.height, size.depth, map.hash());
     println!(
-        "{} triangles, {:.0} MB, generated in {seconds:.2} s",
+        "{} triangles, {:.0} MB, ready in {seconds:.2} s",
         map.mesh().triangles().len(),
-        map.mesh().memory_bytes() as f64 / 1.0e6
+        map.memory_bytes() as f64 / 1.0e6
     );
-    println!(
-        "{} plateaus, {} buildings, {} pools, {} jump pads",
-        map.plateaus().len(),
-        map.buildings().len(),
-        map.pools().len(),
-        map.pads().len()
-    );
+    let counts: Vec<String> = counts
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(name, count)| format!("{count} {}", name.replace('_', " ")))
+        .collect();
+    println!("{}", counts.join(", "));
+    if let Some(stats) = stats {
+        stats.print();
+    }
+    Ok(())
+}
+
+fn draw(args: &ShowArgs, map: &Map, reach: Option<&Reach>) -> anyhow::Result<Picture> {
+    let side = map.extent().x.max(map.extent().z);
+    let scale = args.scale.unwrap_or(1000.0 / side);
+    if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
+        bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
+    }
+    let view = match args.section {
+        Some(y) if !(0.0..=map.extent().y).contains(&y) => {
+            bail!("--section is {y}, the map reaches from 0 to {} m", map.extent().y)
+        }
+        Some(y) => View::Section(y),
+        None if args.iso => View::Iso,
+        None => View::Top,
+    };
+    let islands = reach.filter(|_| args.islands).map(|reach| &reach.ground);
+    let mut picture = Picture::of(map, view, scale, islands);
+    let mut entries = render::legend(map);
+    if islands.is_some() {
+        entries[0] = ([200, 160, 120], "one colour: connected on foot");
+    }
+    picture.add_legend(&format!("map {}", args.source.map), &entries);
+    Ok(picture)
+}
+
+/// How a map is connected.
+struct Stats {
+    walk: f64,
+    all: f64,
+    island_count: usize,
+    place_count: usize,
+    /// Share of pairs that are cut off without each means.
+    needs: Vec<(&'static str, f64)>,
+    /// Share of all borders that each cause makes.
+    borders: Vec<(&'static str, f64)>,
+}
+
+impl Stats {
+    fn of(reach: &Reach, map: &Map) -> Self {
+        let all = reach.share_by(|_| true);
+        let borders = reach.border_causes(map);
+        let total: u64 = borders.iter().map(|(_, count)| count).sum();
+        Self {
+            walk: reach.share_on_foot(),
+            all,
+            island_count: reach.ground.islands().len(),
+            place_count: reach.ground.cells().len(),
+            needs: Means::ALL
+                .into_iter()
+                .map(|means| (means.name(), all - reach.share_by(|other| other != means)))
+                .collect(),
+            borders: borders
+                .into_iter()
+                .map(|(cause, count)| (cause.name(), count as f64 / total.max(1) as f64))
+                .collect(),
+        }
+    }
+
+    fn to_json(&self) -> serde_json::Map<String, serde_json::Value> {
+        let table = |rows: &[(&'static str, f64)]| -> serde_json::Value {
+            rows.iter().map(|&(name, share)| (name.to_owned(), share.into())).collect::<serde_json::Map<_, _>>().into()
+        };
+        [
+            ("walk_connected", self.walk.into()),
+            ("all_connected", self.all.into()),
+            ("islands", self.island_count.into()),
+            ("places", self.place_count.into()),
+            ("cut_off_without", table(&self.needs)),
+            ("borders", table(&self.borders)),
+        ]
+        .into_iter()
+        .map(|(name, value): (&str, serde_json::Value)| (name.to_owned(), value))
+        .collect()
+    }
+
+    fn print(&self) {
+        println!("random goals connected on foot: {:.1} %", self.walk * 100.0);
+        println!("random goals connected by every means: {:.1} %", self.all * 100.0);
+        println!("{} islands among {} places to stand (1.25 m apart)", self.island_count, self.place_count);
+        let list = |rows: &[(&'static str, f64)]| {
+            let mut rows: Vec<_> = rows.iter().filter(|(_, share)| *share >= 0.0005).collect();
+            rows.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let texts: Vec<String> =
+                rows.iter().map(|(name, share)| format!("{} {:.1} %", name.replace('_', " "), share * 100.0)).collect();
+            texts.join(", ")
+        };
+        println!("cut off without: {}", list(&self.needs));
+        println!("ground is broken up by: {}", list(&self.borders));
+    }
+}
+
+fn import(args: &ImportArgs) -> anyhow::Result<()> {
+    let bytes = read(&args.level)?;
+    let beside = args.level.with_extension("surefoot.json");
+    let sidecar = match &args.sidecar {
+        Some(path) => Some(path.clone()),
+        None => beside.exists().then_some(beside),
+    };
+    let sidecar = sidecar
+        .map(|path| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())))
+        .transpose()?;
+    let up = if args.up == "z" { UpAxis::Z } else { UpAxis::Y };
+    let options = ImportOptions { scale: args.scale, up };
+    let extension = args.level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+    let imported = match extension.as_deref() {
+        Some("glb" | "gltf") => exchange::import_gltf(&bytes, sidecar.as_deref(), &options),
+        Some("obj") => exchange::import_obj(&bytes, sidecar.as_deref(), &options),
+        _ => bail!("{} is not a .glb, .gltf or .obj file", args.level.display()),
+    }
+    .with_context(|| format!("cannot import {}", args.level.display()))?;
+    for warning in &imported.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let size = imported.map.size();
+    println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
+    write(&args.out, &exchange::encode(&imported.map))
+}
+
+fn record(args: &RecordArgs) -> anyhow::Result<()> {
+    let map = Arc::new(args.source.load()?);
+    let policy = Policy::shipped().context("cannot use the shipped model")?;
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let profile = CharacterProfile::default();
+    let points = navigable::sample_many(&map, &profile, args.npcs as usize * 4, &mut rng)?;
+    let mut world = World::new(map, profile, TaskConfig::default());
+    world.start_recording();
+    let slots: Vec<NpcSlot> = (0..args.npcs as usize).map(|idx| world.spawn(points[idx], 0.0)).collect();
+    let (mut observations, mut actions) = (vec![0.0; slots.len() * OBSERVATION_LEN], Vec::new());
+    for _ in 0..args.ticks / u64::from(TICKS_PER_DECISION) {
+        for &slot in &slots {
+            let npc = world.npc(slot).context("a spawned NPC")?;
+            let (harmed, episode) = (npc.harm.is_some(), npc.episode);
+            if harmed {
+                world.teleport(slot, points[rng.random_range(0..points.len())], 0.0);
+            }
+            if harmed || episode.is_none_or(|episode| episode.end.is_some()) {
+                world.set_goal(slot, points[rng.random_range(0..points.len())]);
+            }
+        }
+        for (slot, row) in slots.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
+            world.observe(*slot, row);
+        }
+        policy.act(&observations, 0.5, &mut rng, &mut actions);
+        for (slot, action) in slots.iter().zip(&actions) {
+            world.decide(*slot, *action);
+        }
+        world.tick_decision();
+        for &slot in &slots {
+            world.close_decision(slot);
+        }
+    }
+    let recording = world.finish_recording().context("a recording under way")?;
+    println!("{} ticks, {} inputs", recording.tick_count(), recording.input_count());
+    write(&args.out, &recording.encode())
+}
+
+fn replay(args: &ReplayArgs) -> anyhow::Result<()> {
+    let recording =
+        Recording::decode(&read(&args.file)?).with_context(|| format!("cannot use {}", args.file.display()))?;
+    println!("{} ticks, {} inputs, map {}", recording.tick_count(), recording.input_count(), recording.map);
+    if !args.check {
+        return Ok(());
+    }
+    let map = match (&args.map, recording.spec) {
+        (Some(path), _) => exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?,
+        (None, Some(spec)) => Map::generate(&spec)?,
+        (None, None) => bail!("the recording was made on an imported map: name its file with --map"),
+    };
+    let started = Instant::now();
+    recording.replay(Arc::new(map), None)?;
+    println!("the same state again, in {:.2} s", started.elapsed().as_secs_f64());
     Ok(())
 }

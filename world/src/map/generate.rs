@@ -1,23 +1,29 @@
-//! From a [`MapSpec`] to a [`Map`]: terrain, then plateaus, pools, buildings and pads, each its own phase.
+//! From a [`MapSpec`] to a [`Map`]: terrain, what is cut into it, what stands on it, devices, and last the repair of
+//! ground that has no way in or out. Each is its own phase.
 
+use super::features::{Building, Cave, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau, Pool, Ravine};
+use super::structures::{self, MIN_HOUSE_HALF, STOREY_M};
 use super::terrain::{Lattice, VOXEL_M};
-use super::{Building, Liquid, Map, MapSpec, PAD_RADIUS_M, Pad, Plateau, Pool, SpecError};
-use crate::Vec3;
-use crate::mesh::{Mesh, Surface, Triangle};
+use super::{Map, MapSpec, SpecError, repair};
+use crate::mesh::{Surface, Triangle};
+use crate::{Vec3, parallel};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::TAU;
 
 /// Area that the feature counts below are given for: the default map's, m2.
 const REFERENCE_AREA_M2: f32 = 62_500.0;
-/// Counts of each feature on a default map.
+/// Counts of each feature on a default map at density 1.
 const PLATEAU_COUNT: f32 = 12.0;
-const BUILDING_COUNT: f32 = 18.0;
+const BUILDING_COUNT: f32 = 16.0;
 const WATER_COUNT: f32 = 6.0;
 const LAVA_COUNT: f32 = 5.0;
 const PAD_COUNT: f32 = 4.0;
 /// Pads at the foot of cliffs.
-const CLIFF_PAD_COUNT: f32 = 20.0;
+const CLIFF_PAD_COUNT: f32 = 16.0;
+const RAVINE_COUNT: f32 = 2.0;
+const CAVE_COUNT: f32 = 4.0;
+const JETPACK_COUNT: f32 = 5.0;
 /// Distance of every feature from the rim of the map, m.
 const RIM_M: f32 = 14.0;
 /// Rises above this need a pad: a double jump reaches 5 m.
@@ -26,24 +32,85 @@ const JUMPABLE_M: f32 = 4.4;
 const PAD_GRAVITY: f32 = 20.0;
 /// Extra height of a pad's throw, m (released environment).
 const PAD_EXTRA_M: f32 = 10.0;
-/// Triangles around a disc.
-const DISC_SIDES: usize = 16;
+/// Seconds of thrust in a jetpack.
+const JETPACK_FUEL_S: f32 = 2.5;
+
+/// Where a generation stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Sampling noise.
+    Terrain,
+    /// Placing what is cut into the ground and stands on it.
+    Features,
+    /// Extracting and indexing triangles.
+    Mesh,
+    /// Surveying which ground is connected.
+    Survey,
+    /// Adding devices where ground has no way in or out.
+    Repair,
+    /// Done.
+    Done,
+}
+
+impl Stage {
+    /// All stages in their order.
+    pub const ALL: [Stage; 6] =
+        [Stage::Terrain, Stage::Features, Stage::Mesh, Stage::Survey, Stage::Repair, Stage::Done];
+
+    /// A few words on what goes on.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Terrain => "shaping the terrain",
+            Stage::Features => "placing features",
+            Stage::Mesh => "indexing triangles",
+            Stage::Survey => "surveying the ground",
+            Stage::Repair => "connecting the ground",
+            Stage::Done => "done",
+        }
+    }
+}
 
 impl Map {
-    /// Generates the map of `spec`.
+    /// Generates the map of `spec` on all cores.
     ///
     /// # Errors
     /// If a field of the spec is out of range.
     pub fn generate(spec: &MapSpec) -> Result<Self, SpecError> {
+        Self::generate_with(spec, parallel::core_count(), |_| {})
+    }
+
+    /// Generates the map of `spec` on `thread_count` threads (equal bits for any number of them) and tells
+    /// `progress` of each stage as it begins.
+    ///
+    /// # Errors
+    /// If a field of the spec is out of range.
+    pub fn generate_with(
+        spec: &MapSpec,
+        thread_count: usize,
+        mut progress: impl FnMut(Stage),
+    ) -> Result<Self, SpecError> {
         spec.validate()?;
         let mut placer = Placer::new(spec);
-        let mut lattice = Lattice::sample(spec.seed, spec.size);
-        let plateaus = placer.plateaus(&mut lattice);
-        let pools = placer.pools(&mut lattice);
-        let buildings = placer.buildings(&lattice);
-        let pads = placer.pads(&lattice, &plateaus, &buildings, &pools);
-        let mesh = build_mesh(spec, &lattice, &pools, &buildings, &pads);
-        Ok(Self::assemble(*spec, mesh, pools, pads, buildings, plateaus))
+        progress(Stage::Terrain);
+        let mut lattice = Lattice::sample(spec.seed, spec.size, thread_count);
+        progress(Stage::Features);
+        let mut placed = Placed::default();
+        placed.ravines = placer.ravines(&mut lattice);
+        placed.plateaus = placer.plateaus(&mut lattice);
+        placed.pools = placer.pools(&mut lattice);
+        placed.buildings = placer.buildings(&mut lattice);
+        placed.caves = placer.caves(&mut lattice);
+        placed.pads = placer.pads(&lattice, &placed);
+        placed.jetpacks = placer.jetpacks(&lattice, &placed);
+        progress(Stage::Mesh);
+        let mut triangles: Vec<Triangle> =
+            lattice.surface().into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
+        drop(lattice);
+        structures::add_buildings(&placed.buildings, &mut triangles);
+        let bare = Self::assemble(Some(*spec), spec.size, triangles, placed);
+        let connected = repair::connect(bare, spec, &mut placer.rng, thread_count, &mut progress);
+        progress(Stage::Done);
+        Ok(connected)
     }
 }
 
@@ -64,8 +131,7 @@ impl Placer {
     }
 
     fn count(&self, reference: f32, density: f32) -> usize {
-        let area = (self.spec.size.width * self.spec.size.depth) as f32;
-        (reference * density * area / REFERENCE_AREA_M2).round() as usize
+        count_on(&self.spec, reference, density)
     }
 
     /// A free disc of `radius`, or `None` when forty draws found none.
@@ -87,6 +153,39 @@ impl Placer {
             let (dx, dz, gap) = (x - tx, z - tz, radius + taken_radius + 1.0);
             dx * dx + dz * dz > gap * gap
         })
+    }
+
+    /// Winding cuts whose floor lies 8 to 14 m below the ground at their head.
+    fn ravines(&mut self, lattice: &mut Lattice) -> Vec<Ravine> {
+        const STEP_M: f32 = 4.0;
+        let (width, depth) = (self.spec.size.width as f32, self.spec.size.depth as f32);
+        let mut ravines = Vec::new();
+        for _ in 0..self.count(RAVINE_COUNT, self.spec.features.ravines) {
+            let Some((mut x, mut z)) = self.spot(4.0) else { continue };
+            let bottom = (lattice.top(x, z) - self.rng.random_range(8.0..14.0)).max(4.0);
+            let half_width = self.rng.random_range(2.5..4.0f32);
+            let mut heading = self.rng.random_range(0.0..TAU);
+            let mut path = Vec::new();
+            for _ in 0..self.rng.random_range(14..30) {
+                path.push(Vec3::new(x, bottom, z));
+                heading += self.rng.random_range(-0.45..0.45f32);
+                let (sin, cos) = libm::sincosf(heading);
+                (x, z) = (x + sin * STEP_M, z + cos * STEP_M);
+                if x < RIM_M || z < RIM_M || x > width - RIM_M || z > depth - RIM_M {
+                    break;
+                }
+            }
+            for point in &path {
+                lattice.edit_column(point.x, point.z, half_width + STEP_M, |distance, height, density| {
+                    // Walls lean out by a fifth of their height.
+                    let wall = distance - half_width - 0.2 * (height - bottom).max(0.0);
+                    density.min(wall.max(bottom - height))
+                });
+                self.taken.push((point.x, point.z, half_width));
+            }
+            ravines.push(Ravine { path, width: 2.0 * half_width });
+        }
+        ravines
     }
 
     fn plateaus(&mut self, lattice: &mut Lattice) -> Vec<Plateau> {
@@ -131,59 +230,111 @@ impl Placer {
                     density.min(bowl - height).max(0.6 - height)
                 });
                 self.taken.push((x, z, radius + 1.0));
-                pools.push(Pool { centre: Vec3::new(x, level, z), radius, depth, liquid });
+                pools.push(Pool { centre: Vec3::new(x, level, z), outline: Outline::Round { radius }, depth, liquid });
             }
         }
         pools
     }
 
-    fn buildings(&mut self, lattice: &Lattice) -> Vec<Building> {
+    /// Houses on levelled ground, and solid blocks wherever they fall.
+    fn buildings(&mut self, lattice: &mut Lattice) -> Vec<Building> {
         let max_roof = self.spec.size.height as f32 - 12.0;
         let mut buildings = Vec::new();
         for _ in 0..self.count(BUILDING_COUNT, self.spec.features.buildings) {
-            let half_x = self.rng.random_range(2.5..6.0f32);
-            let half_z = self.rng.random_range(2.5..6.0f32);
-            let rise = if self.rng.random_bool(0.6) {
-                self.rng.random_range(2.6..4.2)
+            let is_house = self.rng.random_bool(0.6);
+            let yaw = self.rng.random_range(0.0..TAU);
+            let storeys = if is_house { self.rng.random_range(1..=3u8) } else { 0 };
+            let roof_stairs = self.rng.random_bool(0.5);
+            let half = if is_house {
+                MIN_HOUSE_HALF.map(|least| self.rng.random_range(least..least + 2.0))
             } else {
-                self.rng.random_range(6.0..12.0)
+                [(); 2].map(|()| self.rng.random_range(2.5..5.5f32))
             };
-            let radius = (half_x * half_x + half_z * half_z).sqrt();
-            let Some((x, z)) = self.spot(radius) else { continue };
-            let (low, high) = ring_heights(lattice, x, z, radius);
-            let roof = (0.5 * (low + high) + rise).max(lattice.top(x, z) + 1.0).min(max_roof);
-            self.taken.push((x, z, radius));
-            buildings.push(Building {
-                min: Vec3::new(x - half_x, (low - 3.0).max(0.2), z - half_z),
-                max: Vec3::new(x + half_x, roof, z + half_z),
+            let rise = match (is_house, self.rng.random_bool(0.6)) {
+                (true, _) => f32::from(storeys) * STOREY_M,
+                (false, true) => self.rng.random_range(2.6..4.2),
+                (false, false) => self.rng.random_range(6.0..12.0),
+            };
+            let radius = half[0].hypot(half[1]);
+            // Houses want ground that can be levelled; a few draws are given to find some.
+            let site = (0..6).find_map(|_| {
+                let (x, z) = self.spot(radius)?;
+                let (low, high) = ring_heights(lattice, x, z, radius);
+                (!is_house || high - low < 6.0).then_some((x, z, low, high))
             });
+            let Some((x, z, low, high)) = site else { continue };
+            let floor = if is_house { 0.5 * (low + high) } else { low };
+            let top = if is_house { floor + rise } else { (0.5 * (low + high) + rise).max(lattice.top(x, z) + 1.0) };
+            if top > max_roof || floor < 5.0 {
+                continue;
+            }
+            let base = Vec3::new(x, floor, z);
+            let building = Building { base, half, yaw, height: top - floor, storeys, roof_stairs };
+            if is_house {
+                level_ground(lattice, &building);
+            }
+            self.taken.push((x, z, radius));
+            buildings.push(building);
         }
         buildings
     }
 
-    fn pads(&mut self, lattice: &Lattice, plateaus: &[Plateau], buildings: &[Building], pools: &[Pool]) -> Vec<Pad> {
+    /// Straight tunnels through rock between two places at the foot of a hill.
+    fn caves(&mut self, lattice: &mut Lattice) -> Vec<Cave> {
+        let mut caves = Vec::new();
+        for _ in 0..self.count(CAVE_COUNT, self.spec.features.caves) {
+            let radius = self.rng.random_range(2.4..3.2f32);
+            let site = (0..60).find_map(|_| {
+                let (x, z) = self.spot(radius)?;
+                let (sin, cos) = libm::sincosf(self.rng.random_range(0.0..TAU));
+                let length = self.rng.random_range(24.0..60.0f32);
+                let from = Vec3::new(x, lattice.top(x, z), z);
+                let (far_x, far_z) = (x + sin * length, z + cos * length);
+                let inside = |value: f32, side: u32| value > RIM_M && value < side as f32 - RIM_M;
+                if !inside(far_x, self.spec.size.width) || !inside(far_z, self.spec.size.depth) {
+                    return None;
+                }
+                let to = Vec3::new(far_x, lattice.top(far_x, far_z), far_z);
+                let is_gentle = (to.y - from.y).abs() < 0.4 * length && from.y.min(to.y) > 6.0;
+                let clear = (0..=8).all(|i| {
+                    let point = from + (to - from) * (i as f32 / 8.0);
+                    self.is_free(point.x, point.z, radius)
+                });
+                let covered = (2..=6).filter(|&i| {
+                    let point = from + (to - from) * (i as f32 / 8.0);
+                    lattice.top(point.x, point.z) > point.y + 2.0 * radius + 1.5
+                });
+                (is_gentle && clear && covered.count() >= 3).then_some((from, to))
+            });
+            let Some((from, to)) = site else { continue };
+            carve_tunnel(lattice, from, to, radius);
+            self.taken.push((from.x, from.z, radius));
+            self.taken.push((to.x, to.z, radius));
+            caves.push(Cave { from, to, radius });
+        }
+        caves
+    }
+
+    fn pads(&mut self, lattice: &Lattice, placed: &Placed) -> Vec<Pad> {
+        let density = self.spec.features.pads;
         let mut pads = Vec::new();
-        let tall =
-            plateaus.iter().map(|plateau| (plateau.top, plateau.radius)).chain(buildings.iter().map(|building| {
-                let half = (building.max - building.min) * 0.5;
-                let centre = (building.max + building.min) * 0.5;
-                (Vec3::new(centre.x, building.max.y, centre.z), (half.x * half.x + half.z * half.z).sqrt())
-            }));
-        for (top, radius) in tall {
-            if let Some(pad) = self.pad_beside(lattice, top, radius) {
-                pads.push(pad);
+        if density > 0.0 {
+            let plateaus = placed.plateaus.iter().map(|plateau| (plateau.top, plateau.radius));
+            let roofs = placed.buildings.iter().filter(|building| building.storeys == 0 || !building.roof_stairs);
+            for (top, radius) in plateaus.chain(roofs.map(|building| (building.roof(), building.radius()))) {
+                pads.extend(self.pad_beside(lattice, top, radius));
             }
         }
-        for _ in 0..self.count(CLIFF_PAD_COUNT, self.spec.features.pads) {
+        for _ in 0..self.count(CLIFF_PAD_COUNT, density) {
             pads.extend(self.pad_below_cliff(lattice));
         }
-        for _ in 0..self.count(PAD_COUNT, self.spec.features.pads) {
-            let Some((x, z)) = self.spot(PAD_RADIUS_M) else { continue };
-            if pools.iter().any(|pool| (pool.centre.x - x).hypot(pool.centre.z - z) < pool.radius + 2.0) {
+        for _ in 0..self.count(PAD_COUNT, density) {
+            let Some((x, z)) = self.spot(DISC_RADIUS_M) else { continue };
+            if is_in_pool(&placed.pools, x, z) {
                 continue;
             }
             let rise = self.rng.random_range(0.0..8.0);
-            self.taken.push((x, z, PAD_RADIUS_M));
+            self.taken.push((x, z, DISC_RADIUS_M));
             pads.push(pad(Vec3::new(x, lattice.top(x, z), z), rise));
         }
         pads
@@ -192,12 +343,12 @@ impl Placer {
     /// A pad where the terrain nearby rises higher than can be jumped.
     fn pad_below_cliff(&mut self, lattice: &Lattice) -> Option<Pad> {
         for _ in 0..24 {
-            let (x, z) = self.spot(PAD_RADIUS_M)?;
+            let (x, z) = self.spot(DISC_RADIUS_M)?;
             let ground = lattice.top(x, z);
-            let (low, high) = ring_heights(lattice, x, z, PAD_RADIUS_M);
+            let (low, high) = ring_heights(lattice, x, z, DISC_RADIUS_M);
             let rise = ring_heights(lattice, x, z, 7.0).1 - ground;
             if (JUMPABLE_M..14.0).contains(&rise) && high - low < 0.8 {
-                self.taken.push((x, z, PAD_RADIUS_M));
+                self.taken.push((x, z, DISC_RADIUS_M));
                 return Some(pad(Vec3::new(x, ground, z), rise - PAD_EXTRA_M + 4.0));
             }
         }
@@ -215,20 +366,46 @@ impl Placer {
                 continue;
             }
             let ground = lattice.top(x, z);
-            let (low, high) = ring_heights(lattice, x, z, PAD_RADIUS_M);
+            let (low, high) = ring_heights(lattice, x, z, DISC_RADIUS_M);
             let rise = top.y - ground;
-            if rise > JUMPABLE_M && high - low < 1.0 && self.is_free(x, z, PAD_RADIUS_M - 1.0) {
-                self.taken.push((x, z, PAD_RADIUS_M));
+            if rise > JUMPABLE_M && high - low < 1.0 && self.is_free(x, z, DISC_RADIUS_M - 1.0) {
+                self.taken.push((x, z, DISC_RADIUS_M));
                 return Some(pad(Vec3::new(x, ground, z), rise - PAD_EXTRA_M + 4.0));
             }
         }
         None
     }
+
+    fn jetpacks(&mut self, lattice: &Lattice, placed: &Placed) -> Vec<Jetpack> {
+        let mut jetpacks = Vec::new();
+        for _ in 0..self.count(JETPACK_COUNT, self.spec.features.jetpacks) {
+            let Some((x, z)) = self.spot(DISC_RADIUS_M) else { continue };
+            let (low, high) = ring_heights(lattice, x, z, DISC_RADIUS_M);
+            if high - low < 1.0 && !is_in_pool(&placed.pools, x, z) {
+                self.taken.push((x, z, DISC_RADIUS_M));
+                jetpacks.push(Jetpack { centre: Vec3::new(x, lattice.top(x, z), z), fuel: JETPACK_FUEL_S });
+            }
+        }
+        jetpacks
+    }
+}
+
+/// How many of a feature belong on a map of `spec`'s area.
+pub(super) fn count_on(spec: &MapSpec, reference: f32, density: f32) -> usize {
+    let area = (spec.size.width * spec.size.depth) as f32;
+    (reference * density * area / REFERENCE_AREA_M2).round() as usize
 }
 
 /// A pad that throws 10 m higher than `rise`: `v = sqrt(2 g (rise + 10))`.
-fn pad(centre: Vec3, rise: f32) -> Pad {
+pub(super) fn pad(centre: Vec3, rise: f32) -> Pad {
     Pad { centre, speed: (2.0 * PAD_GRAVITY * (rise.max(-4.0) + PAD_EXTRA_M)).sqrt() }
+}
+
+fn is_in_pool(pools: &[Pool], x: f32, z: f32) -> bool {
+    pools.iter().any(|pool| {
+        let reach = pool.outline.half_extents().0 + 2.0;
+        (pool.centre.x - x).hypot(pool.centre.z - z) < reach
+    })
 }
 
 /// Lowest and highest top of the terrain on a circle.
@@ -241,66 +418,43 @@ fn ring_heights(lattice: &Lattice, x: f32, z: f32, radius: f32) -> (f32, f32) {
         .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), top| (low.min(top), high.max(top)))
 }
 
-fn build_mesh(spec: &MapSpec, lattice: &Lattice, pools: &[Pool], buildings: &[Building], pads: &[Pad]) -> Mesh {
-    let mut triangles: Vec<Triangle> =
-        lattice.surface().into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
-    let mut add = |corners: [Vec3; 3], surface: Surface| triangles.extend(Triangle::new(corners, surface));
-    for building in buildings {
-        for corners in box_triangles(building.min, building.max) {
-            add(corners, Surface::Ground);
-        }
-    }
-    for pool in pools {
-        for corners in disc_triangles(pool.centre, pool.radius) {
-            add(corners, pool.liquid.into());
-        }
-    }
-    for pad in pads {
-        for corners in disc_triangles(pad.centre + Vec3::new(0.0, 0.12, 0.0), PAD_RADIUS_M) {
-            add(corners, Surface::Pad);
-        }
-    }
-    let extent = Vec3::new(spec.size.width as f32, spec.size.height as f32, spec.size.depth as f32);
-    Mesh::new(triangles, extent)
+/// Brings the ground in and around a house to just below its floor, sloping back to the old ground outside.
+fn level_ground(lattice: &mut Lattice, building: &Building) {
+    const APRON_M: f32 = 2.5;
+    const BLEND_M: f32 = 4.0;
+    let reach = building.radius() + APRON_M + BLEND_M;
+    let level = building.base.y - 0.04;
+    let (sin, cos) = libm::sincosf(building.yaw);
+    lattice.edit_column(building.base.x, building.base.z, reach + VOXEL_M, |_, _, density| density);
+    let low = Vec3::new(building.base.x - reach, 0.0, building.base.z - reach);
+    let high = Vec3::new(building.base.x + reach, f32::MAX, building.base.z + reach);
+    let [hx, hz] = building.half;
+    lattice.edit_box(low, high, |point, density| {
+        let (dx, dz) = (point.x - building.base.x, point.z - building.base.z);
+        let (u, v) = ((dx * cos - dz * sin).abs() - hx, (dx * sin + dz * cos).abs() - hz);
+        let outside = u.max(0.0).hypot(v.max(0.0));
+        let share = (1.0 - (outside - APRON_M) / BLEND_M).clamp(0.0, 1.0);
+        let levelled = level - point.y;
+        density + (levelled - density) * share
+    });
 }
 
-/// The twelve triangles of a box, facing outwards.
-fn box_triangles(min: Vec3, max: Vec3) -> Vec<[Vec3; 3]> {
-    let corner = |x: bool, y: bool, z: bool| {
-        Vec3::new(if x { max.x } else { min.x }, if y { max.y } else { min.y }, if z { max.z } else { min.z })
-    };
-    // Each face counter-clockwise seen from outside.
-    let faces = [
-        [corner(false, true, false), corner(false, true, true), corner(true, true, true), corner(true, true, false)],
-        [
-            corner(false, false, false),
-            corner(true, false, false),
-            corner(true, false, true),
-            corner(false, false, true),
-        ],
-        [
-            corner(false, false, false),
-            corner(false, false, true),
-            corner(false, true, true),
-            corner(false, true, false),
-        ],
-        [corner(true, false, false), corner(true, true, false), corner(true, true, true), corner(true, false, true)],
-        [
-            corner(false, false, false),
-            corner(false, true, false),
-            corner(true, true, false),
-            corner(true, false, false),
-        ],
-        [corner(false, false, true), corner(true, false, true), corner(true, true, true), corner(false, true, true)],
-    ];
-    faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()
-}
-
-/// A horizontal disc as a fan, facing up.
-fn disc_triangles(centre: Vec3, radius: f32) -> Vec<[Vec3; 3]> {
-    let rim = |i: usize| {
-        let (sin, cos) = libm::sincosf(i as f32 * TAU / DISC_SIDES as f32);
-        centre + Vec3::new(sin * radius, 0.0, cos * radius)
-    };
-    (0..DISC_SIDES).map(|i| [centre, rim(i), rim(i + 1)]).collect()
+/// Digs a tunnel with a level floor across between two places on the surface, and clears its mouths.
+fn carve_tunnel(lattice: &mut Lattice, from: Vec3, to: Vec3, radius: f32) {
+    let reach = Vec3::splat(radius + 2.0 * VOXEL_M);
+    let axis = to - from;
+    let run_squared = axis.x * axis.x + axis.z * axis.z;
+    let low = from.min(to) - reach;
+    let high = from.max(to) + reach + Vec3::new(0.0, 2.0 * radius, 0.0);
+    lattice.edit_box(low, high, |point, density| {
+        let offset = point - from;
+        let t = ((offset.x * axis.x + offset.z * axis.z) / run_squared).clamp(-0.02, 1.02);
+        let floor = from.y + axis.y * t;
+        let (dx, dz) = (offset.x - axis.x * t, offset.z - axis.z * t);
+        let aside = dx.hypot(dz);
+        let above = point.y - floor;
+        // Positive outside the tunnel: a round vault over a floor.
+        let vault = aside.hypot((above - 0.6 * radius).max(0.0)) - radius;
+        density.min(vault.max(-above))
+    });
 }

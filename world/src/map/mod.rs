@@ -1,27 +1,36 @@
 //! A map: static geometry plus the hazards and devices on it.
 //!
 //! A [`Map`] is immutable once built and shared behind an `Arc` by every world, prober and trainer that
-//! uses it. Its identity is the hash of its generated content, never its seed.
+//! uses it. Its identity is the hash of its content, never its seed.
 
+pub mod features;
 pub mod generate;
+mod repair;
 pub mod spec;
+mod structures;
 mod terrain;
+mod zones;
 
 use crate::Vec3;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, Surface, Triangle};
+pub use features::{
+    Building, CATCH_HEIGHT_M, Cave, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau, Pool, Ravine,
+    Teleporter, ZipLine,
+};
 use serde::{Deserialize, Serialize};
 pub use spec::{Features, MapSize, MapSpec, SpecError};
 use std::fmt;
+pub use zones::Zone;
+use zones::ZoneGrid;
 
-/// A generated map.
+/// Static geometry with everything placed on it.
 #[derive(Debug)]
 pub struct Map {
-    spec: MapSpec,
+    spec: Option<MapSpec>,
+    size: MapSize,
     mesh: Mesh,
-    pools: Vec<Pool>,
-    pads: Vec<Pad>,
-    buildings: Vec<Building>,
-    plateaus: Vec<Plateau>,
+    placed: Placed,
+    zones: ZoneGrid,
     hash: MapHash,
 }
 
@@ -51,64 +60,35 @@ impl fmt::Debug for MapHash {
     }
 }
 
-/// What a pool is filled with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Liquid {
-    /// Slows down; drowns after five seconds.
-    Water,
-    /// Burns at once.
-    Lava,
-}
-
-/// A round pool in a bowl of the terrain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pool {
-    /// Centre of the liquid's surface.
-    pub centre: Vec3,
-    /// Radius of the bowl in metres.
-    pub radius: f32,
-    /// Deepest point below the surface in metres.
-    pub depth: f32,
-    /// What it holds.
-    pub liquid: Liquid,
-}
-
-/// A disc that throws upwards whoever steps on it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pad {
-    /// Centre of the disc, on the ground.
-    pub centre: Vec3,
-    /// Upward speed given, m/s: `sqrt(2 g (height + 10))` as in the released environment.
-    pub speed: f32,
-}
-
-/// Radius of every pad in metres.
-pub const PAD_RADIUS_M: f32 = 1.25;
-/// How far above its disc a pad still catches a character's feet, in metres.
-pub const PAD_CATCH_HEIGHT_M: f32 = 0.6;
-
-/// An upright box with a walkable roof.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Building {
-    /// Corner with the smallest coordinates (below the ground).
-    pub min: Vec3,
-    /// Corner with the largest coordinates; its y is the roof.
-    pub max: Vec3,
-}
-
-/// A flat-topped column of rock.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plateau {
-    /// Centre of the top.
-    pub top: Vec3,
-    /// Radius of the top in metres.
-    pub radius: f32,
-}
-
 impl Map {
-    /// The spec that this map was generated from.
-    pub fn spec(&self) -> &MapSpec {
-        &self.spec
+    /// A map of given solid geometry and features: levels made elsewhere, and tests. The surfaces of pools and the
+    /// discs of devices are added here.
+    pub fn from_parts(size: MapSize, mut triangles: Vec<Triangle>, placed: Placed) -> Self {
+        structures::add_surfaces(&placed, &mut triangles);
+        Self::assemble(None, size, triangles, placed)
+    }
+
+    /// Indexes complete geometry, surfaces of pools and devices included.
+    pub(crate) fn assemble(spec: Option<MapSpec>, size: MapSize, triangles: Vec<Triangle>, placed: Placed) -> Self {
+        let extent = Vec3::new(size.width as f32, size.height as f32, size.depth as f32);
+        let hash = content_hash(size, &triangles, &placed);
+        let zones = ZoneGrid::new(extent, &placed);
+        Self { spec, size, mesh: Mesh::new(triangles, extent), placed, zones, hash }
+    }
+
+    /// Gives back the triangles that the mesh indexed.
+    fn into_triangles(self) -> Vec<Triangle> {
+        self.mesh.into_triangles()
+    }
+
+    /// The spec that this map was generated from; `None` for a level made elsewhere.
+    pub fn spec(&self) -> Option<&MapSpec> {
+        self.spec.as_ref()
+    }
+
+    /// Extent in whole metres.
+    pub fn size(&self) -> MapSize {
+        self.size
     }
 
     /// The collision and sensing geometry.
@@ -116,24 +96,9 @@ impl Map {
         &self.mesh
     }
 
-    /// Water and lava pools.
-    pub fn pools(&self) -> &[Pool] {
-        &self.pools
-    }
-
-    /// Jump pads.
-    pub fn pads(&self) -> &[Pad] {
-        &self.pads
-    }
-
-    /// Buildings.
-    pub fn buildings(&self) -> &[Building] {
-        &self.buildings
-    }
-
-    /// Plateaus.
-    pub fn plateaus(&self) -> &[Plateau] {
-        &self.plateaus
+    /// Everything placed on the ground.
+    pub fn placed(&self) -> &Placed {
+        &self.placed
     }
 
     /// Content hash: equal for maps on which every character moves alike.
@@ -141,9 +106,14 @@ impl Map {
         self.hash
     }
 
+    /// Bytes held by the map.
+    pub fn memory_bytes(&self) -> usize {
+        self.mesh.memory_bytes()
+    }
+
     /// Extent as a vector of metres.
     pub fn extent(&self) -> Vec3 {
-        let MapSize { width, height, depth } = self.spec.size;
+        let MapSize { width, height, depth } = self.size;
         Vec3::new(width as f32, height as f32, depth as f32)
     }
 
@@ -153,76 +123,102 @@ impl Map {
         feet.y < 0.0 || feet.x < 0.0 || feet.z < 0.0 || feet.x > extent.x || feet.z > extent.z
     }
 
-    /// The pool whose liquid covers `feet` by more than `depth` metres.
-    pub fn liquid_at(&self, feet: Vec3, depth: f32) -> Option<Liquid> {
-        self.pools
-            .iter()
-            .find(|pool| {
-                let offset = feet - pool.centre;
-                offset.y < -depth
-                    && offset.y > -(pool.depth + 1.0)
-                    && offset.x * offset.x + offset.z * offset.z < pool.radius * pool.radius
-            })
-            .map(|pool| pool.liquid)
+    /// Pools and devices that may contain `point`; most places have none.
+    pub fn zones_near(&self, point: Vec3) -> &[Zone] {
+        self.zones.near(point.x, point.z)
     }
 
-    /// The pad that catches a character with its feet at `feet`.
-    pub fn pad_at(&self, feet: Vec3) -> Option<&Pad> {
-        self.pads.iter().find(|pad| {
-            let offset = feet - pad.centre;
-            offset.y.abs() < PAD_CATCH_HEIGHT_M
-                && offset.x * offset.x + offset.z * offset.z < PAD_RADIUS_M * PAD_RADIUS_M
+    /// The pool whose liquid covers `feet` by more than `depth` metres.
+    pub fn liquid_at(&self, feet: Vec3, depth: f32) -> Option<Liquid> {
+        self.zones_near(feet).iter().find_map(|zone| {
+            let Zone::Pool(idx) = zone else { return None };
+            let pool = &self.placed.pools[*idx as usize];
+            let offset = feet - pool.centre;
+            let covered = offset.y < -depth && offset.y > -(pool.depth + 1.0);
+            (covered && pool.outline.contains(offset.x, offset.z)).then_some(pool.liquid)
         })
     }
 
-    /// The pad nearest to `point`, if the map has any.
+    /// The device that catches a character with its feet at `feet`; never a [`Zone::Pool`].
+    pub fn device_at(&self, feet: Vec3) -> Option<Zone> {
+        self.zones_near(feet).iter().copied().find(|&zone| self.device_centre(zone).is_some_and(|c| catches(c, feet)))
+    }
+
+    /// Where a device is entered; `None` for a pool.
+    pub fn device_centre(&self, zone: Zone) -> Option<Vec3> {
+        Some(match zone {
+            Zone::Pool(_) => return None,
+            Zone::Pad(idx) => self.placed.pads[idx as usize].centre,
+            Zone::ZipLine(idx) => self.placed.zip_lines[idx as usize].from,
+            Zone::Teleporter(idx) => self.placed.teleporters[idx as usize].from,
+            Zone::TeleporterBack(idx) => self.placed.teleporters[idx as usize].to,
+            Zone::Jetpack(idx) => self.placed.jetpacks[idx as usize].centre,
+        })
+    }
+
+    /// The pad nearest to `point` within [`DEVICE_RANGE_M`].
     pub fn nearest_pad(&self, point: Vec3) -> Option<&Pad> {
-        self.pads.iter().min_by(|a, b| a.centre.distance_squared(point).total_cmp(&b.centre.distance_squared(point)))
+        nearest(&self.placed.pads, |pad| pad.centre.distance_squared(point))
     }
 
-    /// A map of given geometry: levels made elsewhere, and tests.
-    pub fn from_parts(size: MapSize, triangles: Vec<crate::mesh::Triangle>, pools: Vec<Pool>, pads: Vec<Pad>) -> Self {
-        let spec = MapSpec { size, ..MapSpec::new(0) };
-        let extent = Vec3::new(size.width as f32, size.height as f32, size.depth as f32);
-        Self::assemble(spec, Mesh::new(triangles, extent), pools, pads, Vec::new(), Vec::new())
+    /// The jetpack nearest to `point` within [`DEVICE_RANGE_M`].
+    pub fn nearest_jetpack(&self, point: Vec3) -> Option<&Jetpack> {
+        nearest(&self.placed.jetpacks, |jetpack| jetpack.centre.distance_squared(point))
     }
 
-    fn assemble(
-        spec: MapSpec,
-        mesh: Mesh,
-        pools: Vec<Pool>,
-        pads: Vec<Pad>,
-        buildings: Vec<Building>,
-        plateaus: Vec<Plateau>,
-    ) -> Self {
-        let hash = content_hash(&spec, &mesh, &pools, &pads);
-        Self { spec, mesh, pools, pads, buildings, plateaus, hash }
+    /// Entrance and exit of the zip line or teleporter by which `goal` is nearest from `point`: the smallest sum of
+    /// the ways to the entrance and from the exit, among entrances within [`DEVICE_RANGE_M`].
+    pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {
+        let lines = self.placed.zip_lines.iter().map(|line| (line.from, line.to));
+        let teleporters = self.placed.teleporters.iter().flat_map(|teleporter| {
+            let back = teleporter.two_way.then_some((teleporter.to, teleporter.from));
+            std::iter::once((teleporter.from, teleporter.to)).chain(back)
+        });
+        let mut best: Option<(f32, (Vec3, Vec3))> = None;
+        for (entrance, exit) in lines.chain(teleporters) {
+            let way = entrance.distance_squared(point);
+            if way > DEVICE_RANGE_M * DEVICE_RANGE_M {
+                continue;
+            }
+            let sum = way.sqrt() + exit.distance(goal);
+            if best.is_none_or(|(least, _)| sum < least) {
+                best = Some((sum, (entrance, exit)));
+            }
+        }
+        best.map(|(_, ends)| ends)
     }
 }
 
-fn content_hash(spec: &MapSpec, mesh: &Mesh, pools: &[Pool], pads: &[Pad]) -> MapHash {
+/// How far devices are sensed, m.
+pub const DEVICE_RANGE_M: f32 = 50.0;
+
+fn nearest<T>(devices: &[T], squared: impl Fn(&T) -> f32) -> Option<&T> {
+    let mut best = (DEVICE_RANGE_M * DEVICE_RANGE_M, None);
+    for device in devices {
+        let distance = squared(device);
+        if distance < best.0 {
+            best = (distance, Some(device));
+        }
+    }
+    best.1
+}
+
+fn catches(centre: Vec3, feet: Vec3) -> bool {
+    let offset = feet - centre;
+    offset.y.abs() < CATCH_HEIGHT_M && offset.x * offset.x + offset.z * offset.z < DISC_RADIUS_M * DISC_RADIUS_M
+}
+
+fn content_hash(size: MapSize, triangles: &[Triangle], placed: &Placed) -> MapHash {
     let mut hasher = blake3::Hasher::new();
-    let mut put = |values: &[f32]| {
-        for value in values {
-            hasher.update(&value.to_bits().to_le_bytes());
+    let mut record = [0u8; 37];
+    for triangle in triangles {
+        for (bytes, value) in record.chunks_exact_mut(4).zip(triangle.corners().iter().flat_map(|c| c.to_array())) {
+            bytes.copy_from_slice(&value.to_bits().to_le_bytes());
         }
-    };
-    let MapSize { width, height, depth } = spec.size;
-    put(&[width as f32, height as f32, depth as f32]);
-    for triangle in mesh.triangles() {
-        for corner in triangle.corners() {
-            put(&corner.to_array());
-        }
-        put(&[f32::from(triangle.surface() as u8)]);
+        record[36] = triangle.surface() as u8;
+        hasher.update(&record);
     }
-    for pool in pools {
-        put(&pool.centre.to_array());
-        put(&[pool.radius, pool.depth, if pool.liquid == Liquid::Lava { 1.0 } else { 0.0 }]);
-    }
-    for pad in pads {
-        put(&pad.centre.to_array());
-        put(&[pad.speed]);
-    }
+    hasher.update(&postcard::to_stdvec(&(size, placed)).expect("plain data"));
     MapHash(*hasher.finalize().as_bytes())
 }
 

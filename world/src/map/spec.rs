@@ -1,6 +1,7 @@
 //! What a map is asked to be: [`MapSpec`], checked before anything is allocated.
 
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
 /// Smallest side of a map in metres.
 pub const MIN_SIDE_M: u32 = 50;
@@ -35,24 +36,109 @@ pub struct MapSize {
     pub depth: u32,
 }
 
-/// Density of each feature: 0 places none, 1 is the default map's, at most [`MAX_DENSITY`].
+/// Density of each feature: 0 places none, 1 is the usual amount, at most [`MAX_DENSITY`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Features {
     /// Flat-topped columns of rock.
     pub plateaus: f32,
-    /// Boxes with a walkable roof.
+    /// Houses with storeys and solid blocks.
     pub buildings: f32,
     /// Water pools (drown after five seconds).
     pub water: f32,
     /// Lava pools (burn at once).
     pub lava: f32,
-    /// Jump pads besides those that serve a tall plateau or building.
+    /// Jump pads; 0 also keeps the generator from adding pads where ground has no way in or out.
     pub pads: f32,
+    /// Zip lines.
+    pub zip_lines: f32,
+    /// Winding cuts in the ground.
+    pub ravines: f32,
+    /// Tunnels through rock.
+    pub caves: f32,
+    /// Teleporters, one- and two-way.
+    pub teleporters: f32,
+    /// Jetpack pick-ups.
+    pub jetpacks: f32,
 }
 
 impl Default for Features {
+    /// The paper's own set.
     fn default() -> Self {
-        Self { plateaus: 1.0, buildings: 1.0, water: 1.0, lava: 1.0, pads: 1.0 }
+        Self {
+            plateaus: 1.0,
+            buildings: 1.0,
+            water: 1.0,
+            lava: 1.0,
+            pads: 1.0,
+            zip_lines: 1.0,
+            ravines: 0.0,
+            caves: 0.0,
+            teleporters: 0.0,
+            jetpacks: 0.0,
+        }
+    }
+}
+
+impl Features {
+    /// Everything that the generator knows.
+    pub fn all() -> Self {
+        Self { ravines: 1.0, caves: 1.0, teleporters: 1.0, jetpacks: 1.0, ..Self::default() }
+    }
+
+    /// Bare terrain.
+    pub fn none() -> Self {
+        let mut features = Self::default();
+        features.named_mut().into_iter().for_each(|(_, density)| *density = 0.0);
+        features
+    }
+
+    /// Each density with its name.
+    pub fn named(&self) -> [(&'static str, f32); 10] {
+        { *self }.named_mut().map(|(name, density)| (name, *density))
+    }
+
+    fn named_mut(&mut self) -> [(&'static str, &mut f32); 10] {
+        [
+            ("plateaus", &mut self.plateaus),
+            ("buildings", &mut self.buildings),
+            ("water", &mut self.water),
+            ("lava", &mut self.lava),
+            ("pads", &mut self.pads),
+            ("zip_lines", &mut self.zip_lines),
+            ("ravines", &mut self.ravines),
+            ("caves", &mut self.caves),
+            ("teleporters", &mut self.teleporters),
+            ("jetpacks", &mut self.jetpacks),
+        ]
+    }
+}
+
+impl FromStr for Features {
+    type Err = String;
+
+    /// Reads `paper`, `all` or `none`, then optional changes: `all,lava=0,zip_lines=2`; a bare name means 1.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut features = Self::default();
+        for (position, word) in text.split(',').map(str::trim).enumerate() {
+            match word {
+                "paper" | "all" | "none" if position > 0 => return Err(format!("`{word}` can only come first")),
+                "paper" => {}
+                "all" => features = Self::all(),
+                "none" => features = Self::none(),
+                _ => {
+                    let (name, density) = word.split_once('=').unwrap_or((word, "1"));
+                    let density: f32 = density.parse().map_err(|_| format!("`{density}` is not a density"))?;
+                    if !(0.0..=MAX_DENSITY).contains(&density) {
+                        return Err(format!("{name} is {density}, allowed are 0 to {MAX_DENSITY}"));
+                    }
+                    let names = features.named().map(|(name, _)| name).join(", ");
+                    let slot = features.named_mut().into_iter().find(|(known, _)| *known == name);
+                    let Some((_, slot)) = slot else { return Err(format!("no feature `{name}`; there are {names}")) };
+                    *slot = density;
+                }
+            }
+        }
+        Ok(features)
     }
 }
 
@@ -82,14 +168,19 @@ impl MapSpec {
                 return Err(SpecError { field, value: f64::from(value), min: f64::from(min), max: f64::from(max) });
             }
         }
-        let Features { plateaus, buildings, water, lava, pads } = self.features;
-        let densities = [
-            ("features.plateaus", plateaus),
-            ("features.buildings", buildings),
-            ("features.water", water),
-            ("features.lava", lava),
-            ("features.pads", pads),
+        const DENSITIES: [&str; 10] = [
+            "features.plateaus",
+            "features.buildings",
+            "features.water",
+            "features.lava",
+            "features.pads",
+            "features.zip_lines",
+            "features.ravines",
+            "features.caves",
+            "features.teleporters",
+            "features.jetpacks",
         ];
+        let densities = DENSITIES.into_iter().zip(self.features.named().map(|(_, density)| density));
         for (field, value) in densities {
             if !(0.0..=MAX_DENSITY).contains(&value) {
                 return Err(SpecError { field, value: f64::from(value), min: 0.0, max: f64::from(MAX_DENSITY) });

@@ -5,7 +5,7 @@
 //! that changes sign.
 
 use super::spec::MapSize;
-use crate::Vec3;
+use crate::{Vec3, parallel};
 use noise::{NoiseFn, Perlin};
 
 /// Spacing of the density lattice in metres.
@@ -15,21 +15,30 @@ const FLOOR_M: f32 = 1.5;
 /// The lattice on which noise itself is sampled is coarser by this factor, and interpolated between.
 const NOISE_STRIDE: usize = 2;
 
-/// Mean height of the terrain in metres.
+/// Mean height of the terrain on a map of [`REFERENCE_HEIGHT_M`], m.
 const BASE_HEIGHT_M: f32 = 26.0;
+/// Height of the default map, m. Lower maps flatten the octaves; higher ones get a swell besides.
+const REFERENCE_HEIGHT_M: f32 = 80.0;
+/// Wavelength of the swell, m; its amplitude and the rise of the mean height, per metre above the reference height.
+const SWELL: (f64, f32, f32) = (420.0, 0.45, 0.3);
 /// (wavelength m, amplitude m) of each octave of 3D Perlin noise.
-const OCTAVES: [(f64, f32); 3] = [(95.0, 34.0), (33.0, 6.5), (13.0, 1.6)];
-/// Height of one terrace in metres: its riser is about as high as the 5 m that a double jump reaches, so some
-/// risers can be climbed and others must be walked around or taken by a pad.
-const TERRACE_M: f32 = 8.5;
+const OCTAVES: [(f64, f32); 3] = [(95.0, 34.0), (33.0, 12.0), (13.0, 1.6)];
+/// Height of one terrace in metres, drawn for each map: with low ones a double jump (5 m) climbs the risers, with
+/// high ones they must be walked around or taken by a device.
+const TERRACE_M: (f32, f32) = (5.2, 8.0);
 /// Wavelength of the noise that decides where the ground is terraced and where it rises smoothly, m.
 const TERRACING_WAVELENGTH_M: f64 = 60.0;
-/// Mean and gain of that noise before it is clamped to [0, 1].
-const TERRACING: (f32, f32) = (1.05, 2.4);
+/// Mean and gain of that noise before it is clamped to [0, 1]: smooth ways up are rare, so that most of the map is not
+/// connected on foot.
+const TERRACING: (f32, f32) = (3.0, 2.4);
 /// Share of a terrace's height that lies in its nearly level tread.
-const TREAD_HEIGHT_SHARE: f32 = 0.22;
+const TREAD_HEIGHT_SHARE: f32 = 0.14;
 /// Share of the terrain's rise that the tread takes up; the rest goes into the riser.
-const TREAD_RISE_SHARE: f32 = 0.72;
+const TREAD_RISE_SHARE: f32 = 0.89;
+
+/// Streams of the seed besides those of the octaves and the terracing.
+const TERRACE_STREAM: u64 = OCTAVES.len() as u64 + 1;
+const SWELL_STREAM: u64 = OCTAVES.len() as u64 + 2;
 
 /// Density samples over a map's whole volume.
 pub(crate) struct Lattice {
@@ -38,14 +47,18 @@ pub(crate) struct Lattice {
 }
 
 impl Lattice {
-    /// Samples the terrain of `seed` over `size`, on all cores; equal bits for any number of them.
-    pub(crate) fn sample(seed: u64, size: MapSize) -> Self {
+    /// Samples the terrain of `seed` over `size` on `thread_count` threads; equal bits for any number of them.
+    pub(crate) fn sample(seed: u64, size: MapSize, thread_count: usize) -> Self {
         let counts = [size.width, size.height, size.depth].map(|extent| (extent as f32 / VOXEL_M).ceil() as usize + 1);
         let coarse_counts = counts.map(|count| count.div_ceil(NOISE_STRIDE) + 1);
+        let spare = size.height as f32 - REFERENCE_HEIGHT_M;
+        let gain = (1.0 + spare.min(0.0) / 65.0).max(0.3);
+        let base = BASE_HEIGHT_M + if spare > 0.0 { SWELL.2 * spare } else { 0.25 * spare };
+        let swell = (Perlin::new(mix_seed(seed, SWELL_STREAM)), SWELL.1 * spare.max(0.0));
         let noises: Vec<Perlin> = (0..OCTAVES.len()).map(|octave| Perlin::new(mix_seed(seed, octave as u64))).collect();
         let mut coarse = vec![0.0f32; coarse_counts.iter().product()];
         let coarse_slab = coarse_counts[0] * coarse_counts[1];
-        for_each_slab(&mut coarse, coarse_slab, |z, slab| {
+        parallel::for_each_slab(&mut coarse, coarse_slab, thread_count, |z, slab| {
             for y in 0..coarse_counts[1] {
                 for x in 0..coarse_counts[0] {
                     let point = [x, y, z].map(|i| (i * NOISE_STRIDE) as f64 * f64::from(VOXEL_M));
@@ -53,17 +66,24 @@ impl Lattice {
                         .iter()
                         .zip(OCTAVES)
                         .map(|(noise, (wavelength, amplitude))| {
-                            amplitude * noise.get(point.map(|c| c / wavelength + 0.5)) as f32
+                            gain * amplitude * noise.get(point.map(|c| c / wavelength + 0.5)) as f32
                         })
                         .sum();
-                    slab[y * coarse_counts[0] + x] = sum;
+                    let swell = if swell.1 > 0.0 {
+                        swell.1 * swell.0.get(point.map(|c| c / SWELL.0 + 0.5)) as f32
+                    } else {
+                        0.0
+                    };
+                    slab[y * coarse_counts[0] + x] = sum + swell;
                 }
             }
         });
         let mut values = vec![0.0f32; counts.iter().product()];
         let slab_len = counts[0] * counts[1];
+        let share = f32::from((mix_seed(seed, TERRACE_STREAM) >> 16) as u16) / f32::from(u16::MAX);
+        let terrace_height = TERRACE_M.0 + (TERRACE_M.1 - TERRACE_M.0) * share;
         let terracing = Perlin::new(mix_seed(seed, OCTAVES.len() as u64));
-        for_each_slab(&mut values, slab_len, |z, slab| {
+        parallel::for_each_slab(&mut values, slab_len, thread_count, |z, slab| {
             let shares: Vec<f32> = (0..counts[0])
                 .map(|x| {
                     let point = [x, z].map(|i| i as f64 * f64::from(VOXEL_M) / TERRACING_WAVELENGTH_M + 0.5);
@@ -72,10 +92,10 @@ impl Lattice {
                 .collect();
             for y in 0..counts[1] {
                 let height = y as f32 * VOXEL_M;
-                let terraced = terrace(height);
+                let terraced = terrace(height, terrace_height);
                 for x in 0..counts[0] {
                     let noise = interpolate(&coarse, coarse_counts, [x, y, z]);
-                    let terrain = BASE_HEIGHT_M + noise - (height + (terraced - height) * shares[x]);
+                    let terrain = base + noise - (height + (terraced - height) * shares[x]);
                     slab[y * counts[0] + x] = terrain.max(FLOOR_M - height);
                 }
             }
@@ -91,21 +111,26 @@ impl Lattice {
     ///
     /// `edit` gets the distance to the line, the height and the density, and returns the new density.
     pub(crate) fn edit_column(&mut self, x: f32, z: f32, radius: f32, edit: impl Fn(f32, f32, f32) -> f32) {
-        let range = |centre: f32, count: usize| {
-            let low = ((centre - radius) / VOXEL_M).floor().max(0.0) as usize;
-            let high = (((centre + radius) / VOXEL_M).ceil().max(0.0) as usize).min(count - 1);
-            low..=high
+        let top = self.counts[1] as f32 * VOXEL_M;
+        self.edit_box(Vec3::new(x - radius, 0.0, z - radius), Vec3::new(x + radius, top, z + radius), |point, density| {
+            let distance = (point.x - x).hypot(point.z - z);
+            if distance > radius { density } else { edit(distance, point.y, density) }
+        });
+    }
+
+    /// Rewrites the density of every lattice point in a box; `edit` gets the point and its density.
+    pub(crate) fn edit_box(&mut self, low: Vec3, high: Vec3, edit: impl Fn(Vec3, f32) -> f32) {
+        let range = |axis: usize| {
+            let first = (low[axis] / VOXEL_M).floor().max(0.0) as usize;
+            let last = ((high[axis] / VOXEL_M).ceil().max(0.0) as usize).min(self.counts[axis] - 1);
+            first..=last
         };
-        for k in range(z, self.counts[2]) {
-            for i in range(x, self.counts[0]) {
-                let (dx, dz) = (i as f32 * VOXEL_M - x, k as f32 * VOXEL_M - z);
-                let distance = (dx * dx + dz * dz).sqrt();
-                if distance > radius {
-                    continue;
-                }
-                for j in 0..self.counts[1] {
+        for k in range(2) {
+            for j in range(1) {
+                for i in range(0) {
+                    let point = Vec3::new(i as f32, j as f32, k as f32) * VOXEL_M;
                     let idx = self.idx(i, j, k);
-                    self.values[idx] = edit(distance, j as f32 * VOXEL_M, self.values[idx]);
+                    self.values[idx] = edit(point, self.values[idx]);
                 }
             }
         }
@@ -222,15 +247,15 @@ fn push_quad(triangles: &mut Vec<[Vec3; 3]>, here: f32, there: f32, quad: impl F
 }
 
 /// Maps height to "noise height": slow inside treads (so the ground there is nearly level), fast in risers.
-fn terrace(height: f32) -> f32 {
-    let step = (height / TERRACE_M).floor();
-    let t = height / TERRACE_M - step;
+fn terrace(height: f32, terrace_height: f32) -> f32 {
+    let step = (height / terrace_height).floor();
+    let t = height / terrace_height - step;
     let warped = if t < TREAD_HEIGHT_SHARE {
         t / TREAD_HEIGHT_SHARE * TREAD_RISE_SHARE
     } else {
         TREAD_RISE_SHARE + (t - TREAD_HEIGHT_SHARE) / (1.0 - TREAD_HEIGHT_SHARE) * (1.0 - TREAD_RISE_SHARE)
     };
-    (step + warped) * TERRACE_M
+    (step + warped) * terrace_height
 }
 
 /// Trilinear interpolation of the coarse noise at a fine lattice point.
@@ -243,23 +268,6 @@ fn interpolate(coarse: &[f32], counts: [usize; 3], fine: [usize; 3]) -> f32 {
     let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
     let face = |dz: usize| lerp(lerp(at(0, 0, dz), at(1, 0, dz), tx), lerp(at(0, 1, dz), at(1, 1, dz), tx), ty);
     lerp(face(0), face(1), tz)
-}
-
-/// Runs `fill` on each z slab of `values`, split over the available cores.
-fn for_each_slab(values: &mut [f32], slab_len: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
-    let slab_count = values.len() / slab_len;
-    let thread_count = std::thread::available_parallelism().map_or(1, usize::from).min(slab_count);
-    let slabs_per_thread = slab_count.div_ceil(thread_count);
-    std::thread::scope(|scope| {
-        for (thread_idx, chunk) in values.chunks_mut(slabs_per_thread * slab_len).enumerate() {
-            let fill = &fill;
-            scope.spawn(move || {
-                for (slab_idx, slab) in chunk.chunks_mut(slab_len).enumerate() {
-                    fill(thread_idx * slabs_per_thread + slab_idx, slab);
-                }
-            });
-        }
-    });
 }
 
 /// Spreads a 64-bit seed and a stream number over the 32 bits that the noise crate takes (SplitMix64).

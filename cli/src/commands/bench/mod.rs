@@ -1,0 +1,71 @@
+//! `surefoot bench`: speed figures of this machine, as one JSON document.
+
+mod learn;
+mod reference;
+mod world;
+
+use crate::terminal::print_json;
+use serde::Serialize;
+use std::time::Instant;
+
+/// Measure speed.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn")]
+pub struct Args {
+    /// world: simulation and maps; learn: SAC updates and inference
+    #[arg(value_parser = ["world", "learn"])]
+    what: String,
+}
+
+/// One figure, in the form that all benches share.
+#[derive(Serialize)]
+struct Figure {
+    name: &'static str,
+    value: f64,
+    unit: &'static str,
+    target: Option<f64>,
+    reference: Option<f64>,
+    reference_name: Option<&'static str>,
+    ratio: Option<f64>,
+}
+
+impl Figure {
+    fn new(name: &'static str, value: f64, unit: &'static str) -> Self {
+        Self { name, value, unit, target: None, reference: None, reference_name: None, ratio: None }
+    }
+
+    fn target(self, target: f64) -> Self {
+        Self { target: Some(target), ..self }
+    }
+
+    /// What another system needs for the same, measured in this run; the ratio says how many times better ours is.
+    fn against(self, name: &'static str, reference: f64, higher_is_better: bool) -> Self {
+        let ratio = if higher_is_better { self.value / reference } else { reference / self.value };
+        Self { reference: Some(reference), reference_name: Some(name), ratio: Some(ratio), ..self }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let figures = if args.what == "world" { world::figures()? } else { learn::figures()? };
+    print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }))
+}
+
+fn machine() -> String {
+    let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = cpu
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"))
+        .map(|rest| rest.trim_start_matches([' ', '\t', ':']));
+    format!("{} x {}", super::core_count(), model.unwrap_or(std::env::consts::ARCH))
+}
+
+fn timed(mut work: impl FnMut()) -> f64 {
+    let started = Instant::now();
+    work();
+    started.elapsed().as_secs_f64()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values[values.len() / 2]
+}

@@ -1,0 +1,124 @@
+//! The world: decisions, rays, moves, and generating, holding and loading maps, beside rapier and parry.
+
+use super::{Figure, median, reference, timed};
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::hint::black_box;
+use std::sync::Arc;
+use surefoot_world::character::Action;
+use surefoot_world::map::MapSize;
+use surefoot_world::sense::{RAY_COUNT, RayCone};
+use surefoot_world::{
+    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, exchange, navigable,
+};
+
+/// NPCs of the benchmark world.
+const NPCS: usize = 256;
+/// Decisions of each that are timed.
+const DECISIONS: usize = 300;
+
+/// All figures of the world.
+pub fn figures() -> anyhow::Result<Vec<Figure>> {
+    let mut figures = large_map()?;
+    let generate = median((0..5).map(|_| timed(|| drop(black_box(Map::generate(&MapSpec::new(0)))))).collect());
+    let map = Arc::new(Map::generate(&MapSpec::new(0))?);
+    let saved = exchange::encode(&map);
+    let load = median((0..5).map(|_| timed(|| drop(black_box(exchange::decode(&saved))))).collect());
+    figures.extend([
+        Figure::new("generate_250_s", generate, "s").target(2.0),
+        Figure::new("load_250_s", load, "s").target(0.1 * generate).against("generating it", generate, false),
+        Figure::new("map_250_mb", map.memory_bytes() as f64 / 1.0e6, "MB").target(150.0),
+    ]);
+    figures.splice(0..0, simulation(&map)?);
+    Ok(figures)
+}
+
+/// The largest map, generated before anything else, so that the peak of memory is its own.
+fn large_map() -> anyhow::Result<Vec<Figure>> {
+    let size = MapSize { width: 1000, height: 200, depth: 1000 };
+    let spec = MapSpec { size, ..MapSpec::new(3000) };
+    let mut map = None;
+    let generate = timed(|| map = Some(Map::generate(&spec)));
+    let map = map.expect("it has run")?;
+    let peak_mb = peak_memory_mb();
+    let saved = exchange::encode(&map);
+    let load = timed(|| drop(black_box(exchange::decode(&saved))));
+    let mut figures = vec![
+        Figure::new("generate_1000_s", generate, "s").target(30.0),
+        Figure::new("load_1000_s", load, "s").target(0.1 * generate).against("generating it", generate, false),
+        Figure::new("map_1000_mb", map.memory_bytes() as f64 / 1.0e6, "MB").target(1500.0),
+    ];
+    figures.extend(peak_mb.map(|peak| Figure::new("generate_1000_peak_mb", peak, "MB").target(1500.0)));
+    Ok(figures)
+}
+
+/// The most memory that this process has held, where the system tells.
+fn peak_memory_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kib * 1024.0 / 1.0e6)
+}
+
+/// Decisions, rays and moves of a crowd that runs about, on one core.
+fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
+    let profile = CharacterProfile::default();
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let points = navigable::sample_many(&map, &profile, 2 * NPCS, &mut rng)?;
+    let mut world = World::new(map.clone(), profile.clone(), TaskConfig::default());
+    for pair in points.chunks_exact(2) {
+        let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
+        world.set_goal(slot, pair[1]);
+    }
+    let mut row = vec![0.0; OBSERVATION_LEN];
+    let (mut observing, mut moving) = (Vec::new(), Vec::new());
+    for _ in 0..DECISIONS {
+        observing.push(timed(|| (0..NPCS).for_each(|idx| _ = world.observe(NpcSlot(idx as u32), &mut row))));
+        for idx in 0..NPCS {
+            let action = Action::from_array([
+                rng.random_range(0.0..1.0),
+                rng.random_range(-0.5..0.5),
+                rng.random_range(-0.5..0.5),
+                rng.random_range(-1.0..0.4),
+            ])?;
+            world.decide(NpcSlot(idx as u32), action);
+        }
+        moving.push(timed(|| world.tick_decision()));
+        for idx in 0..NPCS {
+            let slot = NpcSlot(idx as u32);
+            world.close_decision(slot);
+            if world.npc(slot).is_some_and(|npc| npc.harm.is_some()) {
+                world.teleport(slot, points[2 * idx], 0.0);
+                world.set_goal(slot, points[2 * idx + 1]);
+            }
+        }
+    }
+    let (observe_s, move_s) = (median(observing) / NPCS as f64, median(moving) / NPCS as f64);
+    let cone = RayCone::default();
+    let bodies: Vec<_> = world.npcs().map(|(_, npc)| npc.body).collect();
+    let rays = (0..50)
+        .map(|_| timed(|| bodies.iter().for_each(|body| cone.cast(map, &profile, body, |_, d, _| _ = black_box(d)))))
+        .collect();
+    let ray_us = median(rays) / (bodies.len() * RAY_COUNT) as f64 * 1.0e6;
+    let starts: Vec<_> = points.iter().copied().take(NPCS).collect();
+    let peer = reference::measure(map, &profile, &starts, &mut ChaCha8Rng::seed_from_u64(0));
+    let move_us = move_s * 1.0e6 / 10.0;
+    Ok(vec![
+        Figure::new("decisions_per_core_s", 1.0 / (observe_s + move_s), "1/s").target(20_000.0).against(
+            "rapier's kinematic controller and parry's rays",
+            peer.decisions_per_s,
+            true,
+        ),
+        Figure::new("ray_us", ray_us, "us").against("parry's triangle mesh", peer.ray_us, false),
+        Figure::new("move_us", move_us, "us per NPC and tick").against(
+            "rapier's kinematic controller",
+            peer.kinematic_move_us,
+            false,
+        ),
+        Figure::new("move_us_dynamic", move_us, "us per NPC and tick").against(
+            "rapier's dynamic capsules",
+            peer.dynamic_move_us,
+            false,
+        ),
+    ])
+}

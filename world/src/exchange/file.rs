@@ -1,0 +1,325 @@
+//! The saved-map format: a checksummed header, then everything a map is made of.
+//!
+//! ```text
+//! header   magic 8 | format version u32 | payload length u64 | BLAKE3 of the payload 32
+//! payload  map hash 32 | description length u32 | description (postcard: spec, size, placed)
+//!          | vertex count u32 | triangle count u32
+//!          | vertices 3 x f32 | corners 3 x u32 for each triangle | surfaces u8 for each triangle
+//! ```
+//!
+//! Numbers are little-endian. Vertices are shared by bits, so a map comes back with the very same corners. The
+//! search grid is built anew: that takes less time than reading it would.
+
+use super::{Overload, check_load, is_allowed};
+use crate::Vec3;
+use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use crate::map::{Map, MapHash, MapSize, MapSpec, Placed, SpecError};
+use crate::mesh::{Surface, Triangle};
+use std::collections::HashMap;
+
+/// The last bytes show transfers that rewrite line ends.
+const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
+const VERSION: u32 = 1;
+const HEADER_LEN: usize = MAGIC.len() + 4 + 8 + blake3::OUT_LEN;
+const VERTEX_LEN: usize = 12;
+const CORNERS_LEN: usize = 12;
+/// Coordinates and measures beyond this cannot belong to a map, m.
+const FARTHEST_M: f32 = 10_000.0;
+
+/// Why bytes are not a saved map.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FileError {
+    /// The first bytes are not those of a saved map.
+    #[error(
+        "this is not a saved map: save one with `surefoot map generate`, or import a level with `surefoot map import`"
+    )]
+    NotAMap,
+    /// Saved by a program that writes another format.
+    #[error("the map is saved in format {found}, this program reads format {VERSION}: save or import it again")]
+    Version {
+        /// The file's format.
+        found: u32,
+    },
+    /// Shorter than its header says.
+    #[error("the saved map is cut off: {len} of {expected} bytes are there; copy it again")]
+    CutOff {
+        /// Bytes that there are.
+        len: usize,
+        /// Bytes that there should be.
+        expected: u64,
+    },
+    /// Longer than its header says.
+    #[error("the saved map is followed by {count} bytes that do not belong to it; copy it again")]
+    TrailingBytes {
+        /// How many.
+        count: u64,
+    },
+    /// The checksum does not match.
+    #[error("the saved map is damaged: its checksum does not match; copy it again")]
+    Damaged,
+    /// The counts contradict the file's length.
+    #[error("the saved map claims {claimed} bytes of geometry, but has {len}; save it again")]
+    Counts {
+        /// Bytes that the counts call for.
+        claimed: u64,
+        /// Bytes that there are.
+        len: usize,
+    },
+    /// Spec, size and features cannot be read.
+    #[error("the description in the saved map cannot be read ({0}); save it again")]
+    Description(String),
+    /// The size lies outside what a map may have.
+    #[error("the saved map is {} x {} x {} m, allowed are 1 x 1 x 1 to {MAX_SIDE_M} x {MAX_HEIGHT_M} x {MAX_SIDE_M} m", .0.width, .0.height, .0.depth)]
+    Size(MapSize),
+    /// The spec is out of range.
+    #[error("the spec in the saved map is not valid: {0}")]
+    Spec(#[from] SpecError),
+    /// The spec asks for another size than the map has.
+    #[error("the spec in the saved map asks for another size than the map has; save it again")]
+    SpecSize,
+    /// A coordinate or measure is infinite, not a number, or absurdly large.
+    #[error("{what} {idx} of the saved map has the value {value}, allowed are -{FARTHEST_M} to {FARTHEST_M}")]
+    Number {
+        /// What it belongs to.
+        what: &'static str,
+        /// Which of them.
+        idx: usize,
+        /// The value.
+        value: f32,
+    },
+    /// A triangle refers to a vertex that does not exist.
+    #[error("triangle {triangle} of the saved map refers to vertex {vertex}, but there are {count}")]
+    VertexOutOfRange {
+        /// Index of the triangle.
+        triangle: usize,
+        /// Index of the vertex.
+        vertex: u32,
+        /// How many vertices there are.
+        count: usize,
+    },
+    /// A triangle of an unknown surface.
+    #[error("triangle {triangle} of the saved map has the unknown surface {surface}")]
+    UnknownSurface {
+        /// Index of the triangle.
+        triangle: usize,
+        /// Number of the surface.
+        surface: u8,
+    },
+    /// A triangle without area.
+    #[error("triangle {triangle} of the saved map has no area")]
+    NoArea {
+        /// Index of the triangle.
+        triangle: usize,
+    },
+    /// Too much for any machine.
+    #[error("the saved map cannot be indexed: {0}")]
+    Overload(#[from] Overload),
+    /// The content is not what was saved.
+    #[error("the saved map holds {found}, but was saved as {saved}; save it again")]
+    Hash {
+        /// Hash of the content.
+        found: MapHash,
+        /// Hash in the file.
+        saved: MapHash,
+    },
+}
+
+/// The map as bytes; the same map gives the same bytes.
+pub fn encode(map: &Map) -> Vec<u8> {
+    let triangles = map.mesh().triangles();
+    let description = postcard::to_stdvec(&(map.spec(), map.size(), map.placed())).expect("plain data");
+    let mut numbers = HashMap::with_capacity(triangles.len());
+    let mut vertices = Vec::with_capacity(triangles.len() * VERTEX_LEN);
+    let mut corners = Vec::with_capacity(triangles.len() * CORNERS_LEN);
+    for corner in triangles.iter().flat_map(Triangle::corners) {
+        let bits = corner.to_array().map(f32::to_bits);
+        let next = numbers.len() as u32;
+        let number = *numbers.entry(bits).or_insert_with(|| {
+            bits.iter().for_each(|value| vertices.extend(value.to_le_bytes()));
+            next
+        });
+        corners.extend(number.to_le_bytes());
+    }
+    let mut payload = Vec::with_capacity(64 + description.len() + vertices.len() + corners.len() + triangles.len());
+    payload.extend(map.hash().0);
+    payload.extend((description.len() as u32).to_le_bytes());
+    payload.extend(description);
+    payload.extend((numbers.len() as u32).to_le_bytes());
+    payload.extend((triangles.len() as u32).to_le_bytes());
+    payload.extend(vertices);
+    payload.extend(corners);
+    payload.extend(triangles.iter().map(|triangle| triangle.surface() as u8));
+
+    let mut bytes = Vec::with_capacity(HEADER_LEN + payload.len());
+    bytes.extend(MAGIC);
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend((payload.len() as u64).to_le_bytes());
+    bytes.extend(blake3::hash(&payload).as_bytes());
+    bytes.extend(payload);
+    bytes
+}
+
+/// The map that [`encode`] turned into `bytes`, with the same hash.
+///
+/// # Errors
+/// If the bytes are not a whole, undamaged saved map of this format.
+pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
+    let mut payload = Reader(checked_payload(bytes)?);
+    let saved = MapHash(*payload.array()?);
+    let description_len = payload.number()?;
+    let (spec, size, placed) = read_description(payload.bytes(description_len as usize)?)?;
+    let (vertex_count, triangle_count) = (payload.number()?, payload.number()?);
+    let claimed = u64::from(vertex_count) * VERTEX_LEN as u64 + u64::from(triangle_count) * (CORNERS_LEN as u64 + 1);
+    if claimed != payload.0.len() as u64 {
+        return Err(FileError::Counts { claimed, len: payload.0.len() });
+    }
+    let vertices = read_vertices(payload.bytes(vertex_count as usize * VERTEX_LEN)?)?;
+    let corners = payload.bytes(triangle_count as usize * CORNERS_LEN)?;
+    let triangles = read_triangles(&vertices, corners, payload.0)?;
+    check_load(size, &triangles, &placed)?;
+    let map = Map::assemble(spec, size, triangles, placed);
+    if map.hash() == saved { Ok(map) } else { Err(FileError::Hash { found: map.hash(), saved }) }
+}
+
+/// The payload of a file whose header is right.
+fn checked_payload(bytes: &[u8]) -> Result<&[u8], FileError> {
+    if !bytes.starts_with(&MAGIC) {
+        let is_beginning = !bytes.is_empty() && MAGIC.starts_with(bytes);
+        let cut_off = FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
+        return Err(if is_beginning { cut_off } else { FileError::NotAMap });
+    }
+    let mut header = Reader(&bytes[MAGIC.len()..]);
+    let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
+    let found = header.number().map_err(too_short)?;
+    if found != VERSION {
+        return Err(FileError::Version { found });
+    }
+    let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
+    let checksum: &[u8; blake3::OUT_LEN] = header.array().map_err(too_short)?;
+    let payload = header.0;
+    let len = payload.len() as u64;
+    if len < payload_len {
+        return Err(FileError::CutOff { len: bytes.len(), expected: payload_len.saturating_add(HEADER_LEN as u64) });
+    }
+    if len > payload_len {
+        return Err(FileError::TrailingBytes { count: len - payload_len });
+    }
+    if blake3::hash(payload).as_bytes() == checksum { Ok(payload) } else { Err(FileError::Damaged) }
+}
+
+fn read_description(bytes: &[u8]) -> Result<(Option<MapSpec>, MapSize, Placed), FileError> {
+    let (description, rest) = postcard::take_from_bytes::<(Option<MapSpec>, MapSize, Placed)>(bytes)
+        .map_err(|error| FileError::Description(error.to_string()))?;
+    if !rest.is_empty() {
+        return Err(FileError::Description(format!("{} bytes too long", rest.len())));
+    }
+    let (spec, size, placed) = &description;
+    if !is_allowed(*size) {
+        return Err(FileError::Size(*size));
+    }
+    if let Some(spec) = spec {
+        spec.validate()?;
+        if spec.size != *size {
+            return Err(FileError::SpecSize);
+        }
+    }
+    check_placed(placed)?;
+    Ok(description)
+}
+
+fn read_vertices(bytes: &[u8]) -> Result<Vec<Vec3>, FileError> {
+    let (values, _) = bytes.as_chunks::<4>();
+    let (points, _) = values.as_chunks::<3>();
+    let vertices: Vec<Vec3> = points.iter().map(|point| point.map(f32::from_le_bytes).into()).collect();
+    match vertices.iter().position(|vertex| !vertex.to_array().into_iter().all(is_sane)) {
+        None => Ok(vertices),
+        Some(idx) => check_numbers("vertex", idx, vertices[idx].to_array()).map(|()| vertices),
+    }
+}
+
+fn read_triangles(vertices: &[Vec3], corners: &[u8], surfaces: &[u8]) -> Result<Vec<Triangle>, FileError> {
+    let mut triangles = Vec::with_capacity(surfaces.len());
+    let (corners, _) = corners.as_chunks::<4>();
+    for (idx, (corners, &surface)) in corners.as_chunks::<3>().0.iter().zip(surfaces).enumerate() {
+        let mut points = [Vec3::ZERO; 3];
+        for (point, vertex) in points.iter_mut().zip(corners) {
+            let vertex = u32::from_le_bytes(*vertex);
+            let out_of_range = || FileError::VertexOutOfRange { triangle: idx, vertex, count: vertices.len() };
+            *point = *vertices.get(vertex as usize).ok_or_else(out_of_range)?;
+        }
+        let unknown = || FileError::UnknownSurface { triangle: idx, surface };
+        let surface = *Surface::ALL.get(usize::from(surface)).ok_or_else(unknown)?;
+        triangles.push(Triangle::new(points, surface).ok_or(FileError::NoArea { triangle: idx })?);
+    }
+    Ok(triangles)
+}
+
+fn check_placed(placed: &Placed) -> Result<(), FileError> {
+    for (idx, pool) in placed.pools.iter().enumerate() {
+        let (half_x, half_z) = pool.outline.half_extents();
+        check_numbers("pool", idx, pool.centre.to_array().into_iter().chain([half_x, half_z, pool.depth]))?;
+    }
+    for (idx, pad) in placed.pads.iter().enumerate() {
+        check_numbers("pad", idx, pad.centre.to_array().into_iter().chain([pad.speed]))?;
+    }
+    for (idx, line) in placed.zip_lines.iter().enumerate() {
+        check_numbers("zip line", idx, [line.from, line.to].into_iter().flat_map(|point| point.to_array()))?;
+    }
+    for (idx, teleporter) in placed.teleporters.iter().enumerate() {
+        check_numbers("teleporter", idx, [teleporter.from, teleporter.to].into_iter().flat_map(|p| p.to_array()))?;
+    }
+    for (idx, jetpack) in placed.jetpacks.iter().enumerate() {
+        check_numbers("jetpack", idx, jetpack.centre.to_array().into_iter().chain([jetpack.fuel]))?;
+    }
+    for (idx, building) in placed.buildings.iter().enumerate() {
+        let measures = [building.half[0], building.half[1], building.yaw, building.height];
+        check_numbers("building", idx, building.base.to_array().into_iter().chain(measures))?;
+    }
+    for (idx, plateau) in placed.plateaus.iter().enumerate() {
+        check_numbers("plateau", idx, plateau.top.to_array().into_iter().chain([plateau.radius]))?;
+    }
+    for (idx, ravine) in placed.ravines.iter().enumerate() {
+        let points = ravine.path.iter().flat_map(|point| point.to_array());
+        check_numbers("ravine", idx, points.chain([ravine.width]))?;
+    }
+    for (idx, cave) in placed.caves.iter().enumerate() {
+        let points = [cave.from, cave.to].into_iter().flat_map(|point| point.to_array());
+        check_numbers("cave", idx, points.chain([cave.radius]))?;
+    }
+    Ok(())
+}
+
+fn check_numbers(what: &'static str, idx: usize, values: impl IntoIterator<Item = f32>) -> Result<(), FileError> {
+    match values.into_iter().find(|&value| !is_sane(value)) {
+        None => Ok(()),
+        Some(value) => Err(FileError::Number { what, idx, value }),
+    }
+}
+
+fn is_sane(value: f32) -> bool {
+    // Also false for NaN.
+    value.abs() <= FARTHEST_M
+}
+
+/// Takes bytes from the front.
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn bytes(&mut self, len: usize) -> Result<&'a [u8], FileError> {
+        let counts = FileError::Counts { claimed: len as u64, len: self.0.len() };
+        let (taken, rest) = self.0.split_at_checked(len).ok_or(counts)?;
+        self.0 = rest;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<&'a [u8; N], FileError> {
+        let counts = FileError::Counts { claimed: N as u64, len: self.0.len() };
+        let (taken, rest) = self.0.split_first_chunk().ok_or(counts)?;
+        self.0 = rest;
+        Ok(taken)
+    }
+
+    fn number(&mut self) -> Result<u32, FileError> {
+        Ok(u32::from_le_bytes(*self.array()?))
+    }
+}

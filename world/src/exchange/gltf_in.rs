@@ -1,0 +1,378 @@
+//! glTF 2.0 to a scene: nodes with their transforms applied.
+//!
+//! The JSON is read with the `gltf` crate's types, but not through its wrappers: they trust indices and lengths, and
+//! its own validation indexes with a number from the file. Here every index, offset and length is checked on use.
+
+use super::faults::{ImportError, MAX_TRIANGLES};
+use super::import::{Node, Scene, node_label};
+use crate::Vec3;
+use crate::map::MapSize;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+use gltf::json::{self, Index, Root};
+use parry3d::glamx::{Mat4, Quat};
+use serde::Deserialize;
+use std::borrow::Cow;
+
+/// Shows a mesh many times, without a fallback for programs that do not know it.
+const INSTANCING_EXTENSION: &str = "EXT_mesh_gpu_instancing";
+/// Beginnings of the names of extensions that change looks only, so that a level may require them.
+const APPEARANCE_EXTENSIONS: [&str; 5] =
+    ["KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "EXT_lights_"];
+const DATA_URI: &str = "data:";
+const BASE64_MARK: &str = ";base64,";
+
+pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
+    let (json, binary) = if bytes.starts_with(b"glTF") { split_glb(bytes)? } else { (bytes, None) };
+    let root = Root::from_slice(json).map_err(|error| ImportError::Json(error.to_string()))?;
+    if !root.asset.version.starts_with("2.") {
+        return Err(ImportError::GltfVersion(root.asset.version.clone()));
+    }
+    check_extensions(&root)?;
+    let buffers = root.buffers.iter().enumerate().map(|(idx, buffer)| read_buffer(idx, buffer, binary));
+    let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
+    let source = Source { root: &root, buffers };
+    Reader { source: &source, triangle_budget: MAX_TRIANGLES, skipped_count: 0 }.scene()
+}
+
+/// JSON and binary chunk of a `.glb`.
+fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ImportError> {
+    let header: &[u8; 12] = bytes.first_chunk().ok_or(ImportError::Container("its header is cut off"))?;
+    let number = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+    if number(4) != 2 {
+        return Err(ImportError::GltfVersion(number(4).to_string()));
+    }
+    let contents = bytes.get(12..number(8) as usize).ok_or(ImportError::Container("it is cut off"))?;
+    let json = Chunk::first(contents)?;
+    if json.kind != b"JSON" {
+        return Err(ImportError::Container("it does not begin with JSON"));
+    }
+    if json.rest.is_empty() {
+        return Ok((json.content, None));
+    }
+    let binary = Chunk::first(json.rest)?;
+    Ok((json.content, (binary.kind == b"BIN\0").then_some(binary.content)))
+}
+
+/// A part of a `.glb`, and what follows it.
+struct Chunk<'a> {
+    kind: &'a [u8; 4],
+    content: &'a [u8],
+    rest: &'a [u8],
+}
+
+impl<'a> Chunk<'a> {
+    fn first(bytes: &'a [u8]) -> Result<Self, ImportError> {
+        let chunk = bytes.split_first_chunk::<4>().and_then(|(len, rest)| {
+            let (kind, rest) = rest.split_first_chunk::<4>()?;
+            let (content, rest) = rest.split_at_checked(u32::from_le_bytes(*len) as usize)?;
+            Some(Self { kind, content, rest })
+        });
+        chunk.ok_or(ImportError::Container("one of its chunks is cut off"))
+    }
+}
+
+fn check_extensions(root: &Root) -> Result<(), ImportError> {
+    let is_appearance = |name: &str| APPEARANCE_EXTENSIONS.iter().any(|start| name.starts_with(start));
+    // Whatever else is used without being required, such as compression, can be read without it.
+    let instancing = root.extensions_used.iter().find(|name| *name == INSTANCING_EXTENSION);
+    let unknown = root.extensions_required.iter().find(|name| !is_appearance(name));
+    instancing.or(unknown).map_or(Ok(()), |name| Err(ImportError::Extension(name.clone())))
+}
+
+fn read_buffer<'a>(idx: usize, buffer: &json::Buffer, binary: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ImportError> {
+    let bytes = match (&buffer.uri, binary) {
+        (None, Some(binary)) if idx == 0 => Cow::Borrowed(binary),
+        // A fallback buffer without data: only an error if something reads it.
+        (None, _) => return Ok(Cow::Borrowed(&[])),
+        (Some(uri), _) if uri.starts_with(DATA_URI) => {
+            let text = uri.split_once(BASE64_MARK).map(|(_, text)| text);
+            Cow::Owned(text.and_then(decode_base64).ok_or(ImportError::Base64 { buffer: idx })?)
+        }
+        (Some(uri), _) => return Err(ImportError::ExternalBuffer { uri: uri.chars().take(200).collect() }),
+    };
+    let (len, expected) = (bytes.len(), buffer.byte_length.0);
+    if (len as u64) < expected { Err(ImportError::ShortBuffer { buffer: idx, len, expected }) } else { Ok(bytes) }
+}
+
+/// Standard alphabet, padding optional (RFC 4648, section 4).
+fn decode_base64(text: &str) -> Option<Vec<u8>> {
+    let digits = text.trim_end_matches('=').as_bytes();
+    if digits.len() % 4 == 1 {
+        return None;
+    }
+    let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);
+    for group in digits.chunks(4) {
+        let mut bits = 0u32;
+        for &digit in group {
+            let value = match digit {
+                b'A'..=b'Z' => digit - b'A',
+                b'a'..=b'z' => digit - b'a' + 26,
+                b'0'..=b'9' => digit - b'0' + 52,
+                b'+' => 62,
+                b'/' => 63,
+                _ => return None,
+            };
+            bits = bits << 6 | u32::from(value);
+        }
+        let [_, decoded @ ..] = (bits << (6 * (4 - group.len()))).to_be_bytes();
+        bytes.extend(&decoded[..group.len() - 1]);
+    }
+    Some(bytes)
+}
+
+/// What an exported map notes on its scene.
+#[derive(Deserialize)]
+struct SceneExtras {
+    surefoot: Option<SurefootExtras>,
+}
+
+#[derive(Deserialize)]
+struct SurefootExtras {
+    size: [u32; 3],
+}
+
+struct Source<'a> {
+    root: &'a Root,
+    buffers: Vec<Cow<'a, [u8]>>,
+}
+
+struct Reader<'a> {
+    source: &'a Source<'a>,
+    /// Triangles that may still come; a mesh counts each time that a node shows it.
+    triangle_budget: usize,
+    skipped_count: usize,
+}
+
+impl Reader<'_> {
+    fn scene(mut self) -> Result<Scene, ImportError> {
+        let root = self.source.root;
+        let scene_idx = root.scene.map_or(0, |scene| scene.value());
+        let scene = root.scenes.get(scene_idx);
+        if scene.is_none() && root.scene.is_some() {
+            return Err(ImportError::Reference { from: "the file".to_owned(), to: "scene", idx: scene_idx });
+        }
+        let extras = scene.and_then(|scene| scene.extras.as_ref());
+        let former_size = extras
+            .and_then(|extras| serde_json::from_str::<SceneExtras>(extras.get()).ok()?.surefoot)
+            .map(|SurefootExtras { size: [width, height, depth] }| MapSize { width, height, depth });
+        let roots: Vec<usize> = match scene {
+            Some(scene) => scene.nodes.iter().map(Index::value).collect(),
+            None => nodes_without_parent(root),
+        };
+
+        let mut nodes = Vec::new();
+        let mut is_visited = vec![false; root.nodes.len()];
+        // An own stack: how deeply nodes are nested is up to the file.
+        let mut waiting: Vec<(usize, Option<usize>, Mat4)> =
+            roots.into_iter().rev().map(|idx| (idx, None, Mat4::IDENTITY)).collect();
+        while let Some((idx, parent, level_from_parent)) = waiting.pop() {
+            let from = || parent.map_or("the scene".to_owned(), |parent: usize| label(&nodes, parent));
+            let node = root.nodes.get(idx).ok_or_else(|| ImportError::Reference { from: from(), to: "node", idx })?;
+            let name = node.name.clone().unwrap_or_default();
+            if std::mem::replace(&mut is_visited[idx], true) {
+                return Err(ImportError::NotATree { node: node_label(&name, idx) });
+            }
+            let level_from_node = level_from_parent * parent_from_node(node);
+            let triangles = match node.mesh {
+                Some(mesh) => self.triangles(&node_label(&name, idx), mesh, level_from_node)?,
+                None => Vec::new(),
+            };
+            let origin = level_from_node.transform_point3(Vec3::ZERO);
+            let own_idx = nodes.len();
+            nodes.push(Node { name, parent, origin, triangles, extras: node.extras.clone() });
+            let children = node.children.iter().flatten().rev();
+            waiting.extend(children.map(|child| (child.value(), Some(own_idx), level_from_node)));
+        }
+        Ok(Scene { nodes, former_size, skipped_count: self.skipped_count })
+    }
+
+    /// Triangles of all primitives of a mesh, in the level's frame.
+    fn triangles(
+        &mut self,
+        from: &str,
+        mesh: Index<json::Mesh>,
+        level_from_node: Mat4,
+    ) -> Result<Vec<[Vec3; 3]>, ImportError> {
+        let reference = || ImportError::Reference { from: from.to_owned(), to: "mesh", idx: mesh.value() };
+        let json = self.source.root.meshes.get(mesh.value()).ok_or_else(reference)?;
+        let label = match &json.name {
+            Some(name) if !name.is_empty() => format!("mesh `{name}`"),
+            _ => format!("the mesh of {from}"),
+        };
+        let mut triangles = Vec::new();
+        for primitive in &json.primitives {
+            self.add_primitive(&label, primitive, level_from_node, &mut triangles)?;
+        }
+        Ok(triangles)
+    }
+
+    fn add_primitive(
+        &mut self,
+        mesh: &str,
+        primitive: &Primitive,
+        level_from_node: Mat4,
+        triangles: &mut Vec<[Vec3; 3]>,
+    ) -> Result<(), ImportError> {
+        let Checked::Valid(mode) = primitive.mode else {
+            return Err(data_error(mesh, "an unknown primitive mode: export the level again"));
+        };
+        // A primitive without triangles counts as one, so that the work is bounded as well.
+        self.triangle_budget = self.triangle_budget.checked_sub(1).ok_or(ImportError::TooManyTriangles)?;
+        if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+            self.skipped_count += 1;
+            return Ok(());
+        }
+        let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
+        let positions = positions.ok_or_else(|| data_error(mesh, "no positions: export the level again"))?;
+        let positions = self.source.elements(mesh, positions.value(), Layout::Positions)?;
+        let indices = primitive
+            .indices
+            .map(|indices| self.source.elements(mesh, indices.value(), Layout::Indices))
+            .transpose()?;
+        let count = indices.as_ref().map_or(positions.count, |indices| indices.count);
+        let triangle_count = if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
+        self.triangle_budget = self.triangle_budget.checked_sub(triangle_count).ok_or(ImportError::TooManyTriangles)?;
+
+        let corner = |i: usize| {
+            let vertex = indices.as_ref().map_or(i as u32, |indices| indices.index(i));
+            let out_of_range =
+                || ImportError::VertexOutOfRange { mesh: mesh.to_owned(), vertex, count: positions.count };
+            let point = positions.position(vertex as usize).ok_or_else(out_of_range)?;
+            let point = level_from_node.transform_point3(point);
+            if point.is_finite() { Ok(point) } else { Err(ImportError::NotFinite { node: mesh.to_owned() }) }
+        };
+        // A mirroring transform turns triangles inside out (glTF 2.0, section 3.7.4).
+        let is_mirrored = level_from_node.determinant() < 0.0;
+        triangles.reserve(triangle_count);
+        for i in 0..triangle_count {
+            let [a, b, c] = match mode {
+                Mode::TriangleStrip => [i, i + 1 + i % 2, i + 2 - i % 2],
+                Mode::TriangleFan => [i + 1, i + 2, 0],
+                _ => [3 * i, 3 * i + 1, 3 * i + 2],
+            };
+            let (b, c) = if is_mirrored { (c, b) } else { (b, c) };
+            triangles.push([corner(a)?, corner(b)?, corner(c)?]);
+        }
+        Ok(())
+    }
+}
+
+impl Source<'_> {
+    /// The bytes of an accessor, checked to lie inside its view and buffer.
+    fn elements(&self, mesh: &str, accessor_idx: usize, layout: Layout) -> Result<Elements<'_>, ImportError> {
+        let reference = |to, idx| ImportError::Reference { from: mesh.to_owned(), to, idx };
+        let accessor = self.root.accessors.get(accessor_idx).ok_or_else(|| reference("accessor", accessor_idx))?;
+        if accessor.sparse.is_some() {
+            return Err(data_error(mesh, "sparse accessors, which are not supported: export it without them"));
+        }
+        let width = match (layout, accessor.type_, accessor.component_type) {
+            (Layout::Positions, Checked::Valid(Type::Vec3), Checked::Valid(component))
+                if component.0 == ComponentType::F32 =>
+            {
+                12
+            }
+            (Layout::Indices, Checked::Valid(Type::Scalar), Checked::Valid(component)) => match component.0 {
+                ComponentType::U8 => 1,
+                ComponentType::U16 => 2,
+                ComponentType::U32 => 4,
+                _ => return Err(data_error(mesh, "indices that are not unsigned integers: export it again")),
+            },
+            (Layout::Positions, ..) => {
+                return Err(data_error(mesh, "positions that are not 32-bit floats: export it without quantization"));
+            }
+            (Layout::Indices, ..) => {
+                return Err(data_error(mesh, "indices that are not unsigned integers: export it again"));
+            }
+        };
+        let no_data = || data_error(mesh, "no vertex data: export it without compression");
+        let view_idx = accessor.buffer_view.ok_or_else(no_data)?.value();
+        let view = self.root.buffer_views.get(view_idx).ok_or_else(|| reference("buffer view", view_idx))?;
+        let buffer = self.buffers.get(view.buffer.value());
+        let buffer = buffer.ok_or_else(|| reference("buffer", view.buffer.value()))?;
+        let stride = view.byte_stride.map_or(width, |stride| stride.0);
+        let count = accessor.count.0;
+        let bytes = range(view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0)
+            .and_then(|range| buffer.get(range))
+            .and_then(|view| {
+                let len = match count.checked_sub(1) {
+                    Some(gaps) => gaps.checked_mul(stride as u64)?.checked_add(width as u64)?,
+                    None => 0,
+                };
+                view.get(range(accessor.byte_offset.map_or(0, |offset| offset.0), len)?)
+            });
+        let too_short = || data_error(mesh, "data that lies outside its buffer: the file is damaged; export it again");
+        let bytes = bytes.filter(|_| stride >= width).ok_or_else(too_short)?;
+        // The bytes are there, so the count fits.
+        Ok(Elements { bytes, stride, width, count: count as usize })
+    }
+}
+
+fn nodes_without_parent(root: &Root) -> Vec<usize> {
+    let mut is_root = vec![true; root.nodes.len()];
+    for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
+        if let Some(is_root) = is_root.get_mut(child.value()) {
+            *is_root = false;
+        }
+    }
+    (0..is_root.len()).filter(|&idx| is_root[idx]).collect()
+}
+
+fn label(nodes: &[Node], idx: usize) -> String {
+    node_label(&nodes[idx].name, idx)
+}
+
+fn data_error(mesh: &str, problem: &'static str) -> ImportError {
+    ImportError::Data { mesh: mesh.to_owned(), problem }
+}
+
+fn range(offset: u64, len: u64) -> Option<std::ops::Range<usize>> {
+    let end = offset.checked_add(len)?;
+    Some(usize::try_from(offset).ok()?..usize::try_from(end).ok()?)
+}
+
+fn parent_from_node(node: &json::Node) -> Mat4 {
+    if let Some(columns) = node.matrix {
+        return Mat4::from_cols_array(&columns);
+    }
+    let scale = node.scale.map_or(Vec3::ONE, Vec3::from);
+    let translation = node.translation.map_or(Vec3::ZERO, Vec3::from);
+    let rotation = node.rotation.map_or(Quat::IDENTITY, |rotation| Quat::from_array(rotation.0));
+    // A zero rotation would give NaN.
+    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { Quat::IDENTITY };
+    Mat4::from_scale_rotation_translation(scale, rotation, translation)
+}
+
+/// What an accessor is read as.
+#[derive(Debug, Clone, Copy)]
+enum Layout {
+    Positions,
+    Indices,
+}
+
+/// Checked elements: `count` of them, `stride` bytes apart, the last one whole.
+struct Elements<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+    width: usize,
+    count: usize,
+}
+
+impl Elements<'_> {
+    fn element(&self, idx: usize) -> Option<&[u8]> {
+        (idx < self.count).then(|| &self.bytes[idx * self.stride..idx * self.stride + self.width])
+    }
+
+    fn position(&self, idx: usize) -> Option<Vec3> {
+        let (values, _) = self.element(idx)?.as_chunks::<4>();
+        let values: &[[u8; 4]; 3] = values.first_chunk()?;
+        Some(values.map(f32::from_le_bytes).into())
+    }
+
+    /// The index at `idx`, which must be below the count.
+    fn index(&self, idx: usize) -> u32 {
+        let bytes = self.element(idx).unwrap_or_default();
+        bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte))
+    }
+}

@@ -1,0 +1,256 @@
+//! From a level made in another tool to a [`Map`].
+//!
+//! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`), its place and size on
+//! the map, and what is odd about it (`inspect`). Errors and warnings speak of the level's own nodes and meshes.
+
+use super::faults::{ImportError, Warning};
+use super::inspect;
+use super::named::{self, Found};
+use super::{check_load, gltf_in, is_allowed, obj_in};
+use crate::Vec3;
+use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use crate::map::{Map, MapSize};
+use crate::mesh::{Surface, Triangle};
+use serde_json::value::RawValue;
+
+/// Space left around a level, m.
+const MARGIN_M: f32 = 2.0;
+/// Height of a level's lowest point, m: what falls below 0 has left the map.
+const LOWEST_M: f32 = 1.0;
+/// Space left above a level, m.
+const HEADROOM_M: f32 = 20.0;
+/// How much a level may exceed a whole metre by rounding, m.
+const ROUNDING_M: f32 = 0.001;
+/// How far an exported map's triangles may stick out of its box and still be taken back as they are, m.
+const STICK_OUT_M: f32 = 5.0;
+
+/// Which way is up in the level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UpAxis {
+    /// As in glTF and here.
+    #[default]
+    Y,
+    /// As in many OBJ files: (x, y, z) becomes (x, z, -y).
+    Z,
+}
+
+/// How to read a level's coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImportOptions {
+    /// Metres for each unit of the level.
+    pub scale: f32,
+    /// Its vertical.
+    pub up: UpAxis,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self { scale: 1.0, up: UpAxis::Y }
+    }
+}
+
+/// A level as a map.
+#[derive(Debug)]
+pub struct Imported {
+    /// The map.
+    pub map: Map,
+    /// What a designer may want to correct.
+    pub warnings: Vec<Warning>,
+}
+
+/// A level as named nodes, in its own coordinates; parents come before their children.
+pub(super) struct Scene {
+    pub(super) nodes: Vec<Node>,
+    /// The size that an exported map had.
+    pub(super) former_size: Option<MapSize>,
+    /// Sets of points and lines that were left out.
+    pub(super) skipped_count: usize,
+}
+
+/// One node with its mesh.
+pub(super) struct Node {
+    /// Empty if it has none.
+    pub(super) name: String,
+    pub(super) parent: Option<usize>,
+    pub(super) origin: Vec3,
+    /// Corners counter-clockwise seen from outside.
+    pub(super) triangles: Vec<[Vec3; 3]>,
+    /// What the designer attached to it, as JSON.
+    pub(super) extras: Option<Box<RawValue>>,
+}
+
+/// Turns the level's coordinates into metres, y up.
+#[derive(Clone, Copy)]
+pub(super) struct Frame(ImportOptions);
+
+impl Frame {
+    fn new(options: &ImportOptions) -> Result<Self, ImportError> {
+        let is_length = options.scale > 0.0 && options.scale.is_finite();
+        if is_length { Ok(Self(*options)) } else { Err(ImportError::Scale(options.scale)) }
+    }
+
+    pub(super) fn to_metres(self, point: Vec3) -> Vec3 {
+        let upright = match self.0.up {
+            UpAxis::Y => point,
+            UpAxis::Z => Vec3::new(point.x, point.z, -point.y),
+        };
+        upright * self.0.scale
+    }
+
+    fn to_level(self, point: Vec3) -> Vec3 {
+        let point = point / self.0.scale;
+        match self.0.up {
+            UpAxis::Y => point,
+            UpAxis::Z => Vec3::new(point.x, -point.z, point.y),
+        }
+    }
+}
+
+/// Imports a level from glTF 2.0: a `.glb`, or a `.gltf` with embedded buffers. `sidecar` is the text of its
+/// `.surefoot.json`, which lists features in the level's own coordinates.
+///
+/// # Errors
+/// If the file is broken, uses what is not supported, or describes no map; the error says what to change.
+pub fn import_gltf(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
+    import(gltf_in::read(bytes)?, sidecar, options)
+}
+
+/// Imports a level from Wavefront OBJ; each object or group is a node. Materials are ignored, and faces with more
+/// than four corners must be convex.
+///
+/// # Errors
+/// Like [`import_gltf`].
+pub fn import_obj(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
+    import(obj_in::read(bytes)?, sidecar, options)
+}
+
+fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
+    let frame = Frame::new(options)?;
+    convert(&mut scene, frame)?;
+    let mut found = Found::default();
+    let is_solid = named::take_from_nodes(&scene.nodes, &mut found)?;
+    if let Some(json) = sidecar {
+        named::take_from_sidecar(json, frame, &mut found)?;
+    }
+    let solids: Vec<[Vec3; 3]> = scene
+        .nodes
+        .iter()
+        .zip(is_solid)
+        .filter(|(_, solid)| *solid)
+        .flat_map(|(node, _)| &node.triangles)
+        .copied()
+        .collect();
+    let former = scene.former_size.filter(|_| *options == ImportOptions::default());
+    let place = Place::new(&solids, &found, former)?;
+    let triangles: Vec<Triangle> = solids
+        .iter()
+        .filter_map(|corners| Triangle::new(corners.map(|corner| corner + place.shift), Surface::Ground))
+        .collect();
+    if triangles.is_empty() {
+        return Err(ImportError::Empty);
+    }
+
+    let mut warnings = geometry_warnings(&scene, &solids, &triangles);
+    let flat_count = found.flat_pool_count();
+    if flat_count > 0 {
+        warnings.push(Warning::FlatPools { count: flat_count });
+    }
+    warnings.extend(former.filter(|_| !place.is_former).map(|former| Warning::Outgrown { former }));
+
+    let outside = |what: String| {
+        let (one, other) = (frame.to_level(place.low), frame.to_level(place.high));
+        ImportError::Outside { what, low: one.min(other), high: one.max(other) }
+    };
+    let placed = found.place(place.shift, place.size).map_err(outside)?;
+    check_load(place.size, &triangles, &placed)?;
+    let map = Map::from_parts(place.size, triangles, placed);
+    let share = inspect::share_facing_down(&map);
+    if share > 0.5 {
+        warnings.push(Warning::FacesDown { share: (share * 100.0) as u32 });
+    }
+    Ok(Imported { map, warnings })
+}
+
+fn geometry_warnings(scene: &Scene, solids: &[[Vec3; 3]], triangles: &[Triangle]) -> Vec<Warning> {
+    let edges = inspect::edges(triangles);
+    let degenerate_count = solids.len() - triangles.len();
+    let counted = [
+        (degenerate_count, Warning::DegenerateTriangles { count: degenerate_count }),
+        (scene.skipped_count, Warning::NotTriangles { count: scene.skipped_count }),
+        (edges.open, Warning::OpenEdges { count: edges.open }),
+        (edges.crowded, Warning::CrowdedEdges { count: edges.crowded }),
+        (edges.turned, Warning::TurnedEdges { count: edges.turned }),
+    ];
+    counted.into_iter().filter(|(count, _)| *count > 0).map(|(_, warning)| warning).collect()
+}
+
+/// Turns all coordinates into metres, y up.
+fn convert(scene: &mut Scene, frame: Frame) -> Result<(), ImportError> {
+    for (idx, node) in scene.nodes.iter_mut().enumerate() {
+        node.origin = frame.to_metres(node.origin);
+        let mut is_finite = node.origin.is_finite();
+        for corner in node.triangles.iter_mut().flatten() {
+            *corner = frame.to_metres(*corner);
+            is_finite &= corner.is_finite();
+        }
+        if !is_finite {
+            return Err(ImportError::NotFinite { node: node_label(&node.name, idx) });
+        }
+    }
+    Ok(())
+}
+
+/// How messages call a node.
+pub(super) fn node_label(name: &str, idx: usize) -> String {
+    if name.is_empty() { format!("node {idx}") } else { format!("node `{name}`") }
+}
+
+/// Where a level lies on its map.
+struct Place {
+    /// From the level's metres to the map's.
+    shift: Vec3,
+    size: MapSize,
+    /// Bounds of the level before the shift.
+    low: Vec3,
+    high: Vec3,
+    /// Whether it lies where it was exported from.
+    is_former: bool,
+}
+
+impl Place {
+    fn new(solids: &[[Vec3; 3]], found: &Found, former: Option<MapSize>) -> Result<Self, ImportError> {
+        if solids.is_empty() {
+            return Err(ImportError::Empty);
+        }
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for corner in solids.iter().flatten() {
+            (low, high) = (low.min(*corner), high.max(*corner));
+        }
+        if let Some(size) = former.filter(|&size| is_allowed(size)) {
+            let extent = super::extent(size);
+            let slack = Vec3::splat(STICK_OUT_M);
+            if low.cmpge(-slack).all() && high.cmple(extent + slack).all() {
+                return Ok(Self { shift: Vec3::ZERO, size, low: Vec3::ZERO, high: extent, is_former: true });
+            }
+        }
+        // The bottom of a pool may be the lowest place of all.
+        let (pool_low, pool_high) = found.pool_heights();
+        (low.y, high.y) = (low.y.min(pool_low), high.y.max(pool_high));
+        let span = high - low;
+        let (most_wide, most_high) = (MAX_SIDE_M as f32, MAX_HEIGHT_M as f32);
+        if span.x > most_wide || span.y + LOWEST_M > most_high || span.z > most_wide {
+            return Err(ImportError::TooLarge(span));
+        }
+        // The largest levels have to do with less.
+        let margin = |span: f32| (0.5 * (most_wide - span)).min(MARGIN_M);
+        let (margin_x, margin_z) = (margin(span.x), margin(span.z));
+        let whole = |metres: f32, most: f32| (metres - ROUNDING_M).ceil().clamp(1.0, most) as u32;
+        let size = MapSize {
+            width: whole(span.x + 2.0 * margin_x, most_wide),
+            height: whole(LOWEST_M + span.y + HEADROOM_M, most_high),
+            depth: whole(span.z + 2.0 * margin_z, most_wide),
+        };
+        let shift = Vec3::new(margin_x, LOWEST_M, margin_z) - low;
+        Ok(Self { shift, size, low, high, is_former: false })
+    }
+}

@@ -1,0 +1,501 @@
+//! Pools and devices of a level: by the names of its nodes, and by the sidecar that lists them.
+//!
+//! Nodes: `lava*` and `water*` fill their bounding box; `pad*` and `jetpack*` stand at the centre of its bottom;
+//! `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by what stands before the end (`_from` does as
+//! well as `:from`, for tools that allow no colons). Case does not matter. Such nodes are not solid, nor are their
+//! children. A node without a mesh counts by its origin, or as a mere group if there are such nodes below it.
+
+use super::faults::ImportError;
+use super::import::{Frame, Node, node_label};
+use crate::Vec3;
+use crate::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
+use serde::Deserialize;
+use serde_json::Value;
+use std::collections::HashMap;
+
+/// Gravity that pad speeds are computed for, m/s2.
+pub(super) const PAD_GRAVITY: f64 = 20.0;
+/// Extra height of a pad's throw, m (released environment).
+pub(super) const PAD_EXTRA_M: f64 = 10.0;
+/// Height of a pad's throw unless given, m.
+const PAD_HEIGHT_M: f64 = 4.0;
+/// Seconds of thrust in a jetpack unless given.
+const JETPACK_FUEL_S: f64 = 2.5;
+/// Height of a pool below which its node counts as flat, m.
+const FLAT_M: f32 = 0.01;
+/// How far a device may lie off the map by rounding, m.
+const ROUNDING_M: f32 = 0.01;
+
+/// What was found, in metres before the shift onto the map, each with its name for messages.
+#[derive(Default)]
+pub(super) struct Found {
+    pools: Vec<(String, FoundPool)>,
+    pads: Vec<(String, Pad)>,
+    zip_lines: Vec<(String, ZipLine)>,
+    teleporters: Vec<(String, Teleporter)>,
+    jetpacks: Vec<(String, Jetpack)>,
+}
+
+struct FoundPool {
+    liquid: Liquid,
+    bounds: Bounds,
+    /// Of a round one.
+    radius: Option<f32>,
+}
+
+impl Found {
+    /// Lowest and highest y of all pools; infinite if there are none.
+    pub(super) fn pool_heights(&self) -> (f32, f32) {
+        let heights = self.pools.iter().map(|(_, pool)| (pool.bounds.low.y, pool.bounds.high.y));
+        heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), (l, h)| (low.min(l), high.max(h)))
+    }
+
+    pub(super) fn flat_pool_count(&self) -> usize {
+        self.pools.iter().filter(|(_, pool)| pool.bounds.high.y - pool.bounds.low.y < FLAT_M).count()
+    }
+
+    /// Puts everything onto the map; pools are cut at its rim. `Err` names what lies outside.
+    pub(super) fn place(self, shift: Vec3, size: MapSize) -> Result<Placed, String> {
+        let extent = super::extent(size);
+        let on_map = |name: &String, point: Vec3| {
+            let point = point + shift;
+            let slack = Vec3::splat(ROUNDING_M);
+            let is_inside = point.cmpge(-slack).all() && point.cmple(extent + slack).all();
+            if is_inside { Ok(point) } else { Err(name.clone()) }
+        };
+        let mut placed = Placed::default();
+        for (name, pool) in self.pools {
+            placed.pools.push(pool.place(shift, extent).ok_or(name)?);
+        }
+        for (name, pad) in self.pads {
+            placed.pads.push(Pad { centre: on_map(&name, pad.centre)?, ..pad });
+        }
+        for (name, line) in self.zip_lines {
+            placed.zip_lines.push(ZipLine { from: on_map(&name, line.from)?, to: on_map(&name, line.to)? });
+        }
+        for (name, teleporter) in self.teleporters {
+            let (from, to) = (on_map(&name, teleporter.from)?, on_map(&name, teleporter.to)?);
+            placed.teleporters.push(Teleporter { from, to, ..teleporter });
+        }
+        for (name, jetpack) in self.jetpacks {
+            placed.jetpacks.push(Jetpack { centre: on_map(&name, jetpack.centre)?, ..jetpack });
+        }
+        Ok(placed)
+    }
+}
+
+impl FoundPool {
+    fn place(&self, shift: Vec3, extent: Vec3) -> Option<Pool> {
+        let Bounds { low, high } = self.bounds;
+        let (low, high) = (low + shift, high + shift);
+        let depth = high.y - low.y;
+        let (low, high) = match self.radius {
+            Some(_) => (low, high),
+            None => (
+                Vec3::new(low.x.max(0.0), low.y, low.z.max(0.0)),
+                Vec3::new(high.x.min(extent.x), high.y, high.z.min(extent.z)),
+            ),
+        };
+        let half = (high - low) * 0.5;
+        let middle = (low + high) * 0.5;
+        let centre = Vec3::new(middle.x, high.y, middle.z);
+        // Written so that NaN is refused.
+        let is_on_map = half.x > 0.0
+            && half.z > 0.0
+            && centre.cmpge(Vec3::ZERO).all()
+            && centre.cmple(extent).all()
+            && self.radius.is_none_or(|radius| radius <= extent.x.max(extent.z));
+        let outline = match self.radius {
+            Some(radius) => Outline::Round { radius },
+            None => Outline::Rectangle { half_x: half.x, half_z: half.z },
+        };
+        is_on_map.then_some(Pool { centre, outline, depth, liquid: self.liquid })
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Bounds {
+    fn of(points: impl IntoIterator<Item = Vec3>) -> Option<Self> {
+        points.into_iter().fold(None, |bounds: Option<Self>, point| {
+            let Self { low, high } = bounds.unwrap_or(Self { low: point, high: point });
+            Some(Self { low: low.min(point), high: high.max(point) })
+        })
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    fn bottom(self) -> Vec3 {
+        let middle = (self.low + self.high) * 0.5;
+        Vec3::new(middle.x, self.low.y, middle.z)
+    }
+}
+
+/// What a node's name makes of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Kind {
+    Pool(Liquid),
+    Pad,
+    Jetpack,
+    /// The end and what the pair is called; `None` if the name does not say which end it is.
+    ZipLine(Option<(End, String)>),
+    Teleporter(Option<(End, String)>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    From,
+    To,
+}
+
+impl End {
+    fn name(self) -> &'static str {
+        match self {
+            End::From => "from",
+            End::To => "to",
+        }
+    }
+
+    fn other(self) -> Self {
+        match self {
+            End::From => End::To,
+            End::To => End::From,
+        }
+    }
+}
+
+impl Kind {
+    fn of(name: &str) -> Option<Self> {
+        let name = name.to_lowercase();
+        let pair = || split_end(&name);
+        Some(match () {
+            () if name.starts_with("lava") => Kind::Pool(Liquid::Lava),
+            () if name.starts_with("water") => Kind::Pool(Liquid::Water),
+            () if name.starts_with("pad") => Kind::Pad,
+            () if name.starts_with("jetpack") => Kind::Jetpack,
+            () if name.starts_with("zip_line") => Kind::ZipLine(pair()),
+            () if name.starts_with("teleporter") => Kind::Teleporter(pair()),
+            () => return None,
+        })
+    }
+
+    /// Whether the name alone cannot be a feature.
+    fn lacks_end(&self) -> bool {
+        matches!(self, Kind::ZipLine(None) | Kind::Teleporter(None))
+    }
+
+    fn has_end(&self) -> bool {
+        matches!(self, Kind::ZipLine(Some(_)) | Kind::Teleporter(Some(_)))
+    }
+}
+
+/// Splits `zip_line_3:from` into its end and `zip_line_3`. A number that a tool appended to a copy (`:from.001`)
+/// stays with the pair.
+fn split_end(name: &str) -> Option<(End, String)> {
+    let (stem, copy) = match name.rsplit_once('.') {
+        Some((stem, digits)) if !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()) => {
+            (stem, digits)
+        }
+        _ => (name, ""),
+    };
+    [End::From, End::To].into_iter().find_map(|end| {
+        let stem = stem.strip_suffix(end.name())?.strip_suffix([':', '_', '-', '.', ' '])?;
+        Some((end, format!("{stem}.{copy}")))
+    })
+}
+
+/// Collects the features among `nodes` and tells for each node whether it is solid.
+pub(super) fn take_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Vec<bool>, ImportError> {
+    let kinds: Vec<Option<Kind>> = nodes.iter().map(|node| Kind::of(&node.name)).collect();
+    let owners = feature_owners(nodes, &kinds);
+    let mut bounds: Vec<Option<Bounds>> = vec![None; nodes.len()];
+    for (node, owner) in nodes.iter().zip(&owners) {
+        if let (Some(owner), Some(own)) = (*owner, Bounds::of(node.triangles.iter().flatten().copied())) {
+            bounds[owner] = Some(bounds[owner].map_or(own, |bounds| bounds.union(own)));
+        }
+    }
+    let (mut zip_lines, mut teleporters) = (Pairs::default(), Pairs::default());
+    for (idx, (node, kind)) in nodes.iter().zip(kinds).enumerate() {
+        let Some(kind) = kind.filter(|_| owners[idx] == Some(idx)) else { continue };
+        let bounds = bounds[idx].unwrap_or(Bounds { low: node.origin, high: node.origin });
+        let name = node_label(&node.name, idx);
+        let extras = Extras::new(node, &name)?;
+        match kind {
+            Kind::Pool(liquid) => {
+                let radius = extras.radius()?;
+                found.pools.push((name, FoundPool { liquid, bounds, radius }));
+            }
+            Kind::Pad => {
+                let speed = pad_speed(extras.number("height")?, &name)?;
+                found.pads.push((name, Pad { centre: bounds.bottom(), speed }));
+            }
+            Kind::Jetpack => {
+                let fuel = jetpack_fuel(extras.number("fuel")?, &name)?;
+                found.jetpacks.push((name, Jetpack { centre: bounds.bottom(), fuel }));
+            }
+            Kind::ZipLine(Some((end, pair))) => {
+                zip_lines.add(pair, end, Half { node, at: bounds.bottom(), two_way: false })?;
+            }
+            Kind::Teleporter(Some((end, pair))) => {
+                let two_way = extras.flag("two_way")?;
+                teleporters.add(pair, end, Half { node, at: bounds.bottom(), two_way })?;
+            }
+            Kind::ZipLine(None) | Kind::Teleporter(None) => {
+                return Err(ImportError::NoEnd { node: node.name.clone() });
+            }
+        }
+    }
+    for (name, from, to) in zip_lines.finish()? {
+        found.zip_lines.push((name, ZipLine { from: from.at, to: to.at }));
+    }
+    for (name, from, to) in teleporters.finish()? {
+        let two_way = from.two_way || to.two_way;
+        found.teleporters.push((name, Teleporter { from: from.at, to: to.at, two_way }));
+    }
+    Ok(owners.iter().map(Option::is_none).collect())
+}
+
+/// For each node the feature that it is or belongs to.
+fn feature_owners(nodes: &[Node], kinds: &[Option<Kind>]) -> Vec<Option<usize>> {
+    let mut has_feature_below = vec![false; nodes.len()];
+    for (idx, node) in nodes.iter().enumerate().rev() {
+        if let Some(parent) = node.parent {
+            has_feature_below[parent] |= has_feature_below[idx] || kinds[idx].is_some();
+        }
+    }
+    let mut owners: Vec<Option<usize>> = Vec::with_capacity(nodes.len());
+    for (idx, node) in nodes.iter().enumerate() {
+        let inherited = node.parent.and_then(|parent| owners[parent]);
+        owners.push(match &kinds[idx] {
+            None => inherited,
+            Some(kind) if node.triangles.is_empty() && has_feature_below[idx] && !kind.has_end() => inherited,
+            Some(kind) if kind.lacks_end() && inherited.is_some() => inherited,
+            Some(_) => Some(idx),
+        });
+    }
+    owners
+}
+
+/// Halves of zip lines or teleporters, in the order in which their first halves came.
+#[derive(Default)]
+struct Pairs<'a> {
+    pairs: Vec<[Option<Half<'a>>; 2]>,
+    numbers: HashMap<String, usize>,
+}
+
+#[derive(Clone, Copy)]
+struct Half<'a> {
+    node: &'a Node,
+    at: Vec3,
+    two_way: bool,
+}
+
+impl<'a> Pairs<'a> {
+    fn add(&mut self, name: String, end: End, half: Half<'a>) -> Result<(), ImportError> {
+        let idx = *self.numbers.entry(name).or_insert_with(|| {
+            self.pairs.push([None; 2]);
+            self.pairs.len() - 1
+        });
+        match self.pairs[idx][end as usize].replace(half) {
+            None => Ok(()),
+            Some(_) => Err(ImportError::SecondHalf { node: half.node.name.clone(), end: end.name() }),
+        }
+    }
+
+    /// All pairs with their names for messages.
+    fn finish(self) -> Result<Vec<(String, Half<'a>, Half<'a>)>, ImportError> {
+        let whole = self.pairs.into_iter().filter_map(|pair| match pair {
+            [Some(from), Some(to)] => Some(Ok((format!("node `{}` or `{}`", from.node.name, to.node.name), from, to))),
+            [Some(from), None] => Some(Err(missing_half(from.node, End::From))),
+            [None, Some(to)] => Some(Err(missing_half(to.node, End::To))),
+            [None, None] => None,
+        });
+        whole.collect()
+    }
+}
+
+fn missing_half(node: &Node, end: End) -> ImportError {
+    // The end is ASCII and stands last, save for a copy's number.
+    let at = node.name.to_ascii_lowercase().rfind(end.name()).unwrap_or(node.name.len());
+    let (stem, rest) = node.name.split_at(at);
+    let missing = format!("{stem}{}{}", end.other().name(), rest.get(end.name().len()..).unwrap_or_default());
+    ImportError::MissingHalf { node: node.name.clone(), missing }
+}
+
+/// What a designer attached to a node.
+struct Extras<'a> {
+    of: &'a str,
+    values: serde_json::Map<String, Value>,
+}
+
+impl<'a> Extras<'a> {
+    fn new(node: &Node, of: &'a str) -> Result<Self, ImportError> {
+        let json = node.extras.as_ref().map_or("{}", |extras| extras.get());
+        match serde_json::from_str(json) {
+            Ok(Value::Object(values)) => Ok(Self { of, values }),
+            // Anything else means nothing here.
+            Ok(_) => Ok(Self { of, values: serde_json::Map::new() }),
+            Err(error) => Err(ImportError::Json(format!("extras of {of}: {error}"))),
+        }
+    }
+
+    fn number(&self, key: &'static str) -> Result<Option<f64>, ImportError> {
+        let Some(value) = self.values.get(key) else { return Ok(None) };
+        value.as_f64().map(Some).ok_or_else(|| property(self.of, key, value, "give a number"))
+    }
+
+    /// Some tools write flags as 0 and 1.
+    fn flag(&self, key: &'static str) -> Result<bool, ImportError> {
+        match self.values.get(key) {
+            None => Ok(false),
+            Some(Value::Bool(flag)) => Ok(*flag),
+            Some(value) if value.as_f64() == Some(0.0) => Ok(false),
+            Some(value) if value.as_f64() == Some(1.0) => Ok(true),
+            Some(value) => Err(property(self.of, key, value, "give true or false")),
+        }
+    }
+
+    /// Radius of a pool that is marked as round.
+    fn radius(&self) -> Result<Option<f32>, ImportError> {
+        let Some(outline) = self.values.get("outline") else { return Ok(None) };
+        match (outline.as_str(), self.number("radius")?) {
+            (Some("rectangle"), _) => Ok(None),
+            (Some("round"), Some(radius)) if radius > 0.0 => Ok(Some(radius as f32)),
+            (Some("round"), _) => {
+                let radius = self.values.get("radius").unwrap_or(&Value::Null);
+                Err(property(self.of, "radius", radius, "a round pool needs a radius above 0"))
+            }
+            _ => Err(property(self.of, "outline", outline, "allowed are \"round\" and \"rectangle\"")),
+        }
+    }
+}
+
+fn property(of: &str, key: &'static str, value: impl ToString, expected: &'static str) -> ImportError {
+    ImportError::Property { of: of.to_owned(), key, value: value.to_string(), expected }
+}
+
+/// Speed of a pad that throws `height` metres up.
+fn pad_speed(height: Option<f64>, of: &str) -> Result<f32, ImportError> {
+    let height = height.unwrap_or(PAD_HEIGHT_M);
+    if !(-PAD_EXTRA_M..=1000.0).contains(&height) {
+        return Err(property(of, "height", height, "allowed are -10 to 1000 m"));
+    }
+    Ok((2.0 * PAD_GRAVITY * (height + PAD_EXTRA_M)).sqrt() as f32)
+}
+
+fn jetpack_fuel(fuel: Option<f64>, of: &str) -> Result<f32, ImportError> {
+    let fuel = fuel.unwrap_or(JETPACK_FUEL_S);
+    if (0.0..=600.0).contains(&fuel) {
+        Ok(fuel as f32)
+    } else {
+        Err(property(of, "fuel", fuel, "allowed are 0 to 600 s"))
+    }
+}
+
+/// `level.surefoot.json`: features in the level's own coordinates.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sidecar {
+    #[serde(default)]
+    pools: Vec<PoolEntry>,
+    #[serde(default)]
+    pads: Vec<PadEntry>,
+    #[serde(default)]
+    zip_lines: Vec<ZipLineEntry>,
+    #[serde(default)]
+    teleporters: Vec<TeleporterEntry>,
+    #[serde(default)]
+    jetpacks: Vec<JetpackEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoolEntry {
+    liquid: LiquidName,
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum LiquidName {
+    Water,
+    Lava,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PadEntry {
+    at: [f32; 3],
+    height: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ZipLineEntry {
+    from: [f32; 3],
+    to: [f32; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TeleporterEntry {
+    from: [f32; 3],
+    to: [f32; 3],
+    #[serde(default)]
+    two_way: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JetpackEntry {
+    at: [f32; 3],
+    fuel: Option<f64>,
+}
+
+/// Adds what the sidecar lists.
+pub(super) fn take_from_sidecar(json: &str, frame: Frame, found: &mut Found) -> Result<(), ImportError> {
+    let sidecar: Sidecar = serde_json::from_str(json).map_err(|error| ImportError::Sidecar(error.to_string()))?;
+    let label = |kind: &str, idx: usize| format!("{kind}[{idx}] of the sidecar");
+    let metres = |name: &str, point: [f32; 3]| {
+        let point = frame.to_metres(point.into());
+        if point.is_finite() { Ok(point) } else { Err(ImportError::NotFinite { node: name.to_owned() }) }
+    };
+    for (idx, PoolEntry { liquid, min, max }) in sidecar.pools.into_iter().enumerate() {
+        let name = label("pools", idx);
+        let (one, other) = (metres(&name, min)?, metres(&name, max)?);
+        let bounds = Bounds { low: one.min(other), high: one.max(other) };
+        let liquid = match liquid {
+            LiquidName::Water => Liquid::Water,
+            LiquidName::Lava => Liquid::Lava,
+        };
+        found.pools.push((name, FoundPool { liquid, bounds, radius: None }));
+    }
+    for (idx, PadEntry { at, height }) in sidecar.pads.into_iter().enumerate() {
+        let name = label("pads", idx);
+        let pad = Pad { centre: metres(&name, at)?, speed: pad_speed(height, &name)? };
+        found.pads.push((name, pad));
+    }
+    for (idx, ZipLineEntry { from, to }) in sidecar.zip_lines.into_iter().enumerate() {
+        let name = label("zip_lines", idx);
+        let line = ZipLine { from: metres(&name, from)?, to: metres(&name, to)? };
+        found.zip_lines.push((name, line));
+    }
+    for (idx, TeleporterEntry { from, to, two_way }) in sidecar.teleporters.into_iter().enumerate() {
+        let name = label("teleporters", idx);
+        let teleporter = Teleporter { from: metres(&name, from)?, to: metres(&name, to)?, two_way };
+        found.teleporters.push((name, teleporter));
+    }
+    for (idx, JetpackEntry { at, fuel }) in sidecar.jetpacks.into_iter().enumerate() {
+        let name = label("jetpacks", idx);
+        let jetpack = Jetpack { centre: metres(&name, at)?, fuel: jetpack_fuel(fuel, &name)? };
+        found.jetpacks.push((name, jetpack));
+    }
+    Ok(())
+}

@@ -1,0 +1,223 @@
+//! What stands on a map besides its bare ground.
+
+use crate::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// What a pool is filled with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Liquid {
+    /// Slows down; drowns after five seconds.
+    Water,
+    /// Burns at once.
+    Lava,
+}
+
+/// Outline of a pool seen from above, about its centre.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Outline {
+    /// A disc.
+    Round {
+        /// Metres.
+        radius: f32,
+    },
+    /// A rectangle along the axes.
+    Rectangle {
+        /// Half of its extent along x, m.
+        half_x: f32,
+        /// Half of its extent along z, m.
+        half_z: f32,
+    },
+}
+
+impl Outline {
+    /// Whether the point `dx`, `dz` metres from the centre lies inside.
+    pub fn contains(self, dx: f32, dz: f32) -> bool {
+        match self {
+            Outline::Round { radius } => dx * dx + dz * dz < radius * radius,
+            Outline::Rectangle { half_x, half_z } => dx.abs() < half_x && dz.abs() < half_z,
+        }
+    }
+
+    /// Half extents of the rectangle around it, m.
+    pub fn half_extents(self) -> (f32, f32) {
+        match self {
+            Outline::Round { radius } => (radius, radius),
+            Outline::Rectangle { half_x, half_z } => (half_x, half_z),
+        }
+    }
+}
+
+/// A body of water or lava with a level surface.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pool {
+    /// Centre of the liquid's surface.
+    pub centre: Vec3,
+    /// Its shape from above.
+    pub outline: Outline,
+    /// Deepest point below the surface, m.
+    pub depth: f32,
+    /// What it holds.
+    pub liquid: Liquid,
+}
+
+/// A disc that throws upwards whoever steps on it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pad {
+    /// Centre of the disc, on the ground.
+    pub centre: Vec3,
+    /// Upward speed given, m/s: `sqrt(2 g (height + 10))` as in the released environment.
+    pub speed: f32,
+}
+
+/// A cable that carries whoever steps under its upper end down to its lower end.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ZipLine {
+    /// Centre of the station's disc, on the ground.
+    pub from: Vec3,
+    /// Where it lands, on the ground.
+    pub to: Vec3,
+}
+
+impl ZipLine {
+    /// The way of the feet: lifted off the station, along the cable, let go above the landing.
+    pub fn path(&self) -> [Vec3; 3] {
+        let lift = Vec3::new(0.0, ZIP_LIFT_M, 0.0);
+        [self.from, self.from + lift, self.to + lift]
+    }
+
+    /// Metres from the station to the release.
+    pub fn length(&self) -> f32 {
+        ZIP_LIFT_M + self.from.distance(self.to)
+    }
+
+    /// Where the feet are after `distance` metres, and the unit direction of travel there.
+    pub fn at(&self, distance: f32) -> (Vec3, Vec3) {
+        let [start, hung, end] = self.path();
+        if distance < ZIP_LIFT_M {
+            return (start + Vec3::new(0.0, distance, 0.0), Vec3::Y);
+        }
+        let direction = (end - hung) / hung.distance(end).max(1.0e-3);
+        (hung + direction * (distance - ZIP_LIFT_M), direction)
+    }
+}
+
+/// A disc that puts whoever steps on it onto another place.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Teleporter {
+    /// Centre of the entrance disc, on the ground.
+    pub from: Vec3,
+    /// Where it leads, on the ground.
+    pub to: Vec3,
+    /// Whether the far end is an entrance too.
+    pub two_way: bool,
+}
+
+/// A jetpack that is put on by touching it; it stays for the next.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Jetpack {
+    /// Place of the pick-up, on the ground.
+    pub centre: Vec3,
+    /// Seconds of thrust.
+    pub fuel: f32,
+}
+
+/// A house with storeys, or a solid block.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Building {
+    /// Centre of the ground floor.
+    pub base: Vec3,
+    /// Half extents along its own axes, m.
+    pub half: [f32; 2],
+    /// Turn about the vertical, rad.
+    pub yaw: f32,
+    /// Roof above the ground floor, m.
+    pub height: f32,
+    /// Storeys that can be entered; 0 for a solid block.
+    pub storeys: u8,
+    /// Whether stairs lead from the topmost storey onto the roof.
+    pub roof_stairs: bool,
+}
+
+impl Building {
+    /// Turns a point of the building's frame (origin at `base`) into the map's.
+    pub fn to_map(&self, local: Vec3) -> Vec3 {
+        let (sin, cos) = libm::sincosf(self.yaw);
+        self.base + Vec3::new(local.x * cos + local.z * sin, local.y, local.z * cos - local.x * sin)
+    }
+
+    /// Whether the vertical line through (`x`, `z`) meets it.
+    pub fn covers(&self, x: f32, z: f32) -> bool {
+        let (sin, cos) = libm::sincosf(self.yaw);
+        let (dx, dz) = (x - self.base.x, z - self.base.z);
+        (dx * cos - dz * sin).abs() < self.half[0] && (dx * sin + dz * cos).abs() < self.half[1]
+    }
+
+    /// Radius of the circle around its footprint, m.
+    pub fn radius(&self) -> f32 {
+        self.half[0].hypot(self.half[1])
+    }
+
+    /// Centre of its roof.
+    pub fn roof(&self) -> Vec3 {
+        self.base + Vec3::new(0.0, self.height, 0.0)
+    }
+}
+
+/// A flat-topped column of rock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Plateau {
+    /// Centre of the top.
+    pub top: Vec3,
+    /// Radius of the top, m.
+    pub radius: f32,
+}
+
+/// A winding cut in the ground with steep walls.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ravine {
+    /// Points along its bottom.
+    pub path: Vec<Vec3>,
+    /// Width at the bottom, m.
+    pub width: f32,
+}
+
+/// A tunnel through rock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Cave {
+    /// Middle of one mouth.
+    pub from: Vec3,
+    /// Middle of the other.
+    pub to: Vec3,
+    /// Metres.
+    pub radius: f32,
+}
+
+/// Everything placed on a map.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Placed {
+    /// Water and lava.
+    pub pools: Vec<Pool>,
+    /// Jump pads.
+    pub pads: Vec<Pad>,
+    /// Zip lines.
+    pub zip_lines: Vec<ZipLine>,
+    /// Teleporters.
+    pub teleporters: Vec<Teleporter>,
+    /// Jetpack pick-ups.
+    pub jetpacks: Vec<Jetpack>,
+    /// Buildings; part of the ground's triangles.
+    pub buildings: Vec<Building>,
+    /// Plateaus; part of the ground's triangles.
+    pub plateaus: Vec<Plateau>,
+    /// Ravines; cut into the ground's triangles.
+    pub ravines: Vec<Ravine>,
+    /// Caves; cut into the ground's triangles.
+    pub caves: Vec<Cave>,
+}
+
+/// Radius of pads, stations, teleporters and jetpack pick-ups, m.
+pub const DISC_RADIUS_M: f32 = 1.25;
+/// How far above its disc a device still catches a character's feet, m.
+pub const CATCH_HEIGHT_M: f32 = 0.6;
+/// How far a zip line lifts the feet off the ground, m.
+pub const ZIP_LIFT_M: f32 = 1.5;

@@ -1,0 +1,323 @@
+//! Devices placed where they are needed: zip lines and teleporters between islands, and a pad or a zip line wherever
+//! ground has no way in or out.
+
+use super::features::{CATCH_HEIGHT_M, DISC_RADIUS_M, Pad, Placed, Teleporter, ZipLine};
+use super::generate::{Stage, count_on, pad};
+use super::{Map, MapSpec};
+use crate::Vec3;
+use crate::character::{CharacterProfile, MoveScratch, is_clear};
+use crate::mesh::Surface;
+use crate::reach::ground::{Cell, Ground};
+use crate::reach::leap::{self, Leap};
+use crate::reach::{Link, Means, Reach, links};
+use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
+
+/// Counts on a default map at density 1.
+const ZIP_LINE_COUNT: f32 = 8.0;
+const TELEPORTER_COUNT: f32 = 4.0;
+/// Length of a zip line, m.
+const ZIP_LENGTH_M: std::ops::Range<f32> = 15.0..75.0;
+/// Fall of a zip line as a share of its length from above.
+const ZIP_FALL: std::ops::Range<f32> = 0.1..0.7;
+/// Teleporters lead at least this far, m.
+const TELEPORT_LENGTH_M: f32 = 60.0;
+/// Repair goes on until this share of all ground can be reached from everywhere and left to everywhere.
+const CONNECTED_SHARE: f64 = 0.988;
+/// Islands with fewer cells are not repaired.
+const MIN_CELLS: u32 = 3;
+/// Rounds of survey and repair.
+const MAX_ROUNDS: usize = 8;
+/// Share of connected ground with which a repaired map is accepted.
+const ACCEPTED_SHARE: f64 = 0.975;
+/// Repairs, each after a survey of what the one before came to.
+const MAX_PASSES: usize = 4;
+/// Places that are tried for one device.
+const SITE_TRIES: usize = 40;
+
+/// Adds the devices that need a survey, then repairs, then indexes the map again with all its devices' discs.
+pub(super) fn connect(
+    bare: Map,
+    spec: &MapSpec,
+    rng: &mut ChaCha8Rng,
+    thread_count: usize,
+    progress: &mut impl FnMut(Stage),
+) -> Map {
+    let profile = CharacterProfile::default();
+    let mut map = bare;
+    progress(Stage::Survey);
+    for pass in 0..MAX_PASSES {
+        let reach = Reach::survey(&map, &profile, thread_count);
+        if pass == 0 {
+            progress(Stage::Repair);
+        }
+        let placed = map.placed().clone();
+        let mut repair = Repair { map: &map, profile: &profile, reach, placed, scratch: MoveScratch::default() };
+        if pass == 0 && !repair.reach.ground.cells().is_empty() {
+            repair.add_zip_lines(count_on(spec, ZIP_LINE_COUNT, spec.features.zip_lines), rng);
+            repair.add_teleporters(count_on(spec, TELEPORTER_COUNT, spec.features.teleporters), rng);
+        }
+        // New devices cut into ground that was connected, so what came of a repair is surveyed again.
+        if pass > 0 && repair.connected_share() >= ACCEPTED_SHARE {
+            break;
+        }
+        repair.connect_islands(spec);
+        let Repair { placed, .. } = repair;
+        let done = pass > 0 && placed == *map.placed();
+        let mut triangles = map.into_triangles();
+        triangles.retain(|triangle| triangle.surface() == Surface::Ground);
+        super::structures::add_surfaces(&placed, &mut triangles);
+        map = Map::assemble(Some(*spec), spec.size, triangles, placed);
+        if done {
+            break;
+        }
+    }
+    map
+}
+
+struct Repair<'a> {
+    map: &'a Map,
+    profile: &'a CharacterProfile,
+    reach: Reach,
+    placed: Placed,
+    scratch: MoveScratch,
+}
+
+impl Repair<'_> {
+    fn ground(&self) -> &Ground {
+        &self.reach.ground
+    }
+
+    /// Share of all ground in the largest region whose places can all reach one another.
+    fn connected_share(&self) -> f64 {
+        let regions = self.reach.regions(|_| true);
+        let main = regions.cell_counts.iter().max().copied().unwrap_or(0);
+        main as f64 / self.ground().cells().len().max(1) as f64
+    }
+
+    fn random_cell(&self, rng: &mut ChaCha8Rng) -> Cell {
+        let cells = self.ground().cells();
+        cells[rng.random_range(0..cells.len())]
+    }
+
+    /// Whether a device's disc fits on the ground around `feet`: level, clear of other devices and of pools.
+    fn is_site(&self, feet: Vec3) -> bool {
+        let (column, row) = self.ground().column_of(feet);
+        let is_level = [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().all(|&(dx, dz)| {
+            let cells = &self.ground().cells()[self.ground().column(column + dx, row + dz)];
+            cells.iter().any(|cell| (cell.feet.y - feet.y).abs() < 0.55)
+        });
+        let discs = self.placed.pads.iter().map(|pad| pad.centre);
+        let discs = discs.chain(self.placed.zip_lines.iter().flat_map(|line| [line.from, line.to]));
+        let discs = discs.chain(self.placed.teleporters.iter().flat_map(|teleporter| [teleporter.from, teleporter.to]));
+        let mut discs = discs.chain(self.placed.jetpacks.iter().map(|jetpack| jetpack.centre));
+        is_level && discs.all(|disc| disc.distance(feet) > 2.0 * DISC_RADIUS_M + 1.0)
+    }
+
+    fn link(&mut self, sources: &[u32], to: u32, means: Means) {
+        let links = sources.iter().filter(|&&from| from != to).map(|&from| Link { from, to, means });
+        self.reach.links.extend(links);
+    }
+
+    /// Zip lines from high ground to other islands below.
+    fn add_zip_lines(&mut self, count: usize, rng: &mut ChaCha8Rng) {
+        for _ in 0..count {
+            for _ in 0..SITE_TRIES * 5 {
+                let from = self.random_cell(rng);
+                let (sin, cos) = libm::sincosf(rng.random_range(0.0..std::f32::consts::TAU));
+                let run = rng.random_range(ZIP_LENGTH_M);
+                let (column, row) = self.ground().column_of(from.feet + Vec3::new(sin, 0.0, cos) * run);
+                let Some(to_idx) = self.ground().column(column, row).next() else { continue };
+                let to = self.ground().cells()[to_idx];
+                if from.island != to.island && self.try_zip_line(&from, &to) {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Hangs a zip line between two cells if it fits.
+    fn try_zip_line(&mut self, from: &Cell, to: &Cell) -> bool {
+        let line = ZipLine { from: from.feet, to: to.feet };
+        let run = (to.feet.x - from.feet.x).hypot(to.feet.z - from.feet.z);
+        let fall = (from.feet.y - to.feet.y) / run.max(0.1);
+        if !ZIP_LENGTH_M.contains(&run) || !ZIP_FALL.contains(&fall) {
+            return false;
+        }
+        if !self.is_site(from.feet) || !self.is_site(to.feet) || !self.is_free_way(&line) {
+            return false;
+        }
+        self.placed.zip_lines.push(line);
+        let sources = links::islands_beside(self.ground(), from.feet);
+        self.link(&sources, to.island, Means::ZipLine);
+        true
+    }
+
+    /// Whether a body hanging on the line touches nothing on its way.
+    fn is_free_way(&mut self, line: &ZipLine) -> bool {
+        const STEP_M: f32 = 0.4;
+        let steps = (line.length() / STEP_M) as usize;
+        (1..=steps).all(|step| {
+            let (feet, _) = line.at(step as f32 * STEP_M);
+            is_clear(self.map.mesh(), self.profile, feet, 0.0, &mut self.scratch)
+        })
+    }
+
+    fn add_teleporters(&mut self, count: usize, rng: &mut ChaCha8Rng) {
+        for nth in 0..count {
+            for _ in 0..SITE_TRIES {
+                let (from, to) = (self.random_cell(rng), self.random_cell(rng));
+                let is_far = from.feet.distance(to.feet) > TELEPORT_LENGTH_M;
+                if !is_far || from.island == to.island || !self.is_site(from.feet) || !self.is_site(to.feet) {
+                    continue;
+                }
+                let two_way = nth % 2 == 1;
+                self.placed.teleporters.push(Teleporter { from: from.feet, to: to.feet, two_way });
+                let (near, far) =
+                    (links::islands_beside(self.ground(), from.feet), links::islands_beside(self.ground(), to.feet));
+                far.iter().for_each(|&island| self.link(&near, island, Means::Teleporter));
+                if two_way {
+                    near.iter().for_each(|&island| self.link(&far, island, Means::Teleporter));
+                }
+                break;
+            }
+        }
+    }
+
+    /// Adds a pad or a zip line for islands without a way in or out, the largest first, until enough ground is
+    /// connected.
+    fn connect_islands(&mut self, spec: &MapSpec) {
+        let cells_of = cells_by_island(self.ground());
+        for _ in 0..MAX_ROUNDS {
+            let regions = self.reach.regions(|_| true);
+            let main = regions.largest();
+            let (reached, reaching) = (regions.reachable_from(main), regions.reaching(main));
+            let mut is_main: Vec<bool> = regions.of_island.iter().map(|&region| region == main).collect();
+            let total = self.ground().cells().len() as f64;
+            if regions.cell_counts[main as usize] as f64 >= CONNECTED_SHARE * total {
+                return;
+            }
+            let mut done = true;
+            for island in 0..is_main.len() {
+                let region = regions.of_island[island];
+                if is_main[island] || (cells_of[island].len() as u32) < MIN_CELLS {
+                    continue;
+                }
+                let has_way_in = reached[region as usize];
+                let has_way_out = reaching[region as usize];
+                let way_in = has_way_in || self.add_way_in(spec, &cells_of[island], &is_main);
+                let way_out = has_way_out || self.add_way_out(spec, &cells_of[island], &is_main);
+                done &= has_way_in == way_in && has_way_out == way_out;
+                if way_in && way_out {
+                    is_main[island] = true;
+                }
+            }
+            if done {
+                return;
+            }
+        }
+    }
+
+    /// A device on connected ground that leads to `cells`.
+    fn add_way_in(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool]) -> bool {
+        for target in spread(cells, 6) {
+            let mut sites = self.cells_around(target.feet, is_main);
+            sites.truncate(SITE_TRIES);
+            for site in sites {
+                if spec.features.pads > 0.0 && self.try_pad(&site, &target) {
+                    return true;
+                }
+            }
+        }
+        spec.features.zip_lines > 0.0 && self.zip_line_between(cells, is_main, true)
+    }
+
+    /// A device on `cells` that leads to connected ground.
+    fn add_way_out(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool]) -> bool {
+        for site in spread(cells, 8) {
+            let mut targets = self.cells_around(site.feet, is_main);
+            targets.truncate(SITE_TRIES);
+            for target in targets {
+                if spec.features.pads > 0.0 && self.try_pad(&site, &target) {
+                    return true;
+                }
+            }
+        }
+        spec.features.zip_lines > 0.0 && self.zip_line_between(cells, is_main, false)
+    }
+
+    /// Connected cells within reach of a throw, the nearest first, thinned out.
+    fn cells_around(&self, centre: Vec3, is_main: &[bool]) -> Vec<Cell> {
+        let ground = self.ground();
+        let (column, row) = ground.column_of(centre);
+        let mut found: Vec<(f32, Cell)> = Vec::new();
+        for z in (row - 12..=row + 12).step_by(2) {
+            for x in (column - 12..=column + 12).step_by(2) {
+                for cell in &ground.cells()[ground.column(x, z)] {
+                    let distance = (cell.feet.x - centre.x).hypot(cell.feet.z - centre.z);
+                    if is_main[cell.island as usize] && (2.5..14.0).contains(&distance) {
+                        found.push((distance, *cell));
+                    }
+                }
+            }
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.into_iter().map(|(_, cell)| cell).collect()
+    }
+
+    /// Puts a pad at `site` if it throws a body onto the island of `target`.
+    fn try_pad(&mut self, site: &Cell, target: &Cell) -> bool {
+        let rise = target.feet.y - site.feet.y;
+        if rise > 24.0 || !self.is_site(site.feet) {
+            return false;
+        }
+        let Pad { speed, .. } = pad(site.feet, (rise - 6.0).max(-4.0));
+        let landed = leap::land(self.map, self.profile, site.feet, target.feet, Leap::Pad(speed), &mut self.scratch);
+        let island = landed.and_then(|feet| self.ground().at(feet)).map(|cell| cell.island);
+        if island != Some(target.island) {
+            return false;
+        }
+        let centre = site.feet - Vec3::new(0.0, 0.1 * CATCH_HEIGHT_M, 0.0);
+        self.placed.pads.push(Pad { centre, speed });
+        self.link(&[site.island], target.island, Means::Pad);
+        true
+    }
+
+    /// A zip line between `cells` and connected ground: onto them if `inwards`, else away from them.
+    fn zip_line_between(&mut self, cells: &[Cell], is_main: &[bool], inwards: bool) -> bool {
+        let main: Vec<Cell> = {
+            let cells = self.ground().cells();
+            let near = |cell: &&Cell| is_main[cell.island as usize];
+            cells.iter().filter(near).step_by(17).copied().collect()
+        };
+        for own in spread(cells, 4) {
+            let mut tries = 0;
+            for other in &main {
+                if own.feet.distance_squared(other.feet) > ZIP_LENGTH_M.end * ZIP_LENGTH_M.end {
+                    continue;
+                }
+                let (from, to) = if inwards { (other, &own) } else { (&own, other) };
+                tries += 1;
+                if self.try_zip_line(from, to) {
+                    return true;
+                }
+                if tries > 400 {
+                    break;
+                }
+            }
+        }
+        false
+    }
+}
+
+/// Up to `count` cells spread evenly over a list.
+fn spread(cells: &[Cell], count: usize) -> Vec<Cell> {
+    let step = cells.len().div_ceil(count).max(1);
+    cells.iter().skip(step / 2).step_by(step).copied().collect()
+}
+
+fn cells_by_island(ground: &Ground) -> Vec<Vec<Cell>> {
+    let mut by_island = vec![Vec::new(); ground.islands().len()];
+    ground.cells().iter().for_each(|cell| by_island[cell.island as usize].push(*cell));
+    by_island
+}

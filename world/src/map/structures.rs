@@ -1,0 +1,189 @@
+//! Triangles of what is built rather than grown: houses, blocks, pools' surfaces and devices' discs.
+
+use super::features::{Building, DISC_RADIUS_M, Outline, Placed};
+use crate::Vec3;
+use crate::mesh::{Surface, Triangle};
+use std::f32::consts::TAU;
+
+/// Thickness of walls, m.
+const WALL_M: f32 = 0.35;
+/// Thickness of floors and stairs, m.
+const SLAB_M: f32 = 0.3;
+/// Floor to floor, m.
+pub(super) const STOREY_M: f32 = 3.6;
+/// Width of a flight of stairs, m.
+const STAIR_WIDTH_M: f32 = 1.8;
+/// Floor before and behind a flight of stairs, m.
+const LANDING_M: f32 = 1.7;
+/// Length of a flight from above: 31 degrees.
+const STAIR_RUN_M: f32 = 6.0;
+/// Half widths and heights of the openings to the outside at ground level and above it, and between rooms, m.
+const DOOR: (f32, f32) = (1.1, 2.6);
+const WINDOW: (f32, f32) = (0.9, 2.4);
+/// Smallest half extents of a house, so that a flight and its landings fit along it.
+pub(super) const MIN_HOUSE_HALF: [f32; 2] =
+    [WALL_M + LANDING_M + 0.5 * STAIR_RUN_M, WALL_M + STAIR_WIDTH_M + DOOR.0 + 0.3];
+/// How deep foundations reach below the ground floor, m.
+const FOUNDATION_M: f32 = 4.0;
+/// Height of a device's disc above its centre, m.
+const DISC_LIFT_M: f32 = 0.12;
+/// Triangles around a disc.
+const DISC_SIDES: usize = 16;
+
+/// Adds all solid geometry of `buildings`.
+pub(super) fn add_buildings(buildings: &[Building], triangles: &mut Vec<Triangle>) {
+    for building in buildings {
+        for block in building_blocks(building) {
+            for corners in block.triangles() {
+                triangles.extend(Triangle::new(corners.map(|corner| building.to_map(corner)), Surface::Ground));
+            }
+        }
+    }
+}
+
+/// Adds what rays see but bodies pass: surfaces of pools and discs of devices.
+pub(super) fn add_surfaces(placed: &Placed, triangles: &mut Vec<Triangle>) {
+    for pool in &placed.pools {
+        let surface = pool.liquid.into();
+        match pool.outline {
+            Outline::Round { radius } => add_disc(triangles, pool.centre, radius, surface),
+            Outline::Rectangle { half_x, half_z } => {
+                let corner = |x: f32, z: f32| pool.centre + Vec3::new(x * half_x, 0.0, z * half_z);
+                let [a, b, c, d] = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
+                triangles.extend([[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, surface)));
+            }
+        }
+    }
+    let lift = Vec3::new(0.0, DISC_LIFT_M, 0.0);
+    let mut device = |centre: Vec3, surface| add_disc(triangles, centre + lift, DISC_RADIUS_M, surface);
+    placed.pads.iter().for_each(|pad| device(pad.centre, Surface::Pad));
+    placed.zip_lines.iter().for_each(|line| device(line.from, Surface::ZipLine));
+    for teleporter in &placed.teleporters {
+        device(teleporter.from, Surface::Teleporter);
+        if teleporter.two_way {
+            device(teleporter.to, Surface::Teleporter);
+        }
+    }
+    placed.jetpacks.iter().for_each(|jetpack| device(jetpack.centre, Surface::Jetpack));
+}
+
+/// A horizontal disc as a fan, facing up.
+fn add_disc(triangles: &mut Vec<Triangle>, centre: Vec3, radius: f32, surface: Surface) {
+    let rim = |i: usize| {
+        let (sin, cos) = libm::sincosf(i as f32 * TAU / DISC_SIDES as f32);
+        centre + Vec3::new(sin * radius, 0.0, cos * radius)
+    };
+    triangles.extend((0..DISC_SIDES).filter_map(|i| Triangle::new([centre, rim(i), rim(i + 1)], surface)));
+}
+
+/// Six quads: a box whose top and bottom may slant along x.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    min: Vec3,
+    max: Vec3,
+    /// Added to top and bottom at `max.x`, m.
+    rise: f32,
+}
+
+impl Block {
+    fn new(min: [f32; 3], max: [f32; 3]) -> Self {
+        Self { min: min.into(), max: max.into(), rise: 0.0 }
+    }
+
+    /// Its twelve triangles, facing outwards.
+    fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        let corner = |x: usize, y: usize, z: usize| {
+            let pick = |bit: usize, min: f32, max: f32| if bit == 1 { max } else { min };
+            let lift = if x == 1 { self.rise } else { 0.0 };
+            Vec3::new(
+                pick(x, self.min.x, self.max.x),
+                pick(y, self.min.y, self.max.y) + lift,
+                pick(z, self.min.z, self.max.z),
+            )
+        };
+        // Each face counter-clockwise seen from outside, corners as x, y, z bits.
+        const FACES: [[[usize; 3]; 4]; 6] = [
+            [[0, 1, 0], [0, 1, 1], [1, 1, 1], [1, 1, 0]],
+            [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]],
+            [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0]],
+            [[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]],
+            [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]],
+            [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
+        ];
+        let quads = FACES.map(|face| face.map(|[x, y, z]| corner(x, y, z)));
+        quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
+    }
+}
+
+/// The blocks of a building in its own frame.
+fn building_blocks(building: &Building) -> Vec<Block> {
+    let [hx, hz] = building.half;
+    if building.storeys == 0 {
+        return vec![Block::new([-hx, -FOUNDATION_M, -hz], [hx, building.height, hz])];
+    }
+    let mut blocks = vec![Block::new([-hx, -FOUNDATION_M, -hz], [hx, 0.0, hz])];
+    for storey in 0..building.storeys {
+        let floor = f32::from(storey) * STOREY_M;
+        let ceiling = floor + STOREY_M - SLAB_M;
+        // Flights alternate between the two long walls and between the two directions.
+        let side = if storey.is_multiple_of(2) { -1.0 } else { 1.0 };
+        let has_stairs = storey + 1 < building.storeys || building.roof_stairs;
+        add_long_walls(&mut blocks, [hx, hz], floor, ceiling);
+        let opening = if storey == 0 { DOOR } else { WINDOW };
+        add_wall_across(&mut blocks, [-hx, -hx + WALL_M], [-hz, hz], [floor, ceiling], opening);
+        if storey == 0 {
+            add_wall_across(&mut blocks, [hx - WALL_M, hx], [-hz, hz], [floor, ceiling], opening);
+        } else {
+            blocks.push(Block::new([hx - WALL_M, floor, -hz], [hx, ceiling, hz]));
+        }
+        let room = hz - WALL_M - STAIR_WIDTH_M;
+        if room > WINDOW.0 + 0.8 {
+            add_wall_across(&mut blocks, [-0.5 * WALL_M, 0.5 * WALL_M], [-room, room], [floor, ceiling], WINDOW);
+        }
+        if has_stairs {
+            add_stairs(&mut blocks, [hx, hz], floor, side);
+        } else {
+            blocks.push(Block::new([-hx, ceiling, -hz], [hx, ceiling + SLAB_M, hz]));
+        }
+    }
+    blocks
+}
+
+/// The two closed walls along x.
+fn add_long_walls(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], floor: f32, ceiling: f32) {
+    blocks.push(Block::new([-hx, floor, -hz], [hx, ceiling, -hz + WALL_M]));
+    blocks.push(Block::new([-hx, floor, hz - WALL_M], [hx, ceiling, hz]));
+}
+
+/// A wall along z with an opening (half width, height) in its middle.
+fn add_wall_across(
+    blocks: &mut Vec<Block>,
+    [x0, x1]: [f32; 2],
+    [z0, z1]: [f32; 2],
+    [floor, ceiling]: [f32; 2],
+    (half_width, height): (f32, f32),
+) {
+    blocks.push(Block::new([x0, floor, z0], [x1, ceiling, -half_width]));
+    blocks.push(Block::new([x0, floor, half_width], [x1, ceiling, z1]));
+    blocks.push(Block::new([x0, floor + height, -half_width], [x1, ceiling, half_width]));
+}
+
+/// A flight of stairs (a ramp) along the wall on `side`, and the ceiling around its opening.
+fn add_stairs(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], floor: f32, side: f32) {
+    let (bottom, top) = (floor + STOREY_M - SLAB_M, floor + STOREY_M);
+    let half_run = 0.5 * STAIR_RUN_M;
+    let (near, far) = (hz - WALL_M - STAIR_WIDTH_M, hz);
+    let z = |a: f32, b: f32| if side < 0.0 { (-b, -a) } else { (a, b) };
+    let (z0, z1) = z(near, far);
+    // Rises towards +x on one side and towards -x on the other.
+    let (low, rise) = if side < 0.0 { (floor, STOREY_M) } else { (floor + STOREY_M, -STOREY_M) };
+    blocks.push(Block {
+        min: Vec3::new(-half_run, low - SLAB_M, z0),
+        max: Vec3::new(half_run, low, z1),
+        rise,
+    });
+    blocks.push(Block::new([-hx, bottom, z0], [-half_run, top, z1]));
+    blocks.push(Block::new([half_run, bottom, z0], [hx, top, z1]));
+    let (rest0, rest1) = z(-hz, near);
+    blocks.push(Block::new([-hx, bottom, rest0], [hx, top, rest1]));
+}

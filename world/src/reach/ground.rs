@@ -1,0 +1,227 @@
+//! Places to stand, on a grid, joined into islands by walking.
+
+use crate::character::{CharacterProfile, MoveScratch, is_clear};
+use crate::map::Map;
+use crate::mesh::Surface;
+use crate::{Vec3, navigable, parallel};
+
+/// Spacing of the grid, m.
+pub const SPACING_M: f32 = 1.25;
+/// Offset of the grid, so that no ray runs along the edges of the terrain's lattice, m.
+const OFFSET_M: f32 = 0.61;
+/// Points looked at between two neighbouring places.
+const BETWEEN: usize = 3;
+/// Heights above the feet at which the way between two places must be free, m.
+const WAY_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
+/// Half of the eight neighbours; the others follow by symmetry.
+const HALF_NEIGHBOURS: [(i32, i32); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
+
+/// One place to stand.
+#[derive(Debug, Clone, Copy)]
+pub struct Cell {
+    /// Where the feet are.
+    pub feet: Vec3,
+    /// Index of the island it belongs to.
+    pub island: u32,
+}
+
+/// Places joined by walking.
+#[derive(Debug, Clone, Copy)]
+pub struct Island {
+    /// How many.
+    pub cell_count: u32,
+}
+
+/// All places to stand on a map.
+#[derive(Debug)]
+pub struct Ground {
+    columns: i32,
+    rows: i32,
+    /// First cell of each column of the grid, and one more at the end.
+    starts: Vec<u32>,
+    cells: Vec<Cell>,
+    islands: Vec<Island>,
+    /// Bit n is set where the cell can walk to its n-th neighbour of [`NEIGHBOURS`].
+    walkable: Vec<u8>,
+}
+
+/// The eight neighbours (columns, rows); the second half mirrors the first.
+pub const NEIGHBOURS: [(i32, i32); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
+
+impl Ground {
+    /// Finds all places and islands.
+    pub(super) fn survey(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
+        let extent = map.extent();
+        let (columns, rows) = ((extent.x / SPACING_M) as i32, (extent.z / SPACING_M) as i32);
+        let found = parallel::map_indices(rows as usize, thread_count, |range| {
+            let mut scratch = MoveScratch::default();
+            range.map(|row| find_row(map, profile, columns, row as i32, &mut scratch)).collect()
+        });
+        let mut starts = vec![0];
+        let mut cells = Vec::new();
+        for (row_cells, counts) in found {
+            for count in counts {
+                starts.push(starts[starts.len() - 1] + count);
+            }
+            cells.extend(row_cells.into_iter().map(|feet| Cell { feet, island: 0 }));
+        }
+        let mut ground = Self { columns, rows, starts, cells, islands: Vec::new(), walkable: Vec::new() };
+        ground.join_on_foot(map, profile, thread_count);
+        ground
+    }
+
+    /// All places, column by column within each row.
+    pub fn cells(&self) -> &[Cell] {
+        &self.cells
+    }
+
+    /// All islands, the largest first.
+    pub fn islands(&self) -> &[Island] {
+        &self.islands
+    }
+
+    /// Column and row over a point.
+    pub fn column_of(&self, point: Vec3) -> (i32, i32) {
+        let idx = |value: f32| ((value - OFFSET_M) / SPACING_M).round() as i32;
+        (idx(point.x), idx(point.z))
+    }
+
+    /// Indices of the places in a column; none outside the map.
+    pub fn column(&self, column: i32, row: i32) -> std::ops::Range<usize> {
+        if column < 0 || row < 0 || column >= self.columns || row >= self.rows {
+            return 0..0;
+        }
+        let idx = (row * self.columns + column) as usize;
+        self.starts[idx] as usize..self.starts[idx + 1] as usize
+    }
+
+    /// The place nearest to `feet`, at most one column away and 0.8 m higher or lower.
+    pub fn at(&self, feet: Vec3) -> Option<&Cell> {
+        let (column, row) = self.column_of(feet);
+        let mut best: Option<(f32, &Cell)> = None;
+        for z in row - 1..=row + 1 {
+            for x in column - 1..=column + 1 {
+                for cell in &self.cells[self.column(x, z)] {
+                    let distance = cell.feet.distance_squared(feet);
+                    let near = (cell.feet.y - feet.y).abs() < 0.8;
+                    if near && best.is_none_or(|(least, _)| distance < least) {
+                        best = Some((distance, cell));
+                    }
+                }
+            }
+        }
+        best.map(|(_, cell)| cell)
+    }
+
+    /// Whether a cell can walk to its neighbour `NEIGHBOURS[neighbour]`.
+    pub fn walks_to(&self, cell_idx: usize, neighbour: usize) -> bool {
+        self.walkable[cell_idx] & (1 << neighbour) != 0
+    }
+
+    fn join_on_foot(&mut self, map: &Map, profile: &CharacterProfile, thread_count: usize) {
+        let column_count = (self.columns * self.rows) as usize;
+        let joins: Vec<(u32, u32, u8)> = parallel::map_indices(column_count, thread_count, |range| {
+            let mut joins = Vec::new();
+            for idx in range {
+                let (column, row) = (idx as i32 % self.columns, idx as i32 / self.columns);
+                for cell in self.column(column, row) {
+                    for (neighbour, (dx, dz)) in (0..).zip(HALF_NEIGHBOURS) {
+                        for other in self.column(column + dx, row + dz) {
+                            if can_walk(map, profile, self.cells[cell].feet, self.cells[other].feet) {
+                                joins.push((cell as u32, other as u32, neighbour));
+                            }
+                        }
+                    }
+                }
+            }
+            joins
+        });
+        let mut parents: Vec<u32> = (0..self.cells.len() as u32).collect();
+        self.walkable = vec![0; self.cells.len()];
+        for (a, b, neighbour) in joins {
+            self.walkable[a as usize] |= 1 << neighbour;
+            self.walkable[b as usize] |= 1 << (neighbour + 4);
+            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
+            parents[a.max(b) as usize] = a.min(b);
+        }
+        let mut counts = vec![0u32; self.cells.len()];
+        let roots: Vec<u32> = (0..self.cells.len() as u32).map(|cell| root(&mut parents, cell)).collect();
+        roots.iter().for_each(|&root| counts[root as usize] += 1);
+        let mut order: Vec<u32> = (0..counts.len() as u32).filter(|&cell| counts[cell as usize] > 0).collect();
+        order.sort_by_key(|&root| std::cmp::Reverse(counts[root as usize]));
+        self.islands = order.iter().map(|&root| Island { cell_count: counts[root as usize] }).collect();
+        let mut island_of_root = counts;
+        for (island, &root) in (0..).zip(&order) {
+            island_of_root[root as usize] = island;
+        }
+        for (cell, root) in self.cells.iter_mut().zip(roots) {
+            cell.island = island_of_root[root as usize];
+        }
+    }
+}
+
+fn root(parents: &mut [u32], mut cell: u32) -> u32 {
+    while parents[cell as usize] != cell {
+        parents[cell as usize] = parents[parents[cell as usize] as usize];
+        cell = parents[cell as usize];
+    }
+    cell
+}
+
+/// Places of one row of the grid, and how many each column has.
+fn find_row(
+    map: &Map,
+    profile: &CharacterProfile,
+    columns: i32,
+    row: i32,
+    scratch: &mut MoveScratch,
+) -> (Vec<Vec3>, Vec<u32>) {
+    let (mut found, mut counts) = (Vec::new(), Vec::new());
+    for column in 0..columns {
+        let (x, z) = (column as f32 * SPACING_M + OFFSET_M, row as f32 * SPACING_M + OFFSET_M);
+        let before = found.len();
+        let (floors, floor_count) = navigable::floors(map, profile, x, z);
+        for (floor, normal) in &floors[..floor_count] {
+            // A capsule on a slope touches beside its lowest point.
+            let feet = *floor + Vec3::new(0.0, profile.radius * (1.0 / normal.y - 1.0) + 0.01, 0.0);
+            let dry = map.liquid_at(feet, -0.1).is_none();
+            if dry && map.device_at(feet).is_none() && is_clear(map.mesh(), profile, feet, 0.03, scratch) {
+                found.push(feet);
+            }
+        }
+        counts.push((found.len() - before) as u32);
+    }
+    (found, counts)
+}
+
+/// Whether the character walks from one place to a neighbouring one and back: the ground between is continuous,
+/// nowhere steeper than it can walk, dry, and nothing stands in the way.
+fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
+    let offset = b - a;
+    let run = offset.x.hypot(offset.z);
+    let slope = libm::tanf(profile.max_slope);
+    if offset.y.abs() > run * slope + profile.step_height {
+        return false;
+    }
+    let step = run / (BETWEEN + 1) as f32;
+    let most = step * slope + profile.step_height + 0.02;
+    let down = navigable::DOWN;
+    let mut last = a.y;
+    for i in 1..=BETWEEN {
+        let above = a + offset * (i as f32 / (BETWEEN + 1) as f32) + Vec3::new(0.0, 1.2, 0.0);
+        let Some(hit) = map.mesh().cast_ray(above, down, 2.4) else { return false };
+        let height = above.y - hit.distance;
+        if hit.surface != Surface::Ground || (height - last).abs() > most + 0.08 {
+            return false;
+        }
+        last = height;
+    }
+    if (b.y - last).abs() > most + 0.08 {
+        return false;
+    }
+    let length = offset.length();
+    WAY_HEIGHTS_M.iter().all(|&height| {
+        let hit = map.mesh().cast_ray(a + Vec3::new(0.0, height, 0.0), offset / length, length);
+        hit.is_none_or(|hit| !hit.surface.is_solid())
+    })
+}

@@ -1,0 +1,294 @@
+//! Finds the links between islands by trying leaps at their borders and rides on the map's devices.
+
+use super::ground::{Cell, Ground, NEIGHBOURS, SPACING_M};
+use super::leap::{self, Leap};
+use super::{Link, Means};
+use crate::character::{Action, Body, CharacterProfile, MoveScratch};
+use crate::map::Map;
+use crate::{Vec3, navigable};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Failed leaps after which a pair of islands is given up.
+const MAX_FAILURES: u32 = 10;
+/// Reach of jumps that are tried, in columns of the grid.
+const JUMP_REACH: i32 = 8;
+/// Highest rise that a double jump is tried at, m.
+const MAX_RISE_M: f32 = 4.7;
+/// Reach of pads and jetpacks that is tried, m.
+pub(crate) const THROW_REACH_M: f32 = 17.0;
+/// Highest fall that is tried, m.
+const MAX_DROP_M: f32 = 60.0;
+
+/// All links of `ground`, sorted. Each island's links are found by one thread, so the result does not depend on how
+/// many there are.
+pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, thread_count: usize) -> Vec<Link> {
+    let borders = borders_by_island(ground);
+    let next = AtomicUsize::new(0);
+    let found: Mutex<Vec<Link>> = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..thread_count.max(1) {
+            scope.spawn(|| {
+                let mut links = Vec::new();
+                let mut scratch = MoveScratch::default();
+                loop {
+                    let island = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(cells) = borders.get(island) else { break };
+                    let mut search = IslandSearch {
+                        map,
+                        profile,
+                        ground,
+                        island: island as u32,
+                        known: BTreeMap::new(),
+                        scratch: &mut scratch,
+                    };
+                    for &cell_idx in cells {
+                        search.drops(cell_idx as usize);
+                        search.jumps(cell_idx as usize);
+                    }
+                    links.extend(search.links());
+                }
+                found.lock().expect("no searcher panics").extend(links);
+            });
+        }
+    });
+    let mut links = found.into_inner().expect("no searcher panics");
+    device_links(map, profile, ground, &mut links);
+    links.sort_unstable();
+    links.dedup();
+    links
+}
+
+/// Cells of each island with a neighbour that cannot be walked to.
+fn borders_by_island(ground: &Ground) -> Vec<Vec<u32>> {
+    let mut borders = vec![Vec::new(); ground.islands().len()];
+    for (idx, cell) in ground.cells().iter().enumerate() {
+        if (0..NEIGHBOURS.len()).any(|neighbour| !ground.walks_to(idx, neighbour)) {
+            borders[cell.island as usize].push(idx as u32);
+        }
+    }
+    borders
+}
+
+/// What is known of the way to another island.
+#[derive(Debug, Clone, Copy, Default)]
+struct Known {
+    means: Option<Means>,
+    failures: u32,
+}
+
+/// The search for ways out of one island.
+struct IslandSearch<'a> {
+    map: &'a Map,
+    profile: &'a CharacterProfile,
+    ground: &'a Ground,
+    island: u32,
+    known: BTreeMap<u32, Known>,
+    scratch: &'a mut MoveScratch,
+}
+
+impl IslandSearch<'_> {
+    fn links(&self) -> impl Iterator<Item = Link> {
+        self.known
+            .iter()
+            .filter_map(|(&to, known)| known.means.map(|means| Link { from: self.island, to, means }))
+    }
+
+    fn is_settled(&self, island: u32, means: Means) -> bool {
+        island == self.island
+            || self.known.get(&island).is_some_and(|known| {
+                known.means.is_some_and(|best| best <= means) || known.failures >= MAX_FAILURES
+            })
+    }
+
+    /// Tries a leap; whatever ground it lands on is linked.
+    fn attempt(&mut self, from: Vec3, target: &Cell, leap: Leap, means: Means) -> bool {
+        let landed = leap::land(self.map, self.profile, from, target.feet, leap, self.scratch);
+        let island = landed.and_then(|feet| self.ground.at(feet)).map(|cell| cell.island);
+        if let Some(island) = island.filter(|&island| island != self.island) {
+            let known = self.known.entry(island).or_default();
+            known.means = Some(known.means.map_or(means, |best| best.min(means)));
+        }
+        if island != Some(target.island) {
+            self.known.entry(target.island).or_default().failures += 1;
+        }
+        island == Some(target.island)
+    }
+
+    /// Runs off every edge under which other ground lies.
+    fn drops(&mut self, cell_idx: usize) {
+        let feet = self.ground.cells()[cell_idx].feet;
+        for (neighbour, (dx, dz)) in NEIGHBOURS.into_iter().enumerate() {
+            if self.ground.walks_to(cell_idx, neighbour) {
+                continue;
+            }
+            let out = Vec3::new(dx as f32, 0.0, dz as f32).normalize();
+            for distance in [1.6, 3.0] {
+                let above = feet + out * distance + Vec3::new(0.0, 0.9, 0.0);
+                let Some(hit) = self.map.mesh().cast_ray(above, navigable::DOWN, MAX_DROP_M) else { continue };
+                let below = above + navigable::DOWN * hit.distance;
+                if below.y > feet.y - 0.2 {
+                    continue;
+                }
+                let Some(&target) = self.ground.at(below) else { continue };
+                if !self.is_settled(target.island, Means::Drop) {
+                    self.attempt(feet, &target, Leap::Run, Means::Drop);
+                }
+            }
+        }
+    }
+
+    /// Jumps to other ground ahead of every edge.
+    fn jumps(&mut self, cell_idx: usize) {
+        let feet = self.ground.cells()[cell_idx].feet;
+        let (column, row) = self.ground.column_of(feet);
+        for (neighbour, (dx, dz)) in NEIGHBOURS.into_iter().enumerate() {
+            if self.ground.walks_to(cell_idx, neighbour) {
+                continue;
+            }
+            for reach in 1..=JUMP_REACH {
+                for target_idx in self.ground.column(column + dx * reach, row + dz * reach) {
+                    let target = self.ground.cells()[target_idx];
+                    let rise = target.feet.y - feet.y;
+                    if !(-20.0..=MAX_RISE_M).contains(&rise) {
+                        continue;
+                    }
+                    self.jump_to(feet, &target, rise, reach as f32 * SPACING_M);
+                }
+            }
+        }
+    }
+
+    fn jump_to(&mut self, feet: Vec3, target: &Cell, rise: f32, run: f32) {
+        let single = rise < 2.4 && run < 9.0;
+        if single && !self.is_settled(target.island, Means::Jump) {
+            let leaps = if rise > 0.3 { [Leap::Jump, Leap::RunAndJump] } else { [Leap::RunAndJump, Leap::Jump] };
+            if leaps.into_iter().any(|leap| self.attempt(feet, target, leap, Means::Jump)) {
+                return;
+            }
+        }
+        if self.profile.extra_jumps > 0 && !self.is_settled(target.island, Means::DoubleJump) {
+            let leaps = if rise > 0.3 {
+                [Leap::DoubleJump, Leap::RunAndDoubleJump]
+            } else {
+                [Leap::RunAndDoubleJump, Leap::DoubleJump]
+            };
+            let _ = leaps.into_iter().any(|leap| self.attempt(feet, target, leap, Means::DoubleJump));
+        }
+    }
+}
+
+/// Islands whose ground lies beside a device at `centre`, so that it can be stepped on.
+pub(crate) fn islands_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
+    let (column, row) = ground.column_of(centre);
+    let mut islands = Vec::new();
+    for z in row - 2..=row + 2 {
+        for x in column - 2..=column + 2 {
+            for cell in &ground.cells()[ground.column(x, z)] {
+                let offset = cell.feet - centre;
+                if offset.y.abs() < 0.8 && offset.x.hypot(offset.z) < 2.4 {
+                    islands.push(cell.island);
+                }
+            }
+        }
+    }
+    islands.sort_unstable();
+    islands.dedup();
+    islands
+}
+
+/// Cells of every island within `reach` metres of `centre`, up to six each, from near to far.
+pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f32) -> Vec<Cell> {
+    let (column, row) = ground.column_of(centre);
+    let span = (reach / SPACING_M) as i32;
+    let mut by_island: BTreeMap<u32, Vec<(f32, Cell)>> = BTreeMap::new();
+    for z in row - span..=row + span {
+        for x in column - span..=column + span {
+            for cell in &ground.cells()[ground.column(x, z)] {
+                let distance = (cell.feet.x - centre.x).hypot(cell.feet.z - centre.z);
+                if distance <= reach && cell.feet.y - centre.y < rise {
+                    by_island.entry(cell.island).or_default().push((distance, *cell));
+                }
+            }
+        }
+    }
+    by_island
+        .into_values()
+        .flat_map(|mut cells| {
+            cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+            // The nearest often lies right above; one further in is easier to land on.
+            let picks = [0, 1, 2, 3, 4, 6].map(|eighths| cells.len() * eighths / 8);
+            let mut cells: Vec<Cell> = picks.into_iter().map(|idx| cells[idx].1).collect();
+            cells.dedup_by_key(|cell| cell.feet.to_array().map(f32::to_bits));
+            cells
+        })
+        .collect()
+}
+
+fn device_links(map: &Map, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
+    let mut scratch = MoveScratch::default();
+    let mut connect = |sources: &[u32], to: u32, means: Means| {
+        links.extend(sources.iter().filter(|&&from| from != to).map(|&from| Link { from, to, means }));
+    };
+    let mut throw = |sources: &[u32], centre: Vec3, leap: Leap, rise: f32, means: Means, scratch: &mut MoveScratch| {
+        let mut reached: Vec<u32> = Vec::new();
+        for target in targets_around(ground, centre, THROW_REACH_M, rise) {
+            if reached.contains(&target.island) || sources.contains(&target.island) {
+                continue;
+            }
+            let landed = leap::land(map, profile, centre, target.feet, leap, scratch);
+            if let Some(cell) = landed.and_then(|feet| ground.at(feet)) {
+                reached.push(cell.island);
+                connect(sources, cell.island, means);
+            }
+        }
+    };
+    for pad in &map.placed().pads {
+        let rise = 0.5 * pad.speed * pad.speed / profile.gravity + 2.0;
+        let sources = islands_beside(ground, pad.centre);
+        throw(&sources, pad.centre, Leap::Pad(pad.speed), rise, Means::Pad, &mut scratch);
+    }
+    if profile.uses_jetpacks {
+        for jetpack in &map.placed().jetpacks {
+            let rise = profile.jetpack_climb_speed * jetpack.fuel;
+            let sources = islands_beside(ground, jetpack.centre);
+            throw(&sources, jetpack.centre, Leap::Jetpack(jetpack.fuel), rise, Means::Jetpack, &mut scratch);
+        }
+    }
+    for teleporter in &map.placed().teleporters {
+        for (from, to, usable) in
+            [(teleporter.from, teleporter.to, true), (teleporter.to, teleporter.from, teleporter.two_way)]
+        {
+            if usable {
+                let sources = islands_beside(ground, from);
+                islands_beside(ground, to).iter().for_each(|&island| connect(&sources, island, Means::Teleporter));
+            }
+        }
+    }
+    if profile.uses_zip_lines {
+        for line in &map.placed().zip_lines {
+            let sources = islands_beside(ground, line.from);
+            let landed = ride(map, profile, line.from, &mut scratch);
+            if let Some(cell) = landed.and_then(|feet| ground.at(feet)) {
+                connect(&sources, cell.island, Means::ZipLine);
+            }
+        }
+    }
+}
+
+/// Rides the zip line whose station is at `from`: where the body comes to stand.
+fn ride(map: &Map, profile: &CharacterProfile, from: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
+    const MAX_RIDE_TICKS: u32 = 1800;
+    let mut body = Body::at(from, 0.0);
+    for tick in 0..MAX_RIDE_TICKS {
+        body.tick(map, profile, &Action::default(), scratch);
+        if map.is_outside(body.feet) || map.liquid_at(body.feet, 0.0).is_some() {
+            return None;
+        }
+        if tick > 0 && body.is_grounded() {
+            return Some(body.feet);
+        }
+    }
+    None
+}

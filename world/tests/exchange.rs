@@ -1,0 +1,779 @@
+//! Maps as bytes: saved, imported and exported, and what is said about bytes that are none of these.
+
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use serde_json::{Value, json};
+use std::sync::Arc;
+use surefoot_world::exchange::{self, ImportError, ImportOptions, Imported, UpAxis, Warning};
+use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Vec3, World};
+
+const PLAIN: ImportOptions = ImportOptions { scale: 1.0, up: UpAxis::Y };
+
+fn generated(seed: u64) -> Map {
+    Map::generate(&MapSpec::with_side(seed, 60)).expect("a valid spec")
+}
+
+/// A floor of 30 x 30 m at 1 m with two of everything that can be placed.
+fn small_map() -> Map {
+    let [a, b, c, d] = [[0.0, 0.0], [0.0, 30.0], [30.0, 30.0], [30.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
+    let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
+    let at = |x: f32, z: f32| Vec3::new(x, 1.0, z);
+    let rectangle = Outline::Rectangle { half_x: 2.0, half_z: 1.5 };
+    let teleporter = |x: f32, two_way| Teleporter { from: at(x, 10.0), to: at(x, 14.0), two_way };
+    let placed = Placed {
+        pools: vec![
+            Pool { centre: at(5.0, 5.0), outline: rectangle, depth: 0.5, liquid: Liquid::Water },
+            Pool { centre: at(12.0, 5.0), outline: Outline::Round { radius: 2.5 }, depth: 0.75, liquid: Liquid::Lava },
+        ],
+        pads: vec![Pad { centre: at(20.0, 5.0), speed: 23.7 }, Pad { centre: at(25.0, 5.0), speed: 15.0 }],
+        zip_lines: vec![
+            ZipLine { from: at(3.0, 20.0), to: at(9.0, 20.0) },
+            ZipLine { from: at(3.0, 24.0), to: at(9.0, 24.0) },
+        ],
+        teleporters: vec![teleporter(5.0, false), teleporter(10.0, true)],
+        jetpacks: vec![Jetpack { centre: at(20.0, 20.0), fuel: 2.5 }, Jetpack { centre: at(25.0, 20.0), fuel: 4.25 }],
+        ..Placed::default()
+    };
+    Map::from_parts(MapSize { width: 30, height: 25, depth: 30 }, triangles, placed)
+}
+
+/// The message of a refusal.
+fn refusal<T, E: std::fmt::Display>(result: Result<T, E>, expected: &str) -> String {
+    match result {
+        Ok(_) => panic!("accepted, but `{expected}` was expected"),
+        Err(error) => error.to_string(),
+    }
+}
+
+// Saved maps.
+
+#[test]
+fn a_saved_map_comes_back_with_the_same_bits() {
+    for map in [generated(3), small_map()] {
+        let bytes = exchange::encode(&map);
+        let back = exchange::decode(&bytes).expect("what was just saved");
+        assert_eq!(back.hash(), map.hash());
+        assert_eq!(back.spec(), map.spec());
+        assert_eq!(back.size(), map.size());
+        assert_eq!(back.placed(), map.placed());
+        for (one, other) in back.mesh().triangles().iter().zip(map.mesh().triangles()) {
+            assert_eq!(format!("{one:?}"), format!("{other:?}"));
+        }
+        assert_eq!(exchange::encode(&back), bytes);
+    }
+}
+
+#[test]
+fn a_cut_off_or_changed_saved_map_is_refused() {
+    let bytes = exchange::encode(&generated(3));
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let ends = (0..80).chain((0..100).map(|_| rng.random_range(0..bytes.len()))).collect::<Vec<_>>();
+    for end in ends {
+        let error = refusal(exchange::decode(&bytes[..end]), "cut off");
+        assert!(error.contains("cut off") || end == 0, "{end}: {error}");
+    }
+    let places = (0..60).chain((0..200).map(|_| rng.random_range(0..bytes.len()))).collect::<Vec<_>>();
+    for place in places {
+        let mut flipped = bytes.clone();
+        flipped[place] ^= 1 << rng.random_range(0..8);
+        assert!(exchange::decode(&flipped).is_err(), "byte {place} changed");
+    }
+}
+
+/// A saved map of one triangle, as the format describes it, for tests to spoil before it is sealed.
+struct Saved {
+    magic: &'static [u8],
+    version: u32,
+    description: Vec<u8>,
+    vertex_count: u32,
+    triangle_count: u32,
+    vertices: Vec<f32>,
+    corners: Vec<u32>,
+    surfaces: Vec<u8>,
+    trailing: usize,
+}
+
+impl Saved {
+    fn new(size: MapSize, placed: &Placed) -> Self {
+        Self {
+            magic: b"SFMAP\r\n\x1a",
+            version: 1,
+            description: postcard::to_stdvec(&(None::<MapSpec>, size, placed)).expect("plain data"),
+            vertex_count: 3,
+            triangle_count: 1,
+            vertices: vec![1.0, 1.0, 1.0, 1.0, 1.0, 9.0, 9.0, 1.0, 1.0],
+            corners: vec![0, 1, 2],
+            surfaces: vec![0],
+            trailing: 0,
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let mut payload = vec![0u8; 32];
+        payload.extend((self.description.len() as u32).to_le_bytes());
+        payload.extend(&self.description);
+        payload.extend(self.vertex_count.to_le_bytes());
+        payload.extend(self.triangle_count.to_le_bytes());
+        payload.extend(self.vertices.iter().flat_map(|value| value.to_le_bytes()));
+        payload.extend(self.corners.iter().flat_map(|value| value.to_le_bytes()));
+        payload.extend(&self.surfaces);
+        let mut bytes = self.magic.to_vec();
+        bytes.extend(self.version.to_le_bytes());
+        bytes.extend((payload.len() as u64).to_le_bytes());
+        bytes.extend(blake3::hash(&payload).as_bytes());
+        bytes.extend(payload);
+        bytes.extend(vec![0; self.trailing]);
+        bytes
+    }
+}
+
+#[test]
+fn each_fault_of_a_saved_map_has_its_own_message() {
+    const SIZE: MapSize = MapSize { width: 10, height: 10, depth: 10 };
+    let plain = || Saved::new(SIZE, &Placed::default());
+    let sized = |width, height| Saved::new(MapSize { width, height, depth: 10 }, &Placed::default());
+    let with_pads = |pads| Saved::new(SIZE, &Placed { pads, ..Placed::default() });
+    let pad = Pad { centre: Vec3::ONE, speed: 20.0 };
+    let endless = Pad { centre: Vec3::new(0.0, f32::INFINITY, 0.0), speed: 20.0 };
+    let cases = [
+        (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
+        (Saved { version: 2, ..plain() }, "format 2, this program reads format 1"),
+        (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
+        (Saved { description: vec![9; 3], ..plain() }, "description"),
+        (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),
+        (Saved { triangle_count: u32::MAX, ..plain() }, "claims"),
+        (sized(0, 10), "0 x 10 x 10 m"),
+        (sized(1001, 10), "1001 x 10 x 10 m, allowed are 1 x 1 x 1 to 1000 x 200 x 1000 m"),
+        (sized(10, 201), "10 x 201 x 10 m"),
+        (Saved { vertices: vec![1.0, 1.0, 1.0, 1.0, f32::NAN, 9.0, 9.0, 1.0, 1.0], ..plain() }, "vertex 1"),
+        (Saved { vertices: vec![1.0, 1.0, 1.0, 1.0, 1.0, 1.0e9, 9.0, 1.0, 1.0], ..plain() }, "vertex 1"),
+        (Saved { corners: vec![0, 1, 3], ..plain() }, "refers to vertex 3, but there are 3"),
+        (Saved { corners: vec![0, 1, 1], ..plain() }, "no area"),
+        (Saved { surfaces: vec![7], ..plain() }, "unknown surface 7"),
+        (with_pads(vec![pad, endless]), "pad 1"),
+        (with_pads(vec![pad; 20_001]), "20001 pools and devices"),
+        (plain(), "was saved as 0000000000000000"),
+    ];
+    for (saved, expected) in cases {
+        let error = refusal(exchange::decode(&saved.bytes()), expected);
+        assert!(error.contains(expected), "`{expected}` is not in `{error}`");
+    }
+}
+
+// OBJ levels.
+
+/// Six quads of a box with corners `low` and `high`, counter-clockwise from outside.
+fn obj_box(name: &str, low: [f32; 3], high: [f32; 3]) -> String {
+    let mut text = format!("o {name}\n");
+    for i in 0..8 {
+        let pick = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
+        text += &format!("v {} {} {}\n", pick(0), pick(1), pick(2));
+    }
+    for [a, b, c, d] in [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]] {
+        let [a, b, c, d] = [a, b, c, d].map(|corner: i32| corner - 8);
+        text += &format!("f {a} {b} {c} {d}\n");
+    }
+    text
+}
+
+/// A solid floor with its top at 0, lava up to 0.5 m above a part of it, and a pad.
+fn obj_level() -> String {
+    obj_box("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 40.0])
+        + &obj_box("Lava.001", [20.0, 0.0, 20.0], [30.0, 0.5, 30.0])
+        + &obj_box("PAD_north", [9.0, 0.0, 29.0], [11.0, 0.1, 31.0])
+}
+
+fn obj(text: &str) -> Imported {
+    exchange::import_obj(text.as_bytes(), None, &PLAIN).expect("a valid level")
+}
+
+#[test]
+fn a_character_lives_on_an_obj_level_and_burns_in_its_lava() {
+    let Imported { map, warnings } = obj(&obj_level());
+    assert_eq!(warnings, []);
+    // A margin of 2 m around; the lowest corner 1 m above 0, so the floor's top is at 2 m.
+    assert_eq!(map.size(), MapSize { width: 44, height: 23, depth: 44 });
+    let outline = Outline::Rectangle { half_x: 5.0, half_z: 5.0 };
+    let lava = Pool { centre: Vec3::new(27.0, 2.5, 27.0), outline, depth: 0.5, liquid: Liquid::Lava };
+    assert_eq!(map.placed().pools, [lava]);
+    assert_eq!(map.placed().pads, [Pad { centre: Vec3::new(12.0, 2.0, 32.0), speed: 560.0f32.sqrt() }]);
+
+    let mut world = World::new(Arc::new(map), CharacterProfile::default(), TaskConfig::default());
+    let slot = world.spawn(Vec3::new(12.0, 4.0, 12.0), 0.0);
+    let mut stand = |feet: Vec3| {
+        world.teleport(slot, feet, 0.0);
+        for _ in 0..6 {
+            world.decide(slot, Action::default());
+            (0..10).for_each(|_| world.tick());
+        }
+        let npc = world.npc(slot).expect("it was spawned");
+        (npc.body.feet.y, npc.harm)
+    };
+    let (height, harm) = stand(Vec3::new(12.0, 4.0, 12.0));
+    assert!((height - 2.0).abs() < 0.01 && harm.is_none(), "{height} {harm:?}");
+    assert_eq!(stand(Vec3::new(27.0, 4.0, 27.0)).1, Some(End::Burnt));
+    assert!(stand(Vec3::new(12.0, 2.1, 32.0)).0 > 4.0, "the pad throws");
+}
+
+#[test]
+fn a_level_in_centimetres_with_z_up_is_the_same_level() {
+    let upright = obj(&obj_level()).map;
+    let turned: String = obj_level()
+        .lines()
+        .map(|line| match line.strip_prefix("v ") {
+            None => format!("{line}\n"),
+            Some(point) => {
+                let [x, y, z]: [f32; 3] = point
+                    .split(' ')
+                    .map(|word| word.parse().expect("a number"))
+                    .collect::<Vec<_>>()
+                    .try_into()
+                    .expect("three");
+                format!("v {} {} {}\n", x * 64.0, z * -64.0, y * 64.0)
+            }
+        })
+        .collect();
+    let options = ImportOptions { scale: 1.0 / 64.0, up: UpAxis::Z };
+    let map = exchange::import_obj(turned.as_bytes(), None, &options).expect("a valid level").map;
+    assert_eq!(map.hash(), upright.hash());
+}
+
+#[test]
+fn the_largest_level_fits_with_smaller_margins() {
+    let map = obj(&obj_box("floor", [0.0, -9.0, 0.0], [999.0, 190.0, 30.0])).map;
+    assert_eq!(map.size(), MapSize { width: 1000, height: 200, depth: 34 });
+    let corner = map.mesh().triangles()[0].corners()[0];
+    assert_eq!(corner, Vec3::new(0.5, 1.0, 2.0));
+}
+
+#[test]
+fn obj_files_may_hold_what_does_not_matter_here() {
+    let plain = obj(&obj_level()).map.hash();
+    let decorated = obj_level().replace("o Lava", "usemtl\nmtllib a b.mtl\nvt 0\nvn x\ns off\n  o Lava");
+    let decorated = decorated.replace("f -8 -4 -2 -6", "f -8/99999999999/1 -4//6148914691236517206 \\\r\n -2/1 -6");
+    assert_ne!(decorated, obj_level());
+    assert_eq!(obj(&decorated).map.hash(), plain);
+}
+
+#[test]
+fn warnings_tell_what_is_odd_about_the_geometry() {
+    let quad = "o floor\nv 0 0 0\nv 0 0 9\nv 9 0 9\nv 9 0 0\nf 1 2 3 4\n";
+    let cases = [
+        (quad.to_owned(), vec![Warning::OpenEdges { count: 4 }]),
+        (quad.replace("1 2 3 4", "4 3 2 1"), vec![Warning::OpenEdges { count: 4 }, Warning::FacesDown { share: 100 }]),
+        (
+            quad.replace("f 1 2 3 4", "v 0 0 -9\nv 9 0 -9\nf 5 1 4 6\nf 1 2 3\nf 1 4 3\nf 1 1 2"),
+            vec![
+                Warning::DegenerateTriangles { count: 1 },
+                Warning::OpenEdges { count: 6 },
+                Warning::TurnedEdges { count: 2 },
+            ],
+        ),
+        (
+            format!("{quad}v 0 5 4.5\nf 1 2 5\nf 2 1 5\n"),
+            vec![Warning::OpenEdges { count: 3 }, Warning::CrowdedEdges { count: 1 }],
+        ),
+        (
+            format!("{}o water\nv 1 1 1\nv 1 1 2\nv 2 1 2\nf -3 -2 -1", obj_box("floor", [0.0; 3], [9.0; 3])),
+            vec![Warning::FlatPools { count: 1 }],
+        ),
+    ];
+    for (text, expected) in cases {
+        let warnings = obj(&text).warnings;
+        assert_eq!(warnings, expected, "{text}");
+        assert!(warnings.iter().all(|warning| warning.to_string().len() > 20));
+    }
+}
+
+// The sidecar.
+
+#[test]
+fn the_sidecar_lists_features_in_the_levels_own_coordinates() {
+    let sidecar = json!({
+        "pools": [{ "liquid": "water", "min": [100, 3000, 200], "max": [500, 2000, 400] }],
+        "pads": [{ "at": [100, 1000, 0], "height": 6.2 }, { "at": [200, 1000, 0] }],
+        "zip_lines": [{ "from": [100, 100, 0], "to": [900, 100, 0] }],
+        "teleporters": [{ "from": [100, 500, 0], "to": [100, 600, 0], "two_way": true }],
+        "jetpacks": [{ "at": [700, 700, 0], "fuel": 1.5 }],
+    });
+    let floor = obj_box("floor", [0.0, 0.0, -100.0], [4000.0, 4000.0, 0.0]);
+    let options = ImportOptions { scale: 0.01, up: UpAxis::Z };
+    let map = exchange::import_obj(floor.as_bytes(), Some(&sidecar.to_string()), &options).expect("a valid level").map;
+    let placed = map.placed();
+    // x from 2, z from 2 + 40 downwards, the floor's top at 2.
+    let near = |one: Vec3, other: [f32; 3]| assert!(one.distance(other.into()) < 1.0e-4, "{one:?} {other:?}");
+    near(placed.pools[0].centre, [5.0, 6.0, 17.0]);
+    assert_eq!(placed.pools[0].outline.half_extents(), (2.0, 5.0));
+    assert!((placed.pools[0].depth - 2.0).abs() < 1.0e-4 && placed.pools[0].liquid == Liquid::Water);
+    near(placed.pads[0].centre, [3.0, 2.0, 32.0]);
+    assert_eq!(placed.pads.iter().map(|pad| pad.speed).collect::<Vec<_>>(), [648.0f32.sqrt(), 560.0f32.sqrt()]);
+    near(placed.zip_lines[0].from, [3.0, 2.0, 41.0]);
+    near(placed.zip_lines[0].to, [11.0, 2.0, 41.0]);
+    near(placed.teleporters[0].to, [3.0, 2.0, 36.0]);
+    assert!(placed.teleporters[0].two_way);
+    near(placed.jetpacks[0].centre, [9.0, 2.0, 35.0]);
+    assert_eq!(placed.jetpacks[0].fuel, 1.5);
+}
+
+#[test]
+fn a_faulty_sidecar_is_refused_by_name() {
+    let cases = [
+        (json!({ "lava": [] }), "unknown field `lava`"),
+        (json!({ "pads": [{ "at": [1, 2, 3], "hight": 4 }] }), "unknown field `hight`"),
+        (json!({ "pools": [{ "liquid": "acid", "min": [0, 0, 0], "max": [1, 1, 1] }] }), "unknown variant `acid`"),
+        (json!({ "zip_lines": [{ "from": [1, 2, 3] }] }), "missing field `to`"),
+        (
+            json!({ "pads": [{ "at": [5, 0, 5] }, { "at": [50, 0, 5] }] }),
+            "pads[1] of the sidecar lies outside the level",
+        ),
+        (json!({ "pads": [{ "at": [1e39, 0, 5] }] }), "pads[0] of the sidecar has a position that is not a finite"),
+        (json!({ "pads": [{ "at": [5, 0, 5], "height": -11 }] }), "pads[0] of the sidecar has height -11"),
+        (json!({ "jetpacks": [{ "at": [5, 0, 5], "fuel": 1e9 }] }), "jetpacks[0] of the sidecar has fuel"),
+        (
+            json!({ "pools": [{ "liquid": "lava", "min": [90, 0, 0], "max": [99, 1, 9] }] }),
+            "pools[0] of the sidecar lies",
+        ),
+        (json!("pads"), "the sidecar cannot be read"),
+    ];
+    let floor = obj_box("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 40.0]);
+    for (sidecar, expected) in cases {
+        let error = refusal(exchange::import_obj(floor.as_bytes(), Some(&sidecar.to_string()), &PLAIN), expected);
+        assert!(error.contains(expected), "`{expected}` is not in `{error}`");
+    }
+}
+
+// glTF levels.
+
+/// A `.gltf` with one buffer: a triangle's positions (36 bytes), then the indices 0, 1, 2 as bytes (and one of
+/// padding). Its mesh lies in the ground plane, faces up and spans 8 m.
+fn gltf_level(nodes: Value) -> Value {
+    json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": (0..nodes.as_array().map_or(0, Vec::len)).collect::<Vec<_>>() }],
+        "nodes": nodes,
+        "meshes": [{ "name": "flat", "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [8, 0, 8] },
+            { "bufferView": 1, "componentType": 5121, "count": 3, "type": "SCALAR" },
+        ],
+        "bufferViews": [
+            { "buffer": 0, "byteOffset": 0, "byteLength": 36 },
+            { "buffer": 0, "byteOffset": 36, "byteLength": 3 },
+        ],
+        "buffers": [{ "byteLength": 40, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAECAA==" }],
+    })
+}
+
+fn gltf(level: &Value) -> Result<Imported, ImportError> {
+    exchange::import_gltf(level.to_string().as_bytes(), None, &PLAIN)
+}
+
+fn corners(map: &Map) -> Vec<[Vec3; 3]> {
+    map.mesh().triangles().iter().filter(|t| t.surface().is_solid()).map(Triangle::corners).collect()
+}
+
+#[test]
+fn transforms_of_nested_nodes_apply_and_mirrored_meshes_keep_facing_up() {
+    // Turned by a quarter about the vertical, then doubled, then moved; the other one mirrored.
+    let nodes = json!([
+        { "name": "arm", "translation": [0, 3, 0], "scale": [2, 2, 2], "children": [1] },
+        { "name": "floor", "mesh": 0, "rotation": [0, 0.70710677, 0, 0.70710677] },
+        { "name": "mirrored", "mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 3, 0, 1] },
+    ]);
+    let mut level = gltf_level(nodes);
+    level["scenes"][0]["nodes"] = json!([0, 2]);
+    let map = gltf(&level).expect("a valid level").map;
+    // (0,0), (0,8), (8,0) in x and z become (0,0), (16,0), (0,-16), and (0,0), (0,8), (-8,0).
+    assert_eq!(map.size(), MapSize { width: 28, height: 21, depth: 28 });
+    let found = corners(&map);
+    let expected = [
+        [[10.0, 1.0, 18.0], [26.0, 1.0, 18.0], [10.0, 1.0, 2.0]],
+        [[10.0, 1.0, 18.0], [2.0, 1.0, 18.0], [10.0, 1.0, 26.0]],
+    ];
+    for (triangle, expected) in found.iter().zip(expected) {
+        let same = triangle.iter().zip(expected).all(|(one, other)| one.distance(other.into()) < 1.0e-4);
+        assert!(same, "{triangle:?} {expected:?}");
+    }
+    assert!(map.mesh().triangles().iter().all(|triangle| triangle.normal().y > 0.99));
+}
+
+#[test]
+fn strips_and_fans_become_triangles_and_lines_are_left_out() {
+    // Four corners of a square in the order of a strip: 0 0, 0 8, 8 0, 8 8.
+    let square = |mode: u32, order: [usize; 4]| {
+        let points = [[0.0f32, 0.0], [0.0, 8.0], [8.0, 0.0], [8.0, 8.0]];
+        let bytes: Vec<u8> =
+            order.into_iter().flat_map(|i| [points[i][0], 0.0, points[i][1]]).flat_map(f32::to_le_bytes).collect();
+        let mut level = gltf_level(json!([{ "mesh": 0 }]));
+        level["meshes"][0]["primitives"] = json!([{ "attributes": { "POSITION": 0 }, "mode": mode }]);
+        level["accessors"] = json!([{ "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3" }]);
+        level["bufferViews"] = json!([{ "buffer": 0, "byteLength": 48 }]);
+        level["buffers"] = json!([{ "byteLength": 48 }]);
+        glb(&level, Some(&bytes))
+    };
+    for (mode, order) in [(5, [0, 1, 2, 3]), (6, [0, 1, 3, 2])] {
+        let imported = exchange::import_gltf(&square(mode, order), None, &PLAIN).expect("a valid level");
+        assert_eq!(imported.map.mesh().triangles().len(), 2);
+        assert!(imported.map.mesh().triangles().iter().all(|triangle| triangle.normal().y > 0.99));
+        assert_eq!(imported.warnings, [Warning::OpenEdges { count: 4 }]);
+    }
+    let lines = exchange::import_gltf(&square(1, [0, 1, 2, 3]), None, &PLAIN);
+    assert!(matches!(lines, Err(ImportError::Empty)));
+}
+
+#[test]
+fn nodes_become_features_by_their_names() {
+    let nodes = json!([
+        { "name": "Floor", "mesh": 0, "scale": [5, 1, 5] },
+        { "name": "pads", "children": [2, 3] },
+        { "name": "Pad.002", "translation": [2, 0, 3], "extras": { "height": 0.0 } },
+        { "name": "pad_of_parts", "children": [4] },
+        { "name": "Cylinder", "mesh": 0, "scale": [0.25, 1, 0.25], "translation": [10, 1, 10] },
+        { "name": "zip_line_tower_from", "translation": [5, 8, 5] },
+        { "name": "zip_line_tower_to", "translation": [15, 1, 5] },
+        { "name": "zip_line:to.001", "translation": [3, 1, 1] },
+        { "name": "Zip_Line:From.001", "translation": [1, 2, 1] },
+        { "name": "teleporter-a:to", "translation": [4, 0, 4], "extras": { "two_way": 1 } },
+        { "name": "teleporter-a:from", "translation": [6, 0, 4] },
+        { "name": "JetPack", "translation": [9, 0, 9], "extras": { "fuel": 3, "note": "spare" } },
+        { "name": "Camera", "translation": [900, 900, 900] },
+    ]);
+    let mut level = gltf_level(nodes);
+    level["scenes"][0]["nodes"] = json!([0, 1, 5, 6, 7, 8, 9, 10, 11, 12]);
+    let map = gltf(&level).expect("a valid level").map;
+    let placed = map.placed();
+    let at = |x: f32, y: f32, z: f32| Vec3::new(x + 2.0, y + 1.0, z + 2.0);
+    assert_eq!(corners(&map).len(), 1, "features are not solid");
+    let pads =
+        [Pad { centre: at(2.0, 0.0, 3.0), speed: 20.0 }, Pad { centre: at(11.0, 1.0, 11.0), speed: 560.0f32.sqrt() }];
+    assert_eq!(placed.pads, pads);
+    let lines = [
+        ZipLine { from: at(5.0, 8.0, 5.0), to: at(15.0, 1.0, 5.0) },
+        ZipLine { from: at(1.0, 2.0, 1.0), to: at(3.0, 1.0, 1.0) },
+    ];
+    assert_eq!(placed.zip_lines, lines);
+    let teleporter = Teleporter { from: at(6.0, 0.0, 4.0), to: at(4.0, 0.0, 4.0), two_way: true };
+    assert_eq!(placed.teleporters, [teleporter]);
+    assert_eq!(placed.jetpacks, [Jetpack { centre: at(9.0, 0.0, 9.0), fuel: 3.0 }]);
+}
+
+/// Wraps a glTF document into a binary container.
+fn glb(document: &Value, binary: Option<&[u8]>) -> Vec<u8> {
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let binary = binary
+        .map_or(Vec::new(), |binary| [&(binary.len() as u32).to_le_bytes(), b"BIN\0".as_slice(), binary].concat());
+    let len = (20 + json.len() + binary.len()) as u32;
+    [b"glTF", &2u32.to_le_bytes(), &len.to_le_bytes(), &(json.len() as u32).to_le_bytes(), b"JSON", &json[..], &binary]
+        .concat()
+}
+
+/// A level with one change.
+fn changed(pointer: &str, value: Value) -> Vec<u8> {
+    let floor = json!([{ "name": "floor", "mesh": 0, "children": [] }, { "name": "other" }]);
+    let mut level = gltf_level(floor);
+    let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
+    let parent = level.pointer_mut(parent).expect("a parent in the level");
+    match key.parse::<usize>() {
+        Ok(idx) => parent[idx] = value,
+        Err(_) => parent[key] = value,
+    }
+    level.to_string().into_bytes()
+}
+
+#[test]
+fn each_fault_of_a_gltf_level_has_its_own_message() {
+    let named = |name: &str| changed("/nodes/1/name", json!(name));
+    let extras = |name: &str, extras: Value| changed("/nodes/1", json!({ "name": name, "extras": extras }));
+    let buffer = |uri: &str| changed("/buffers/0/uri", json!(uri));
+    let nan = "data:application/octet-stream;base64,AADAfwAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAECAA==";
+    let vertex_9 = "data:;base64,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAEJAA==";
+    let exported = exchange::export_glb(&small_map());
+    let mut version_1 = exported.clone();
+    version_1[4] = 1;
+    let cases = [
+        (b"hello".to_vec(), "the JSON of the glTF cannot be read"),
+        (b"glTF".to_vec(), "header is cut off"),
+        (exported[..exported.len() - 1].to_vec(), "it is cut off"),
+        (version_1, "the file is glTF 1"),
+        (changed("/asset/version", json!("1.0")), "the file is glTF 1.0"),
+        (changed("/extensionsRequired", json!(["KHR_draco_mesh_compression"])), "extension KHR_draco_mesh_compression"),
+        (changed("/extensionsRequired", json!(["EXT_meshopt_compression"])), "extension EXT_meshopt_compression"),
+        (changed("/extensionsUsed", json!(["EXT_mesh_gpu_instancing"])), "extension EXT_mesh_gpu_instancing"),
+        (changed("/extensionsRequired", json!(["ACME_shapes"])), "extension ACME_shapes"),
+        (buffer("level.bin"), "`level.bin`: export the level as one binary .glb"),
+        (buffer("data:;base64,AAA!"), "no valid base64"),
+        (buffer("data:;base64,AAAA"), "buffer 0 has 3 of 40 bytes"),
+        (buffer(nan), "mesh `flat` has a position that is not a finite number"),
+        (buffer(vertex_9), "mesh `flat` refers to vertex 9, but has only 3"),
+        (changed("/accessors/0/count", json!(4)), "mesh `flat` has data that lies outside its buffer"),
+        (changed("/accessors/0/count", json!(u64::MAX)), "outside its buffer"),
+        (changed("/accessors/1/byteOffset", json!(u64::MAX)), "outside its buffer"),
+        (changed("/bufferViews/0/byteStride", json!(u64::MAX)), "outside its buffer"),
+        (changed("/bufferViews/0/byteLength", json!(u64::MAX)), "outside its buffer"),
+        (changed("/bufferViews/0/byteStride", json!(4)), "outside its buffer"),
+        (changed("/accessors/1/count", json!(0)), "no solid triangles"),
+        (changed("/accessors/0/componentType", json!(5122)), "positions that are not 32-bit floats"),
+        (changed("/accessors/1/componentType", json!(5126)), "indices that are not unsigned integers"),
+        (
+            changed(
+                "/accessors/0/sparse",
+                json!({ "count": 1, "indices": { "bufferView": 1, "componentType": 5121 }, "values": { "bufferView": 0 } }),
+            ),
+            "sparse accessors",
+        ),
+        (changed("/accessors/0/bufferView", json!(9)), "mesh `flat` refers to buffer view 9"),
+        (changed("/bufferViews/0/buffer", json!(9)), "mesh `flat` refers to buffer 9"),
+        (changed("/meshes/0/primitives/0/indices", json!(9)), "mesh `flat` refers to accessor 9"),
+        (changed("/meshes/0/primitives/0/attributes/POSITION", json!(9)), "mesh `flat` refers to accessor 9"),
+        (changed("/meshes/0/primitives/0/attributes", json!({})), "mesh `flat` has no positions"),
+        (changed("/meshes/0/primitives/0/mode", json!(9)), "unknown primitive mode"),
+        (changed("/nodes/0/mesh", json!(9)), "node `floor` refers to mesh 9"),
+        (changed("/nodes/0/children", json!([9])), "node `floor` refers to node 9"),
+        (changed("/nodes/0/children", json!([0])), "node `floor` is its own ancestor"),
+        (changed("/nodes/0/children", json!([1])), "two parents"),
+        (changed("/scene", json!(9)), "the file refers to scene 9"),
+        (changed("/nodes/0/translation", json!([0, 1e39, 0])), "not a finite number"),
+        (changed("/nodes/0/scale", json!([200, 1, 1])), "the level is 1600 x 0 x 8 m"),
+        (changed("/nodes/0/scale", json!([1, 1, 200])), "at most 1000 x 199 x 1000 m fit: use --scale"),
+        (changed("/nodes/0/name", json!("lava")), "no solid triangles"),
+        (named("zip_line_1:from"), "node `zip_line_1:from` has no other half: add a node `zip_line_1:to`"),
+        (named("Teleporter_to.007"), "add a node `Teleporter_from.007`"),
+        (named("zip_line"), "call it `zip_line:from` or `zip_line:to`"),
+        (extras("pad", json!({ "height": "tall" })), "node `pad` has height \"tall\": give a number"),
+        (extras("pad", json!({ "height": 5000 })), "node `pad` has height 5000"),
+        (extras("jetpack", json!({ "fuel": -1 })), "node `jetpack` has fuel -1"),
+        (extras("water", json!({ "outline": "oval" })), "node `water` has outline \"oval\""),
+        (extras("water", json!({ "outline": "round" })), "node `water` has radius null"),
+        (extras("teleporter:from", json!({ "two_way": "yes" })), "node `teleporter:from` has two_way \"yes\""),
+        (changed("/nodes/1", json!({ "name": "pad", "translation": [0, 0, 99] })), "node `pad` lies outside the level"),
+    ];
+    for (bytes, expected) in cases {
+        let error = refusal(exchange::import_gltf(&bytes, None, &PLAIN), expected);
+        assert!(error.contains(expected), "`{expected}` is not in `{error}`");
+    }
+}
+
+#[test]
+fn each_fault_of_an_obj_level_has_its_own_message() {
+    let floor = obj_box("floor", [0.0, -1.0, 0.0], [40.0, 0.0, 40.0]);
+    let cases = [
+        (String::new(), "no solid triangles"),
+        (floor.replace("v 40 0 40", "v 40 x 40"), "a `v` line does not hold three numbers"),
+        (floor.replace("v 40 0 40", "v 40 NaN 40"), "node `floor` has a position that is not a finite number"),
+        (floor.replace("v 40 0 40", "v 40 inf 40"), "node `floor` has a position that is not a finite number"),
+        (floor.replace("v 40 0 40", "v 4000 0 40"), "the level is 4000 x 1 x 40 m"),
+        (floor.replace("v 40 0 40", "v 40 199 40"), "the level is 40 x 200 x 40 m"),
+        (floor.replace("f -8", "f 99"), "a face refers to a vertex that does not exist"),
+        (floor.replace("f -8", "f 0"), "a face refers to a vertex that does not exist"),
+        (floor.replace("f -8", "f -99"), "a face refers to a vertex that does not exist"),
+        (floor.replace("f -8", "f one"), "does not hold vertex numbers"),
+        (floor.replace("f -8 -4 -2 -6", "f"), "an `f` line holds no vertices"),
+        (floor.replace("floor", "water"), "no solid triangles"),
+    ];
+    for (text, expected) in cases {
+        let error = refusal(exchange::import_obj(text.as_bytes(), None, &PLAIN), expected);
+        assert!(error.contains(expected), "`{expected}` is not in `{error}`");
+    }
+    for scale in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let result = exchange::import_obj(floor.as_bytes(), None, &ImportOptions { scale, ..PLAIN });
+        assert!(matches!(result, Err(ImportError::Scale(_))), "{scale}");
+    }
+}
+
+#[test]
+fn a_level_that_no_machine_could_hold_is_refused() {
+    // Many nodes that show one large mesh.
+    let mut level = gltf_level(json!([]));
+    let bytes = vec![0u8; 300_000];
+    level["nodes"] = (0..1000).map(|_| json!({ "mesh": 0 })).collect();
+    level["scenes"][0]["nodes"] = (0..1000).collect();
+    level["meshes"][0]["primitives"] = json!([{ "attributes": { "POSITION": 0 } }]);
+    level["accessors"] = json!([{ "bufferView": 0, "componentType": 5126, "count": 25_000, "type": "VEC3" }]);
+    level["bufferViews"] = json!([{ "buffer": 0, "byteLength": 300_000 }]);
+    level["buffers"] = json!([{ "byteLength": 300_000 }]);
+    let result = exchange::import_gltf(&glb(&level, Some(&bytes)), None, &PLAIN);
+    assert!(matches!(result, Err(ImportError::TooManyTriangles)));
+    // Many triangles that each span the whole level.
+    let mut text = "o floor\nv 0 0 0\nv 0 190 990\nv 990 0 990\n".to_owned();
+    text.extend((0..2000).map(|_| "f 1 2 3\n"));
+    let result = exchange::import_obj(text.as_bytes(), None, &PLAIN);
+    assert!(matches!(result, Err(ImportError::Overload(_))));
+}
+
+#[test]
+fn deeply_nested_nodes_do_not_exhaust_the_stack() {
+    const DEPTH: usize = 100_000;
+    let chain = (1..DEPTH).map(|child| json!({ "children": [child], "translation": [0, 0.001, 0] }));
+    let mut level = gltf_level(chain.chain([json!({ "name": "floor", "mesh": 0 })]).collect());
+    level["scenes"][0]["nodes"] = json!([0]);
+    assert_eq!(corners(&gltf(&level).expect("a valid level").map).len(), 1);
+    level["nodes"][DEPTH - 1]["children"] = json!([DEPTH / 2]);
+    assert!(matches!(gltf(&level), Err(ImportError::NotATree { .. })));
+    let deep = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"extras\": {}", "[".repeat(DEPTH));
+    assert!(matches!(exchange::import_gltf(deep.as_bytes(), None, &PLAIN), Err(ImportError::Json(_))));
+}
+
+// Export.
+
+fn near(one: Vec3, other: Vec3) -> bool {
+    one.distance(other) < 1.0e-4
+}
+
+#[test]
+fn an_exported_map_is_imported_as_it_was() {
+    let all = MapSpec { features: surefoot_world::map::Features::all(), ..MapSpec::with_side(5, 100) };
+    for map in [generated(5), Map::generate(&all).expect("a valid spec"), small_map()] {
+        let back = exchange::import_gltf(&exchange::export_glb(&map), None, &PLAIN).expect("an exported map").map;
+        assert_eq!(back.size(), map.size());
+        let (solids, expected) = (corners(&back), corners(&map));
+        assert_eq!(solids.len(), expected.len());
+        let same =
+            |(one, other): (&[Vec3; 3], &[Vec3; 3])| one.iter().zip(other).all(|(one, other)| near(*one, *other));
+        assert!(solids.iter().zip(&expected).all(same));
+
+        let (one, other) = (back.placed(), map.placed());
+        let counts = |placed: &Placed| {
+            [
+                placed.pools.len(),
+                placed.pads.len(),
+                placed.zip_lines.len(),
+                placed.teleporters.len(),
+                placed.jetpacks.len(),
+            ]
+        };
+        assert_eq!(counts(one), counts(other));
+        for (one, other) in one.pools.iter().zip(&other.pools) {
+            let (half, other_half) = (one.outline.half_extents(), other.outline.half_extents());
+            assert!(near(one.centre, other.centre) && one.liquid == other.liquid, "{one:?} {other:?}");
+            assert!((half.0 - other_half.0).abs() + (half.1 - other_half.1).abs() < 1.0e-4, "{one:?} {other:?}");
+            assert!((one.depth - other.depth).abs() < 1.0e-4, "{one:?} {other:?}");
+            assert_eq!(std::mem::discriminant(&one.outline), std::mem::discriminant(&other.outline));
+        }
+        let pads = one.pads.iter().zip(&other.pads);
+        assert!(pads.into_iter().all(|(one, other)| near(one.centre, other.centre) && one.speed == other.speed));
+        let lines = one.zip_lines.iter().zip(&other.zip_lines);
+        assert!(lines.into_iter().all(|(one, other)| near(one.from, other.from) && near(one.to, other.to)));
+        for (one, other) in one.teleporters.iter().zip(&other.teleporters) {
+            assert!(near(one.from, other.from) && near(one.to, other.to) && one.two_way == other.two_way);
+        }
+        let jetpacks = one.jetpacks.iter().zip(&other.jetpacks);
+        assert!(jetpacks.into_iter().all(|(one, other)| near(one.centre, other.centre) && one.fuel == other.fuel));
+    }
+}
+
+#[test]
+fn an_exported_map_that_grew_is_placed_anew() {
+    let exported = exchange::export_glb(&small_map());
+    let document = gltf::Gltf::from_slice(&exported).expect("valid glTF");
+    let mut level: Value = serde_json::from_str(&document.as_json().to_string().expect("plain data")).expect("JSON");
+    level["nodes"][0]["scale"] = json!([2, 1, 2]);
+    let imported = exchange::import_gltf(&glb(&level, document.blob.as_deref()), None, &PLAIN).expect("a valid level");
+    assert_eq!(imported.map.size().width, 64);
+    let former = MapSize { width: 30, height: 25, depth: 30 };
+    assert!(imported.warnings.contains(&Warning::Outgrown { former }), "{:?}", imported.warnings);
+}
+
+#[test]
+fn exported_files_obey_the_rules_of_gltf() {
+    for map in [generated(5), small_map(), Map::from_parts(small_map().size(), Vec::new(), Placed::default())] {
+        let bytes = exchange::export_glb(&map);
+        assert!(bytes.len().is_multiple_of(4));
+        assert_eq!(bytes[8..12], (bytes.len() as u32).to_le_bytes());
+        if map.mesh().triangles().is_empty() {
+            continue;
+        }
+        let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes).expect("the crate's own validation");
+        let blob = blob.expect("a binary chunk");
+        for view in document.views() {
+            assert!(view.offset() % 4 == 0 && view.offset() + view.length() <= blob.len() && view.target().is_some());
+        }
+        for mesh in document.meshes() {
+            for primitive in mesh.primitives() {
+                let reader = primitive.reader(|_| Some(&blob));
+                let positions: Vec<Vec3> = reader.read_positions().expect("positions").map(Vec3::from).collect();
+                let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
+                assert!(indices.len().is_multiple_of(3) && indices.iter().all(|&idx| (idx as usize) < positions.len()));
+                let bounds = primitive.bounding_box();
+                let low = positions.iter().copied().reduce(Vec3::min).expect("positions");
+                let high = positions.iter().copied().reduce(Vec3::max).expect("positions");
+                assert_eq!((bounds.min, bounds.max), (low.to_array(), high.to_array()));
+            }
+        }
+        let names: Vec<&str> = document.nodes().filter_map(|node| node.name()).collect();
+        let mut unique = names.clone();
+        unique.sort_unstable();
+        unique.dedup();
+        assert_eq!(unique.len(), document.nodes().len());
+        assert_eq!(names.iter().filter(|name| name.starts_with("building_")).count(), map.placed().buildings.len());
+    }
+}
+
+// Hostile bytes.
+
+/// Changes some bytes, cuts some out or doubles some.
+fn mutate(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
+    let mut mutated = bytes.to_vec();
+    for _ in 0..rng.random_range(1..6) {
+        let at = rng.random_range(0..mutated.len());
+        match rng.random_range(0..6) {
+            0 => mutated[at] ^= 1 << rng.random_range(0..8),
+            1 => mutated[at] = rng.random_range(0..=255),
+            2 => mutated[at] = *b"0919-e[]{},:\""[..].get(rng.random_range(0..13)).expect("a byte"),
+            3 if mutated.len() > 1 => drop(mutated.remove(at)),
+            3 | 4 => mutated.insert(at, mutated[at]),
+            _ => mutated.truncate(at.max(1)),
+        }
+    }
+    mutated
+}
+
+#[test]
+fn hostile_saved_maps_with_a_right_checksum_never_panic() {
+    const HEADER_LEN: usize = 52;
+    let saved = exchange::encode(&small_map());
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    for _ in 0..2000 {
+        let payload = mutate(&saved[HEADER_LEN..], &mut rng);
+        let mut bytes = saved[..12].to_vec();
+        bytes.extend((payload.len() as u64).to_le_bytes());
+        bytes.extend(blake3::hash(&payload).as_bytes());
+        bytes.extend(payload);
+        // Content that still makes sense is betrayed by its hash, all but the spec's.
+        if let Ok(map) = exchange::decode(&bytes) {
+            assert_eq!(map.hash(), small_map().hash());
+        }
+    }
+}
+
+#[test]
+fn hostile_bytes_never_panic() {
+    let exported = exchange::export_glb(&small_map());
+    let json_len = exported.windows(4).position(|window| window == b"BIN\0").expect("a binary chunk") - 24;
+    let text = gltf_level(json!([{ "name": "floor", "mesh": 0 }, { "name": "pad" }])).to_string();
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let (mut imported, mut refused) = (0, 0);
+    let mut count = |result: Result<Imported, ImportError>| match result {
+        Ok(_) => imported += 1,
+        Err(error) => {
+            assert!(!error.to_string().is_empty());
+            refused += 1;
+        }
+    };
+    for _ in 0..2000 {
+        count(exchange::import_gltf(&mutate(&exported, &mut rng), None, &PLAIN));
+        // With the container's lengths intact, so that what is inside is reached.
+        let mut inside = exported.clone();
+        for _ in 0..rng.random_range(1..4) {
+            let at = 20 + rng.random_range(0..json_len);
+            inside[at] = *b"0123456789-e.[]{},: "[..].get(rng.random_range(0..20)).expect("a byte");
+        }
+        count(exchange::import_gltf(&inside, None, &PLAIN));
+        count(exchange::import_gltf(&mutate(text.as_bytes(), &mut rng), None, &PLAIN));
+        count(exchange::import_obj(&mutate(obj_level().as_bytes(), &mut rng), None, &PLAIN));
+    }
+    assert!(imported > 200 && refused > 200, "{imported} imported, {refused} refused");
+}

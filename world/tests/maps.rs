@@ -1,0 +1,142 @@
+//! What maps are made of, how they are connected, and that a spec always gives the same one.
+
+use surefoot_world::map::generate::Stage;
+use surefoot_world::map::{Features, MapSize, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::reach::{Means, Reach};
+use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
+
+/// Hashes of the maps that a release generates; a change here is a change of every map and every graph.
+const GOLDEN: [(u64, u32, &str, &str); 4] = [
+    (0, 250, "paper", "00b18a8dc8fe8ff7"),
+    (2000, 250, "paper", "3e1e16b3b58b5c45"),
+    (7, 100, "all", "aa7dcba249c5383d"),
+    (3, 50, "none", "a94f9b4ed2b7ec4c"),
+];
+
+fn spec(seed: u64, side: u32, features: &str) -> MapSpec {
+    MapSpec { features: features.parse().unwrap(), ..MapSpec::with_side(seed, side) }
+}
+
+#[test]
+fn released_specs_have_their_recorded_hashes_on_any_number_of_threads() {
+    for (seed, side, features, hash) in GOLDEN {
+        for thread_count in [1, 2, 5] {
+            let map = Map::generate_with(&spec(seed, side, features), thread_count, |_| {}).unwrap();
+            assert_eq!(map.hash().to_string(), hash, "seed {seed}, {side} m, {features}, {thread_count} threads");
+        }
+    }
+}
+
+#[test]
+fn generation_tells_its_stages_in_order() {
+    let mut stages = Vec::new();
+    Map::generate_with(&spec(1, 60, "paper"), 1, |stage| stages.push(stage)).unwrap();
+    assert_eq!(stages, Stage::ALL);
+}
+
+#[test]
+fn each_feature_can_be_left_out_and_put_in() {
+    type Count = fn(&Placed) -> usize;
+    let counts: [(&str, Count); 9] = [
+        ("plateaus", |placed| placed.plateaus.len()),
+        ("buildings", |placed| placed.buildings.len()),
+        ("water", |placed| placed.pools.len()),
+        ("lava", |placed| placed.pools.len()),
+        ("zip_lines", |placed| placed.zip_lines.len()),
+        ("ravines", |placed| placed.ravines.len()),
+        ("caves", |placed| placed.caves.len()),
+        ("teleporters", |placed| placed.teleporters.len()),
+        ("jetpacks", |placed| placed.jetpacks.len()),
+    ];
+    let bare = Map::generate(&spec(5, 150, "none")).unwrap();
+    assert_eq!(*bare.placed(), Placed::default());
+    for (name, count) in counts {
+        let map = Map::generate(&spec(5, 150, &format!("none,{name}=2"))).unwrap();
+        assert!(count(map.placed()) > 0, "no {name}");
+        assert_ne!(map.hash(), bare.hash());
+    }
+    // Pads are placed at the foot of cliffs and wherever ground is cut off.
+    assert!(!Map::generate(&spec(5, 150, "none,pads")).unwrap().placed().pads.is_empty());
+}
+
+#[test]
+fn lists_of_features_are_read_and_mistakes_named() {
+    let read = |text: &str| text.parse::<Features>();
+    assert_eq!(read("paper").unwrap(), Features::default());
+    assert_eq!(read("none,lava=2").unwrap(), Features { lava: 2.0, ..Features::none() });
+    assert_eq!(read("all, cave").unwrap_err(), "no feature `cave`; there are plateaus, buildings, water, lava, \
+        pads, zip_lines, ravines, caves, teleporters, jetpacks");
+    assert!(read("all,lava=9").unwrap_err().contains("lava is 9"));
+    assert!(read("lava=1,all").unwrap_err().contains("only come first"));
+    assert!(read("lava=much").unwrap_err().contains("much"));
+}
+
+#[test]
+fn most_of_a_map_is_cut_off_on_foot_and_connected_by_all_means() {
+    let profile = CharacterProfile::default();
+    let mut on_foot = Vec::new();
+    for seed in (0..8).chain(1000..1004).chain(2000..2004) {
+        let map = Map::generate(&MapSpec::new(seed)).unwrap();
+        let reach = Reach::survey(&map, &profile, 2);
+        let all = reach.share_by(|_| true);
+        assert!(all >= 0.95, "map {seed}: {all}");
+        on_foot.push(reach.share_on_foot());
+    }
+    on_foot.sort_by(f64::total_cmp);
+    assert!(on_foot[on_foot.len() / 2] <= 0.35, "{on_foot:?}");
+}
+
+fn quad(corners: [[f32; 3]; 4]) -> Vec<Triangle> {
+    let [a, b, c, d] = corners.map(Vec3::from);
+    [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect()
+}
+
+/// Two floors side by side, the right one `step` metres higher, `gap` metres apart.
+fn two_floors(step: f32, gap: f32) -> Map {
+    let (y0, y1) = (10.0, 10.0 + step);
+    let (x0, x1) = (25.0, 25.0 + gap);
+    let mut triangles = quad([[0.0, y0, 0.0], [0.0, y0, 50.0], [x0, y0, 50.0], [x0, y0, 0.0]]);
+    triangles.extend(quad([[x1, y1, 0.0], [x1, y1, 50.0], [50.0, y1, 50.0], [50.0, y1, 0.0]]));
+    // The faces that drop from both floors to nothing.
+    triangles.extend(quad([[x0, 0.0, 0.0], [x0, y0, 0.0], [x0, y0, 50.0], [x0, 0.0, 50.0]]));
+    triangles.extend(quad([[x1, 0.0, 50.0], [x1, y1, 50.0], [x1, y1, 0.0], [x1, 0.0, 0.0]]));
+    Map::from_parts(MapSize { width: 50, height: 40, depth: 50 }, triangles, Placed::default())
+}
+
+/// The least means by which the lower floor leads to the higher one and back.
+fn means(map: &Map, profile: &CharacterProfile) -> (usize, Option<Means>, Option<Means>) {
+    let reach = Reach::survey(map, profile, 2);
+    let islands = reach.ground.islands().len();
+    let at = |x: f32, y: f32| reach.ground.at(Vec3::new(x, y, 25.0)).map(|cell| cell.island);
+    let high = (10..=20).find_map(|y| at(40.0, y as f32));
+    let (low, high) = (at(10.0, 10.0).unwrap(), high.unwrap());
+    let link = |from, to| {
+        reach.links.iter().filter(|link| (link.from, link.to) == (from, to)).map(|link| link.means).min()
+    };
+    (islands, link(low, high), link(high, low))
+}
+
+#[test]
+fn a_jump_counts_only_where_the_body_makes_it() {
+    let profile = CharacterProfile::default();
+    use Means::{DoubleJump, Drop, Jump};
+    let cases = [
+        // step, gap: islands, up, down
+        (0.05, 0.0, 1, None, None),
+        (1.5, 0.0, 2, Some(Jump), Some(Drop)),
+        (4.0, 0.0, 2, Some(DoubleJump), Some(Drop)),
+        (5.6, 0.0, 2, None, Some(Drop)),
+        (0.0, 6.0, 2, Some(Jump), Some(Jump)),
+        (0.0, 40.0, 1, None, None),
+    ];
+    for (step, gap, islands, up, down) in cases {
+        if gap > 20.0 {
+            continue;
+        }
+        let found = means(&two_floors(step, gap), &profile);
+        assert_eq!(found, (islands, up, down), "step {step}, gap {gap}");
+    }
+    let weak = CharacterProfile { extra_jumps: 0, ..CharacterProfile::default() };
+    assert_eq!(means(&two_floors(4.0, 0.0), &weak), (2, None, Some(Drop)));
+}
