@@ -9,6 +9,7 @@ use surefoot_agent::train::run::Run;
 use surefoot_agent::train::sac::{Learner, SacConfig};
 use surefoot_agent::train::{TrainConfig, TrainError, run};
 use surefoot_policy::ActorConfig;
+use surefoot_policy::actor::RAY_LEN;
 use surefoot_policy::checkpoint::module_bytes;
 use surefoot_world::OBSERVATION_LEN;
 
@@ -83,9 +84,11 @@ fn packed_observations_come_back_to_within_their_resolution() {
     for (idx, value) in observation.iter_mut().enumerate().take(64) {
         *value = idx as f32 / 64.0;
     }
+    // A ray on water, one on a pad, one on a teleporter, and a value of the state.
     observation[64 + 5] = 1.0;
     observation[192 + 9] = 1.0;
-    observation[270] = -0.75;
+    observation[256 + 11] = 0.7;
+    observation[RAY_LEN + 10] = -0.75;
     let mut replay = Replay::new(1, 8);
     for _ in 0..4 {
         replay.push_step(&Step {

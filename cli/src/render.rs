@@ -86,9 +86,9 @@ impl Picture {
             projection = Projection { sight, right, down, ..projection };
             // The highest ground decides how much sky there is.
             let top = map.mesh().triangles().iter().flat_map(|t| t.corners()).map(|c| c.y).fold(0.0, f32::max);
-            let corners = [0.0, extent.x].into_iter().flat_map(|x| {
-                [0.0, top].into_iter().flat_map(move |y| [0.0, extent.z].map(|z| Vec3::new(x, y, z)))
-            });
+            let corners = [0.0, extent.x]
+                .into_iter()
+                .flat_map(|x| [0.0, top].into_iter().flat_map(move |y| [0.0, extent.z].map(|z| Vec3::new(x, y, z))));
             let (mut low, mut high) = ((f32::INFINITY, f32::INFINITY), (f32::NEG_INFINITY, f32::NEG_INFINITY));
             for corner in corners {
                 let (x, y) = (right.dot(corner), down.dot(corner));

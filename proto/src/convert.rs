@@ -72,8 +72,20 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
         spec.size = MapSize { width: size.width, height: size.height, depth: size.depth };
     }
     if let Some(features) = &value.features {
-        let &wire::Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } = features;
-        spec.features = Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
+        let &wire::Features {
+            plateaus,
+            buildings,
+            water,
+            lava,
+            pads,
+            zip_lines,
+            ravines,
+            caves,
+            teleporters,
+            jetpacks,
+        } = features;
+        spec.features =
+            Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
     }
     spec.validate()?;
     Ok(spec)
@@ -82,11 +94,23 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
 /// A map spec on the wire.
 pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
     let MapSize { width, height, depth } = spec.size;
-    let Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } = spec.features;
+    let Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } =
+        spec.features;
     wire::MapSpec {
         seed: spec.seed,
         size: Some(wire::MapSize { width, height, depth }),
-        features: Some(wire::Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks }),
+        features: Some(wire::Features {
+            plateaus,
+            buildings,
+            water,
+            lava,
+            pads,
+            zip_lines,
+            ravines,
+            caves,
+            teleporters,
+            jetpacks,
+        }),
     }
 }
 

@@ -118,7 +118,12 @@ fn hello(hello: wire::Hello) -> wire::WorkRequest {
 }
 
 fn good_hello() -> wire::Hello {
-    wire::Hello { name: "test".to_owned(), capacity: 8, observation_len: 280, observation_version: 1 }
+    wire::Hello {
+        name: "test".to_owned(),
+        capacity: 8,
+        observation_len: surefoot_world::OBSERVATION_LEN as u32,
+        observation_version: surefoot_world::sense::OBSERVATION_VERSION,
+    }
 }
 
 fn actions(batch: wire::ActionBatch) -> wire::WorkRequest {

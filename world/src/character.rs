@@ -582,7 +582,23 @@ fn deepest_contact(mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], f
 }
 
 /// Whether a body with its feet at `feet` is free of solid geometry (down to `slop` metres of penetration).
+///
+/// Contacts are one-sided, so the axis is checked besides: no face may cross it between sole and crown.
 pub fn is_clear(mesh: &Mesh, profile: &CharacterProfile, feet: Vec3, slop: f32, scratch: &mut MoveScratch) -> bool {
+    let up = Vec3::new(0.000_31, 0.999_999_9, 0.000_23);
+    let mut from = feet - Vec3::new(0.0, slop, 0.0);
+    let crown = feet.y + profile.height;
+    while let Some(hit) = mesh.cast_ray(from, up, crown - from.y) {
+        let enters = mesh.triangles()[hit.triangle_idx as usize].normal().dot(up) < 0.0;
+        if hit.surface.is_solid() && enters && from.y + hit.distance > feet.y - 1.0e-3 {
+            return false;
+        }
+        // The ground itself, something within it, or something to walk through.
+        from += up * (hit.distance + 1.0e-3);
+        if from.y >= crown {
+            break;
+        }
+    }
     let reach = Vec3::new(profile.radius, 0.0, profile.radius);
     mesh.gather_solids(feet - reach, feet + reach + Vec3::new(0.0, profile.height, 0.0), &mut scratch.triangles);
     deepest_contact(mesh, profile, &scratch.triangles, feet).is_none_or(|contact| contact.depth <= slop)

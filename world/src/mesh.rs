@@ -5,6 +5,7 @@
 //! parry3d's triangle is the reference: property tests hold rays and contacts against it.
 
 use crate::{Vec3, parallel};
+use parry3d::glamx::Vec4;
 
 /// Side of a grid cell in metres.
 const CELL_M: f32 = 1.25;
@@ -62,10 +63,6 @@ pub struct Triangle {
     ab: Vec3,
     ac: Vec3,
     normal: Vec3,
-    /// Dual vectors of `ab` and `ac`: the barycentric coordinates of a point `p` in the plane are
-    /// `dual_b . (p - a)` and `dual_c . (p - a)`.
-    dual_b: Vec3,
-    dual_c: Vec3,
     surface: Surface,
 }
 
@@ -75,10 +72,7 @@ impl Triangle {
         let (ab, ac) = (b - a, c - a);
         let cross = ab.cross(ac);
         let length = cross.length();
-        (length > 1.0e-9).then(|| {
-            let normal = cross / length;
-            Self { a, ab, ac, normal, dual_b: ac.cross(normal) / length, dual_c: normal.cross(ab) / length, surface }
-        })
+        (length > 1.0e-9).then(|| Self { a, ab, ac, normal: cross / length, surface })
     }
 
     /// The three corners.
@@ -99,21 +93,6 @@ impl Triangle {
     fn bounds(&self) -> (Vec3, Vec3) {
         let [a, b, c] = self.corners();
         (a.min(b).min(c), a.max(b).max(c))
-    }
-
-    /// Two-sided intersection inside `near..=far` along the ray: plane first, then barycentric coordinates,
-    /// slightly widened so that seams do not leak.
-    #[inline]
-    fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
-        let offset = origin - self.a;
-        let distance = -self.normal.dot(offset) / self.normal.dot(direction);
-        // Also refuses the NaN of a ray inside the plane.
-        if !(distance >= near && distance <= far) {
-            return None;
-        }
-        let point = offset + direction * distance;
-        let (b, c) = (self.dual_b.dot(point), self.dual_c.dot(point));
-        (b >= -SEAM_SLACK && c >= -SEAM_SLACK && b + c <= 1.0 + SEAM_SLACK).then_some(distance)
     }
 
     /// Closest point of the triangle to `point` when that lies in its interior or on its border
@@ -229,6 +208,12 @@ fn closest_vertical_to_edge(low: Vec3, height: f32, from: Vec3, to: Vec3) -> (Ve
     (Vec3::new(low.x, y_on_axis, low.z), from + edge * t)
 }
 
+/// Centre of a grid cell.
+#[inline]
+fn centre_of([x, y, z]: [i32; 3]) -> Vec3 {
+    (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M
+}
+
 /// A penetration of a capsule into a triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct Contact {
@@ -253,6 +238,61 @@ pub struct RayHit {
     pub surface: Surface,
 }
 
+/// Triangles that a ray is tested against at once.
+const LANES: usize = 4;
+/// Marks a lane without a triangle.
+const NO_TRIANGLE: u32 = u32::MAX;
+
+/// Up to four triangles of one cell, laid out for testing a ray against all of them at once. Each row of numbers is a
+/// linear function of a point relative to the cell's centre: the distance to the plane, and the two barycentric
+/// coordinates.
+#[derive(Debug, Clone, Copy)]
+struct RayBlock {
+    plane: [Vec4; 4],
+    along_b: [Vec4; 4],
+    along_c: [Vec4; 4],
+}
+
+impl RayBlock {
+    /// Lanes that no ray hits.
+    const EMPTY: Self = Self {
+        plane: [Vec4::ZERO, Vec4::ZERO, Vec4::ZERO, Vec4::ONE],
+        along_b: [Vec4::ZERO; 4],
+        along_c: [Vec4::ZERO; 4],
+    };
+
+    fn set(&mut self, lane: usize, triangle: &Triangle, centre: Vec3) {
+        let Triangle { a, ab, ac, normal, .. } = *triangle;
+        // Dual vectors of `ab` and `ac`: their products with `p - a` are the barycentric coordinates of `p`.
+        let area = ab.cross(ac).length();
+        let (dual_b, dual_c) = (ac.cross(normal) / area, normal.cross(ab) / area);
+        for (rows, vector) in [(&mut self.plane, normal), (&mut self.along_b, dual_b), (&mut self.along_c, dual_c)] {
+            let offset = -vector.dot(a - centre);
+            for (row, value) in rows.iter_mut().zip([vector.x, vector.y, vector.z, offset]) {
+                row[lane] = value;
+            }
+        }
+    }
+
+    /// Two-sided intersection inside `near..=far` along the ray, for each lane; infinity where there is none. The
+    /// triangles are slightly widened so that seams do not leak.
+    #[inline]
+    fn cast(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Vec4 {
+        let product = |rows: &[Vec4; 4], v: Vec3| rows[0] * v.x + rows[1] * v.y + rows[2] * v.z;
+        let distance = -(product(&self.plane, origin) + self.plane[3]) / product(&self.plane, direction);
+        let point = |rows: &[Vec4; 4]| product(rows, origin) + rows[3] + distance * product(rows, direction);
+        let (b, c) = (point(&self.along_b), point(&self.along_c));
+        let slack = Vec4::splat(-SEAM_SLACK);
+        // Comparisons also refuse the NaN of a ray inside the plane.
+        let hit = b.cmpge(slack)
+            & c.cmpge(slack)
+            & (b + c).cmple(Vec4::splat(1.0 + SEAM_SLACK))
+            & distance.cmpge(Vec4::splat(near))
+            & distance.cmple(Vec4::splat(far));
+        Vec4::select(hit, distance, Vec4::INFINITY)
+    }
+}
+
 /// Set in the entry of a cell without triangles; the rest is how many cells (Chebyshev) it is certainly away from
 /// the nearest one with triangles.
 const EMPTY: u32 = 1 << 31;
@@ -260,7 +300,7 @@ const EMPTY: u32 = 1 << 31;
 /// The triangles of one occupied cell.
 #[derive(Debug, Clone, Copy)]
 struct Occupied {
-    /// Its first entry among the items; it ends where the next cell's begin.
+    /// Its first block; it ends where the next cell's begin.
     start: u32,
     /// Lowest and highest y that its triangles reach, m: rays that pass above or below are not tested.
     lowest: f32,
@@ -276,7 +316,9 @@ pub struct Mesh {
     cells: Vec<u32>,
     /// In the order of their cells, with one more at the end.
     occupied: Vec<Occupied>,
-    items: Vec<u32>,
+    blocks: Vec<RayBlock>,
+    /// The triangles in the lanes of each block, or [`NO_TRIANGLE`].
+    items: Vec<[u32; LANES]>,
 }
 
 impl Mesh {
@@ -285,11 +327,11 @@ impl Mesh {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
         let mut mesh =
-            Self { triangles, counts, cells: vec![0; cell_count], occupied: Vec::new(), items: Vec::new() };
-        let mut cells = std::mem::take(&mut mesh.cells);
-        mesh.for_each_cell_of_triangles(|cell, _| cells[cell] += 1);
+            Self { triangles, counts, cells: Vec::new(), occupied: Vec::new(), blocks: Vec::new(), items: Vec::new() };
+        let mut cells = vec![0u32; cell_count];
+        mesh.for_each_cell_of_triangles(|cell, _| cells[mesh.cell_idx(cell)] += 1);
         let skips = mesh.empty_space_skips(&cells);
-        let mut item_count = 0;
+        let mut block_count = 0;
         let mut occupied = Vec::new();
         for (cell, skip) in cells.iter_mut().zip(skips) {
             if *cell == 0 {
@@ -297,21 +339,27 @@ impl Mesh {
                 continue;
             }
             let triangle_count = std::mem::replace(cell, occupied.len() as u32);
-            occupied.push(Occupied { start: item_count, lowest: f32::INFINITY, highest: f32::NEG_INFINITY });
-            item_count += triangle_count;
+            occupied.push(Occupied { start: block_count, lowest: f32::INFINITY, highest: f32::NEG_INFINITY });
+            block_count += triangle_count.div_ceil(LANES as u32);
         }
-        let mut ends: Vec<u32> = occupied.iter().map(|range| range.start).collect();
-        occupied.push(Occupied { start: item_count, lowest: 0.0, highest: 0.0 });
-        let mut items = vec![0u32; item_count as usize];
+        let mut filled = vec![0u32; occupied.len()];
+        occupied.push(Occupied { start: block_count, lowest: 0.0, highest: 0.0 });
+        let mut blocks = vec![RayBlock::EMPTY; block_count as usize];
+        let mut items = vec![[NO_TRIANGLE; LANES]; block_count as usize];
         mesh.for_each_cell_of_triangles(|cell, triangle_idx| {
-            let idx = cells[cell] as usize;
-            items[ends[idx] as usize] = triangle_idx;
-            ends[idx] += 1;
-            let (low, high) = mesh.triangles[triangle_idx as usize].bounds();
+            let idx = cells[mesh.cell_idx(cell)] as usize;
+            let (block, lane) = (filled[idx] as usize / LANES, filled[idx] as usize % LANES);
+            let block = occupied[idx].start as usize + block;
+            let triangle = &mesh.triangles[triangle_idx as usize];
+            items[block][lane] = triangle_idx;
+            blocks[block].set(lane, triangle, centre_of(cell));
+            filled[idx] += 1;
+            let (low, high) = triangle.bounds();
             occupied[idx].lowest = occupied[idx].lowest.min(low.y);
             occupied[idx].highest = occupied[idx].highest.max(high.y);
         });
-        Self { cells, occupied, items, ..mesh }
+        (mesh.cells, mesh.occupied, mesh.blocks, mesh.items) = (cells, occupied, blocks, items);
+        mesh
     }
 
     /// All triangles, in a fixed order.
@@ -329,14 +377,14 @@ impl Mesh {
         std::mem::size_of_val(self.triangles.as_slice())
             + std::mem::size_of_val(self.cells.as_slice())
             + std::mem::size_of_val(self.occupied.as_slice())
+            + std::mem::size_of_val(self.blocks.as_slice())
             + std::mem::size_of_val(self.items.as_slice())
     }
 
-    /// Triangles of an occupied cell.
+    /// Blocks of an occupied cell.
     #[inline]
-    fn items_of(&self, occupied_idx: usize) -> &[u32] {
-        let range = self.occupied[occupied_idx].start as usize..self.occupied[occupied_idx + 1].start as usize;
-        &self.items[range]
+    fn blocks_of(&self, occupied_idx: usize) -> std::ops::Range<usize> {
+        self.occupied[occupied_idx].start as usize..self.occupied[occupied_idx + 1].start as usize
     }
 
     fn cell_idx(&self, [x, y, z]: [i32; 3]) -> usize {
@@ -353,7 +401,7 @@ impl Mesh {
         (clamp(self.cell_of(low)), clamp(self.cell_of(high)))
     }
 
-    fn for_each_cell_of_triangles(&self, mut visit: impl FnMut(usize, u32)) {
+    fn for_each_cell_of_triangles(&self, mut visit: impl FnMut([i32; 3], u32)) {
         // Slightly widened bounds, so that a triangle on a cell's border is found from both sides.
         let slack = Vec3::splat(1.0e-3);
         let half = Vec3::splat(CELL_M * 0.5 + 1.0e-3);
@@ -363,12 +411,12 @@ impl Mesh {
             for z in from[2]..=to[2] {
                 for y in from[1]..=to[1] {
                     for x in from[0]..=to[0] {
-                        let centre = (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M;
+                        let centre = centre_of([x, y, z]);
                         let reach = triangle.normal.abs().dot(half);
                         let on_border =
                             [(x, 0), (y, 1), (z, 2)].iter().any(|&(c, axis)| c == 0 || c == self.counts[axis] - 1);
                         if on_border || triangle.normal.dot(centre - triangle.a).abs() <= reach {
-                            visit(self.cell_idx([x, y, z]), idx as u32);
+                            visit([x, y, z], idx as u32);
                         }
                     }
                 }
@@ -438,18 +486,20 @@ impl Mesh {
         let mut travelled = self.enter(origin, direction)?;
         let inverse = Vec3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
         let step = [direction.x, direction.y, direction.z].map(|d| if d > 0.0 { 1 } else { -1 });
+        // Cells are left by their upper border where the ray grows.
+        let upper = step.map(|step| (step + 1) / 2);
         let entry = self.cell_of(origin + direction * travelled);
         let mut cell = [0, 1, 2].map(|axis| entry[axis].clamp(0, self.counts[axis] - 1));
         while travelled <= max_distance {
-            if (0..3).any(|axis| cell[axis] < 0 || cell[axis] >= self.counts[axis]) {
+            if (0..3).any(|axis| cell[axis] as u32 >= self.counts[axis] as u32) {
                 return None;
             }
             let entry = self.cells[self.cell_idx(cell)];
             // Leave this cell, or the block of cells around it that is known to be empty.
             let margin = if entry & EMPTY == 0 { 0 } else { (entry & !EMPTY) as i32 - 1 };
-            let exit = |axis: usize, o: f32, inv: f32| {
-                let border = if step[axis] > 0 { cell[axis] + 1 + margin } else { cell[axis] - margin };
-                if inv.is_finite() { (border as f32 * CELL_M - o) * inv } else { f32::INFINITY }
+            let exit = |axis: usize, o: f32, inverse: f32| {
+                let border = (cell[axis] + upper[axis] + step[axis] * margin) as f32 * CELL_M;
+                if inverse.is_finite() { (border - o) * inverse } else { f32::INFINITY }
             };
             let exits = [exit(0, origin.x, inverse.x), exit(1, origin.y, inverse.y), exit(2, origin.z, inverse.z)];
             let axis = if exits[0] <= exits[1] && exits[0] <= exits[2] {
@@ -460,29 +510,19 @@ impl Mesh {
                 2
             };
             let leave = exits[axis].max(travelled);
-            if entry & EMPTY == 0 {
-                // A hit beyond this cell is found where it lies, so only this stretch of the ray is tested.
-                let (near, far) = ((travelled - STRETCH_SLACK_M).max(0.0), (leave + STRETCH_SLACK_M).min(max_distance));
-                let (y0, y1) = (origin.y + direction.y * near, origin.y + direction.y * far);
-                let Occupied { lowest, highest, .. } = self.occupied[entry as usize];
-                if y0.max(y1) >= lowest - STRETCH_SLACK_M && y0.min(y1) <= highest + STRETCH_SLACK_M {
-                    let mut best: Option<RayHit> = None;
-                    for &triangle_idx in self.items_of(entry as usize) {
-                        let triangle = &self.triangles[triangle_idx as usize];
-                        let far = best.map_or(far, |hit| hit.distance);
-                        if let Some(distance) = triangle.ray(origin, direction, near, far) {
-                            best = Some(RayHit { distance, triangle_idx, surface: triangle.surface });
-                        }
-                    }
-                    if best.is_some() {
-                        return best;
-                    }
-                }
+            if entry & EMPTY == 0
+                && let Some(hit) = self.cast_in_cell(
+                    cell,
+                    entry as usize,
+                    (origin, direction),
+                    ((travelled - STRETCH_SLACK_M).max(0.0), (leave + STRETCH_SLACK_M).min(max_distance)),
+                )
+            {
+                return Some(hit);
             }
             travelled = leave;
             if margin > 0 {
-                let point = origin + direction * travelled;
-                let moved = self.cell_of(point);
+                let moved = self.cell_of(origin + direction * travelled);
                 for other in 0..3 {
                     if other != axis {
                         cell[other] = moved[other].clamp(cell[other] - margin, cell[other] + margin);
@@ -494,27 +534,72 @@ impl Mesh {
         None
     }
 
-    /// In how many solids `point` lies: 0 in the open. Exact for closed solids, which may overlap.
-    pub fn solid_depth_at(&self, point: Vec3) -> u32 {
-        // Any direction will do; this one runs along no edge of the lattice or of a building.
-        const UP: Vec3 = Vec3::new(0.017_3, 0.999_65, 0.020_1);
-        let (mut origin, mut depth) = (point, 0i32);
-        while let Some(hit) = self.cast_ray(origin, UP, f32::MAX) {
-            if hit.surface.is_solid() {
-                let leaves = self.triangles[hit.triangle_idx as usize].normal.dot(UP) > 0.0;
-                depth += if leaves { 1 } else { -1 };
-            }
-            origin += UP * (hit.distance + 1.0e-3);
+    /// First triangle of one cell on a stretch of a ray. A hit beyond the cell is found where it lies.
+    #[inline]
+    fn cast_in_cell(
+        &self,
+        cell: [i32; 3],
+        occupied_idx: usize,
+        (origin, direction): (Vec3, Vec3),
+        (near, far): (f32, f32),
+    ) -> Option<RayHit> {
+        let (y0, y1) = (origin.y + direction.y * near, origin.y + direction.y * far);
+        let Occupied { lowest, highest, .. } = self.occupied[occupied_idx];
+        if y0.max(y1) < lowest - STRETCH_SLACK_M || y0.min(y1) > highest + STRETCH_SLACK_M {
+            return None;
         }
-        depth.max(0) as u32
+        let local = origin - centre_of(cell);
+        let (mut distance, mut triangle_idx) = (f32::INFINITY, NO_TRIANGLE);
+        for block in self.blocks_of(occupied_idx) {
+            let distances = self.blocks[block].cast(local, direction, near, far);
+            if distances.min_element() < distance {
+                for (lane, &idx) in self.items[block].iter().enumerate() {
+                    if distances[lane] < distance {
+                        (distance, triangle_idx) = (distances[lane], idx);
+                    }
+                }
+            }
+        }
+        (distance < f32::INFINITY).then(|| {
+            let surface = self.triangles[triangle_idx as usize].surface;
+            RayHit { distance, triangle_idx, surface }
+        })
+    }
+
+    /// In how many solids `point` lies: 0 in the open. For closed solids, which may overlap.
+    ///
+    /// Counts the faces that a ray to the sky leaves and enters through; of three rays, the median counts, since one
+    /// may graze an edge or meet two faces that coincide.
+    pub fn solid_depth_at(&self, point: Vec3) -> u32 {
+        let tilts = [Vec3::new(0.017_3, 1.0, 0.020_1), Vec3::new(-0.151, 1.0, 0.083), Vec3::new(0.061, 1.0, -0.217)];
+        let mut depths = tilts.map(|tilt| self.faces_left(point, tilt.normalize()));
+        depths.sort_unstable();
+        depths[1].max(0) as u32
+    }
+
+    /// Solid faces that a ray leaves through, less those that it enters through.
+    fn faces_left(&self, mut origin: Vec3, direction: Vec3) -> i32 {
+        let mut count = 0;
+        while let Some(hit) = self.cast_ray(origin, direction, f32::MAX) {
+            let triangle = &self.triangles[hit.triangle_idx as usize];
+            if triangle.surface.is_solid() {
+                count += if triangle.normal.dot(direction) > 0.0 { 1 } else { -1 };
+            }
+            origin += direction * (hit.distance + 1.0e-3);
+        }
+        count
     }
 
     /// Distance along the ray at which it enters the grid's box; `None` if it misses.
     fn enter(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let size = Vec3::new(self.counts[0] as f32, self.counts[1] as f32, self.counts[2] as f32) * CELL_M;
+        if origin.cmpge(Vec3::ZERO).all() && origin.cmple(size).all() {
+            return Some(0.0);
+        }
         let (mut near, mut far) = (0.0f32, f32::INFINITY);
         for axis in 0..3 {
             let (o, d) = (origin[axis], direction[axis]);
-            let high = self.counts[axis] as f32 * CELL_M;
+            let high = size[axis];
             if d == 0.0 {
                 if o < 0.0 || o > high {
                     return None;
@@ -539,7 +624,8 @@ impl Mesh {
                     if entry & EMPTY != 0 {
                         continue;
                     }
-                    for &triangle_idx in self.items_of(*entry as usize) {
+                    let items = self.items[self.blocks_of(*entry as usize)].as_flattened();
+                    for &triangle_idx in items.iter().take_while(|&&idx| idx != NO_TRIANGLE) {
                         let triangle = &self.triangles[triangle_idx as usize];
                         let (t_low, t_high) = triangle.bounds();
                         if triangle.surface.is_solid()

@@ -110,6 +110,7 @@ fn settle(map: &Map, profile: &CharacterProfile, floor: Vec3, scratch: &mut Move
         && !map.is_outside(body.feet)
         && map.liquid_at(body.feet, -0.1).is_none()
         && map.device_at(body.feet).is_none()
-        && is_clear(map.mesh(), profile, body.feet, 0.01, scratch);
+        && is_clear(map.mesh(), profile, body.feet, 0.01, scratch)
+        && map.mesh().solid_depth_at(body.feet + Vec3::new(0.0, 0.5 * profile.height, 0.0)) == 0;
     stands.then_some(body.feet)
 }

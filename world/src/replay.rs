@@ -152,11 +152,8 @@ impl Recording {
         if map.hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.hash() });
         }
-        let config = WorldConfig {
-            profiles: self.profiles.clone(),
-            task: self.task.clone(),
-            npc_collision: self.npc_collision,
-        };
+        let config =
+            WorldConfig { profiles: self.profiles.clone(), task: self.task.clone(), npc_collision: self.npc_collision };
         let mut world = World::with_config(map.clone(), config.clone());
         world.restore(self.start.clone());
         let (mut inputs, mut checks) = ((0..).zip(&self.inputs).peekable(), self.checks.iter().peekable());

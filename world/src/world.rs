@@ -1,11 +1,11 @@
 //! Many NPCs on one map.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
+use crate::crowd::CrowdScratch;
 use crate::map::{Liquid, Map};
 use crate::replay::{CHECK_EVERY_TICKS, Input, Recording};
 use crate::sense::{self, LastDecision, RayCone, SenseContext};
 use crate::task::{End, Episode, TaskConfig};
-use crate::crowd::CrowdScratch;
 use crate::{TICKS_PER_DECISION, Vec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

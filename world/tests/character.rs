@@ -3,9 +3,7 @@
 use std::sync::Arc;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{
-    Action, CharacterProfile, End, Map, NpcSlot, ProfileIdx, TaskConfig, Vec3, World, WorldConfig,
-};
+use surefoot_world::{Action, CharacterProfile, End, Map, NpcSlot, ProfileIdx, TaskConfig, Vec3, World, WorldConfig};
 
 const GROUND: f32 = 10.0;
 const MIDDLE: Vec3 = Vec3::new(30.0, GROUND, 30.0);
@@ -161,7 +159,8 @@ fn a_pad_throws_as_high_as_its_speed_says() {
 }
 
 fn pool(liquid: Liquid) -> World {
-    let pool = Pool { centre: MIDDLE + Vec3::new(0.0, 1.0, 0.0), outline: Outline::Round { radius: 8.0 }, depth: 1.5, liquid };
+    let pool =
+        Pool { centre: MIDDLE + Vec3::new(0.0, 1.0, 0.0), outline: Outline::Round { radius: 8.0 }, depth: 1.5, liquid };
     let mut world = world(flat(), Placed { pools: vec![pool], ..Placed::default() });
     world.spawn(MIDDLE, 0.0);
     world.set_goal(NPC, Vec3::new(5.0, GROUND, 5.0));

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use surefoot_world::map::Features;
 use surefoot_world::replay::{Recording, ReplayError};
 use surefoot_world::{
-    Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, ProfileIdx, TaskConfig, World, WorldConfig, navigable,
+    Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, ProfileIdx, TaskConfig, World, WorldConfig,
+    navigable,
 };
 
 fn crowd(map: &Arc<Map>, count: usize) -> World {
@@ -87,7 +88,8 @@ fn recorded(map: &Arc<Map>, seed: u64) -> Recording {
     let points = navigable::sample_many(map, &config.profiles[0], 32, &mut rng).unwrap();
     let mut world = World::with_config(map.clone(), config);
     // The recording begins in the middle of a run.
-    let slots: Vec<NpcSlot> = (0..4).map(|idx| world.spawn_as(ProfileIdx(idx % 2), points[usize::from(idx)], 0.3)).collect();
+    let slots: Vec<NpcSlot> =
+        (0..4).map(|idx| world.spawn_as(ProfileIdx(idx % 2), points[usize::from(idx)], 0.3)).collect();
     world.tick();
     world.start_recording();
     let mut point = |rng: &mut ChaCha8Rng| points[rng.random_range(0..points.len())];

@@ -1,13 +1,16 @@
 //! The fast paths against parry's own answers.
 
 use parry3d::query::{self, Ray, RayCast};
-use parry3d::shape::{Capsule, TriMesh, Triangle as ParryTriangle};
+use parry3d::shape::{Capsule, FeatureId, TriMesh, Triangle as ParryTriangle};
 use proptest::prelude::*;
-use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use std::sync::OnceLock;
+use rand::{RngExt, SeedableRng};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
+use surefoot_world::character::{MoveScratch, is_clear};
+use surefoot_world::map::Features;
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
+use surefoot_world::{Action, CharacterProfile, Map, MapSpec, NpcSlot, TaskConfig, Vec3, World, navigable};
 
 fn map() -> &'static (Map, TriMesh) {
     static MAP: OnceLock<(Map, TriMesh)> = OnceLock::new();
@@ -135,5 +138,187 @@ fn sampled_ground_holds_the_body_clear_of_all_geometry() {
         }
         assert!(supported, "floating at {feet:?}");
         assert!(map.liquid_at(feet, 0.0).is_none(), "in a pool at {feet:?}");
+    }
+}
+
+/// Solid triangles of a whole map with all features as parry's mesh.
+fn solid_map() -> &'static (Arc<Map>, TriMesh) {
+    static MAP: OnceLock<(Arc<Map>, TriMesh)> = OnceLock::new();
+    MAP.get_or_init(|| {
+        let spec = MapSpec { features: Features::all(), ..MapSpec::with_side(8, 120) };
+        let map = Arc::new(Map::generate(&spec).unwrap());
+        let mesh = parry_mesh(&map);
+        (map, mesh)
+    })
+}
+
+/// The solid triangles of a map as parry's mesh.
+fn parry_mesh(map: &Map) -> TriMesh {
+    let solids = map.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid());
+    let corners: Vec<Vec3> = solids.flat_map(Triangle::corners).collect();
+    let indices = (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    TriMesh::new(corners, indices).unwrap()
+}
+
+/// A random triangle of the map's ground away from its rim.
+fn some_triangle(map: &Map, rng: &mut ChaCha8Rng) -> Triangle {
+    loop {
+        let triangle = map.mesh().triangles()[rng.random_range(0..map.mesh().triangles().len())];
+        let inner = triangle.corners().iter().all(|c| (3.0..117.0).contains(&c.x) && (3.0..117.0).contains(&c.z));
+        if inner && triangle.surface().is_solid() {
+            return triangle;
+        }
+    }
+}
+
+#[test]
+fn rays_do_not_slip_through_corners_and_seams_of_a_map() {
+    let (map, _) = solid_map();
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    for round in 0..60_000 {
+        let triangle = some_triangle(map, &mut rng);
+        let corners = triangle.corners();
+        // A corner, or a point of a side.
+        let share = if round % 3 == 0 { 0.0 } else { rng.random_range(0.0..1.0) };
+        let target = corners[0] + (corners[1] - corners[0]) * share;
+        let aside = Vec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0));
+        // Steep enough that the seam is met and not grazed.
+        let from = target + (triangle.normal() * 2.0 + aside).normalize() * rng.random_range(0.2..9.0);
+        let way = target - from;
+        let hit = map.mesh().cast_ray(from, way.normalize(), way.length() + 1.0);
+        let distance = hit.map_or(f32::INFINITY, |hit| hit.distance);
+        assert!(distance < way.length() + 0.02, "slipped through {target:?} from {from:?}: {distance}");
+    }
+}
+
+#[test]
+fn bodies_touch_a_map_exactly_where_parry_says() {
+    let (map, reference) = solid_map();
+    let profile = CharacterProfile::default();
+    let mut rng = ChaCha8Rng::seed_from_u64(12);
+    let mut scratch = MoveScratch::default();
+    let (mut touching, mut free) = (0, 0);
+    while touching < 3000 || free < 3000 {
+        let triangle = some_triangle(map, &mut rng);
+        let [a, b, c] = triangle.corners();
+        // On corners and sides as often as inside.
+        let (u, v) = [(0.0, 0.0), (0.5, 0.0), (0.3, 0.3)][rng.random_range(0..3)];
+        let point = a + (b - a) * u + (c - a) * v + triangle.normal() * rng.random_range(0.05..0.5);
+        let feet = point - Vec3::new(0.0, [profile.radius, 0.9, 1.5][rng.random_range(0..3)], 0.0);
+        let low = feet + Vec3::new(0.0, profile.radius, 0.0);
+        let high = feet + Vec3::new(0.0, profile.height - profile.radius, 0.0);
+        let middle = (low + high) * 0.5;
+        if [low, middle, high].iter().any(|&point| map.mesh().solid_depth_at(point) > 0) {
+            continue;
+        }
+        let identity = parry3d::math::Pose::IDENTITY;
+        let segment = parry3d::shape::Segment::new(low, high);
+        let distance = query::distance(&identity, reference, &identity, &segment).unwrap().distance;
+        let clear = is_clear(map.mesh(), &profile, feet, 0.005, &mut scratch);
+        if distance < profile.radius - 0.01 && distance > 0.01 {
+            touching += 1;
+            assert!(!clear, "parry: {distance} m from the axis at {feet:?}, we call it clear");
+        } else if distance > profile.radius + 0.001 {
+            free += 1;
+            assert!(clear, "parry: {distance} m from the axis at {feet:?}, we call it touching");
+        }
+    }
+}
+
+#[test]
+fn running_bodies_rest_on_the_ground_that_parry_sees_and_enter_nothing() {
+    let (map, reference) = solid_map();
+    let profile = CharacterProfile::default();
+    let mut rng = ChaCha8Rng::seed_from_u64(13);
+    let points = navigable::sample_many(map, &profile, 48, &mut rng).unwrap();
+    let mut world = World::new(map.clone(), profile.clone(), TaskConfig::default());
+    let slots: Vec<NpcSlot> = points.iter().map(|&point| world.spawn(point, 0.3)).collect();
+    let (mut grounded, mut deepest) = (0u32, 0.0f32);
+    for tick in 0..1500 {
+        for (idx, &slot) in slots.iter().enumerate() {
+            if world.npc(slot).unwrap().harm.is_some() {
+                world.teleport(slot, points[idx], 0.0);
+            }
+            if tick % 10 == 0 {
+                let mut draw = |low: f32| rng.random_range(low..1.0);
+                let action = [draw(-0.2), draw(-1.0), draw(-1.0), draw(-1.0) - 0.8];
+                world.decide(slot, Action::from_array(action).unwrap());
+            }
+        }
+        world.tick();
+        for &slot in &slots {
+            let npc = world.npc(slot).unwrap();
+            if npc.harm.is_some() || npc.body.ride.is_some() {
+                continue;
+            }
+            let low = npc.body.feet + Vec3::new(0.0, profile.radius, 0.0);
+            let high = npc.body.feet + Vec3::new(0.0, profile.height - profile.radius, 0.0);
+            let identity = parry3d::math::Pose::IDENTITY;
+            let segment = parry3d::shape::Segment::new(low, high);
+            let distance = query::distance(&identity, reference, &identity, &segment).unwrap().distance;
+            deepest = deepest.max(profile.radius - distance);
+            if npc.body.is_grounded() {
+                grounded += 1;
+                assert!(distance < profile.radius + 0.06, "grounded {distance} m from all ground at {low:?}");
+            }
+            assert!(distance > 0.05, "the axis is {distance} m from a face at {:?}, tick {tick}", npc.body.feet);
+        }
+    }
+    assert!(grounded > 10_000, "{grounded}");
+    assert!(deepest < 0.2, "pressed {deepest} m into the ground");
+}
+
+#[test]
+fn of_a_million_spawns_none_is_off_the_ground_or_inside_geometry() {
+    const SPAWNS: usize = 1_000_000;
+    const MAPS: usize = 8;
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                loop {
+                    let idx = next.fetch_add(1, Ordering::Relaxed);
+                    if idx >= MAPS {
+                        return;
+                    }
+                    let features = if idx % 2 == 0 { Features::all() } else { Features::default() };
+                    let map = Map::generate(&MapSpec { features, ..MapSpec::with_side(40 + idx as u64, 150) }).unwrap();
+                    check_spawns(&map, SPAWNS / MAPS, idx as u64);
+                }
+            });
+        }
+    });
+}
+
+/// Whether a point lies in a solid, by parry's rays to the sky: all three leave more faces than they enter. One or two
+/// may be misled where faces coincide or a seam leaks.
+fn is_inside(mesh: &TriMesh, point: Vec3) -> bool {
+    // Away from the rim, where the ground is cut off and has no underside.
+    let inwards = (Vec3::new(75.0, 0.0, 75.0) - Vec3::new(point.x, 0.0, point.z)).normalize_or_zero();
+    [0.01, 0.06, 0.17].iter().all(|tilt| {
+        let direction = (Vec3::Y + inwards * *tilt + Vec3::new(0.003, 0.0, -0.002)).normalize();
+        let (mut origin, mut left) = (point, 0);
+        while let Some(hit) = mesh.cast_local_ray_and_get_normal(&Ray::new(origin, direction), 500.0, false) {
+            // Of a triangle's two faces, 0 is its front.
+            left += if hit.feature == FeatureId::Face(0) { -1 } else { 1 };
+            origin += direction * (hit.time_of_impact + 1.0e-3);
+        }
+        left > 0
+    })
+}
+
+fn check_spawns(map: &Map, count: usize, seed: u64) {
+    let profile = CharacterProfile::default();
+    let mut scratch = MoveScratch::default();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let reference = parry_mesh(map);
+    for _ in 0..count {
+        let feet = navigable::sample(map, &profile, &mut rng, &mut scratch).unwrap();
+        let lower = feet - Vec3::new(0.0, 0.03, 0.0);
+        assert!(!is_clear(map.mesh(), &profile, lower, 0.011, &mut scratch), "nothing under {feet:?}");
+        assert!(is_clear(map.mesh(), &profile, feet, 0.011, &mut scratch), "pressed into geometry at {feet:?}");
+        let chest = feet + Vec3::new(0.0, 0.9, 0.0);
+        assert!(!is_inside(&reference, chest), "inside a solid at {feet:?}, map {:?}", map.spec());
+        assert!(map.liquid_at(feet, 0.0).is_none() && map.device_at(feet).is_none(), "{feet:?}");
     }
 }

@@ -114,7 +114,7 @@ pub struct ShowArgs {
     /// Colour what is connected on foot
     #[arg(long)]
     islands: bool,
-    /// Pixels per metre of the picture; as many as make it 1,000 wide if not given
+    /// Pixels per metre of the picture; as many as make it 1,000 wide, up to 8, if not given
     #[arg(long)]
     scale: Option<f32>,
     /// Print one JSON document
@@ -217,8 +217,7 @@ fn show(args: &ShowArgs) -> anyhow::Result<()> {
     let started = Instant::now();
     let map = args.source.load()?;
     let seconds = started.elapsed().as_secs_f64();
-    let reach = (args.stats || args.islands)
-        .then(|| Reach::survey(&map, &CharacterProfile::default(), core_count()));
+    let reach = (args.stats || args.islands).then(|| Reach::survey(&map, &CharacterProfile::default(), core_count()));
     if let Some(path) = &args.png {
         draw(args, &map, reach.as_ref())?.save(path)?;
     }
@@ -271,7 +270,7 @@ fn show(args: &ShowArgs) -> anyhow::Result<()> {
 
 fn draw(args: &ShowArgs, map: &Map, reach: Option<&Reach>) -> anyhow::Result<Picture> {
     let side = map.extent().x.max(map.extent().z);
-    let scale = args.scale.unwrap_or(1000.0 / side);
+    let scale = args.scale.unwrap_or((1000.0 / side).min(8.0));
     if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
         bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
     }

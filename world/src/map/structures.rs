@@ -7,6 +7,8 @@ use std::f32::consts::TAU;
 
 /// Thickness of walls, m.
 const WALL_M: f32 = 0.35;
+/// How far walls reach into floors, m.
+const OVERLAP_M: f32 = 0.1;
 /// Thickness of floors and stairs, m.
 const SLAB_M: f32 = 0.3;
 /// Floor to floor, m.
@@ -125,20 +127,28 @@ fn building_blocks(building: &Building) -> Vec<Block> {
     for storey in 0..building.storeys {
         let floor = f32::from(storey) * STOREY_M;
         let ceiling = floor + STOREY_M - SLAB_M;
+        // Walls reach into the slabs above and below, so that no two faces coincide.
+        let wall = [floor - OVERLAP_M, ceiling + OVERLAP_M];
         // Flights alternate between the two long walls and between the two directions.
         let side = if storey.is_multiple_of(2) { -1.0 } else { 1.0 };
         let has_stairs = storey + 1 < building.storeys || building.roof_stairs;
-        add_long_walls(&mut blocks, [hx, hz], floor, ceiling);
+        add_long_walls(&mut blocks, [hx, hz], wall);
         let opening = if storey == 0 { DOOR } else { WINDOW };
-        add_wall_across(&mut blocks, [-hx, -hx + WALL_M], [-hz, hz], [floor, ceiling], opening);
+        add_wall_across(&mut blocks, [-hx, -hx + WALL_M], [-hz, hz], wall, (opening.0, opening.1 + OVERLAP_M));
         if storey == 0 {
-            add_wall_across(&mut blocks, [hx - WALL_M, hx], [-hz, hz], [floor, ceiling], opening);
+            add_wall_across(&mut blocks, [hx - WALL_M, hx], [-hz, hz], wall, (opening.0, opening.1 + OVERLAP_M));
         } else {
-            blocks.push(Block::new([hx - WALL_M, floor, -hz], [hx, ceiling, hz]));
+            blocks.push(Block::new([hx - WALL_M, wall[0], -hz], [hx, wall[1], hz]));
         }
         let room = hz - WALL_M - STAIR_WIDTH_M;
         if room > WINDOW.0 + 0.8 {
-            add_wall_across(&mut blocks, [-0.5 * WALL_M, 0.5 * WALL_M], [-room, room], [floor, ceiling], WINDOW);
+            add_wall_across(
+                &mut blocks,
+                [-0.5 * WALL_M, 0.5 * WALL_M],
+                [-room, room],
+                wall,
+                (WINDOW.0, WINDOW.1 + OVERLAP_M),
+            );
         }
         if has_stairs {
             add_stairs(&mut blocks, [hx, hz], floor, side);
@@ -150,7 +160,7 @@ fn building_blocks(building: &Building) -> Vec<Block> {
 }
 
 /// The two closed walls along x.
-fn add_long_walls(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], floor: f32, ceiling: f32) {
+fn add_long_walls(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], [floor, ceiling]: [f32; 2]) {
     blocks.push(Block::new([-hx, floor, -hz], [hx, ceiling, -hz + WALL_M]));
     blocks.push(Block::new([-hx, floor, hz - WALL_M], [hx, ceiling, hz]));
 }
@@ -177,11 +187,7 @@ fn add_stairs(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], floor: f32, side: f32
     let (z0, z1) = z(near, far);
     // Rises towards +x on one side and towards -x on the other.
     let (low, rise) = if side < 0.0 { (floor, STOREY_M) } else { (floor + STOREY_M, -STOREY_M) };
-    blocks.push(Block {
-        min: Vec3::new(-half_run, low - SLAB_M, z0),
-        max: Vec3::new(half_run, low, z1),
-        rise,
-    });
+    blocks.push(Block { min: Vec3::new(-half_run, low - SLAB_M, z0), max: Vec3::new(half_run, low, z1), rise });
     blocks.push(Block::new([-hx, bottom, z0], [-half_run, top, z1]));
     blocks.push(Block::new([half_run, bottom, z0], [hx, top, z1]));
     let (rest0, rest1) = z(-hz, near);

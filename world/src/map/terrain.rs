@@ -112,10 +112,14 @@ impl Lattice {
     /// `edit` gets the distance to the line, the height and the density, and returns the new density.
     pub(crate) fn edit_column(&mut self, x: f32, z: f32, radius: f32, edit: impl Fn(f32, f32, f32) -> f32) {
         let top = self.counts[1] as f32 * VOXEL_M;
-        self.edit_box(Vec3::new(x - radius, 0.0, z - radius), Vec3::new(x + radius, top, z + radius), |point, density| {
-            let distance = (point.x - x).hypot(point.z - z);
-            if distance > radius { density } else { edit(distance, point.y, density) }
-        });
+        self.edit_box(
+            Vec3::new(x - radius, 0.0, z - radius),
+            Vec3::new(x + radius, top, z + radius),
+            |point, density| {
+                let distance = (point.x - x).hypot(point.z - z);
+                if distance > radius { density } else { edit(distance, point.y, density) }
+            },
+        );
     }
 
     /// Rewrites the density of every lattice point in a box; `edit` gets the point and its density.

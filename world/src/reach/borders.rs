@@ -85,7 +85,8 @@ fn cause_of(map: &Map, feet: Vec3, ahead: Vec3) -> Cause {
     let placed = map.placed();
     // The ground ahead may lie a little lower or higher: the liquid over it counts.
     let above = ahead + Vec3::new(0.0, 1.2, 0.0);
-    let below = map.mesh().cast_ray(above, navigable::DOWN, 3.0).map_or(ahead, |hit| above + navigable::DOWN * hit.distance);
+    let below =
+        map.mesh().cast_ray(above, navigable::DOWN, 3.0).map_or(ahead, |hit| above + navigable::DOWN * hit.distance);
     let liquid = [ahead, below - Vec3::new(0.0, 0.05, 0.0)].into_iter().find_map(|point| map.liquid_at(point, -0.1));
     match liquid {
         Some(Liquid::Water) => return Cause::Water,

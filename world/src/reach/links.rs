@@ -90,16 +90,15 @@ struct IslandSearch<'a> {
 
 impl IslandSearch<'_> {
     fn links(&self) -> impl Iterator<Item = Link> {
-        self.known
-            .iter()
-            .filter_map(|(&to, known)| known.means.map(|means| Link { from: self.island, to, means }))
+        self.known.iter().filter_map(|(&to, known)| known.means.map(|means| Link { from: self.island, to, means }))
     }
 
     fn is_settled(&self, island: u32, means: Means) -> bool {
         island == self.island
-            || self.known.get(&island).is_some_and(|known| {
-                known.means.is_some_and(|best| best <= means) || known.failures >= MAX_FAILURES
-            })
+            || self
+                .known
+                .get(&island)
+                .is_some_and(|known| known.means.is_some_and(|best| best <= means) || known.failures >= MAX_FAILURES)
     }
 
     /// Tries a leap; whatever ground it lands on is linked.

@@ -42,15 +42,8 @@ pub enum Means {
 
 impl Means {
     /// All of them, from the least demanding on.
-    pub const ALL: [Means; 7] = [
-        Means::Drop,
-        Means::Jump,
-        Means::DoubleJump,
-        Means::Pad,
-        Means::ZipLine,
-        Means::Teleporter,
-        Means::Jetpack,
-    ];
+    pub const ALL: [Means; 7] =
+        [Means::Drop, Means::Jump, Means::DoubleJump, Means::Pad, Means::ZipLine, Means::Teleporter, Means::Jetpack];
 
     /// Lower-case name as used in reports.
     pub fn name(self) -> &'static str {

@@ -34,4 +34,3 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         Figure::new("infer_256_us", median(inference) * 1.0e6, "us, one thread"),
     ])
 }
-
