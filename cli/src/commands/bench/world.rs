@@ -64,7 +64,7 @@ fn peak_memory_mb() -> Option<f64> {
 fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
     let profile = CharacterProfile::default();
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let points = navigable::sample_many(&map, &profile, 2 * NPCS, &mut rng)?;
+    let points = navigable::sample_many(map, &profile, 2 * NPCS, &mut rng)?;
     let mut world = World::new(map.clone(), profile.clone(), TaskConfig::default());
     for pair in points.chunks_exact(2) {
         let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
