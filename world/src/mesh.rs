@@ -5,10 +5,9 @@
 //! parry3d's triangle is the reference: property tests hold rays and contacts against it.
 
 use crate::{Vec3, parallel};
-use parry3d::glamx::Vec4;
 
 /// Side of a grid cell in metres.
-const CELL_M: f32 = 1.25;
+const CELL_M: f32 = 1.6;
 /// Its inverse.
 const CELLS_PER_M: f32 = 1.0 / CELL_M;
 /// Barycentric slack that closes the seams between neighbouring triangles for rays.
@@ -93,6 +92,26 @@ impl Triangle {
     fn bounds(&self) -> (Vec3, Vec3) {
         let [a, b, c] = self.corners();
         (a.min(b).min(c), a.max(b).max(c))
+    }
+
+    /// Two-sided intersection inside `near..=far` along the ray: plane first, which settles most cases, then barycentric
+    /// coordinates, slightly widened so that seams do not leak.
+    #[inline]
+    fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
+        let offset = origin - self.a;
+        let distance = -self.normal.dot(offset) / self.normal.dot(direction);
+        // Also refuses the NaN of a ray inside the plane.
+        if !(distance >= near && distance <= far) {
+            return None;
+        }
+        let point = offset + direction * distance;
+        let (ab, ac) = (self.ab, self.ac);
+        let (bb, bc, cc) = (ab.dot(ab), ab.dot(ac), ac.dot(ac));
+        let (pb, pc) = (point.dot(ab), point.dot(ac));
+        let area = bb * cc - bc * bc;
+        let (b, c) = (cc * pb - bc * pc, bb * pc - bc * pb);
+        let slack = -SEAM_SLACK * area;
+        (b >= slack && c >= slack && b + c <= area - slack).then_some(distance)
     }
 
     /// Closest point of the triangle to `point` when that lies in its interior or on its border
@@ -238,61 +257,6 @@ pub struct RayHit {
     pub surface: Surface,
 }
 
-/// Triangles that a ray is tested against at once.
-const LANES: usize = 4;
-/// Marks a lane without a triangle.
-const NO_TRIANGLE: u32 = u32::MAX;
-
-/// Up to four triangles of one cell, laid out for testing a ray against all of them at once. Each row of numbers is a
-/// linear function of a point relative to the cell's centre: the distance to the plane, and the two barycentric
-/// coordinates.
-#[derive(Debug, Clone, Copy)]
-struct RayBlock {
-    plane: [Vec4; 4],
-    along_b: [Vec4; 4],
-    along_c: [Vec4; 4],
-}
-
-impl RayBlock {
-    /// Lanes that no ray hits.
-    const EMPTY: Self = Self {
-        plane: [Vec4::ZERO, Vec4::ZERO, Vec4::ZERO, Vec4::ONE],
-        along_b: [Vec4::ZERO; 4],
-        along_c: [Vec4::ZERO; 4],
-    };
-
-    fn set(&mut self, lane: usize, triangle: &Triangle, centre: Vec3) {
-        let Triangle { a, ab, ac, normal, .. } = *triangle;
-        // Dual vectors of `ab` and `ac`: their products with `p - a` are the barycentric coordinates of `p`.
-        let area = ab.cross(ac).length();
-        let (dual_b, dual_c) = (ac.cross(normal) / area, normal.cross(ab) / area);
-        for (rows, vector) in [(&mut self.plane, normal), (&mut self.along_b, dual_b), (&mut self.along_c, dual_c)] {
-            let offset = -vector.dot(a - centre);
-            for (row, value) in rows.iter_mut().zip([vector.x, vector.y, vector.z, offset]) {
-                row[lane] = value;
-            }
-        }
-    }
-
-    /// Two-sided intersection inside `near..=far` along the ray, for each lane; infinity where there is none. The
-    /// triangles are slightly widened so that seams do not leak.
-    #[inline]
-    fn cast(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Vec4 {
-        let product = |rows: &[Vec4; 4], v: Vec3| rows[0] * v.x + rows[1] * v.y + rows[2] * v.z;
-        let distance = -(product(&self.plane, origin) + self.plane[3]) / product(&self.plane, direction);
-        let point = |rows: &[Vec4; 4]| product(rows, origin) + rows[3] + distance * product(rows, direction);
-        let (b, c) = (point(&self.along_b), point(&self.along_c));
-        let slack = Vec4::splat(-SEAM_SLACK);
-        // Comparisons also refuse the NaN of a ray inside the plane.
-        let hit = b.cmpge(slack)
-            & c.cmpge(slack)
-            & (b + c).cmple(Vec4::splat(1.0 + SEAM_SLACK))
-            & distance.cmpge(Vec4::splat(near))
-            & distance.cmple(Vec4::splat(far));
-        Vec4::select(hit, distance, Vec4::INFINITY)
-    }
-}
-
 /// Set in the entry of a cell without triangles; the rest is how many cells (Chebyshev) it is certainly away from
 /// the nearest one with triangles.
 const EMPTY: u32 = 1 << 31;
@@ -300,7 +264,7 @@ const EMPTY: u32 = 1 << 31;
 /// The triangles of one occupied cell.
 #[derive(Debug, Clone, Copy)]
 struct Occupied {
-    /// Its first block; it ends where the next cell's begin.
+    /// Its first item; it ends where the next cell's begin.
     start: u32,
     /// Lowest and highest y that its triangles reach, m: rays that pass above or below are not tested.
     lowest: f32,
@@ -316,9 +280,8 @@ pub struct Mesh {
     cells: Vec<u32>,
     /// In the order of their cells, with one more at the end.
     occupied: Vec<Occupied>,
-    blocks: Vec<RayBlock>,
-    /// The triangles in the lanes of each block, or [`NO_TRIANGLE`].
-    items: Vec<[u32; LANES]>,
+    /// Triangles of each occupied cell, in the order of the cells.
+    items: Vec<u32>,
 }
 
 impl Mesh {
@@ -326,12 +289,11 @@ impl Mesh {
     pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
-        let mut mesh =
-            Self { triangles, counts, cells: Vec::new(), occupied: Vec::new(), blocks: Vec::new(), items: Vec::new() };
+        let mut mesh = Self { triangles, counts, cells: Vec::new(), occupied: Vec::new(), items: Vec::new() };
         let mut cells = vec![0u32; cell_count];
-        mesh.for_each_cell_of_triangles(|cell, _| cells[mesh.cell_idx(cell)] += 1);
+        mesh.for_each_cell_of_triangles(|cell, _| cells[cell] += 1);
         let skips = mesh.empty_space_skips(&cells);
-        let mut block_count = 0;
+        let mut item_count = 0;
         let mut occupied = Vec::new();
         for (cell, skip) in cells.iter_mut().zip(skips) {
             if *cell == 0 {
@@ -339,26 +301,21 @@ impl Mesh {
                 continue;
             }
             let triangle_count = std::mem::replace(cell, occupied.len() as u32);
-            occupied.push(Occupied { start: block_count, lowest: f32::INFINITY, highest: f32::NEG_INFINITY });
-            block_count += triangle_count.div_ceil(LANES as u32);
+            occupied.push(Occupied { start: item_count, lowest: f32::INFINITY, highest: f32::NEG_INFINITY });
+            item_count += triangle_count;
         }
-        let mut filled = vec![0u32; occupied.len()];
-        occupied.push(Occupied { start: block_count, lowest: 0.0, highest: 0.0 });
-        let mut blocks = vec![RayBlock::EMPTY; block_count as usize];
-        let mut items = vec![[NO_TRIANGLE; LANES]; block_count as usize];
+        let mut ends: Vec<u32> = occupied.iter().map(|range| range.start).collect();
+        occupied.push(Occupied { start: item_count, lowest: 0.0, highest: 0.0 });
+        let mut items = vec![0u32; item_count as usize];
         mesh.for_each_cell_of_triangles(|cell, triangle_idx| {
-            let idx = cells[mesh.cell_idx(cell)] as usize;
-            let (block, lane) = (filled[idx] as usize / LANES, filled[idx] as usize % LANES);
-            let block = occupied[idx].start as usize + block;
-            let triangle = &mesh.triangles[triangle_idx as usize];
-            items[block][lane] = triangle_idx;
-            blocks[block].set(lane, triangle, centre_of(cell));
-            filled[idx] += 1;
-            let (low, high) = triangle.bounds();
+            let idx = cells[cell] as usize;
+            items[ends[idx] as usize] = triangle_idx;
+            ends[idx] += 1;
+            let (low, high) = mesh.triangles[triangle_idx as usize].bounds();
             occupied[idx].lowest = occupied[idx].lowest.min(low.y);
             occupied[idx].highest = occupied[idx].highest.max(high.y);
         });
-        (mesh.cells, mesh.occupied, mesh.blocks, mesh.items) = (cells, occupied, blocks, items);
+        (mesh.cells, mesh.occupied, mesh.items) = (cells, occupied, items);
         mesh
     }
 
@@ -377,14 +334,14 @@ impl Mesh {
         std::mem::size_of_val(self.triangles.as_slice())
             + std::mem::size_of_val(self.cells.as_slice())
             + std::mem::size_of_val(self.occupied.as_slice())
-            + std::mem::size_of_val(self.blocks.as_slice())
             + std::mem::size_of_val(self.items.as_slice())
     }
 
-    /// Blocks of an occupied cell.
+    /// Triangles of an occupied cell.
     #[inline]
-    fn blocks_of(&self, occupied_idx: usize) -> std::ops::Range<usize> {
-        self.occupied[occupied_idx].start as usize..self.occupied[occupied_idx + 1].start as usize
+    fn items_of(&self, occupied_idx: usize) -> &[u32] {
+        let range = self.occupied[occupied_idx].start as usize..self.occupied[occupied_idx + 1].start as usize;
+        &self.items[range]
     }
 
     fn cell_idx(&self, [x, y, z]: [i32; 3]) -> usize {
@@ -401,7 +358,7 @@ impl Mesh {
         (clamp(self.cell_of(low)), clamp(self.cell_of(high)))
     }
 
-    fn for_each_cell_of_triangles(&self, mut visit: impl FnMut([i32; 3], u32)) {
+    fn for_each_cell_of_triangles(&self, mut visit: impl FnMut(usize, u32)) {
         // Slightly widened bounds, so that a triangle on a cell's border is found from both sides.
         let slack = Vec3::splat(1.0e-3);
         let half = Vec3::splat(CELL_M * 0.5 + 1.0e-3);
@@ -416,7 +373,7 @@ impl Mesh {
                         let on_border =
                             [(x, 0), (y, 1), (z, 2)].iter().any(|&(c, axis)| c == 0 || c == self.counts[axis] - 1);
                         if on_border || triangle.normal.dot(centre - triangle.a).abs() <= reach {
-                            visit([x, y, z], idx as u32);
+                            visit(self.cell_idx([x, y, z]), idx as u32);
                         }
                     }
                 }
@@ -512,7 +469,6 @@ impl Mesh {
             let leave = exits[axis].max(travelled);
             if entry & EMPTY == 0
                 && let Some(hit) = self.cast_in_cell(
-                    cell,
                     entry as usize,
                     (origin, direction),
                     ((travelled - STRETCH_SLACK_M).max(0.0), (leave + STRETCH_SLACK_M).min(max_distance)),
@@ -538,7 +494,6 @@ impl Mesh {
     #[inline]
     fn cast_in_cell(
         &self,
-        cell: [i32; 3],
         occupied_idx: usize,
         (origin, direction): (Vec3, Vec3),
         (near, far): (f32, f32),
@@ -548,22 +503,15 @@ impl Mesh {
         if y0.max(y1) < lowest - STRETCH_SLACK_M || y0.min(y1) > highest + STRETCH_SLACK_M {
             return None;
         }
-        let local = origin - centre_of(cell);
-        let (mut distance, mut triangle_idx) = (f32::INFINITY, NO_TRIANGLE);
-        for block in self.blocks_of(occupied_idx) {
-            let distances = self.blocks[block].cast(local, direction, near, far);
-            if distances.min_element() < distance {
-                for (lane, &idx) in self.items[block].iter().enumerate() {
-                    if distances[lane] < distance {
-                        (distance, triangle_idx) = (distances[lane], idx);
-                    }
-                }
+        let mut best: Option<RayHit> = None;
+        for &triangle_idx in self.items_of(occupied_idx) {
+            let triangle = &self.triangles[triangle_idx as usize];
+            let far = best.map_or(far, |hit| hit.distance);
+            if let Some(distance) = triangle.ray(origin, direction, near, far) {
+                best = Some(RayHit { distance, triangle_idx, surface: triangle.surface });
             }
         }
-        (distance < f32::INFINITY).then(|| {
-            let surface = self.triangles[triangle_idx as usize].surface;
-            RayHit { distance, triangle_idx, surface }
-        })
+        best
     }
 
     /// In how many solids `point` lies: 0 in the open. For closed solids, which may overlap.
@@ -624,8 +572,7 @@ impl Mesh {
                     if entry & EMPTY != 0 {
                         continue;
                     }
-                    let items = self.items[self.blocks_of(*entry as usize)].as_flattened();
-                    for &triangle_idx in items.iter().take_while(|&&idx| idx != NO_TRIANGLE) {
+                    for &triangle_idx in self.items_of(*entry as usize) {
                         let triangle = &self.triangles[triangle_idx as usize];
                         let (t_low, t_high) = triangle.bounds();
                         if triangle.surface.is_solid()

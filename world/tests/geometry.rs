@@ -281,7 +281,7 @@ fn of_a_million_spawns_none_is_off_the_ground_or_inside_geometry() {
                     if idx >= MAPS {
                         return;
                     }
-                    let features = if idx % 2 == 0 { Features::all() } else { Features::default() };
+                    let features = if idx.is_multiple_of(2) { Features::all() } else { Features::default() };
                     let map = Map::generate(&MapSpec { features, ..MapSpec::with_side(40 + idx as u64, 150) }).unwrap();
                     check_spawns(&map, SPAWNS / MAPS, idx as u64);
                 }
