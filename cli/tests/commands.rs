@@ -102,3 +102,78 @@ fn a_server_ends_cleanly_on_sigterm() {
     std::io::Read::read_to_string(&mut log, &mut line).expect("the rest of the log");
     assert!(server.wait().expect("the server ends").success(), "{line}");
 }
+
+#[test]
+fn the_statistics_of_a_map_are_the_agreed_document() {
+    let report = json(&surefoot(&["map", "show", "7", "--size", "120", "--features", "all", "--stats", "--json"]));
+    assert_eq!((&report["seed"], &report["size"]["height"]), (&7.into(), &80.into()));
+    let share = |name: &str| report[name].as_f64().unwrap();
+    assert!(share("walk_connected") < share("all_connected") && share("all_connected") <= 1.0);
+    for means in ["drop", "jump", "double_jump", "pad", "zip_line", "teleporter", "jetpack"] {
+        assert!(report["cut_off_without"][means].is_number(), "no {means}");
+    }
+    let borders = report["borders"].as_object().unwrap();
+    assert!((borders.values().map(|share| share.as_f64().unwrap()).sum::<f64>() - 1.0).abs() < 1.0e-9);
+    assert!(report["features"]["zip_lines"].is_number());
+}
+
+#[test]
+fn a_map_goes_through_files_and_a_run_on_it_replays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let run = |args: &[&str]| {
+        let output = surefoot(args);
+        assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let (saved, level, back, recording) = (path("a.sfmap"), path("a.glb"), path("b.sfmap"), path("run.sfreplay"));
+    let hash = |source: &[&str]| json(&surefoot(&[&["map", "show"], source, &["--json"]].concat()))["hash"].clone();
+    run(&["map", "generate", "9", "--size", "60", "--out", &saved]);
+    assert_eq!(hash(&[&saved]), hash(&["9", "--size", "60"]));
+    run(&["map", "export", &saved, "--out", &level]);
+    run(&["map", "import", &level, "--out", &back]);
+    let triangles = |file: &str| json(&surefoot(&["map", "show", file, "--json"]))["triangles"].clone();
+    assert_eq!(triangles(&back), triangles(&saved));
+    // On an imported map the recording cannot generate it anew: the file must be named.
+    run(&["map", "record", &back, "--npcs", "3", "--ticks", "700", "--out", &recording]);
+    let told = surefoot(&["map", "replay", &recording, "--check"]);
+    assert!(String::from_utf8_lossy(&told.stderr).contains("--map"));
+    assert!(run(&["map", "replay", &recording, "--check", "--map", &back]).contains("the same state again"));
+    run(&["map", "record", "9", "--size", "60", "--npcs", "3", "--ticks", "700", "--out", &recording]);
+    assert!(run(&["map", "replay", &recording, "--check"]).contains("the same state again"));
+    for view in [&["--iso"][..], &["--top"], &["--section", "20"], &["--islands"]] {
+        let picture = path("picture.png");
+        run(&[&["map", "show", &saved, "--png", &picture], view].concat());
+        let size = std::fs::metadata(&picture).unwrap().len();
+        assert!(size > 5_000, "{view:?}: {size} bytes");
+        std::fs::remove_file(picture).unwrap();
+    }
+}
+
+#[test]
+fn faulty_levels_and_files_are_refused_with_one_clear_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let out = folder.path().join("out.sfmap").to_str().unwrap().to_owned();
+    let (empty, text, odd) = (file("empty.obj", b""), file("text.glb", b"not a level"), file("level.fbx", b""));
+    let map = file("cut.sfmap", b"SFMAP");
+    for (args, words) in [
+        (vec!["map", "import", &empty, "--out", &out], "cannot import"),
+        (vec!["map", "import", &text, "--out", &out], "cannot import"),
+        (vec!["map", "import", &odd, "--out", &out], "is not a .glb, .gltf or .obj"),
+        (vec!["map", "show", &map], "cannot use"),
+        (vec!["map", "show", "nowhere"], "neither a seed nor a file"),
+        (vec!["map", "replay", &map], "not a recording"),
+        (vec!["map", "show", "1", "--features", "swamps"], "no feature `swamps`"),
+        (vec!["map", "show", "1", "--section", "900", "--png", &out], "--section is 900"),
+    ] {
+        let output = surefoot(&args);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && message.contains(words), "{args:?}: {message}");
+        assert!(!std::path::Path::new(&out).exists(), "{args:?} left a file");
+    }
+}

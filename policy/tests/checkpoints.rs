@@ -7,6 +7,7 @@ use std::path::Path;
 use surefoot_policy::checkpoint::{self, MANIFEST_FILE, WEIGHTS_FILE, module_bytes};
 use surefoot_policy::{Actor, ActorConfig, CheckpointError, Manifest, Policy};
 use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::sense::OBSERVATION_VERSION;
 
 fn save(folder: &Path) -> Policy {
     let config = ActorConfig { ray_features: 16, hidden: 32 };
@@ -72,10 +73,11 @@ fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
     assert!(matches!(Policy::load(folder.path()), Err(CheckpointError::Damaged { .. })));
     std::fs::write(&weights, &good_weights).unwrap();
 
-    std::fs::write(&manifest, good_manifest.replace("\"observation_version\": 1", "\"observation_version\": 9"))
-        .unwrap();
+    let version = format!("\"observation_version\": {OBSERVATION_VERSION}");
+    assert!(good_manifest.contains(&version));
+    std::fs::write(&manifest, good_manifest.replace(&version, "\"observation_version\": 99")).unwrap();
     let refusal = Policy::load(folder.path()).unwrap_err().to_string();
-    assert!(refusal.contains("observation_version is 9"), "{refusal}");
+    assert!(refusal.contains("observation_version is 99"), "{refusal}");
 
     std::fs::write(&manifest, good_manifest.replace("\"hidden\": 32", "\"hidden\": 64")).unwrap();
     assert!(matches!(Policy::load(folder.path()), Err(CheckpointError::Decode(_))));
