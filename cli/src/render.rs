@@ -5,6 +5,7 @@ use font8x8::legacy::BASIC_LEGACY;
 use std::io::BufWriter;
 use std::path::Path;
 use surefoot_world::mesh::{RayHit, Surface};
+use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
 use surefoot_world::{Map, Vec3};
 
@@ -25,8 +26,6 @@ pub type Colour = [u8; 3];
 /// Direction towards the sun: from the upper left of maps, and beside the eye where maps are seen from a corner.
 const SUN: Vec3 = Vec3::new(-0.4, 0.8, -0.45);
 const SUN_BESIDE: Vec3 = Vec3::new(0.75, 0.8, 0.2);
-/// A hair off vertical, so that no ray runs exactly along an edge of the lattice.
-const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 /// Height of a line of the legend, in pixels.
 const LEGEND_ROW: u32 = 22;
 /// Side of a glyph, in pixels.

@@ -65,7 +65,7 @@ pub fn sample_many(
 }
 
 /// A hair off vertical, so that no ray runs exactly along an edge of the lattice.
-pub(crate) const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
+pub const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 
 /// Points on the walkable floors over (`x`, `z`) with their normals, from the top down.
 pub(crate) fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([(Vec3, Vec3); MAX_FLOORS], usize) {

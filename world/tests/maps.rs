@@ -142,3 +142,11 @@ fn a_jump_counts_only_where_the_body_makes_it() {
     let weak = CharacterProfile { extra_jumps: 0, ..CharacterProfile::default() };
     assert_eq!(means(&two_floors(4.0, 0.0), &weak), (2, None, Some(Drop)));
 }
+
+#[test]
+fn a_map_without_a_place_to_stand_has_nothing_connected() {
+    let wall = quad([[25.0, 0.0, 0.0], [25.0, 30.0, 0.0], [25.0, 30.0, 50.0], [25.0, 0.0, 50.0]]);
+    let map = Map::from_parts(MapSize { width: 50, height: 40, depth: 50 }, wall, Placed::default());
+    let reach = Reach::survey(&map, &CharacterProfile::default(), 2);
+    assert_eq!((reach.ground.cells().len(), reach.share_on_foot(), reach.share_by(|_| true)), (0, 0.0, 0.0));
+}

@@ -227,7 +227,7 @@ impl Place {
             (low, high) = (low.min(*corner), high.max(*corner));
         }
         if let Some(size) = former.filter(|&size| is_allowed(size)) {
-            let extent = super::extent(size);
+            let extent = size.extent();
             let slack = Vec3::splat(STICK_OUT_M);
             if low.cmpge(-slack).all() && high.cmple(extent + slack).all() {
                 return Ok(Self { shift: Vec3::ZERO, size, low: Vec3::ZERO, high: extent, is_former: true });

@@ -17,8 +17,8 @@ mod inspect;
 mod named;
 mod obj_in;
 
-use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
+use crate::map::zones::CELL_M as ZONE_CELL_M;
 use crate::map::{MapSize, Placed};
 use crate::mesh::Triangle;
 pub use export::export_glb;
@@ -28,14 +28,12 @@ pub use import::{ImportOptions, Imported, UpAxis, import_gltf, import_obj};
 
 /// Most cells of the mesh's index that triangles may touch, counted by their bounding boxes: about 2 GB of index.
 const MAX_TOUCHED_CELLS: f64 = 4.0e8;
-/// Side of those cells, m.
+/// Side of the cells counted, m: finer than the index's own, so the estimate errs high.
 const INDEX_CELL_M: f32 = 1.25;
 /// Most pools and devices of a map together.
 const MAX_FEATURES: usize = 20_000;
-/// Most cells of [`ZONE_CELL_M`] that pools may cover, counted once for each pool.
+/// Most cells of the zones' grid that pools may cover, counted once for each pool.
 const MAX_POOL_CELLS: f64 = 2.0e7;
-/// Side of the cells that pools are looked up by, m.
-const ZONE_CELL_M: f32 = 5.0;
 
 /// A map that no machine could hold, although each of its parts is valid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -56,7 +54,7 @@ pub enum Overload {
 
 /// Refuses what would take too long or too much memory to index.
 fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed) -> Result<(), Overload> {
-    let extent = extent(size);
+    let extent = size.extent();
     let cells_along = |low: f32, high: f32, axis: usize, cell_m: f32| {
         let inside = high.clamp(0.0, extent[axis]) - low.clamp(0.0, extent[axis]);
         f64::from(inside.max(0.0) / cell_m) + 2.0
@@ -87,10 +85,6 @@ fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed) -> Result<
             * cells_along(pool.centre.z - half_z, pool.centre.z + half_z, 2, ZONE_CELL_M)
     });
     if covered.sum::<f64>() > MAX_POOL_CELLS { Err(Overload::Pools) } else { Ok(()) }
-}
-
-fn extent(MapSize { width, height, depth }: MapSize) -> Vec3 {
-    Vec3::new(width as f32, height as f32, depth as f32)
 }
 
 /// Whether a map may have this size; levels made elsewhere may be smaller than generated ones.

@@ -8,19 +8,16 @@
 use super::faults::ImportError;
 use super::import::{Frame, Node, node_label};
 use crate::Vec3;
-use crate::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
+use crate::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features};
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::HashMap;
 
-/// Gravity that pad speeds are computed for, m/s2.
-pub(super) const PAD_GRAVITY: f64 = 20.0;
-/// Extra height of a pad's throw, m (released environment).
-pub(super) const PAD_EXTRA_M: f64 = 10.0;
+/// The constants of pads, in the precision of JSON.
+pub(super) const PAD_GRAVITY: f64 = features::PAD_GRAVITY as f64;
+pub(super) const PAD_EXTRA_M: f64 = features::PAD_EXTRA_M as f64;
 /// Height of a pad's throw unless given, m.
 const PAD_HEIGHT_M: f64 = 4.0;
-/// Seconds of thrust in a jetpack unless given.
-const JETPACK_FUEL_S: f64 = 2.5;
 /// Height of a pool below which its node counts as flat, m.
 const FLAT_M: f32 = 0.01;
 /// How far a device may lie off the map by rounding, m.
@@ -56,7 +53,7 @@ impl Found {
 
     /// Puts everything onto the map; pools are cut at its rim. `Err` names what lies outside.
     pub(super) fn place(self, shift: Vec3, size: MapSize) -> Result<Placed, String> {
-        let extent = super::extent(size);
+        let extent = size.extent();
         let on_map = |name: &String, point: Vec3| {
             let point = point + shift;
             let slack = Vec3::splat(ROUNDING_M);
@@ -390,7 +387,7 @@ fn pad_speed(height: Option<f64>, of: &str) -> Result<f32, ImportError> {
 }
 
 fn jetpack_fuel(fuel: Option<f64>, of: &str) -> Result<f32, ImportError> {
-    let fuel = fuel.unwrap_or(JETPACK_FUEL_S);
+    let fuel = fuel.unwrap_or(f64::from(features::JETPACK_FUEL_S));
     if (0.0..=600.0).contains(&fuel) {
         Ok(fuel as f32)
     } else {

@@ -215,6 +215,12 @@ pub struct Placed {
     pub caves: Vec<Cave>,
 }
 
+/// Gravity that pad speeds are computed for, m/s2.
+pub const PAD_GRAVITY: f32 = 20.0;
+/// Extra height of a pad's throw, m (released environment).
+pub const PAD_EXTRA_M: f32 = 10.0;
+/// Seconds of thrust in a jetpack unless given.
+pub const JETPACK_FUEL_S: f32 = 2.5;
 /// Radius of pads, stations, teleporters and jetpack pick-ups, m.
 pub const DISC_RADIUS_M: f32 = 1.25;
 /// How far above its disc a device still catches a character's feet, m.

@@ -1,7 +1,10 @@
 //! From a [`MapSpec`] to a [`Map`]: terrain, what is cut into it, what stands on it, devices, and last the repair of
 //! ground that has no way in or out. Each is its own phase.
 
-use super::features::{Building, Cave, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau, Pool, Ravine};
+use super::features::{
+    Building, Cave, DISC_RADIUS_M, JETPACK_FUEL_S, Jetpack, Liquid, Outline, PAD_EXTRA_M, PAD_GRAVITY, Pad, Placed,
+    Plateau, Pool, Ravine,
+};
 use super::structures::{self, MIN_HOUSE_HALF, STOREY_M};
 use super::terrain::{Lattice, VOXEL_M};
 use super::{Map, MapSpec, SpecError, repair};
@@ -28,12 +31,6 @@ const JETPACK_COUNT: f32 = 5.0;
 const RIM_M: f32 = 14.0;
 /// Rises above this need a pad: a double jump reaches 5 m.
 const JUMPABLE_M: f32 = 4.4;
-/// Gravity that pad speeds are computed for, m/s2.
-const PAD_GRAVITY: f32 = 20.0;
-/// Extra height of a pad's throw, m (released environment).
-const PAD_EXTRA_M: f32 = 10.0;
-/// Seconds of thrust in a jetpack.
-const JETPACK_FUEL_S: f32 = 2.5;
 
 /// Where a generation stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -425,7 +422,6 @@ fn level_ground(lattice: &mut Lattice, building: &Building) {
     let reach = building.radius() + APRON_M + BLEND_M;
     let level = building.base.y - 0.04;
     let (sin, cos) = libm::sincosf(building.yaw);
-    lattice.edit_column(building.base.x, building.base.z, reach + VOXEL_M, |_, _, density| density);
     let low = Vec3::new(building.base.x - reach, 0.0, building.base.z - reach);
     let high = Vec3::new(building.base.x + reach, f32::MAX, building.base.z + reach);
     let [hx, hz] = building.half;

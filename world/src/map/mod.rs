@@ -9,7 +9,7 @@ mod repair;
 pub mod spec;
 mod structures;
 mod terrain;
-mod zones;
+pub(crate) mod zones;
 
 use crate::Vec3;
 use crate::mesh::{Mesh, Surface, Triangle};
@@ -70,7 +70,7 @@ impl Map {
 
     /// Indexes complete geometry, surfaces of pools and devices included.
     pub(crate) fn assemble(spec: Option<MapSpec>, size: MapSize, triangles: Vec<Triangle>, placed: Placed) -> Self {
-        let extent = Vec3::new(size.width as f32, size.height as f32, size.depth as f32);
+        let extent = size.extent();
         let hash = content_hash(size, &triangles, &placed);
         let zones = ZoneGrid::new(extent, &placed);
         Self { spec, size, mesh: Mesh::new(triangles, extent), placed, zones, hash }
@@ -113,8 +113,7 @@ impl Map {
 
     /// Extent as a vector of metres.
     pub fn extent(&self) -> Vec3 {
-        let MapSize { width, height, depth } = self.size;
-        Vec3::new(width as f32, height as f32, depth as f32)
+        self.size.extent()
     }
 
     /// Whether `feet` has left the map sideways or through the floor.

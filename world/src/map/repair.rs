@@ -53,7 +53,8 @@ pub(super) fn connect(
         }
         let placed = map.placed().clone();
         let mut repair = Repair { map: &map, profile: &profile, reach, placed, scratch: MoveScratch::default() };
-        if pass == 0 && !repair.reach.ground.cells().is_empty() {
+        let has_ground = !repair.ground().cells().is_empty();
+        if pass == 0 && has_ground {
             repair.add_zip_lines(count_on(spec, ZIP_LINE_COUNT, spec.features.zip_lines), rng);
             repair.add_teleporters(count_on(spec, TELEPORTER_COUNT, spec.features.teleporters), rng);
         }
@@ -61,18 +62,36 @@ pub(super) fn connect(
         if pass > 0 && repair.connected_share() >= ACCEPTED_SHARE {
             break;
         }
-        repair.connect_islands(spec);
+        if has_ground {
+            repair.connect_islands(spec);
+        }
         let Repair { placed, .. } = repair;
-        let done = pass > 0 && placed == *map.placed();
+        if pass > 0 && placed == *map.placed() {
+            break;
+        }
         let mut triangles = map.into_triangles();
         triangles.retain(|triangle| triangle.surface() == Surface::Ground);
         super::structures::add_surfaces(&placed, &mut triangles);
         map = Map::assemble(Some(*spec), spec.size, triangles, placed);
-        if done {
-            break;
-        }
     }
     map
+}
+
+/// Which way a cut-off island lacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    In,
+    Out,
+}
+
+impl Way {
+    /// Start and end of a device between a cell of the island and one of connected ground.
+    fn ends<'c>(self, own: &'c Cell, other: &'c Cell) -> (&'c Cell, &'c Cell) {
+        match self {
+            Way::In => (other, own),
+            Way::Out => (own, other),
+        }
+    }
 }
 
 struct Repair<'a> {
@@ -205,8 +224,8 @@ impl Repair<'_> {
                 }
                 let has_way_in = reached[region as usize];
                 let has_way_out = reaching[region as usize];
-                let way_in = has_way_in || self.add_way_in(spec, &cells_of[island], &is_main);
-                let way_out = has_way_out || self.add_way_out(spec, &cells_of[island], &is_main);
+                let way_in = has_way_in || self.add_way(spec, &cells_of[island], &is_main, Way::In);
+                let way_out = has_way_out || self.add_way(spec, &cells_of[island], &is_main, Way::Out);
                 done &= has_way_in == way_in && has_way_out == way_out;
                 if way_in && way_out {
                     is_main[island] = true;
@@ -218,32 +237,20 @@ impl Repair<'_> {
         }
     }
 
-    /// A device on connected ground that leads to `cells`.
-    fn add_way_in(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool]) -> bool {
-        for target in spread(cells, 6) {
-            let mut sites = self.cells_around(target.feet, is_main);
-            sites.truncate(SITE_TRIES);
-            for site in sites {
-                if spec.features.pads > 0.0 && self.try_pad(&site, &target) {
-                    return true;
+    /// A device that leads from connected ground to `cells`, or back.
+    fn add_way(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool], way: Way) -> bool {
+        if spec.features.pads > 0.0 {
+            let own_count = if way == Way::In { 6 } else { 8 };
+            for own in spread(cells, own_count) {
+                for other in self.cells_around(own.feet, is_main).into_iter().take(SITE_TRIES) {
+                    let (site, target) = way.ends(&own, &other);
+                    if self.try_pad(site, target) {
+                        return true;
+                    }
                 }
             }
         }
-        spec.features.zip_lines > 0.0 && self.zip_line_between(cells, is_main, true)
-    }
-
-    /// A device on `cells` that leads to connected ground.
-    fn add_way_out(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool]) -> bool {
-        for site in spread(cells, 8) {
-            let mut targets = self.cells_around(site.feet, is_main);
-            targets.truncate(SITE_TRIES);
-            for target in targets {
-                if spec.features.pads > 0.0 && self.try_pad(&site, &target) {
-                    return true;
-                }
-            }
-        }
-        spec.features.zip_lines > 0.0 && self.zip_line_between(cells, is_main, false)
+        spec.features.zip_lines > 0.0 && self.zip_line_between(cells, is_main, way)
     }
 
     /// Connected cells within reach of a throw, the nearest first, thinned out.
@@ -283,8 +290,8 @@ impl Repair<'_> {
         true
     }
 
-    /// A zip line between `cells` and connected ground: onto them if `inwards`, else away from them.
-    fn zip_line_between(&mut self, cells: &[Cell], is_main: &[bool], inwards: bool) -> bool {
+    /// A zip line between `cells` and connected ground.
+    fn zip_line_between(&mut self, cells: &[Cell], is_main: &[bool], way: Way) -> bool {
         let main: Vec<Cell> = {
             let cells = self.ground().cells();
             let near = |cell: &&Cell| is_main[cell.island as usize];
@@ -296,7 +303,7 @@ impl Repair<'_> {
                 if own.feet.distance_squared(other.feet) > ZIP_LENGTH_M.end * ZIP_LENGTH_M.end {
                     continue;
                 }
-                let (from, to) = if inwards { (other, &own) } else { (&own, other) };
+                let (from, to) = way.ends(&own, other);
                 tries += 1;
                 if self.try_zip_line(from, to) {
                     return true;

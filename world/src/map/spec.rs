@@ -1,5 +1,6 @@
 //! What a map is asked to be: [`MapSpec`], checked before anything is allocated.
 
+use crate::Vec3;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -92,23 +93,23 @@ impl Features {
         features
     }
 
-    /// Each density with its name.
+    /// Each density with the path of its field inside the spec.
     pub fn named(&self) -> [(&'static str, f32); 10] {
         { *self }.named_mut().map(|(name, density)| (name, *density))
     }
 
     fn named_mut(&mut self) -> [(&'static str, &mut f32); 10] {
         [
-            ("plateaus", &mut self.plateaus),
-            ("buildings", &mut self.buildings),
-            ("water", &mut self.water),
-            ("lava", &mut self.lava),
-            ("pads", &mut self.pads),
-            ("zip_lines", &mut self.zip_lines),
-            ("ravines", &mut self.ravines),
-            ("caves", &mut self.caves),
-            ("teleporters", &mut self.teleporters),
-            ("jetpacks", &mut self.jetpacks),
+            ("features.plateaus", &mut self.plateaus),
+            ("features.buildings", &mut self.buildings),
+            ("features.water", &mut self.water),
+            ("features.lava", &mut self.lava),
+            ("features.pads", &mut self.pads),
+            ("features.zip_lines", &mut self.zip_lines),
+            ("features.ravines", &mut self.ravines),
+            ("features.caves", &mut self.caves),
+            ("features.teleporters", &mut self.teleporters),
+            ("features.jetpacks", &mut self.jetpacks),
         ]
     }
 }
@@ -118,6 +119,7 @@ impl FromStr for Features {
 
     /// Reads `paper`, `all` or `none`, then optional changes: `all,lava=0,zip_lines=2`; a bare name means 1.
     fn from_str(text: &str) -> Result<Self, String> {
+        let bare = |field: &'static str| field.trim_start_matches("features.");
         let mut features = Self::default();
         for (position, word) in text.split(',').map(str::trim).enumerate() {
             match word {
@@ -131,14 +133,21 @@ impl FromStr for Features {
                     if !(0.0..=MAX_DENSITY).contains(&density) {
                         return Err(format!("{name} is {density}, allowed are 0 to {MAX_DENSITY}"));
                     }
-                    let names = features.named().map(|(name, _)| name).join(", ");
-                    let slot = features.named_mut().into_iter().find(|(known, _)| *known == name);
+                    let names = features.named().map(|(field, _)| bare(field)).join(", ");
+                    let slot = features.named_mut().into_iter().find(|(field, _)| bare(field) == name);
                     let Some((_, slot)) = slot else { return Err(format!("no feature `{name}`; there are {names}")) };
                     *slot = density;
                 }
             }
         }
         Ok(features)
+    }
+}
+
+impl MapSize {
+    /// As a vector of metres.
+    pub fn extent(self) -> Vec3 {
+        Vec3::new(self.width as f32, self.height as f32, self.depth as f32)
     }
 }
 
@@ -168,20 +177,7 @@ impl MapSpec {
                 return Err(SpecError { field, value: f64::from(value), min: f64::from(min), max: f64::from(max) });
             }
         }
-        const DENSITIES: [&str; 10] = [
-            "features.plateaus",
-            "features.buildings",
-            "features.water",
-            "features.lava",
-            "features.pads",
-            "features.zip_lines",
-            "features.ravines",
-            "features.caves",
-            "features.teleporters",
-            "features.jetpacks",
-        ];
-        let densities = DENSITIES.into_iter().zip(self.features.named().map(|(_, density)| density));
-        for (field, value) in densities {
+        for (field, value) in self.features.named() {
             if !(0.0..=MAX_DENSITY).contains(&value) {
                 return Err(SpecError { field, value: f64::from(value), min: 0.0, max: f64::from(MAX_DENSITY) });
             }

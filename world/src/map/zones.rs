@@ -4,7 +4,7 @@ use super::features::{DISC_RADIUS_M, Placed};
 use crate::Vec3;
 
 /// Side of a cell, m.
-const CELL_M: f32 = 5.0;
+pub(crate) const CELL_M: f32 = 5.0;
 
 /// A pool or device by its index among its kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -13,8 +13,6 @@ const OFFSET_M: f32 = 0.61;
 const BETWEEN: usize = 3;
 /// Heights above the feet at which the way between two places must be free, m.
 const WAY_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
-/// Half of the eight neighbours; the others follow by symmetry.
-const HALF_NEIGHBOURS: [(i32, i32); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
 
 /// One place to stand.
 #[derive(Debug, Clone, Copy)]
@@ -125,7 +123,8 @@ impl Ground {
             for idx in range {
                 let (column, row) = (idx as i32 % self.columns, idx as i32 / self.columns);
                 for cell in self.column(column, row) {
-                    for (neighbour, (dx, dz)) in (0..).zip(HALF_NEIGHBOURS) {
+                    // The other half follows by symmetry.
+                    for (neighbour, &(dx, dz)) in (0..).zip(&NEIGHBOURS[..4]) {
                         for other in self.column(column + dx, row + dz) {
                             if can_walk(map, profile, self.cells[cell].feet, self.cells[other].feet) {
                                 joins.push((cell as u32, other as u32, neighbour));

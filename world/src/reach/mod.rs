@@ -96,8 +96,12 @@ impl Reach {
         self.ground.islands().iter().map(|island| (f64::from(island.cell_count) / total).powi(2)).sum()
     }
 
-    /// Share of ordered pairs of places that are connected by the links that `usable` lets through.
+    /// Share of ordered pairs of places that are connected by the links that `usable` lets through; 0 where there is no
+    /// place to stand.
     pub fn share_by(&self, usable: impl Fn(Means) -> bool) -> f64 {
+        if self.ground.cells().is_empty() {
+            return 0.0;
+        }
         let regions = self.regions(usable);
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let cells = self.ground.cells();
