@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::{NavGraph, search};
-use surefoot_policy::Policy;
+use surefoot_policy::{Memories, Policy};
 use surefoot_world::{CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
 
 /// Share of the exploration noise that evaluation and workers act with unless told otherwise.
@@ -130,12 +130,17 @@ impl Rollout {
         let mut running: Vec<NpcSlot> = (0..goals.len()).map(|idx| NpcSlot(idx as u32)).collect();
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let (mut observations, mut actions) = (Vec::new(), Vec::new());
+        let mut memories = Memories::new(policy);
+        (0..goals.len()).for_each(|idx| memories.forget(idx));
         while !running.is_empty() {
             observations.resize(running.len() * OBSERVATION_LEN, 0.0);
             for (slot, row) in running.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
                 world.observe(*slot, row);
             }
-            policy.act(&observations, self.noise_share, &mut rng, &mut actions);
+            let who = || running.iter().map(|slot| slot.0 as usize);
+            let mut memory = memories.gather(who());
+            policy.act(&observations, &mut memory, self.noise_share, &mut rng, &mut actions);
+            memories.scatter(who(), &memory);
             for (slot, action) in running.iter().zip(&actions) {
                 world.decide(*slot, *action);
             }

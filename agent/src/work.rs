@@ -255,6 +255,8 @@ struct Carried {
     is_planning: bool,
     /// A waypoint that the server has not been told yet.
     new_waypoint: Option<Vec3>,
+    /// What the policy remembers of the attempt.
+    memory: Vec<f32>,
 }
 
 /// Plans that have come, with the attempts they are for; `None` where the planner failed.
@@ -329,7 +331,7 @@ impl WorldTask {
             Some(wire::Waypoint { npc_id: id, position: Some(convert::to_wire(position)) })
         });
         let waypoints = waypoints.collect();
-        let actions = self.act(observations, batch.tick).await?;
+        let actions = self.act(&batch.npc_ids, observations, batch.tick).await?;
         Some(wire::ActionBatch {
             world_id: self.world_id,
             tick: batch.tick,
@@ -347,20 +349,18 @@ impl WorldTask {
     /// Takes note of where an NPC is; a new attempt gets a new follower.
     fn note(&mut self, id: u64, attempt: u32, feet: Vec3, goal: Vec3, touched: bool) -> Step {
         let has_planner = self.graph.is_some();
-        let carried = self.npcs.entry(id).and_modify(|carried| {
-            if carried.attempt != attempt {
-                carried.attempt = attempt;
-                carried.follower = Follower::new(goal, FollowConfig::default());
-                carried.is_planning = false;
-                carried.new_waypoint = None;
-            }
-        });
-        let carried = carried.or_insert_with(|| Carried {
+        let memory_len = self.policy.memory_len();
+        let begin = || Carried {
             attempt,
             follower: Follower::new(goal, FollowConfig::default()),
             is_planning: false,
             new_waypoint: None,
-        });
+            memory: vec![0.0; memory_len],
+        };
+        let carried = self.npcs.entry(id).or_insert_with(begin);
+        if carried.attempt != attempt {
+            *carried = begin();
+        }
         if !has_planner || carried.is_planning {
             // The server itself ends attempts that make no progress.
             return Step::Keep;
@@ -417,17 +417,22 @@ impl WorldTask {
         }
     }
 
-    /// Evaluates the policy on a blocking thread: packed actions.
-    async fn act(&self, observations: Vec<f32>, tick: u64) -> Option<Vec<u8>> {
+    /// Evaluates the policy for these NPCs on a blocking thread: packed actions.
+    async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>, tick: u64) -> Option<Vec<u8>> {
         let (policy, noise_share, world_id) = (self.policy.clone(), self.noise_share, self.world_id);
+        let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.carried(id).memory.clone()).collect();
         let task = tokio::task::spawn_blocking(move || {
             let mut rng = ChaCha8Rng::seed_from_u64(world_id);
             rng.set_stream(tick);
             let mut actions = Vec::new();
-            policy.act(&observations, noise_share, &mut rng, &mut actions);
-            convert::pack(actions.iter().flat_map(|action| action.to_array()))
+            policy.act(&observations, &mut memory, noise_share, &mut rng, &mut actions);
+            (memory, convert::pack(actions.iter().flat_map(|action| action.to_array())))
         });
-        task.await.ok()
+        let (memory, actions) = task.await.ok()?;
+        for (&id, row) in npc_ids.iter().zip(memory.chunks_exact(self.policy.memory_len().max(1))) {
+            self.carried(id).memory.copy_from_slice(row);
+        }
+        Some(actions)
     }
 }
 

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use surefoot_policy::Policy;
+use surefoot_policy::{Memories, Policy};
 use surefoot_world::{CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
 
 /// Candidates handed to a thread at a time: also the batch of the policy.
@@ -103,6 +103,7 @@ fn probe_chunk(
     let mut waiting: VecDeque<usize> = (0..task.repeats).flat_map(|_| 0..chunk.len()).collect();
     let mut running: Vec<Running> = Vec::new();
     let (mut observations, mut actions) = (Vec::new(), Vec::new());
+    let mut memories = Memories::new(&context.policy);
     loop {
         while running.len() < CHUNK
             && let Some(candidate_idx) = waiting.pop_front()
@@ -111,6 +112,7 @@ fn probe_chunk(
             let yaw = rng.random_range(-std::f32::consts::PI..std::f32::consts::PI);
             let slot = world.spawn(task.vertices[from as usize], yaw);
             world.set_goal(slot, task.vertices[to as usize]);
+            memories.forget(slot.0 as usize);
             running.push(Running { slot, candidate_idx, ability: Ability::Walk });
         }
         if running.is_empty() || cancel.load(Ordering::Relaxed) {
@@ -120,7 +122,10 @@ fn probe_chunk(
         for (probe, row) in running.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
             world.observe(probe.slot, row);
         }
-        context.policy.act(&observations, NOISE_SHARE, &mut rng, &mut actions);
+        let who = || running.iter().map(|probe| probe.slot.0 as usize);
+        let mut memory = memories.gather(who());
+        context.policy.act(&observations, &mut memory, NOISE_SHARE, &mut rng, &mut actions);
+        memories.scatter(who(), &memory);
         for (probe, action) in running.iter().zip(&actions) {
             world.decide(probe.slot, *action);
         }

@@ -21,7 +21,7 @@ pub const MANIFEST_FILE: &str = "manifest.json";
 pub struct Manifest {
     /// Name of the model, as used in reports.
     pub name: String,
-    /// `sac-reactive` is the only kind so far.
+    /// `sac-reactive` or `sac-lstm`.
     pub kind: String,
     /// Layer sizes.
     pub actor: ActorConfig,
@@ -95,9 +95,7 @@ impl Policy {
     /// # Errors
     /// If a file is missing, damaged, or does not fit this program's network or observation.
     pub fn load(folder: &Path) -> Result<Self, CheckpointError> {
-        let manifest_path = folder.join(MANIFEST_FILE);
-        let manifest = parse_manifest(&manifest_path, &read(&manifest_path)?)?;
-        Self::from_bytes(manifest, &read(&folder.join(WEIGHTS_FILE))?)
+        Self::from_bytes(Manifest::load(folder)?, &read(&folder.join(WEIGHTS_FILE))?)
     }
 
     fn from_bytes(manifest: Manifest, weights: &[u8]) -> Result<Self, CheckpointError> {
@@ -118,7 +116,7 @@ impl Manifest {
     pub fn new(name: &str, actor: ActorConfig, weights: &[u8], training: serde_json::Value) -> Self {
         Self {
             name: name.to_owned(),
-            kind: "sac-reactive".to_owned(),
+            kind: kind(&actor).to_owned(),
             actor,
             observation_len: OBSERVATION_LEN,
             observation_version: OBSERVATION_VERSION,
@@ -127,7 +125,20 @@ impl Manifest {
         }
     }
 
-    fn check(&self, weights: &[u8]) -> Result<(), CheckpointError> {
+    /// Reads the manifest of a model's folder.
+    ///
+    /// # Errors
+    /// If it is missing or not a manifest.
+    pub fn load(folder: &Path) -> Result<Self, CheckpointError> {
+        let path = folder.join(MANIFEST_FILE);
+        parse_manifest(&path, &read(&path)?)
+    }
+
+    /// Whether `weights` are those described, for a network and observation that this program has.
+    ///
+    /// # Errors
+    /// Names what differs.
+    pub fn check(&self, weights: &[u8]) -> Result<(), CheckpointError> {
         let found = hash(weights);
         if found != self.weights_hash {
             return Err(CheckpointError::Damaged { found, expected: self.weights_hash.clone() });
@@ -135,7 +146,7 @@ impl Manifest {
         let same = |field, found: String, expected: String| {
             if found == expected { Ok(()) } else { Err(CheckpointError::Mismatch { field, found, expected }) }
         };
-        same("kind", self.kind.clone(), "sac-reactive".to_owned())?;
+        same("kind", self.kind.clone(), kind(&self.actor).to_owned())?;
         same("observation_len", self.observation_len.to_string(), OBSERVATION_LEN.to_string())?;
         same("observation_version", self.observation_version.to_string(), OBSERVATION_VERSION.to_string())
     }
@@ -184,6 +195,11 @@ pub fn load_module<M: Module>(module: M, bytes: &[u8]) -> Result<M, CheckpointEr
     let decode = |error: burn::store::RecordError| CheckpointError::Decode(error.to_string());
     let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes.to_vec())).map_err(decode)?;
     module.try_load_record(record).map_err(decode)
+}
+
+/// What an actor of these sizes is called.
+fn kind(actor: &ActorConfig) -> &'static str {
+    if actor.memory > 0 { "sac-lstm" } else { "sac-reactive" }
 }
 
 fn hash(bytes: &[u8]) -> String {

@@ -5,10 +5,16 @@
 
 pub mod actor;
 pub mod checkpoint;
+pub mod lstm;
+pub mod memories;
+pub mod network;
 
 use actor::{ActionDistribution, gaussian};
 pub use actor::{Actor, ActorConfig};
 pub use checkpoint::{CheckpointError, Manifest};
+use lstm::Recall;
+pub use memories::Memories;
+use network::Past;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -35,24 +41,42 @@ impl Policy {
         &self.manifest
     }
 
+    /// The network.
+    pub fn actor(&self) -> &Actor {
+        &self.actor
+    }
+
+    /// Values that each NPC has to be given back at its next decision; 0 for a reactive policy.
+    pub fn memory_len(&self) -> usize {
+        2 * self.actor.memory_size().unwrap_or(0)
+    }
+
     /// An action for each observation: the policy's mean plus `noise_share` times its own exploration noise.
     ///
     /// Share 0 is the most likely action, 1 the policy as it was trained. Some noise frees characters from
-    /// places where the mean alone runs in circles. `observations` holds rows of [`OBSERVATION_LEN`] values;
-    /// `actions` is cleared and gets one entry a row.
+    /// places where the mean alone runs in circles. `observations` holds rows of [`OBSERVATION_LEN`] values and
+    /// `memory` as many rows of [`memory_len`](Self::memory_len), zeros at the start of an attempt, which are replaced by
+    /// those for the next decision; `actions` is cleared and gets one entry a row.
     ///
     /// # Panics
-    /// If `observations` is not a whole number of rows.
-    pub fn act(&self, observations: &[f32], noise_share: f32, rng: &mut impl Rng, actions: &mut Vec<Action>) {
+    /// If `observations` is not a whole number of rows, or `memory` not as many.
+    pub fn act(
+        &self,
+        observations: &[f32],
+        memory: &mut [f32],
+        noise_share: f32,
+        rng: &mut impl Rng,
+        actions: &mut Vec<Action>,
+    ) {
         assert_eq!(observations.len() % OBSERVATION_LEN, 0, "whole observation rows");
         actions.clear();
         let row_count = observations.len() / OBSERVATION_LEN;
+        assert_eq!(memory.len(), row_count * self.memory_len(), "a row of memory for each observation");
         if row_count == 0 {
             return;
         }
-        let rows =
-            Tensor::<2>::from_data(TensorData::new(observations.to_vec(), [row_count, OBSERVATION_LEN]), &self.device);
-        let ActionDistribution { mean, log_std } = self.actor.forward(rows);
+        let rows = TensorData::new(observations.to_vec(), [row_count, OBSERVATION_LEN]);
+        let ActionDistribution { mean, log_std } = self.distribution(Tensor::from_data(rows, &self.device), memory);
         let raw = if noise_share > 0.0 {
             let noise = TensorData::new(gaussian(rng, row_count * ACTION_LEN), [row_count, ACTION_LEN]);
             mean + log_std.exp() * Tensor::<2>::from_data(noise, &self.device) * noise_share
@@ -66,5 +90,27 @@ impl Policy {
                 .chunks_exact(ACTION_LEN)
                 .map(|row| Action::from_array([row[0], row[1], row[2], row[3]]).unwrap_or_default()),
         );
+    }
+
+    /// The distribution of each row's action; `memory` is replaced.
+    fn distribution(&self, observations: Tensor<2>, memory: &mut [f32]) -> ActionDistribution {
+        let [row_count, _] = observations.dims();
+        let Some(size) = self.actor.memory_size() else { return self.actor.forward(observations, None).0 };
+        let part = |which: usize| {
+            let values = memory.chunks_exact(size).skip(which).step_by(2).flatten().copied().collect();
+            Tensor::from_data(TensorData::new::<f32, _>(values, [1, row_count, size]), &self.device)
+        };
+        let recall = Recall { hidden: part(0), cell: part(1) };
+        let keep = vec![1.0; row_count];
+        let (distribution, next) = self.actor.forward(observations, Some(Past { recall: &recall, keep: &keep }));
+        let next = next.expect("an actor with a memory remembers");
+        for (which, tensor) in [next.hidden, next.cell].into_iter().enumerate() {
+            let data = tensor.into_data();
+            let values = data.as_slice::<f32>().expect("the flex backend computes in f32");
+            for (slot, row) in memory.chunks_exact_mut(size).skip(which).step_by(2).zip(values.chunks_exact(size)) {
+                slot.copy_from_slice(row);
+            }
+        }
+        distribution
     }
 }

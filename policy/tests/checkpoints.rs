@@ -10,7 +10,7 @@ use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::OBSERVATION_VERSION;
 
 fn save(folder: &Path) -> Policy {
-    let config = ActorConfig { ray_features: 16, hidden: 32 };
+    let config = ActorConfig { ray_features: 16, hidden: 32, memory: 0 };
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(3));
     let weights = module_bytes(&actor).unwrap();
     let manifest = Manifest::new("test", config, &weights, serde_json::Value::Null);
@@ -24,7 +24,7 @@ fn observations(rows: usize) -> Vec<f32> {
 
 fn act(policy: &Policy, observations: &[f32]) -> Vec<[f32; 4]> {
     let mut actions = Vec::new();
-    policy.act(observations, 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
+    policy.act(observations, &mut [], 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
     actions.iter().map(|action| action.to_array()).collect()
 }
 
@@ -55,7 +55,7 @@ fn noise_is_a_function_of_its_seed() {
     let policy = Policy::shipped().unwrap();
     let noisy = |seed| {
         let mut actions = Vec::new();
-        policy.act(&observations(4), 1.0, &mut ChaCha8Rng::seed_from_u64(seed), &mut actions);
+        policy.act(&observations(4), &mut [], 1.0, &mut ChaCha8Rng::seed_from_u64(seed), &mut actions);
         actions
     };
     assert_eq!(noisy(1), noisy(1));

@@ -2,15 +2,13 @@
 
 use super::replay::{RowKind, Step};
 use super::run::RngState;
-use burn::module::Module;
-use burn::tensor::{Device, Tensor, TensorData};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-use surefoot_policy::Actor;
-use surefoot_policy::actor::gaussian;
+use surefoot_policy::Policy;
 use surefoot_world::character::{ACTION_LEN, Action};
+use surefoot_world::map::Features;
 use surefoot_world::{
     CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldState, navigable,
 };
@@ -22,6 +20,9 @@ pub struct CollectorConfig {
     pub map_seeds: std::ops::Range<u64>,
     /// Side of those maps, m.
     pub map_side: u32,
+    /// What stands on them.
+    #[serde(default)]
+    pub map_features: Features,
     /// Maps in use at a time.
     pub world_count: usize,
     /// NPCs on each.
@@ -37,6 +38,9 @@ pub struct CollectorConfig {
     /// After reaching a goal, chance of heading on to another from the run instead of respawning: a policy
     /// that follows waypoints lives in that switch.
     pub switch_chance: f64,
+    /// Chance at each decision of being sent elsewhere before the goal is reached, as by a re-plan.
+    #[serde(default)]
+    pub redirect_chance: f64,
     /// Decisions without progress after which an attempt is cut off (truncated).
     pub give_up_after: u32,
     /// Decisions made at random at the start of the run.
@@ -48,6 +52,7 @@ impl Default for CollectorConfig {
         Self {
             map_seeds: 0..128,
             map_side: 250,
+            map_features: Features::default(),
             world_count: 8,
             npcs_per_world: 32,
             rounds_per_map: 120,
@@ -55,9 +60,17 @@ impl Default for CollectorConfig {
             near_goals: (2.0, 40.0),
             far_goals: (40.0, 120.0),
             switch_chance: 0.6,
+            redirect_chance: 0.003,
             give_up_after: 80,
             random_decisions: 20_000,
         }
+    }
+}
+
+impl CollectorConfig {
+    /// The map of a seed.
+    pub fn spec(&self, seed: u64) -> MapSpec {
+        MapSpec { features: self.map_features, ..MapSpec::with_side(seed, self.map_side) }
     }
 }
 
@@ -89,7 +102,7 @@ const GOAL_DRAWS: usize = 400;
 
 impl Arena {
     fn new(seed: u64, config: &CollectorConfig) -> Self {
-        let map = Arc::new(Map::generate(&MapSpec::with_side(seed, config.map_side)).expect("a valid training spec"));
+        let map = Arc::new(Map::generate(&config.spec(seed)).expect("a valid training spec"));
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(2);
@@ -120,13 +133,26 @@ impl Arena {
     }
 }
 
+/// What follows in a lane whose next row is the last observation of a cut-off episode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum AfterBoundary {
+    /// Another life.
+    Respawn,
+    /// Another goal.
+    Redirect,
+}
+
 /// All collecting state.
 #[derive(Debug)]
 pub struct Collector {
     config: CollectorConfig,
     arenas: Vec<Arena>,
-    /// Lanes whose next row is the last observation of a cut-off episode.
-    boundary: Vec<bool>,
+    /// Lanes whose next row is a boundary.
+    boundaries: Vec<Option<AfterBoundary>>,
+    /// What each NPC remembers, `[lanes, memory]`.
+    memory: Vec<f32>,
+    /// Whether it remembers nothing.
+    is_fresh: Vec<bool>,
     rng: ChaCha8Rng,
     rounds: u64,
     total_decisions: u64,
@@ -138,7 +164,9 @@ pub struct Collector {
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CollectorState {
     worlds: Vec<(u64, WorldState)>,
-    boundary: Vec<bool>,
+    boundaries: Vec<Option<AfterBoundary>>,
+    memory: Vec<f32>,
+    is_fresh: Vec<bool>,
     rng: RngState,
     rounds: u64,
     total_decisions: u64,
@@ -146,8 +174,8 @@ pub struct CollectorState {
 }
 
 impl Collector {
-    /// Fresh worlds with an NPC in every lane.
-    pub fn new(config: CollectorConfig, mut rng: ChaCha8Rng) -> Self {
+    /// Fresh worlds with an NPC in every lane, each with room for `memory_len` values of memory.
+    pub fn new(config: CollectorConfig, memory_len: usize, mut rng: ChaCha8Rng) -> Self {
         let mut arenas = Vec::new();
         for _ in 0..config.world_count {
             arenas.push(Arena::new(rng.random_range(config.map_seeds.clone()), &config));
@@ -156,7 +184,9 @@ impl Collector {
         let mut collector = Self {
             config,
             arenas,
-            boundary: vec![false; lane_count],
+            boundaries: vec![None; lane_count],
+            memory: vec![0.0; lane_count * memory_len],
+            is_fresh: vec![true; lane_count],
             rng,
             rounds: 0,
             total_decisions: 0,
@@ -171,7 +201,7 @@ impl Collector {
 
     /// NPCs in all.
     pub fn lane_count(&self) -> usize {
-        self.boundary.len()
+        self.boundaries.len()
     }
 
     /// Decisions taken since the beginning of the run.
@@ -198,6 +228,10 @@ impl Collector {
         let feet = arena.random_point(&mut self.rng);
         let yaw = self.rng.random_range(-std::f32::consts::PI..std::f32::consts::PI);
         arena.world.teleport(slot, feet, yaw);
+        let lane = arena_idx * self.config.npcs_per_world + slot.0 as usize;
+        let memory_len = self.memory.len() / self.lane_count();
+        self.memory[lane * memory_len..(lane + 1) * memory_len].fill(0.0);
+        self.is_fresh[lane] = true;
         self.new_goal(arena_idx, slot);
     }
 
@@ -210,8 +244,8 @@ impl Collector {
         arena.world.set_goal(slot, goal);
     }
 
-    /// Collects `step_count` decisions of every NPC with `actor` and hands each step to `store`.
-    pub fn round(&mut self, actor: &Actor, step_count: usize, mut store: impl FnMut(Step)) {
+    /// Collects `step_count` decisions of every NPC with `policy` and hands each step to `store`.
+    pub fn round(&mut self, policy: &Policy, step_count: usize, mut store: impl FnMut(Step)) {
         self.rounds += 1;
         let exchanged = self
             .rounds
@@ -221,9 +255,9 @@ impl Collector {
             let exchange = exchanged.filter(|_| step_idx == 0);
             if let Some(arena_idx) = exchange {
                 let npcs = self.config.npcs_per_world;
-                self.boundary[arena_idx * npcs..(arena_idx + 1) * npcs].fill(true);
+                self.boundaries[arena_idx * npcs..(arena_idx + 1) * npcs].fill(Some(AfterBoundary::Respawn));
             }
-            self.collect_step(actor);
+            self.collect_step(policy);
             store(self.step.clone());
             if let Some(arena_idx) = exchange {
                 // Its attempts have just ended in boundary rows, so nothing of the old map is continued.
@@ -234,7 +268,7 @@ impl Collector {
         }
     }
 
-    fn collect_step(&mut self, actor: &Actor) {
+    fn collect_step(&mut self, policy: &Policy) {
         let lane_count = self.lane_count();
         let npcs = self.config.npcs_per_world;
         self.step.observations.resize(lane_count * OBSERVATION_LEN, 0.0);
@@ -243,10 +277,13 @@ impl Collector {
         for (lane, row) in self.step.observations.chunks_exact_mut(OBSERVATION_LEN).enumerate() {
             self.arenas[lane / npcs].world.observe(NpcSlot((lane % npcs) as u32), row);
         }
-        self.choose_actions(actor);
+        self.step.memory.clone_from(&self.memory);
+        self.step.is_fresh.clone_from(&self.is_fresh);
+        self.choose_actions(policy);
+        self.is_fresh.fill(false);
         for (lane, action) in self.step.actions.iter().enumerate() {
             let action = Action::from_array(*action).expect("policy actions are finite");
-            if !self.boundary[lane] {
+            if self.boundaries[lane].is_none() {
                 self.arenas[lane / npcs].world.decide(NpcSlot((lane % npcs) as u32), action);
             }
         }
@@ -265,9 +302,16 @@ impl Collector {
 
     /// Settles one lane after its decision and starts what comes next there.
     fn finish_lane(&mut self, arena_idx: usize, slot: NpcSlot, lane: usize) -> (f32, RowKind) {
-        if std::mem::take(&mut self.boundary[lane]) {
-            self.respawn(arena_idx, slot);
-            return (0.0, RowKind::Boundary);
+        match self.boundaries[lane].take() {
+            Some(AfterBoundary::Respawn) => {
+                self.respawn(arena_idx, slot);
+                return (0.0, RowKind::Boundary);
+            }
+            Some(AfterBoundary::Redirect) => {
+                self.new_goal(arena_idx, slot);
+                return (0.0, RowKind::Boundary);
+            }
+            None => {}
         }
         let world = &mut self.arenas[arena_idx].world;
         let outcome = world.close_decision(slot).expect("an episode in every lane");
@@ -285,39 +329,40 @@ impl Collector {
                 self.respawn(arena_idx, slot);
                 (outcome.reward, RowKind::Terminated)
             }
-            None if stalled < self.config.give_up_after => (outcome.reward, RowKind::Continues),
+            None if stalled < self.config.give_up_after => {
+                if self.config.redirect_chance > 0.0 && self.rng.random_bool(self.config.redirect_chance) {
+                    self.boundaries[lane] = Some(AfterBoundary::Redirect);
+                }
+                (outcome.reward, RowKind::Continues)
+            }
             _ => {
                 self.stats.episodes += 1;
-                self.boundary[lane] = true;
+                self.boundaries[lane] = Some(AfterBoundary::Respawn);
                 (outcome.reward, RowKind::Continues)
             }
         }
     }
 
-    fn choose_actions(&mut self, actor: &Actor) {
-        let lane_count = self.lane_count();
+    fn choose_actions(&mut self, policy: &Policy) {
         self.step.actions.clear();
         if self.total_decisions < self.config.random_decisions {
-            for _ in 0..lane_count {
+            for _ in 0..self.lane_count() {
                 self.step.actions.push([(); ACTION_LEN].map(|()| self.rng.random_range(-1.0..1.0)));
             }
             return;
         }
-        let device = Device::flex();
-        let rows = TensorData::new(self.step.observations.clone(), [lane_count, OBSERVATION_LEN]);
-        let distribution = actor.forward(Tensor::<2>::from_data(rows, &device));
-        let noise = TensorData::new(gaussian(&mut self.rng, lane_count * ACTION_LEN), [lane_count, ACTION_LEN]);
-        let noise = Tensor::<2>::from_data(noise, &device);
-        let actions = (distribution.mean + distribution.log_std.exp() * noise).tanh().into_data();
-        let values = actions.as_slice::<f32>().expect("f32 tensors");
-        self.step.actions.extend(values.as_chunks::<ACTION_LEN>().0);
+        let mut actions = Vec::new();
+        policy.act(&self.step.observations, &mut self.memory, 1.0, &mut self.rng, &mut actions);
+        self.step.actions.extend(actions.iter().map(|action| action.to_array()));
     }
 
     /// All state as plain data.
     pub fn save(&self) -> CollectorState {
         CollectorState {
             worlds: self.arenas.iter().map(|arena| (arena.seed, arena.world.save())).collect(),
-            boundary: self.boundary.clone(),
+            boundaries: self.boundaries.clone(),
+            memory: self.memory.clone(),
+            is_fresh: self.is_fresh.clone(),
             rng: RngState::of(&self.rng),
             rounds: self.rounds,
             total_decisions: self.total_decisions,
@@ -339,17 +384,14 @@ impl Collector {
         Self {
             config,
             arenas,
-            boundary: state.boundary,
+            boundaries: state.boundaries,
+            memory: state.memory,
+            is_fresh: state.is_fresh,
             rng: state.rng.generator(),
             rounds: state.rounds,
             total_decisions: state.total_decisions,
             stats: state.stats,
             step: Step::default(),
         }
-    }
-
-    /// An inference copy of `actor`.
-    pub fn snapshot(actor: &Actor) -> Actor {
-        actor.valid()
     }
 }

@@ -1,4 +1,4 @@
-//! Soft actor-critic training of the reactive agent.
+//! Soft actor-critic training of reactive and recurrent agents.
 //!
 //! Read [`sac`] against the paper (losses with their equation numbers), [`replay`] for what is remembered,
 //! [`collector`] for where it comes from, and [`run`] for how a run goes on: rounds in which collecting and
@@ -6,6 +6,7 @@
 //! of its configuration, so that a checkpoint taken at a barrier continues exactly.
 
 pub mod collector;
+pub mod critic;
 pub mod replay;
 pub mod run;
 pub mod sac;

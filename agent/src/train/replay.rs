@@ -4,6 +4,10 @@
 //! later and no observation is stored twice. An episode that was cut off is followed by a *boundary* row
 //! that holds only its last observation: truncated never reads as terminated, and the value of that last
 //! state still counts.
+//!
+//! For recurrent agents the buffer also keeps what each NPC remembered at every [`MEMORY_STRIDE`]th step, and hands out
+//! sequences that start there (Kapturowski et al. 2019, "Recurrent Experience Replay in Distributed Reinforcement
+//! Learning": stored state with burn-in).
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
@@ -35,6 +39,8 @@ struct Row {
     action: [f32; ACTION_LEN],
     reward: f32,
     kind: RowKind,
+    /// Whether the NPC remembered nothing before it.
+    is_fresh: bool,
 }
 
 /// Arrays longer than 32 have no serde implementation of their own.
@@ -58,50 +64,81 @@ mod long_array {
     }
 }
 
+/// Steps between two stored memories: sequences start at multiples of it.
+pub const MEMORY_STRIDE: u64 = 20;
+
 /// Lanes of transitions in one bounded ring.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Replay {
     lane_count: usize,
-    /// Steps kept; older ones are overwritten.
+    /// Steps kept, a multiple of [`MEMORY_STRIDE`]; older ones are overwritten.
     step_capacity: usize,
     /// Steps written since the beginning.
     steps_written: u64,
     rows: Vec<Row>,
+    /// What the actor remembered at each stored stride, `[strides, lanes, memory]`.
+    memories: Vec<f32>,
 }
 
-/// A batch of n-step transitions as flat rows.
+/// A batch of sequences as flat rows, all of step 0 first. For a reactive agent each is one transition: a step to learn from
+/// and a step that shows the state it led to.
 #[derive(Debug, Default)]
 pub struct Batch {
-    /// `[batch, OBSERVATION_LEN]`.
+    /// Sequences.
+    pub size: usize,
+    /// Steps at the beginning that only warm up memories.
+    pub burn_in: usize,
+    /// Steps to learn from; the rest shows where they led.
+    pub learn: usize,
+    /// `[steps * size, OBSERVATION_LEN]`.
     pub observations: Vec<f32>,
-    /// `[batch, ACTION_LEN]`.
+    /// 0 where memory starts anew, else 1, `[steps * size]`.
+    pub keep: Vec<f32>,
+    /// The actor's memory before step 0, hidden and cell state, `[size, memory]`.
+    pub memory: Vec<f32>,
+    /// Actions of the steps to learn from, `[learn * size, ACTION_LEN]`.
     pub actions: Vec<f32>,
-    /// Discounted sum of up to n rewards, `[batch]`.
+    /// Discounted sum of up to n rewards from there on, `[learn * size]`.
     pub returns: Vec<f32>,
-    /// Factor of the bootstrapped value: discount to the steps taken, 0 after a terminal state, `[batch]`.
+    /// Factor of the bootstrapped value: discount to the steps taken, 0 after a terminal state, `[learn * size]`.
     pub bootstrap: Vec<f32>,
-    /// `[batch, OBSERVATION_LEN]`; meaningless where `bootstrap` is 0.
-    pub next_observations: Vec<f32>,
+    /// 1 where there is something to learn, 0 at boundaries, `[learn * size]`.
+    pub weights: Vec<f32>,
+    /// Row of the bootstrapped state; meaningless where `bootstrap` is 0, `[learn * size]`.
+    pub successors: Vec<usize>,
 }
 
 /// How batches are drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampling {
-    /// Transitions per batch.
+    /// Sequences per batch.
     pub batch: usize,
+    /// Steps that only warm up memories; 0 for a reactive agent.
+    pub burn_in: usize,
+    /// Steps to learn from; 1 for a reactive agent.
+    pub learn: usize,
     /// Rewards summed before bootstrapping.
     pub n_step: usize,
     /// Discount per decision.
     pub discount: f32,
-    /// Whether half of the transitions are reflected left to right.
+    /// Whether half of the sequences are reflected left to right.
     pub mirror: bool,
+}
+
+/// What one step is worth.
+struct Target {
+    total: f32,
+    bootstrap: f32,
+    /// Step of the bootstrapped state; none after a terminal one.
+    successor: Option<u64>,
 }
 
 impl Replay {
     /// An empty buffer for at most `capacity` rows over `lane_count` lanes.
     pub fn new(lane_count: usize, capacity: usize) -> Self {
-        let step_capacity = (capacity / lane_count).max(2);
-        Self { lane_count, step_capacity, steps_written: 0, rows: Vec::new() }
+        let strides = (capacity / lane_count / MEMORY_STRIDE as usize).max(4);
+        let step_capacity = strides * MEMORY_STRIDE as usize;
+        Self { lane_count, step_capacity, steps_written: 0, rows: Vec::new(), memories: Vec::new() }
     }
 
     /// Rows held.
@@ -120,79 +157,165 @@ impl Replay {
     /// If the steps do not hold one entry per lane.
     pub fn push_step(&mut self, step: &Step) {
         assert_eq!(step.kinds.len(), self.lane_count);
-        let start = (self.steps_written % self.step_capacity as u64) as usize * self.lane_count;
+        let slot = (self.steps_written % self.step_capacity as u64) as usize;
+        let start = slot * self.lane_count;
         for lane in 0..self.lane_count {
-            let row = Row::pack(
-                &step.observations[lane * OBSERVATION_LEN..(lane + 1) * OBSERVATION_LEN],
-                step.actions[lane],
-                step.rewards[lane],
-                step.kinds[lane],
-            );
+            let row = Row {
+                action: step.actions[lane],
+                reward: step.rewards[lane],
+                kind: step.kinds[lane],
+                is_fresh: step.is_fresh[lane],
+                ..Row::pack(&step.observations[lane * OBSERVATION_LEN..(lane + 1) * OBSERVATION_LEN])
+            };
             match self.rows.get_mut(start + lane) {
                 Some(slot) => *slot = row,
                 None => self.rows.push(row),
             }
         }
+        if self.steps_written.is_multiple_of(MEMORY_STRIDE) {
+            let at = slot / MEMORY_STRIDE as usize * step.memory.len();
+            self.memories.resize(self.memories.len().max(at + step.memory.len()), 0.0);
+            self.memories[at..at + step.memory.len()].copy_from_slice(&step.memory);
+        }
         self.steps_written += 1;
     }
 
+    fn slot(&self, step: u64) -> usize {
+        (step % self.step_capacity as u64) as usize
+    }
+
     fn row(&self, step: u64, lane: usize) -> &Row {
-        &self.rows[(step % self.step_capacity as u64) as usize * self.lane_count + lane]
+        &self.rows[self.slot(step) * self.lane_count + lane]
+    }
+
+    /// What the actor remembered before `step`, a multiple of the stride.
+    fn memory(&self, step: u64, lane: usize) -> &[f32] {
+        let strides = self.rows.len().div_ceil(self.lane_count * MEMORY_STRIDE as usize);
+        let len = self.memories.len() / strides / self.lane_count;
+        let stride = self.slot(step) / MEMORY_STRIDE as usize;
+        &self.memories[(stride * self.lane_count + lane) * len..][..len]
+    }
+
+    /// Whether enough steps were written to draw from.
+    pub fn can_sample(&self, sampling: Sampling) -> bool {
+        let (first, end) = self.starts(sampling);
+        first < end
+    }
+
+    /// Steps that a sequence may start at.
+    fn starts(&self, sampling: Sampling) -> (u64, u64) {
+        let oldest = self.steps_written.saturating_sub(self.step_capacity as u64);
+        let steps = (sampling.burn_in + sampling.learn + sampling.n_step) as u64;
+        (oldest, (self.steps_written + 1).saturating_sub(steps))
     }
 
     /// Draws a batch uniformly.
     ///
     /// # Panics
-    /// If fewer than `n_step + 1` steps have been written.
+    /// Unless it [can](Self::can_sample).
     pub fn sample(&self, sampling: Sampling, rng: &mut impl Rng, batch: &mut Batch) {
-        let Batch { observations, actions, returns, bootstrap, next_observations } = batch;
-        observations.clear();
-        actions.clear();
-        returns.clear();
-        bootstrap.clear();
-        next_observations.clear();
-        let oldest = self.steps_written.saturating_sub(self.step_capacity as u64);
-        let newest = self.steps_written - sampling.n_step as u64;
-        assert!(oldest < newest, "sample after enough steps were written");
-        while returns.len() < sampling.batch {
-            let step = rng.random_range(oldest..newest);
-            let lane = rng.random_range(0..self.lane_count);
+        assert!(self.can_sample(sampling), "sample after enough steps were written");
+        let Sampling { batch: size, burn_in, learn, n_step, .. } = sampling;
+        // A reactive agent needs only the state that its one step led to, not those between.
+        let is_single = burn_in + learn == 1;
+        let steps = if is_single { 2 } else { burn_in + learn + n_step };
+        *batch = Batch {
+            size,
+            burn_in,
+            learn,
+            observations: cleared(&mut batch.observations, steps * size * OBSERVATION_LEN),
+            keep: cleared(&mut batch.keep, steps * size),
+            memory: std::mem::take(&mut batch.memory),
+            actions: cleared(&mut batch.actions, learn * size * ACTION_LEN),
+            returns: cleared(&mut batch.returns, learn * size),
+            bootstrap: cleared(&mut batch.bootstrap, learn * size),
+            weights: cleared(&mut batch.weights, learn * size),
+            successors: vec![0; learn * size],
+        };
+        batch.memory.clear();
+        for sequence in 0..size {
             let mirrored = sampling.mirror && rng.random_bool(0.5);
-            let first = self.row(step, lane);
-            if first.kind == RowKind::Boundary {
-                continue;
+            let (start, lane) = self.draw(sampling, rng);
+            if !is_single {
+                let memory = self.memory(start, lane);
+                // The reflection of what was remembered is not known; burning in has to do.
+                batch.memory.extend(memory.iter().map(|value| if mirrored { 0.0 } else { *value }));
+                for step in 0..steps {
+                    let row = self.row(start + step as u64, lane);
+                    batch.put(step * size + sequence, row, mirrored);
+                }
             }
-            let (mut total, mut discount, mut at) = (0.0, 1.0, step);
-            let next = loop {
+            for step in 0..learn {
+                let at = start + (burn_in + step) as u64;
                 let row = self.row(at, lane);
-                if row.kind == RowKind::Boundary || at == step + sampling.n_step as u64 {
-                    break Some(row);
+                let idx = step * size + sequence;
+                let target = self.target(at, lane, sampling);
+                batch.returns[idx] = target.total;
+                batch.bootstrap[idx] = target.bootstrap;
+                batch.weights[idx] = if row.kind == RowKind::Boundary { 0.0 } else { 1.0 };
+                let action = &mut batch.actions[idx * ACTION_LEN..][..ACTION_LEN];
+                action.copy_from_slice(&row.action);
+                if mirrored {
+                    mirror_action(action);
                 }
-                total += discount * row.reward;
-                discount *= sampling.discount;
-                at += 1;
-                if row.kind == RowKind::Terminated {
-                    break None;
-                }
-            };
-            first.unpack(observations, mirrored);
-            let mut action = first.action;
-            if mirrored {
-                mirror_action(&mut action);
-            }
-            actions.extend(action);
-            returns.push(total);
-            match next {
-                Some(row) => {
-                    row.unpack(next_observations, mirrored);
-                    bootstrap.push(discount);
-                }
-                None => {
-                    next_observations.resize(next_observations.len() + OBSERVATION_LEN, 0.0);
-                    bootstrap.push(0.0);
+                if is_single {
+                    batch.put(sequence, row, mirrored);
+                    batch.successors[idx] = size + sequence;
+                    if let Some(successor) = target.successor {
+                        batch.put(size + sequence, self.row(successor, lane), mirrored);
+                    }
+                } else if let Some(successor) = target.successor {
+                    batch.successors[idx] = (successor - start) as usize * size + sequence;
                 }
             }
         }
+    }
+
+    /// A start and a lane to learn from.
+    fn draw(&self, sampling: Sampling, rng: &mut impl Rng) -> (u64, usize) {
+        let (first, end) = self.starts(sampling);
+        let is_single = sampling.burn_in + sampling.learn == 1;
+        loop {
+            let lane = rng.random_range(0..self.lane_count);
+            let step = rng.random_range(first..end);
+            let start = if is_single { step } else { step - step % MEMORY_STRIDE };
+            let is_usable = if is_single { self.row(start, lane).kind != RowKind::Boundary } else { start >= first };
+            if is_usable {
+                return (start, lane);
+            }
+        }
+    }
+
+    /// Sums up to n rewards from `step` on.
+    fn target(&self, step: u64, lane: usize, sampling: Sampling) -> Target {
+        let (mut total, mut discount) = (0.0, 1.0);
+        for at in step.. {
+            let row = self.row(at, lane);
+            if row.kind == RowKind::Boundary || at == step + sampling.n_step as u64 {
+                return Target { total, bootstrap: discount, successor: Some(at) };
+            }
+            total += discount * row.reward;
+            discount *= sampling.discount;
+            if row.kind == RowKind::Terminated {
+                break;
+            }
+        }
+        Target { total, bootstrap: 0.0, successor: None }
+    }
+}
+
+/// The same allocation, refilled with zeros.
+fn cleared(values: &mut Vec<f32>, len: usize) -> Vec<f32> {
+    let mut values = std::mem::take(values);
+    values.clear();
+    values.resize(len, 0.0);
+    values
+}
+
+impl Batch {
+    fn put(&mut self, idx: usize, row: &Row, mirrored: bool) {
+        row.unpack(&mut self.observations[idx * OBSERVATION_LEN..][..OBSERVATION_LEN], mirrored);
+        self.keep[idx] = if row.is_fresh { 0.0 } else { 1.0 };
     }
 }
 
@@ -201,6 +324,10 @@ impl Replay {
 pub struct Step {
     /// `[lanes, OBSERVATION_LEN]`.
     pub observations: Vec<f32>,
+    /// What the actor remembered before it, hidden and cell state, `[lanes, memory]`.
+    pub memory: Vec<f32>,
+    /// Whether a lane remembered nothing.
+    pub is_fresh: Vec<bool>,
     /// One action per lane.
     pub actions: Vec<[f32; ACTION_LEN]>,
     /// One reward per lane.
@@ -210,9 +337,17 @@ pub struct Step {
 }
 
 impl Row {
-    fn pack(observation: &[f32], action: [f32; ACTION_LEN], reward: f32, kind: RowKind) -> Self {
-        let mut row =
-            Row { proximity: [0; RAY_COUNT], surface: [0; RAY_COUNT], state: [0.0; STATE_LEN], action, reward, kind };
+    /// Packs an observation; what was done there is yet to be filled in.
+    fn pack(observation: &[f32]) -> Self {
+        let mut row = Row {
+            proximity: [0; RAY_COUNT],
+            surface: [0; RAY_COUNT],
+            state: [0.0; STATE_LEN],
+            action: [0.0; ACTION_LEN],
+            reward: 0.0,
+            kind: RowKind::Boundary,
+            is_fresh: false,
+        };
         for ray in 0..RAY_COUNT {
             row.proximity[ray] = (observation[ray] * f32::from(u16::MAX)).round() as u16;
             row.surface[ray] = sense::ray_surface(observation, ray) as u8;
@@ -221,19 +356,17 @@ impl Row {
         row
     }
 
-    fn unpack(&self, into: &mut Vec<f32>, mirrored: bool) {
-        let start = into.len();
-        into.resize(start + OBSERVATION_LEN, 0.0);
-        let row = &mut into[start..];
+    /// Writes the observation into `into`, which holds zeros.
+    fn unpack(&self, into: &mut [f32], mirrored: bool) {
         for ray in 0..RAY_COUNT {
-            row[ray] = f32::from(self.proximity[ray]) / f32::from(u16::MAX);
+            into[ray] = f32::from(self.proximity[ray]) / f32::from(u16::MAX);
             if let Some((channel, value)) = sense::surface_channel(Surface::ALL[usize::from(self.surface[ray])]) {
-                row[channel * RAY_COUNT + ray] = value;
+                into[channel * RAY_COUNT + ray] = value;
             }
         }
-        row[RAY_COUNT * RAY_CHANNELS..].copy_from_slice(&self.state);
+        into[RAY_COUNT * RAY_CHANNELS..].copy_from_slice(&self.state);
         if mirrored {
-            mirror_observation(row);
+            mirror_observation(into);
         }
     }
 }

@@ -13,8 +13,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use surefoot_policy::checkpoint::{self, module_bytes, write_whole};
-use surefoot_policy::{Actor, CheckpointError, Manifest, Policy};
-use surefoot_world::{CharacterProfile, End, Map, MapSpec, TaskConfig, navigable};
+use surefoot_policy::{Actor, ActorConfig, CheckpointError, Manifest, Policy};
+use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
 /// Everything that decides a run; written to `config.json` beside its results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,13 +29,19 @@ pub struct TrainConfig {
     pub steps_per_round: usize,
     /// Updates per round.
     pub updates_per_round: usize,
-    /// Transitions per batch.
+    /// Sequences per batch; for a reactive agent each is one transition.
     pub batch: usize,
+    /// Steps of each sequence that only warm up memories; 0 for a reactive agent.
+    #[serde(default)]
+    pub burn_in: usize,
+    /// Steps of each sequence that are learned from; 1 for a reactive agent.
+    #[serde(default = "one")]
+    pub learn: usize,
     /// Rewards summed before bootstrapping.
     pub n_step: usize,
     /// Discount per decision.
     pub discount: f32,
-    /// Reflect half of the transitions left to right.
+    /// Reflect half of the sequences left to right.
     pub mirror: bool,
     /// Rows kept in the replay buffer.
     pub replay_capacity: usize,
@@ -47,6 +53,12 @@ pub struct TrainConfig {
     pub validation_goals: usize,
     /// Seeds of the validation maps.
     pub validation_seeds: Vec<u64>,
+    /// Updates without a better validation after which the run ends early; 0 for never.
+    #[serde(default)]
+    pub stop_after: u64,
+    /// Folder of a run or model to start from: `weights.bpk` and `critics.bpk`. A reactive one may start a recurrent one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_from: Option<PathBuf>,
     /// The learner.
     pub sac: SacConfig,
     /// The collector.
@@ -62,6 +74,8 @@ impl Default for TrainConfig {
             steps_per_round: 8,
             updates_per_round: 16,
             batch: 256,
+            burn_in: 0,
+            learn: 1,
             n_step: 3,
             discount: 0.98,
             mirror: true,
@@ -70,8 +84,79 @@ impl Default for TrainConfig {
             checkpoint_every: 1500,
             validation_goals: 48,
             validation_seeds: vec![1000, 1001, 1002, 1003],
+            stop_after: 80_000,
+            start_from: None,
             sac: SacConfig::default(),
             collector: CollectorConfig::default(),
+        }
+    }
+}
+
+fn one() -> usize {
+    1
+}
+
+impl TrainConfig {
+    /// The defaults of the recurrent agent: burn-in of 20 decisions as in the paper, and 20 to learn from.
+    pub fn recurrent() -> Self {
+        let network = ActorConfig { memory: 64, ..ActorConfig::default() };
+        Self {
+            name: "general-lstm".to_owned(),
+            batch: 32,
+            burn_in: 20,
+            learn: 20,
+            updates_per_round: 4,
+            sac: SacConfig { network, ..SacConfig::default() },
+            ..Self::default()
+        }
+    }
+
+    /// Whether the parts fit each other.
+    ///
+    /// # Errors
+    /// Names the field that does not.
+    pub fn validate(&self) -> Result<(), TrainError> {
+        let refuse = |field: &'static str, problem: &'static str| Err(TrainError::Config { field, problem });
+        let is_recurrent = self.sac.network.memory > 0;
+        if !is_recurrent && (self.burn_in, self.learn) != (0, 1) {
+            return refuse("burn_in and learn", "a reactive agent (memory 0) learns from single steps: 0 and 1");
+        }
+        if is_recurrent && self.learn < 2 {
+            return refuse("learn", "a recurrent agent (memory above 0) needs sequences of 2 steps or more");
+        }
+        for (field, value) in [
+            ("batch", self.batch),
+            ("n_step", self.n_step),
+            ("steps_per_round", self.steps_per_round),
+            ("sac.network.hidden", self.sac.network.hidden),
+            ("sac.network.ray_features", self.sac.network.ray_features),
+            ("collector.world_count", self.collector.world_count),
+            ("collector.npcs_per_world", self.collector.npcs_per_world),
+        ] {
+            if value == 0 {
+                return refuse(field, "must be at least 1");
+            }
+        }
+        if self.collector.map_seeds.is_empty() {
+            return refuse("collector.map_seeds", "is an empty range");
+        }
+        if self.collector.spec(0).validate().is_err() {
+            return refuse(
+                "collector.map_side and map_features",
+                "make no valid map: see `surefoot map generate --help`",
+            );
+        }
+        Ok(())
+    }
+
+    fn sampling(&self) -> Sampling {
+        Sampling {
+            batch: self.batch,
+            burn_in: self.burn_in,
+            learn: self.learn,
+            n_step: self.n_step,
+            discount: self.discount,
+            mirror: self.mirror,
         }
     }
 }
@@ -97,6 +182,14 @@ pub enum TrainError {
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
+    },
+    /// The configuration contradicts itself.
+    #[error("configuration: {field}: {problem}")]
+    Config {
+        /// What to change.
+        field: &'static str,
+        /// Why.
+        problem: &'static str,
     },
     /// The folder already holds a run.
     #[error("{0} already holds a run: resume it, or choose another folder")]
@@ -133,8 +226,15 @@ pub struct Run {
     learner: Learner,
     replay: Replay,
     rounds: u64,
-    best_validation: f64,
+    best: Best,
     hours: f64,
+}
+
+/// The best validation so far.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct Best {
+    score: f64,
+    updates: u64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -143,25 +243,41 @@ struct RunState {
     learner: LearnerState,
     replay: Replay,
     rounds: u64,
-    best_validation: f64,
+    best: Best,
     hours: f64,
 }
 
+/// Name of the critics' weights inside a model's folder.
+pub const CRITICS_FILE: &str = "critics.bpk";
 const CONFIG_FILE: &str = "config.json";
 const STATE_FILE: &str = "state.bin";
 
 impl Run {
     /// A run at its beginning.
-    pub fn new(config: TrainConfig) -> Self {
+    ///
+    /// # Errors
+    /// If the configuration contradicts itself, or the model to start from cannot be used.
+    pub fn new(config: TrainConfig) -> Result<Self, TrainError> {
+        config.validate()?;
         let stream = |number: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
             rng.set_stream(number);
             rng
         };
-        let collector = Collector::new(config.collector.clone(), stream(10));
+        let collector = Collector::new(config.collector.clone(), 2 * config.sac.network.memory, stream(10));
         let replay = Replay::new(collector.lane_count(), config.replay_capacity);
-        let learner = Learner::new(config.sac.clone(), stream(11));
-        Self { collector, learner, replay, rounds: 0, best_validation: -1.0, hours: 0.0, config }
+        let mut learner = Learner::new(config.sac.clone(), stream(11));
+        if let Some(folder) = &config.start_from {
+            learner.start_from(folder)?;
+        }
+        let best = Best { score: -1.0, updates: 0 };
+        Ok(Self { collector, learner, replay, rounds: 0, best, hours: 0.0, config })
+    }
+
+    /// The policy as it stands.
+    pub fn policy(&self) -> Policy {
+        let manifest = Manifest::new(&self.config.name, self.config.sac.network, &[], serde_json::Value::Null);
+        Policy::new(self.learner.actor(), manifest)
     }
 
     /// The policy network as it stands.
@@ -174,18 +290,23 @@ impl Run {
         self.learner.updates()
     }
 
+    /// Whether validation has not improved for as long as the configuration allows.
+    fn has_stalled(&self) -> bool {
+        self.config.stop_after > 0 && self.updates() > self.best.updates + self.config.stop_after
+    }
+
     /// One round: the collector acts with the actor as of the last barrier, while the learner learns from
     /// what was stored before it. Both results are independent of how the two threads interleave.
     pub fn round(&mut self) -> Vec<UpdateStats> {
-        let actor = Collector::snapshot(self.learner.actor());
+        let policy = self.policy();
         let Self { config, collector, learner, replay, .. } = self;
-        let sampling =
-            Sampling { batch: config.batch, n_step: config.n_step, discount: config.discount, mirror: config.mirror };
-        let warm = replay.len() >= 40 * config.batch.max(collector.lane_count());
+        let sampling = config.sampling();
+        let warm = replay.len() >= 40 * (config.batch * config.learn).max(collector.lane_count())
+            && replay.can_sample(sampling);
         let (steps, stats) = std::thread::scope(|scope| {
             let collecting = scope.spawn(|| {
                 let mut steps: Vec<Step> = Vec::new();
-                collector.round(&actor, config.steps_per_round, |step| steps.push(step));
+                collector.round(&policy, config.steps_per_round, |step| steps.push(step));
                 steps
             });
             let mut stats = Vec::new();
@@ -211,7 +332,7 @@ impl Run {
             learner: LearnerState,
             replay: &'a Replay,
             rounds: u64,
-            best_validation: f64,
+            best: Best,
             hours: f64,
         }
         let state = Saved {
@@ -219,7 +340,7 @@ impl Run {
             learner: self.learner.save()?,
             replay: &self.replay,
             rounds: self.rounds,
-            best_validation: self.best_validation,
+            best: self.best,
             hours: self.hours,
         };
         let mut bytes = postcard::to_stdvec(&state).expect("run state is plain data");
@@ -239,6 +360,7 @@ impl Run {
         });
         let manifest = Manifest::new(&self.config.name, self.config.sac.network, &weights, training);
         checkpoint::save(folder, &manifest, &weights)?;
+        write_whole(&folder.join(CRITICS_FILE), &module_bytes(self.learner.critics())?)?;
         Ok(())
     }
 
@@ -261,7 +383,7 @@ impl Run {
             learner: Learner::restore(config.sac.clone(), state.learner)?,
             replay: state.replay,
             rounds: state.rounds,
-            best_validation: state.best_validation,
+            best: state.best,
             hours: state.hours,
             config,
         })
@@ -289,9 +411,7 @@ impl ValidationSet {
             .validation_seeds
             .iter()
             .map(|&seed| {
-                let map = Arc::new(
-                    Map::generate(&MapSpec::with_side(seed, config.collector.map_side)).expect("a valid spec"),
-                );
+                let map = Arc::new(Map::generate(&config.collector.spec(seed)).expect("a valid spec"));
                 let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x5EED);
                 let points = navigable::sample_many(&map, &CharacterProfile::default(), 800, &mut rng).expect("ground");
                 let near = Goal::draw(&points, 2.0..25.0, config.validation_goals, &mut rng);
@@ -345,14 +465,15 @@ pub fn run(
         }
         std::fs::create_dir_all(folder).map_err(io)?;
         let text = serde_json::to_vec_pretty(&config).expect("a config is plain data");
+        let run = Run::new(config)?;
         write_whole(&folder.join(CONFIG_FILE), &text)?;
-        Run::new(config)
+        run
     };
     let validation_set = ValidationSet::new(&run.config);
     let mut events = EventWriter::create(&folder.join("tensorboard")).map_err(io)?;
     let (mut since, mut updates_before) = (Instant::now(), run.updates());
     let mut recent = UpdateStats::default();
-    while run.updates() < run.config.total_updates && !stop.load(Ordering::Relaxed) {
+    while run.updates() < run.config.total_updates && !run.has_stalled() && !stop.load(Ordering::Relaxed) {
         let started = Instant::now();
         if let Some(last) = run.round().into_iter().rfind(|stats| stats.actor_loss.is_finite()) {
             recent = last;
@@ -413,9 +534,7 @@ fn validate(
     events: &mut EventWriter,
     report: &mut impl FnMut(&str),
 ) -> Result<(), TrainError> {
-    let weights = module_bytes(run.actor())?;
-    let manifest = Manifest::new(&run.config.name, run.config.sac.network, &weights, serde_json::Value::Null);
-    let policy = Policy::new(run.actor(), manifest);
+    let policy = run.policy();
     let greedy = set.measure(&policy, 0.0);
     let validation = set.measure(&policy, DEFAULT_NOISE_SHARE);
     report(&format!(
@@ -438,8 +557,8 @@ fn validate(
         )
         .map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     let score = validation.near + 0.5 * validation.far;
-    if score > run.best_validation {
-        run.best_validation = score;
+    if score > run.best.score {
+        run.best = Best { score, updates: run.updates() };
         run.save_weights(&folder.join("best"), Some(&validation))?;
     }
     Ok(())

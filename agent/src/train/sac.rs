@@ -3,18 +3,20 @@
 //! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications"
 //! (arXiv 1812.05905). Actor and critics have separate encoders, as the GameRLand3D paper found more stable.
 
+use super::critic::{CRITIC_COUNT, Critics, Encoding};
 use super::replay::Batch;
 use burn::module::{Module, Param};
-use burn::nn::Linear;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::activation::softplus;
-use burn::tensor::{Bytes, Device, Tensor, TensorData};
-use rand::Rng;
+use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use surefoot_policy::actor::{ActionDistribution, Trunk, gaussian, linear};
-use surefoot_policy::checkpoint::{load_module, module_bytes};
-use surefoot_policy::{Actor, ActorConfig, CheckpointError};
+use std::path::Path;
+use surefoot_policy::actor::{ActionDistribution, gaussian};
+use surefoot_policy::checkpoint::{WEIGHTS_FILE, load_module, module_bytes};
+use surefoot_policy::lstm::Recall;
+use surefoot_policy::network::Past;
+use surefoot_policy::{Actor, ActorConfig, CheckpointError, Manifest};
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
 
@@ -35,6 +37,9 @@ pub struct SacConfig {
     pub min_alpha: f32,
     /// Critic updates per actor update.
     pub actor_interval: u64,
+    /// Updates over which the step size falls linearly to a tenth; 0 for a constant one.
+    #[serde(default)]
+    pub decay_updates: u64,
 }
 
 impl Default for SacConfig {
@@ -47,39 +52,8 @@ impl Default for SacConfig {
             initial_alpha: 0.05,
             min_alpha: 1.0e-4,
             actor_interval: 2,
+            decay_updates: 0,
         }
-    }
-}
-
-/// An action-value network: observation and action to one number.
-#[derive(Module, Debug)]
-pub struct Critic {
-    trunk: Trunk,
-    head: Linear,
-}
-
-impl Critic {
-    fn new(config: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
-        Self { trunk: Trunk::new(config, ACTION_LEN, device, rng), head: linear(config.hidden, 1, device, rng) }
-    }
-
-    /// `[batch, OBSERVATION_LEN]`, `[batch, ACTION_LEN]` to `[batch, 1]`.
-    fn forward(&self, observations: Tensor<2>, actions: Tensor<2>) -> Tensor<2> {
-        self.head.forward(self.trunk.forward(observations, Some(actions)))
-    }
-}
-
-/// Two critics; the smaller estimate is believed.
-#[derive(Module, Debug)]
-pub struct TwinCritic {
-    first: Critic,
-    second: Critic,
-}
-
-impl TwinCritic {
-    fn min(&self, observations: Tensor<2>, actions: Tensor<2>) -> Tensor<2> {
-        let first = self.first.forward(observations.clone(), actions.clone());
-        first.min_pair(self.second.forward(observations, actions))
     }
 }
 
@@ -93,8 +67,8 @@ struct Temperature {
 pub struct Learner {
     config: SacConfig,
     actor: Actor,
-    critic: TwinCritic,
-    target: TwinCritic,
+    critics: Critics,
+    target: Critics,
     temperature: Temperature,
     actor_optimizer: ModuleOptimizer,
     critic_optimizer: ModuleOptimizer,
@@ -133,107 +107,168 @@ impl Learner {
     pub fn new(config: SacConfig, mut rng: ChaCha8Rng) -> Self {
         let device = Device::flex().autodiff();
         let actor = Actor::new(&config.network, &device, &mut rng);
-        let critic = TwinCritic {
-            first: Critic::new(&config.network, &device, &mut rng),
-            second: Critic::new(&config.network, &device, &mut rng),
-        };
+        let critics = Critics::new(&config.network, &device, &mut rng);
         let adam = || AdamConfig::new().with_epsilon(1.0e-8).init();
         let log_alpha = TensorData::new(vec![config.initial_alpha.ln()], [1]);
         Self {
             actor,
-            target: critic.valid(),
-            critic,
+            target: critics.valid(),
+            critics,
             temperature: Temperature { log_alpha: Param::from_data(log_alpha, &device) },
             actor_optimizer: adam(),
             critic_optimizer: adam(),
             temperature_optimizer: adam(),
             updates: 0,
+            config,
             rng,
             device,
-            config,
         }
     }
 
-    /// The policy network being trained.
+    /// Takes over the networks of a trained model; a reactive one gives a recurrent one everything but its memory.
+    ///
+    /// # Errors
+    /// If the model cannot be read or does not fit.
+    pub fn start_from(&mut self, folder: &Path) -> Result<(), CheckpointError> {
+        let manifest = Manifest::load(folder)?;
+        let read = |file: &str| {
+            let path = folder.join(file);
+            std::fs::read(&path).map_err(|source| CheckpointError::Io { path, source })
+        };
+        let (weights, critics) = (read(WEIGHTS_FILE)?, read(super::run::CRITICS_FILE)?);
+        manifest.check(&weights)?;
+        let mut actor = load_module(Actor::new(&manifest.actor, &self.device, &mut self.rng), &weights)?;
+        let mut critic = load_module(Critics::new(&manifest.actor, &self.device, &mut self.rng), &critics)?;
+        if manifest.actor.memory == 0 && self.config.network.memory > 0 {
+            actor = actor.with_memory(self.config.network.memory, &self.device, &mut self.rng);
+            critic = critic.with_memory(self.config.network.memory, &self.device, &mut self.rng);
+        }
+        // Loading checks that the shapes are those of the configuration.
+        self.actor = load_module(self.actor.clone(), &module_bytes(&actor)?)?;
+        self.critics = load_module(self.critics.clone(), &module_bytes(&critic)?)?;
+        self.target = self.critics.valid();
+        Ok(())
+    }
+
+    /// The policy network as it stands.
     pub fn actor(&self) -> &Actor {
         &self.actor
     }
 
-    /// Updates made.
+    /// The critics as they stand.
+    pub fn critics(&self) -> &Critics {
+        &self.critics
+    }
+
+    /// Updates made so far.
     pub fn updates(&self) -> u64 {
         self.updates
     }
 
-    /// The generator behind the learner's noise and its batches.
+    /// The generator that batches are drawn with.
     pub fn rng(&mut self) -> &mut ChaCha8Rng {
         &mut self.rng
     }
 
-    /// One update of critics, and every few also of actor and temperature.
+    /// One update of the critics and, at every `actor_interval`-th, of actor and temperature.
     pub fn update(&mut self, batch: &Batch) -> UpdateStats {
-        let inner = self.device.clone().inner();
-        let size = batch.returns.len();
-        let rows = |values: &[f32], width: usize| {
-            Tensor::<2>::from_data(TensorData::new(values.to_vec(), [size, width]), &inner)
-        };
-        let observations = rows(&batch.observations, OBSERVATION_LEN);
-        let actions = rows(&batch.actions, ACTION_LEN);
-        let returns = rows(&batch.returns, 1);
-        let bootstrap = rows(&batch.bootstrap, 1);
-        let next_observations = rows(&batch.next_observations, OBSERVATION_LEN);
+        let rows = Rows::new(batch, &self.device.clone().inner());
         let alpha = self.alpha();
-
-        // Targets: r + gamma (min Q'(s', a') - alpha log pi(a'|s')), eq. (7) with the soft value of eq. (3).
-        let noise = self.noise(size, &inner);
-        let (next_actions, next_log_prob) =
-            sample_squashed(self.actor.valid().forward(next_observations.clone()), noise);
-        let next_value = self.target.min(next_observations, next_actions) - next_log_prob * alpha;
-        let targets = returns + bootstrap * next_value;
+        let targets = self.targets(&rows, alpha);
 
         // Critic loss, eq. (5), summed over both critics.
-        let (tracked_observations, tracked_actions) = (observations.clone().autodiff(), actions.autodiff());
-        let targets = targets.autodiff();
-        let q_first = self.critic.first.forward(tracked_observations.clone(), tracked_actions.clone());
-        let q_second = self.critic.second.forward(tracked_observations, tracked_actions);
-        let squared = |q: &Tensor<2>| (q.clone() - targets.clone()).square().mean();
-        let critic_loss = squared(&q_first) + squared(&q_second);
+        let recall = self.warm_critics(&rows);
+        let past = recall.as_ref().map(|recall| rows.past(recall));
+        let (encoding, _) = self.critics.encode(rows.learned.clone().autodiff(), past);
+        let values = self.critics.value(encoding.clone(), rows.actions.clone().autodiff());
+        let errors = (values.clone() - targets.unsqueeze::<3>().autodiff()).square();
+        let critic_loss = (errors * rows.weights.clone().unsqueeze::<3>().autodiff()).sum();
         let mut stats = UpdateStats {
             critic_loss: scalar(critic_loss.clone()),
-            q_mean: scalar(q_first.mean()),
+            q_mean: scalar(values.mean()),
             actor_loss: f32::NAN,
             entropy: f32::NAN,
             alpha,
         };
-        let gradients = GradientsParams::from_grads(critic_loss.backward(), &self.critic);
-        self.critic = self.critic_optimizer.step(self.config.learning_rate, self.critic.clone(), gradients);
-
+        let critic_gradients = GradientsParams::from_grads(critic_loss.backward(), &self.critics);
         if self.updates.is_multiple_of(self.config.actor_interval) {
-            self.update_actor(observations, alpha, &mut stats);
+            // What the critics made of the observations serves the actor's loss too.
+            self.update_actor(&rows, encoding.detach(), alpha, &mut stats);
         }
-        self.target = follow(self.target.clone(), &self.critic.valid(), self.config.tau);
+        self.critics = self.critic_optimizer.step(self.learning_rate(), self.critics.clone(), critic_gradients);
+        self.target = self.target.clone().follow(&self.critics.valid(), self.config.tau);
         self.updates += 1;
         stats
     }
 
-    fn update_actor(&mut self, observations: Tensor<2>, alpha: f32, stats: &mut UpdateStats) {
-        let [size, _] = observations.dims();
-        let noise = self.noise(size, &self.device.clone().inner()).autodiff();
-        let observations = observations.autodiff();
+    /// What the critics should have said, eq. (3) and (6): the rewards up to the successor, and its value there,
+    /// min Q(s', a') - alpha log pi(a'|s').
+    fn targets(&mut self, rows: &Rows<'_>, alpha: f32) -> Tensor<2> {
+        let noise = self.noise(rows.learned_count(), &rows.device);
+        let actor = self.actor.valid();
+        let (distribution, encoding) = if actor.memory_size().is_some() {
+            // Memories need every step; only then can the successors be picked.
+            let all = rows.all();
+            let recall = rows.actor_memory();
+            let critic_recall = rows.empty_memory(CRITIC_COUNT);
+            let (distribution, _) = actor.forward(all.clone(), Some(rows.whole_past(&recall)));
+            let (encoding, _) = self.target.encode(all, Some(rows.whole_past(&critic_recall)));
+            let pick = |tensor: Tensor<2>| tensor.select(0, rows.successors.clone());
+            let ActionDistribution { mean, log_std } = distribution;
+            (ActionDistribution { mean: pick(mean), log_std: pick(log_std) }, encoding.select(&rows.successors))
+        } else {
+            let successors = rows.all().select(0, rows.successors.clone());
+            (actor.forward(successors.clone(), None).0, self.target.encode(successors, None).0)
+        };
+        let (actions, log_prob) = sample_squashed(distribution, noise);
+        let value = self.target.smaller_value(encoding, actions) - log_prob * alpha;
+        rows.returns.clone() + rows.bootstrap.clone() * value
+    }
+
+    /// The critics' memory after burning in, from nothing.
+    fn warm_critics(&self, rows: &Rows<'_>) -> Option<Recall> {
+        self.actor.memory_size()?;
+        let empty = rows.empty_memory(CRITIC_COUNT);
+        let Some(observations) = rows.burn_in() else { return Some(empty) };
+        self.critics.valid().encode(observations, Some(rows.burn_in_past(&empty))).1
+    }
+
+    /// The actor's memory after burning in, from what was stored.
+    fn warm_actor(&self, rows: &Rows<'_>) -> Option<Recall> {
+        self.actor.memory_size()?;
+        let stored = rows.actor_memory();
+        let Some(observations) = rows.burn_in() else { return Some(stored) };
+        self.actor.valid().remember(observations, rows.burn_in_past(&stored))
+    }
+
+    fn update_actor(&mut self, rows: &Rows<'_>, encoding: Encoding, alpha: f32, stats: &mut UpdateStats) {
+        let noise = self.noise(rows.learned_count(), &rows.device).autodiff();
+        let weights = rows.weights.clone().autodiff();
         // Actor loss, eq. (9): alpha log pi - Q, through the critics but without gradients for their weights.
-        let (actions, log_prob) = sample_squashed(self.actor.forward(observations.clone()), noise);
-        let q = self.critic.clone().no_grad().min(observations, actions);
-        let actor_loss = (log_prob.clone() * alpha - q).mean();
+        let recall = self.warm_actor(rows);
+        let past = recall.as_ref().map(|recall| rows.past(recall));
+        let (distribution, _) = self.actor.forward(rows.learned.clone().autodiff(), past);
+        let (actions, log_prob) = sample_squashed(distribution, noise);
+        let value = self.critics.clone().no_grad().smaller_value(encoding, actions);
+        let actor_loss = ((log_prob.clone() * alpha - value) * weights.clone()).sum();
         stats.actor_loss = scalar(actor_loss.clone());
-        let mean_log_prob = scalar(log_prob.mean());
+        let mean_log_prob = scalar((log_prob * weights).sum());
         stats.entropy = -mean_log_prob;
         let gradients = GradientsParams::from_grads(actor_loss.backward(), &self.actor);
-        self.actor = self.actor_optimizer.step(self.config.learning_rate, self.actor.clone(), gradients);
+        self.actor = self.actor_optimizer.step(self.learning_rate(), self.actor.clone(), gradients);
         // Temperature loss, eq. (18): -alpha (log pi + target entropy), in its usual form on log alpha.
         let gap = mean_log_prob + self.config.target_entropy;
         let loss = self.temperature.log_alpha.val() * -gap;
         let gradients = GradientsParams::from_grads(loss.sum().backward(), &self.temperature);
-        self.temperature =
-            self.temperature_optimizer.step(self.config.learning_rate, self.temperature.clone(), gradients);
+        self.temperature = self.temperature_optimizer.step(self.learning_rate(), self.temperature.clone(), gradients);
+    }
+
+    fn learning_rate(&self) -> f64 {
+        let done = match self.config.decay_updates {
+            0 => 0.0,
+            updates => (self.updates as f64 / updates as f64).min(1.0),
+        };
+        self.config.learning_rate * (1.0 - 0.9 * done)
     }
 
     fn alpha(&self) -> f32 {
@@ -260,7 +295,7 @@ impl Learner {
         Ok(LearnerState {
             modules: [
                 module_bytes(&self.actor)?,
-                module_bytes(&self.critic)?,
+                module_bytes(&self.critics)?,
                 module_bytes(&self.target)?,
                 module_bytes(&self.temperature)?,
             ],
@@ -282,7 +317,7 @@ impl Learner {
         let mut learner = Self::new(config, state.rng.generator());
         let [actor, critic, target, temperature] = state.modules;
         learner.actor = load_module(learner.actor, &actor)?;
-        learner.critic = load_module(learner.critic, &critic)?;
+        learner.critics = load_module(learner.critics, &critic)?;
         learner.target = load_module(learner.target, &target)?;
         learner.temperature = load_module(learner.temperature, &temperature)?;
         let load = |optimizer: ModuleOptimizer, bytes: Vec<u8>| {
@@ -317,11 +352,88 @@ fn scalar<const D: usize>(tensor: Tensor<D>) -> f32 {
     tensor.into_data().as_slice::<f32>().expect("f32 tensors")[0]
 }
 
-/// Moves every parameter of `target` by `tau` towards the same parameter of `source`.
-fn follow(target: TwinCritic, source: &TwinCritic, tau: f32) -> TwinCritic {
-    let critic = |target: Critic, source: &Critic| Critic {
-        trunk: target.trunk.follow(&source.trunk, tau),
-        head: surefoot_policy::actor::follow(target.head, &source.head, tau),
-    };
-    TwinCritic { first: critic(target.first, &source.first), second: critic(target.second, &source.second) }
+/// A batch as tensors.
+struct Rows<'a> {
+    batch: &'a Batch,
+    /// The device that tensors without gradients live on.
+    device: Device,
+    /// Observations to learn from, `[learned, OBSERVATION_LEN]`.
+    learned: Tensor<2>,
+    /// `[learned, ACTION_LEN]`.
+    actions: Tensor<2>,
+    /// `[learned, 1]`.
+    returns: Tensor<2>,
+    /// `[learned, 1]`.
+    bootstrap: Tensor<2>,
+    /// Share of each row in the losses' means, `[learned, 1]`.
+    weights: Tensor<2>,
+    /// Row of each successor among all rows, `[learned]`.
+    successors: Tensor<1, Int>,
+}
+
+impl<'a> Rows<'a> {
+    fn new(batch: &'a Batch, device: &Device) -> Self {
+        let count = batch.returns.len();
+        let column = |values: Vec<f32>| Tensor::from_data(TensorData::new(values, [count, 1]), device);
+        let total: f32 = batch.weights.iter().sum();
+        let skip = batch.burn_in * batch.size * OBSERVATION_LEN;
+        let learned = batch.observations[skip..skip + count * OBSERVATION_LEN].to_vec();
+        let successors = batch.successors.iter().map(|&row| row as i64).collect::<Vec<_>>();
+        Self {
+            batch,
+            device: device.clone(),
+            learned: Tensor::from_data(TensorData::new(learned, [count, OBSERVATION_LEN]), device),
+            actions: Tensor::from_data(TensorData::new(batch.actions.clone(), [count, ACTION_LEN]), device),
+            returns: column(batch.returns.clone()),
+            bootstrap: column(batch.bootstrap.clone()),
+            weights: column(batch.weights.iter().map(|weight| weight / total.max(1.0)).collect()),
+            successors: Tensor::from_data(TensorData::new(successors, [count]), device),
+        }
+    }
+
+    fn learned_count(&self) -> usize {
+        self.batch.returns.len()
+    }
+
+    /// Observations of every step.
+    fn all(&self) -> Tensor<2> {
+        let rows = self.batch.keep.len();
+        Tensor::from_data(TensorData::new(self.batch.observations.clone(), [rows, OBSERVATION_LEN]), &self.device)
+    }
+
+    /// Observations that only warm up memories.
+    fn burn_in(&self) -> Option<Tensor<2>> {
+        let rows = self.batch.burn_in * self.batch.size;
+        let values = self.batch.observations[..rows * OBSERVATION_LEN].to_vec();
+        (rows > 0).then(|| Tensor::from_data(TensorData::new(values, [rows, OBSERVATION_LEN]), &self.device))
+    }
+
+    /// What the actor remembered before the first step.
+    fn actor_memory(&self) -> Recall {
+        let size = self.batch.memory.len() / self.batch.size / 2;
+        let part = |which: usize| {
+            let values = self.batch.memory.chunks_exact(size).skip(which).step_by(2).flatten().copied().collect();
+            Tensor::from_data(TensorData::new::<f32, _>(values, [1, self.batch.size, size]), &self.device)
+        };
+        Recall { hidden: part(0), cell: part(1) }
+    }
+
+    /// Nothing remembered by some members of the actor's size.
+    fn empty_memory(&self, members: usize) -> Recall {
+        let size = self.batch.memory.len() / self.batch.size / 2;
+        Recall::empty([members, self.batch.size, size], &self.device)
+    }
+
+    fn whole_past<'r>(&'r self, recall: &'r Recall) -> Past<'r> {
+        Past { recall, keep: &self.batch.keep }
+    }
+
+    fn burn_in_past<'r>(&'r self, recall: &'r Recall) -> Past<'r> {
+        Past { recall, keep: &self.batch.keep[..self.batch.burn_in * self.batch.size] }
+    }
+
+    /// For the steps to learn from.
+    fn past<'r>(&'r self, recall: &'r Recall) -> Past<'r> {
+        Past { recall, keep: &self.batch.keep[self.batch.burn_in * self.batch.size..][..self.learned_count()] }
+    }
 }

@@ -214,12 +214,13 @@ fn run_one(
     let slot = world.spawn(start, 0.0);
     let mut follower = Follower::new(goal, FollowConfig::default());
     let (mut row, mut actions, mut track) = (vec![0.0; OBSERVATION_LEN], Vec::new(), vec![start]);
+    let mut memory = vec![0.0; policy.memory_len()];
     let mut search_us = Vec::new();
     let waypoint = plan(&mut follower, graph, start, &mut search_us);
     world.set_goal(slot, waypoint);
     loop {
         world.observe(slot, &mut row);
-        policy.act(&row, DEFAULT_NOISE_SHARE, rng, &mut actions);
+        policy.act(&row, &mut memory, DEFAULT_NOISE_SHARE, rng, &mut actions);
         world.decide(slot, actions[0]);
         world.tick_decision();
         let leg_end = world.close_decision(slot).and_then(|outcome| outcome.end);

@@ -395,6 +395,7 @@ fn record(args: &RecordArgs) -> anyhow::Result<()> {
     world.start_recording();
     let slots: Vec<NpcSlot> = (0..args.npcs as usize).map(|idx| world.spawn(points[idx], 0.0)).collect();
     let (mut observations, mut actions) = (vec![0.0; slots.len() * OBSERVATION_LEN], Vec::new());
+    let mut memory = vec![0.0; slots.len() * policy.memory_len()];
     for _ in 0..args.ticks / u64::from(TICKS_PER_DECISION) {
         for &slot in &slots {
             let npc = world.npc(slot).context("a spawned NPC")?;
@@ -409,7 +410,7 @@ fn record(args: &RecordArgs) -> anyhow::Result<()> {
         for (slot, row) in slots.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
             world.observe(*slot, row);
         }
-        policy.act(&observations, 0.5, &mut rng, &mut actions);
+        policy.act(&observations, &mut memory, 0.5, &mut rng, &mut actions);
         for (slot, action) in slots.iter().zip(&actions) {
             world.decide(*slot, *action);
         }

@@ -1,0 +1,166 @@
+//! The replay buffer: what it hands out to reactive and to recurrent learners.
+
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use surefoot_agent::train::replay::{Batch, MEMORY_STRIDE, Replay, RowKind, Sampling, Step};
+use surefoot_policy::network::RAY_LEN;
+use surefoot_world::OBSERVATION_LEN;
+
+const DISCOUNT: f32 = 0.5;
+
+/// One lane whose observations carry the step's number in the goal distance.
+fn replay(kinds: &[(RowKind, f32)]) -> Replay {
+    let mut replay = Replay::new(1, 64);
+    for (number, &(kind, reward)) in kinds.iter().enumerate() {
+        let mut observation = vec![0.0; OBSERVATION_LEN];
+        observation[RAY_LEN] = number as f32;
+        replay.push_step(&Step {
+            observations: observation,
+            actions: vec![[0.5, 0.25, -0.25, 1.0]],
+            memory: Vec::new(),
+            is_fresh: vec![false],
+            rewards: vec![reward],
+            kinds: vec![kind],
+        });
+    }
+    replay
+}
+
+/// (step, return, bootstrap factor, step of the next observation) of many samples.
+fn samples(replay: &Replay, n_step: usize) -> Vec<(u32, f32, f32, u32)> {
+    let sampling = Sampling { batch: 200, burn_in: 0, learn: 1, n_step, discount: DISCOUNT, mirror: false };
+    let mut batch = Batch::default();
+    replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
+    let step = |rows: &[f32], row: usize| rows[row * OBSERVATION_LEN + RAY_LEN] as u32;
+    (0..200)
+        .map(|idx| {
+            let successor = step(&batch.observations, batch.successors[idx]);
+            (step(&batch.observations, idx), batch.returns[idx], batch.bootstrap[idx], successor)
+        })
+        .collect()
+}
+
+#[test]
+fn a_terminal_step_has_no_successor_and_a_cut_off_one_keeps_its_value() {
+    use RowKind::{Boundary, Continues, Terminated};
+    let replay = replay(&[
+        (Continues, 1.0),
+        (Terminated, 10.0),
+        (Continues, 1.0),
+        (Continues, 2.0),
+        (Boundary, 0.0),
+        (Continues, 4.0),
+        (Continues, 8.0),
+        (Continues, 16.0),
+        (Continues, 0.0),
+        (Continues, 0.0),
+    ]);
+    for (step, total, bootstrap, next) in samples(&replay, 2) {
+        match step {
+            0 => assert_eq!((total, bootstrap), (1.0 + DISCOUNT * 10.0, 0.0), "ends in a terminal state"),
+            1 => assert_eq!((total, bootstrap), (10.0, 0.0), "is terminal"),
+            2 => assert_eq!(
+                (total, bootstrap, next),
+                (1.0 + DISCOUNT * 2.0, DISCOUNT * DISCOUNT, 4),
+                "two steps to the boundary"
+            ),
+            3 => assert_eq!((total, bootstrap, next), (2.0, DISCOUNT, 4), "cut off: the last observation still counts"),
+            4 => panic!("a boundary row has no action"),
+            5 => assert_eq!((total, bootstrap, next), (4.0 + DISCOUNT * 8.0, DISCOUNT * DISCOUNT, 7)),
+            6 => assert_eq!((total, next), (8.0 + DISCOUNT * 16.0, 8)),
+            7 => assert_eq!((total, next), (16.0, 9)),
+            other => panic!("step {other} has no full successor yet"),
+        }
+    }
+}
+
+#[test]
+fn packed_observations_come_back_to_within_their_resolution() {
+    let mut observation = vec![0.0; OBSERVATION_LEN];
+    for (idx, value) in observation.iter_mut().enumerate().take(64) {
+        *value = idx as f32 / 64.0;
+    }
+    // A ray on water, one on a pad, one on a teleporter, and a value of the state.
+    observation[64 + 5] = 1.0;
+    observation[192 + 9] = 1.0;
+    observation[256 + 11] = 0.7;
+    observation[RAY_LEN + 10] = -0.75;
+    let mut replay = Replay::new(1, 8);
+    for _ in 0..4 {
+        replay.push_step(&Step {
+            observations: observation.clone(),
+            actions: vec![[0.0; 4]],
+            memory: Vec::new(),
+            is_fresh: vec![false],
+            rewards: vec![0.0],
+            kinds: vec![RowKind::Continues],
+        });
+    }
+    let mut batch = Batch::default();
+    let sampling = Sampling { batch: 1, burn_in: 0, learn: 1, n_step: 1, discount: 0.9, mirror: false };
+    replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
+    for (packed, original) in batch.observations.iter().zip(&observation) {
+        assert!((packed - original).abs() < 2.0e-5);
+    }
+}
+
+/// Two lanes of a recurrent agent: the goal distance carries the step, the memory the step and the lane.
+fn remembering(steps: usize, capacity: usize) -> Replay {
+    let mut replay = Replay::new(2, capacity);
+    for number in 0..steps {
+        let mut observations = vec![0.0; 2 * OBSERVATION_LEN];
+        observations[RAY_LEN] = number as f32;
+        observations[OBSERVATION_LEN + RAY_LEN] = number as f32;
+        replay.push_step(&Step {
+            observations,
+            actions: vec![[0.1; 4]; 2],
+            memory: vec![number as f32, 0.0, number as f32, 1.0],
+            is_fresh: vec![number % 7 == 3; 2],
+            rewards: vec![1.0; 2],
+            // The second lane is cut off at every eleventh step.
+            kinds: vec![RowKind::Continues, if number % 11 == 10 { RowKind::Boundary } else { RowKind::Continues }],
+        });
+    }
+    replay
+}
+
+#[test]
+fn sequences_start_where_memories_were_stored_and_show_where_each_step_led() {
+    let sampling = Sampling { batch: 64, burn_in: 4, learn: 6, n_step: 3, discount: DISCOUNT, mirror: false };
+    // More steps than fit, so that the oldest were overwritten.
+    let replay = remembering(230, 2 * 160);
+    let mut batch = Batch::default();
+    replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
+    let step = |row: usize| batch.observations[row * OBSERVATION_LEN + RAY_LEN] as u64;
+    let (mut lanes, mut boundaries) = ([0, 0], 0);
+    for sequence in 0..64 {
+        let start = step(sequence);
+        assert!(start.is_multiple_of(MEMORY_STRIDE) && (70..=217).contains(&start), "{start}");
+        let memory = &batch.memory[2 * sequence..2 * sequence + 2];
+        assert_eq!(memory[0] as u64, start, "what was remembered there");
+        lanes[memory[1] as usize] += 1;
+        for idx in 0..13 {
+            let at = step(idx * 64 + sequence);
+            assert_eq!(at, start + idx as u64, "steps follow each other");
+            assert_eq!(batch.keep[idx * 64 + sequence] == 0.0, at % 7 == 3, "memory starts anew where it did");
+        }
+        for idx in 0..6 {
+            let row = idx * 64 + sequence;
+            let (from, led_to) = (start + 4 + idx as u64, step(batch.successors[row]));
+            let is_boundary = |at: u64| memory[1] == 1.0 && at % 11 == 10;
+            let expected = (from..from + 3).find(|&at| is_boundary(at)).unwrap_or(from + 3);
+            assert_eq!(led_to, expected);
+            assert_eq!(batch.bootstrap[row], DISCOUNT.powi((expected - from) as i32));
+            assert_eq!(batch.weights[row] == 0.0, is_boundary(from), "nothing is learned at boundaries");
+            boundaries += u32::from(is_boundary(from));
+        }
+    }
+    assert!(lanes[0] > 10 && lanes[1] > 10 && boundaries > 3, "{lanes:?}, {boundaries}");
+}
+
+#[test]
+fn nothing_is_drawn_before_a_whole_sequence_was_written() {
+    let sampling = Sampling { batch: 1, burn_in: 4, learn: 6, n_step: 3, discount: DISCOUNT, mirror: false };
+    assert!(!remembering(12, 400).can_sample(sampling));
+    assert!(remembering(13, 400).can_sample(sampling));
+}

@@ -1,0 +1,168 @@
+//! What actors and critics are made of: fully connected layers, an optional memory, and the trunk that both share in shape.
+//!
+//! Every layer holds several *members* of equal shape side by side: an actor is one, twin critics are two. One call then
+//! serves all of them.
+
+use crate::ActorConfig;
+use crate::lstm::{Lstm, Recall};
+use burn::module::{Module, Param};
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::{Rng, RngExt};
+use std::ops::Range;
+use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, STATE_LEN};
+
+/// Values of an observation that come from rays.
+pub const RAY_LEN: usize = RAY_COUNT * RAY_CHANNELS;
+
+/// A fully connected layer of several members.
+#[derive(Module, Debug)]
+pub struct Dense {
+    /// `[members, input, output]`.
+    weight: Param<Tensor<3>>,
+    /// `[members, 1, output]`.
+    bias: Param<Tensor<3>>,
+}
+
+impl Dense {
+    /// Weights drawn like PyTorch's, U(-1/sqrt(input), 1/sqrt(input)), from a seeded generator.
+    pub fn new([members, input, output]: [usize; 3], device: &Device, rng: &mut impl Rng) -> Self {
+        Self::biased([members, input, output], 0..0, device, rng)
+    }
+
+    /// The same, with 1 added to the biases of some outputs.
+    pub(crate) fn biased(
+        [members, input, output]: [usize; 3],
+        raised: Range<usize>,
+        device: &Device,
+        rng: &mut impl Rng,
+    ) -> Self {
+        let bound = 1.0 / (input as f32).sqrt();
+        let mut draw = |count: usize| (0..count).map(|_| rng.random_range(-bound..bound)).collect::<Vec<f32>>();
+        let weight = TensorData::new(draw(members * input * output), [members, input, output]);
+        let mut bias = draw(members * output);
+        for biases in bias.chunks_exact_mut(output) {
+            biases[raised.clone()].iter_mut().for_each(|bias| *bias += 1.0);
+        }
+        let bias = TensorData::new(bias, [members, 1, output]);
+        Self { weight: Param::from_data(weight, device), bias: Param::from_data(bias, device) }
+    }
+
+    /// `[members or 1, batch, input]` to `[members, batch, output]`.
+    pub fn forward(&self, input: Tensor<3>) -> Tensor<3> {
+        input.matmul(self.weight.val()) + self.bias.val()
+    }
+
+    /// The same layer with `count` more inputs before input `at`, which as yet have no influence.
+    fn with_inputs(self, at: usize, count: usize, device: &Device) -> Self {
+        let [members, input, output] = self.weight.dims();
+        let old = self.weight.val().into_data().try_into_vec::<f32>().expect("f32 weights");
+        let mut weight = Vec::with_capacity(members * (input + count) * output);
+        for rows in old.chunks_exact(input * output) {
+            let (before, after) = rows.split_at(at * output);
+            weight.extend(before);
+            weight.resize(weight.len() + count * output, 0.0);
+            weight.extend(after);
+        }
+        let weight = TensorData::new(weight, [members, input + count, output]);
+        Self { weight: Param::from_data(weight, device), bias: self.bias }
+    }
+
+    /// Moves every weight by `share` towards `source`'s (Polyak averaging of target networks).
+    #[must_use]
+    pub fn follow(self, source: &Self, share: f32) -> Self {
+        let blend = |target: Param<Tensor<3>>, source: &Param<Tensor<3>>| {
+            let source = source.val();
+            target.map(|tensor| tensor * (1.0 - share) + source * share)
+        };
+        Self { weight: blend(self.weight, &source.weight), bias: blend(self.bias, &source.bias) }
+    }
+}
+
+/// What a sequence starts from, for networks with a memory.
+#[derive(Debug, Clone, Copy)]
+pub struct Past<'a> {
+    /// The state before the first step.
+    pub recall: &'a Recall,
+    /// See [`Lstm::forward`]: one value for each row.
+    pub keep: &'a [f32],
+}
+
+/// Observations to a hidden vector: the shape that actor and critics share, each with weights of its own.
+#[derive(Module, Debug)]
+pub struct Trunk {
+    rays: Dense,
+    memory: Option<Lstm>,
+    first: Dense,
+    second: Dense,
+}
+
+impl Trunk {
+    /// A trunk whose hidden layers also take `extra_len` values beside what is sensed and remembered.
+    pub fn new(members: usize, config: &ActorConfig, extra_len: usize, device: &Device, rng: &mut impl Rng) -> Self {
+        let sensed = config.ray_features + STATE_LEN;
+        Self {
+            rays: Dense::new([members, RAY_LEN, config.ray_features], device, rng),
+            memory: (config.memory > 0).then(|| Lstm::new(members, sensed, config.memory, device, rng)),
+            first: Dense::new([members, sensed + config.memory + extra_len, config.hidden], device, rng),
+            second: Dense::new([members, config.hidden, config.hidden], device, rng),
+        }
+    }
+
+    /// The same trunk with a memory that as yet has no influence.
+    ///
+    /// # Panics
+    /// If it has one already.
+    #[must_use]
+    pub fn with_memory(self, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
+        assert!(self.memory.is_none(), "one memory");
+        let [members, _, ray_features] = self.rays.weight.dims();
+        let sensed = ray_features + STATE_LEN;
+        let memory = Some(Lstm::new(members, sensed, size, device, rng));
+        Self { memory, first: self.first.with_inputs(sensed, size, device), ..self }
+    }
+
+    /// Length of the hidden state, where there is a memory.
+    pub fn memory_size(&self) -> Option<usize> {
+        self.memory.as_ref().map(Lstm::size)
+    }
+
+    /// What is sensed: `[rows, OBSERVATION_LEN]` to `[members, rows, features]`.
+    pub fn sense(&self, observations: Tensor<2>) -> Tensor<3> {
+        let [rows, _] = observations.dims();
+        let rays = observations.clone().slice([0..rows, 0..RAY_LEN]).unsqueeze::<3>();
+        let state = observations.slice([0..rows, RAY_LEN..OBSERVATION_LEN]).unsqueeze::<3>();
+        let rays = relu(self.rays.forward(rays));
+        let [members, ..] = rays.dims();
+        let state = if members == 1 { state } else { state.repeat_dim(0, members) };
+        Tensor::cat(vec![rays, state], 2)
+    }
+
+    /// What is remembered of rows that were [sensed](Self::sense), with the state after the last step; nothing without a
+    /// memory.
+    ///
+    /// # Panics
+    /// If there is a memory and no past.
+    pub fn remember(&self, sensed: &Tensor<3>, past: Option<Past<'_>>) -> Option<(Tensor<3>, Recall)> {
+        let memory = self.memory.as_ref()?;
+        let past = past.expect("a network with a memory is given its past");
+        Some(memory.forward(sensed.clone(), past.recall, past.keep))
+    }
+
+    /// What is sensed, remembered and added to a hidden vector, `[members, rows, hidden]`.
+    pub fn consider(&self, inputs: Vec<Tensor<3>>) -> Tensor<3> {
+        relu(self.second.forward(relu(self.first.forward(Tensor::cat(inputs, 2)))))
+    }
+
+    /// Moves every weight by `share` towards `source`'s.
+    #[must_use]
+    pub fn follow(self, source: &Self, share: f32) -> Self {
+        Self {
+            rays: self.rays.follow(&source.rays, share),
+            memory: self.memory.zip(source.memory.as_ref()).map(|(target, source)| target.follow(source, share)),
+            first: self.first.follow(&source.first, share),
+            second: self.second.follow(&source.second, share),
+        }
+    }
+}
