@@ -3,6 +3,7 @@
 use crate::follow::{FollowConfig, Follower, Step};
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt, SeedableRng};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -51,7 +52,7 @@ impl Goal {
 }
 
 /// How one attempt went.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Attempt {
     /// How it ended.
     pub end: End,
@@ -59,6 +60,8 @@ pub struct Attempt {
     pub decisions: u32,
     /// Plans asked for beyond the first.
     pub replans: u32,
+    /// Distance covered, from decision to decision, m.
+    pub length: f32,
 }
 
 /// Runs attempts on one map.
@@ -111,6 +114,8 @@ impl Rollout {
             world.set_goal(slot, goal.goal);
         }
         let mut decisions = vec![0; goals.len()];
+        let mut lengths = vec![0.0; goals.len()];
+        let mut places: Vec<Vec3> = goals.iter().map(|goal| goal.start).collect();
         let mut followers: Vec<Option<Follower>> = goals
             .iter()
             .map(|goal| {
@@ -147,16 +152,18 @@ impl Rollout {
             world.tick_decision();
             running.retain(|&slot| {
                 let outcome = world.close_decision(slot).expect("an episode in every slot");
-                let episode = world.npc(slot).and_then(|npc| npc.episode).expect("an episode in every slot");
+                let npc = world.npc(slot).expect("an NPC in every slot");
+                let (feet, episode) = (npc.body.feet, npc.episode.expect("an episode in every slot"));
                 let idx = slot.0 as usize;
                 decisions[idx] += 1;
+                lengths[idx] += std::mem::replace(&mut places[idx], feet).distance(feet);
                 let end = match (&mut followers[idx], graph) {
                     (Some(follower), Some(graph)) => follow(&mut world, slot, follower, graph, outcome.end, search_us),
                     _ => outcome.end.or((episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress)),
                 };
                 let Some(end) = end else { return true };
                 let replans = followers[idx].as_ref().map_or(0, Follower::replans);
-                attempts[idx] = Some(Attempt { end, decisions: decisions[idx], replans });
+                attempts[idx] = Some(Attempt { end, decisions: decisions[idx], replans, length: lengths[idx] });
                 world.despawn(slot);
                 false
             });

@@ -1,11 +1,12 @@
 //! The `surefoot` command: argument parsing and wiring only.
 
 mod commands;
+mod plots;
 mod render;
 mod terminal;
 
 use clap::{Parser, Subcommand};
-use commands::{bench, eval, graph, health, map, services, train, up};
+use commands::{bench, eval, export, graph, health, map, services, train, up};
 
 /// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
 #[derive(Parser)]
@@ -25,10 +26,14 @@ enum Command {
     Plan(services::PlanArgs),
     /// Run an NPC worker.
     Work(services::WorkArgs),
-    /// Train the reactive SAC agent, resumable.
+    /// Train reactive or recurrent SAC agents, resumable.
     Train(train::Args),
     /// Measure success on maps by the paper's protocol.
     Eval(eval::Args),
+    /// Write a model as ONNX or safetensors.
+    Export(export::ExportArgs),
+    /// Make a model of a safetensors file.
+    Import(export::ImportArgs),
     /// Build and look at graphs.
     #[command(subcommand)]
     Graph(graph::Command),
@@ -53,6 +58,8 @@ fn main() -> std::process::ExitCode {
         Command::Work(args) => services::run_worker(&args),
         Command::Train(args) => train::run(args),
         Command::Eval(args) => eval::run(&args),
+        Command::Export(args) => export::export(&args),
+        Command::Import(args) => export::import(&args),
         Command::Graph(command) => graph::run(&command),
         Command::Bench(args) => bench::run(&args),
         Command::Health(args) => health::run(&args),

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use surefoot_world::character::ACTION_LEN;
 
 /// Bounds of the log standard deviation.
-const LOG_STD_RANGE: (f32, f32) = (-5.0, 2.0);
+pub(crate) const LOG_STD_RANGE: (f32, f32) = (-5.0, 2.0);
 
 /// Sizes of the layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

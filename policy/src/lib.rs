@@ -5,6 +5,8 @@
 
 pub mod actor;
 pub mod checkpoint;
+pub mod cpu;
+pub mod exchange;
 pub mod lstm;
 pub mod memories;
 pub mod network;

@@ -4,13 +4,13 @@
 //! serves all of them.
 
 use crate::ActorConfig;
+use crate::cpu;
 use crate::lstm::{Lstm, Recall};
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, RngExt};
 use std::ops::Range;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, STATE_LEN};
 
 /// Values of an observation that come from rays.
@@ -51,7 +51,23 @@ impl Dense {
 
     /// `[members or 1, batch, input]` to `[members, batch, output]`.
     pub fn forward(&self, input: Tensor<3>) -> Tensor<3> {
-        input.matmul(self.weight.val()) + self.bias.val()
+        let (weight, bias) = (self.weight.val(), self.bias.val());
+        cpu::dense::layer(&input, &weight, &bias, false).unwrap_or_else(|| input.matmul(weight) + bias)
+    }
+
+    /// The same, cut off below 0.
+    pub fn forward_relu(&self, input: Tensor<3>) -> Tensor<3> {
+        let (weight, bias) = (self.weight.val(), self.bias.val());
+        cpu::dense::layer(&input, &weight, &bias, true).unwrap_or_else(|| relu(input.matmul(weight) + bias))
+    }
+
+    /// The rays of observations `[rows, OBSERVATION_LEN]`, cut off below 0: `[members, rows, output]`.
+    fn forward_rays(&self, observations: &Tensor<2>) -> Tensor<3> {
+        let (weight, bias) = (self.weight.val(), self.bias.val());
+        cpu::rays::layer(observations, &weight, &bias).unwrap_or_else(|| {
+            let rays = observations.clone().narrow(1, 0, RAY_LEN).unsqueeze::<3>();
+            relu(rays.matmul(weight) + bias)
+        })
     }
 
     /// The same layer with `count` more inputs before input `at`, which as yet have no influence.
@@ -130,10 +146,8 @@ impl Trunk {
 
     /// What is sensed: `[rows, OBSERVATION_LEN]` to `[members, rows, features]`.
     pub fn sense(&self, observations: Tensor<2>) -> Tensor<3> {
-        let [rows, _] = observations.dims();
-        let rays = observations.clone().slice([0..rows, 0..RAY_LEN]).unsqueeze::<3>();
-        let state = observations.slice([0..rows, RAY_LEN..OBSERVATION_LEN]).unsqueeze::<3>();
-        let rays = relu(self.rays.forward(rays));
+        let rays = self.rays.forward_rays(&observations);
+        let state = observations.narrow(1, RAY_LEN, STATE_LEN).unsqueeze::<3>();
         let [members, ..] = rays.dims();
         let state = if members == 1 { state } else { state.repeat_dim(0, members) };
         Tensor::cat(vec![rays, state], 2)
@@ -152,7 +166,7 @@ impl Trunk {
 
     /// What is sensed, remembered and added to a hidden vector, `[members, rows, hidden]`.
     pub fn consider(&self, inputs: Vec<Tensor<3>>) -> Tensor<3> {
-        relu(self.second.forward(relu(self.first.forward(Tensor::cat(inputs, 2)))))
+        self.second.forward_relu(self.first.forward_relu(Tensor::cat(inputs, 2)))
     }
 
     /// Moves every weight by `share` towards `source`'s.

@@ -1,7 +1,8 @@
 //! The fast recurrence against the one composed of tensor operations: values and gradients.
 
 use burn::tensor::{Device, Distribution, Tensor};
-use surefoot_policy::lstm::{Recall, composed, sequence};
+use surefoot_policy::cpu;
+use surefoot_policy::lstm::{Recall, composed};
 
 const MEMBERS: usize = 2;
 const STEPS: usize = 5;
@@ -80,4 +81,9 @@ fn a_sequence_in_one_call_equals_its_steps_one_by_one() {
         recall = next;
     }
     assert_close("hidden states", &values(whole), &values(Tensor::cat(steps, 1)));
+}
+
+/// The fast path itself, so that these tests do not compare the slow one with itself.
+fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f32]) -> (Tensor<3>, Recall) {
+    cpu::lstm::sequence(&gates, &recurrent, past, keep).expect("tensors on the CPU")
 }

@@ -5,6 +5,7 @@
 //! learning happen side by side, on one thread each, and meet at a barrier. That makes a run a pure function
 //! of its configuration, so that a checkpoint taken at a barrier continues exactly.
 
+mod adam;
 pub mod collector;
 pub mod critic;
 pub mod replay;

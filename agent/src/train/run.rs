@@ -295,6 +295,11 @@ impl Run {
         self.config.stop_after > 0 && self.updates() > self.best.updates + self.config.stop_after
     }
 
+    /// Decisions collected so far.
+    pub fn decisions(&self) -> u64 {
+        self.collector.total_decisions()
+    }
+
     /// One round: the collector acts with the actor as of the last barrier, while the learner learns from
     /// what was stored before it. Both results are independent of how the two threads interleave.
     pub fn round(&mut self) -> Vec<UpdateStats> {

@@ -3,10 +3,11 @@
 //! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications"
 //! (arXiv 1812.05905). Actor and critics have separate encoders, as the GameRLand3D paper found more stable.
 
+use super::adam::adam;
 use super::critic::{CRITIC_COUNT, Critics, Encoding};
 use super::replay::Batch;
 use burn::module::{Module, Param};
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::activation::softplus;
 use burn::tensor::{Bytes, Device, Int, Tensor, TensorData};
 use rand::rngs::ChaCha8Rng;
@@ -108,7 +109,6 @@ impl Learner {
         let device = Device::flex().autodiff();
         let actor = Actor::new(&config.network, &device, &mut rng);
         let critics = Critics::new(&config.network, &device, &mut rng);
-        let adam = || AdamConfig::new().with_epsilon(1.0e-8).init();
         let log_alpha = TensorData::new(vec![config.initial_alpha.ln()], [1]);
         Self {
             actor,

@@ -1,20 +1,36 @@
 //! `surefoot eval`.
 
 use super::{core_count, load_policy, parse_maps, parse_seeds};
+use crate::plots;
 use crate::terminal::{print_json, progress_bar};
 use anyhow::{Context, bail};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::{EvalConfig, Method, Rate, Report, evaluate};
 use surefoot_agent::rollout::DEFAULT_NOISE_SHARE;
 use surefoot_planner::{BuildSettings, Placement};
+use surefoot_policy::Policy;
+use surefoot_world::MapSpec;
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --method spaced\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --method spaced --vertices 800 --neighbours 20"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --method spaced\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --method spaced --vertices 800 --neighbours 20\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper"
 )]
 pub struct Args {
+    /// Run a whole table instead: the paper's rows for which --models holds weights, on the test maps
+    #[arg(long, value_parser = ["paper"], conflicts_with_all = ["method", "maps", "model", "distance"])]
+    suite: Option<String>,
+    /// Folder of the suite's models
+    #[arg(long, value_name = "FOLDER", default_value = "models")]
+    models: PathBuf,
+    /// With --suite: also the rows that follow graphs, built by the options below
+    #[arg(long, requires = "suite")]
+    graphs: bool,
+    /// Keep finished maps and seeds here and take them from here; with --suite, also table, plots and JSON
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
     /// training, validation, test, or map seeds such as 7 or 1000,1001 or 0..4
     #[arg(long, default_value = "validation")]
     maps: String,
@@ -59,8 +75,14 @@ pub struct Args {
     json: bool,
 }
 
+/// Where finished units lie inside `--out`.
+const UNITS: &str = "units";
+
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = args.config()?;
+    if args.suite.is_some() {
+        return run_suite(args, &config);
+    }
     let policy = load_policy(args.model.as_deref())?;
     let bar = progress_bar((config.maps.len() * config.seeds.len() * config.goals) as u64, "evaluating");
     let report = evaluate(&policy, &config, |done, _| bar.set_position(done as u64))?;
@@ -69,6 +91,17 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
+    fn graph_settings(&self, placement: Placement) -> BuildSettings {
+        BuildSettings {
+            placement,
+            vertices: self.vertices,
+            neighbours: self.neighbours,
+            repeats: self.repeats,
+            threshold: self.threshold,
+            seed: 0,
+        }
+    }
+
     fn config(&self) -> anyhow::Result<EvalConfig> {
         if !(1..=100_000).contains(&self.goals) {
             bail!("--goals is {}, allowed are 1 to 100000", self.goals);
@@ -76,17 +109,9 @@ impl Args {
         if !(0.0..=1.0).contains(&self.noise) {
             bail!("--noise is {}, allowed are 0 to 1", self.noise);
         }
-        let settings = |placement| BuildSettings {
-            placement,
-            vertices: self.vertices,
-            neighbours: self.neighbours,
-            repeats: self.repeats,
-            threshold: self.threshold,
-            seed: 0,
-        };
         let method = match self.method.as_str() {
-            "random" => Method::Graph(settings(Placement::Random)),
-            "spaced" => Method::Graph(settings(Placement::Spaced)),
+            "random" => Method::Graph(self.graph_settings(Placement::Random)),
+            "spaced" => Method::Graph(self.graph_settings(Placement::Spaced)),
             _ => Method::Policy,
         };
         if let Method::Graph(settings) = method {
@@ -99,9 +124,78 @@ impl Args {
             method,
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
+            keep_in: self.out.as_ref().map(|folder| folder.join(UNITS)),
             thread_count: self.threads.unwrap_or_else(core_count),
         })
     }
+}
+
+/// The rows of the paper's table for which there are weights.
+fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
+    let load = |name: &str| -> anyhow::Result<Option<Policy>> {
+        let folder = args.models.join(name);
+        if !folder.exists() {
+            eprintln!("no {}: its row is left out", folder.display());
+            return Ok(None);
+        }
+        load_policy(Some(&folder)).map(Some)
+    };
+    let maps = parse_maps("test", args.size)?;
+    let mut specific = Vec::new();
+    for spec in &maps {
+        specific.extend(load(&format!("lstm-map-{}", spec.seed))?.map(|policy| (policy, vec![*spec])));
+    }
+    let reactive = load("general-reactive")?;
+    let mut entries = Vec::new();
+    let mut push = |name, method, models: Vec<(Policy, Vec<MapSpec>)>| {
+        if !models.is_empty() {
+            entries.push(Entry { name, method, models });
+        }
+    };
+    let on_all = |policy: Option<Policy>| policy.map(|policy| (policy, maps.clone())).into_iter().collect::<Vec<_>>();
+    push("map-specific LSTM", Method::Policy, specific);
+    push("general reactive", Method::Policy, on_all(reactive.clone()));
+    push("general LSTM", Method::Policy, on_all(load("general-lstm")?));
+    if args.graphs {
+        let graph = |placement| Method::Graph(args.graph_settings(placement));
+        push("unconstrained random graph", graph(Placement::Random), on_all(reactive.clone()));
+        push("distance-constrained graph", graph(Placement::Spaced), on_all(reactive));
+    }
+    Ok(entries)
+}
+
+fn run_suite(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
+    let entries = paper_entries(args)?;
+    let splits = [("training", parse_maps("0..4", args.size)?)]
+        .into_iter()
+        .chain([("validation", parse_maps("validation", args.size)?), ("test", parse_maps("test", args.size)?)]);
+    let bar = progress_bar(1, "evaluating");
+    let report = suite::run(&entries, &splits.collect::<Vec<_>>(), base, |row, done, total| {
+        bar.set_message(row.to_owned());
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    if let Some(folder) = &args.out {
+        write_suite(&report, folder)?;
+    }
+    if args.json {
+        return print_json(&report);
+    }
+    print!("{}", report.markdown());
+    Ok(())
+}
+
+fn write_suite(report: &suite::SuiteReport, folder: &Path) -> anyhow::Result<()> {
+    let write = |name: &str, text: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    };
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    write("results.json", &serde_json::to_string_pretty(report)?)?;
+    write("table.md", &report.markdown())?;
+    plots::success_by_distance(report, &folder.join("success-by-distance.svg"))?;
+    plots::generalisation(report, &folder.join("generalisation.svg"))
 }
 
 fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {
@@ -134,7 +228,10 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
     }
     let ends: Vec<String> = report.ends.iter().map(|(end, count)| format!("{end} {count}")).collect();
     println!("ends: {}", ends.join(", "));
-    println!("mean time to goal {:.1} s, re-plans per attempt {:.2}", report.seconds_to_goal, report.replans);
+    println!(
+        "mean time to goal {:.1} s, straight-line distance over way taken {:.2}, re-plans per attempt {:.2}",
+        report.seconds_to_goal, report.directness, report.replans
+    );
     if let Some(graph) = &report.graph {
         println!(
             "graph: {:.0} vertices, {:.0} edges, {:.1} islands, {:.1} % of vertex pairs connected, {:.0} probes in {:.1} s, search {:.0} us (median)",

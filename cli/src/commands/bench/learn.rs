@@ -5,31 +5,66 @@ use crate::commands::load_policy;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
+use std::sync::Arc;
 use surefoot_agent::train::TrainConfig;
 use surefoot_agent::train::replay::Batch;
+use surefoot_agent::train::run::Run;
 use surefoot_agent::train::sac::Learner;
-use surefoot_world::OBSERVATION_LEN;
+use surefoot_policy::{Manifest, Policy};
 use surefoot_world::character::ACTION_LEN;
+use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
+
+/// Rows that inference is timed at, with the names of the figures for either agent.
+const INFERENCE: [(usize, &str, &str); 3] = [
+    (64, "infer_64_us", "infer_lstm_64_us"),
+    (256, "infer_256_us", "infer_lstm_256_us"),
+    (512, "infer_512_us", "infer_lstm_512_us"),
+];
 
 /// All figures of learning.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
-    let reactive = TrainConfig::default();
-    let recurrent = TrainConfig::recurrent();
-    let policy = load_policy(None)?;
+    let (reactive, recurrent) = (TrainConfig::default(), TrainConfig::recurrent());
+    let mut figures = vec![
+        Figure::new("sac_updates_s", updates_per_second(&reactive, 80), "1/s, batch 256"),
+        Figure::new("sac_recurrent_updates_s", updates_per_second(&recurrent, 24), "1/s, 32 sequences of 20 + 20"),
+        Figure::new("train_decisions_s", train_decisions_per_second()?, "1/s, reactive, collecting and learning"),
+    ];
+    let shipped = load_policy(None)?;
+    let lstm = untrained(&recurrent);
+    for (rows, reactive_name, lstm_name) in INFERENCE {
+        figures.push(Figure::new(reactive_name, inference_us(&shipped, rows), "us"));
+        figures.push(Figure::new(lstm_name, inference_us(&lstm, rows), "us"));
+    }
+    Ok(figures)
+}
+
+/// Fresh weights: speed does not depend on what was learned.
+fn untrained(config: &TrainConfig) -> Policy {
+    let learner = Learner::new(config.sac.clone(), ChaCha8Rng::seed_from_u64(0));
+    Policy::new(learner.actor(), Manifest::new("untrained", config.sac.network, &[], serde_json::Value::Null))
+}
+
+fn inference_us(policy: &Policy, rows: usize) -> f64 {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let observations = noise(256 * OBSERVATION_LEN, &mut rng);
-    let mut actions = Vec::new();
-    let inference =
-        (0..60).map(|_| timed(|| policy.act(&observations, &mut [], 0.0, &mut rng, &mut actions))).collect();
-    Ok(vec![
-        Figure::new("sac_updates_s", updates_per_second(&reactive, 60), "1/s, one thread, batch 256"),
-        Figure::new(
-            "sac_recurrent_updates_s",
-            updates_per_second(&recurrent, 24),
-            "1/s, one thread, 32 sequences of 20 + 20",
-        ),
-        Figure::new("infer_256_us", median(inference) * 1.0e6, "us, one thread"),
-    ])
+    let observations = observations(rows);
+    let (mut memory, mut actions) = (vec![0.0; rows * policy.memory_len()], Vec::new());
+    let times = (0..200).map(|_| timed(|| policy.act(&observations, &mut memory, 0.0, &mut rng, &mut actions)));
+    median(times.collect()) * 1.0e6
+}
+
+/// Decisions a second of the whole training pipeline, after it has warmed up.
+fn train_decisions_per_second() -> anyhow::Result<f64> {
+    let mut run = Run::new(TrainConfig::default())?;
+    while run.updates() == 0 {
+        run.round();
+    }
+    let before = run.decisions();
+    let seconds = timed(|| {
+        for _ in 0..20 {
+            run.round();
+        }
+    });
+    Ok((run.decisions() - before) as f64 / seconds)
 }
 
 /// SAC updates a second on random batches of the shape that `config` draws.
@@ -41,7 +76,7 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
         size,
         burn_in: config.burn_in,
         learn: config.learn,
-        observations: noise(steps * size * OBSERVATION_LEN, &mut rng),
+        observations: observations(steps * size),
         keep: vec![1.0; steps * size],
         memory: noise(size * 2 * config.sac.network.memory, &mut rng),
         actions: noise(learned * ACTION_LEN, &mut rng),
@@ -55,6 +90,22 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
     // Actor and temperature learn at every second update: pairs of updates are the unit.
     let pairs = updates.chunks_exact(2).skip(2).map(|pair| pair[0] + pair[1]).collect();
     2.0 / median(pairs)
+}
+
+/// Rows as NPCs see them on their first map: the share of zeros matters to the ray encoder.
+fn observations(rows: usize) -> Vec<f32> {
+    let profile = CharacterProfile::default();
+    let map = Arc::new(Map::generate(&MapSpec::new(0)).expect("a valid spec"));
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng).expect("generated maps have ground");
+    let mut world = World::new(map, profile, TaskConfig::default());
+    let mut values = vec![0.0; rows * OBSERVATION_LEN];
+    for (pair, row) in points.chunks_exact(2).zip(values.chunks_exact_mut(OBSERVATION_LEN)) {
+        let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
+        world.set_goal(slot, pair[1]);
+        world.observe(slot, row);
+    }
+    values
 }
 
 fn noise(count: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {

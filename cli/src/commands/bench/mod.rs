@@ -10,11 +10,14 @@ use std::time::Instant;
 
 /// Measure speed.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn")]
+#[command(after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json")]
 pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference
     #[arg(value_parser = ["world", "learn"])]
     what: String,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
 }
 
 /// One figure, in the form that all benches share.
@@ -47,7 +50,20 @@ impl Figure {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let figures = if args.what == "world" { world::figures()? } else { learn::figures()? };
-    print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }))
+    if args.json {
+        return print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }));
+    }
+    println!("{}", machine());
+    for figure in &figures {
+        let Figure { name, value, unit, .. } = figure;
+        let target = figure.target.map_or(String::new(), |target| format!("  target {target}"));
+        let reference = match (figure.reference_name, figure.reference, figure.ratio) {
+            (Some(name), Some(value), Some(ratio)) => format!("  {name} {value:.2}, ratio {ratio:.2}"),
+            _ => String::new(),
+        };
+        println!("{name:<28}{value:>12.2} {unit}{target}{reference}");
+    }
+    Ok(())
 }
 
 fn machine() -> String {

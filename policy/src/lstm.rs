@@ -1,10 +1,9 @@
 //! A long short-term memory (Hochreiter & Schmidhuber 1997) over whole sequences.
 //!
 //! Gates are computed by one matrix for all four. On the CPU a sequence is one operation with a backward pass of its own
-//! ([`flex`]); elsewhere it is composed of tensor operations, which is also what the fast path is tested against.
+//! ([`crate::cpu::lstm`]); elsewhere it is composed of tensor operations, which is also what the fast path is tested against.
 
-mod flex;
-
+use crate::cpu;
 use crate::network::Dense;
 use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
@@ -12,7 +11,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, RngExt};
 
 /// The gates in the order of their columns; candidates come last.
-const GATES: usize = 4;
+pub(crate) const GATES: usize = 4;
 
 /// An LSTM layer for several members side by side.
 #[derive(Module, Debug)]
@@ -78,7 +77,7 @@ impl Lstm {
 
 /// The recurrence itself, from gates before activation `[members, steps * batch, 4 size]`; see [`Lstm::forward`].
 pub fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f32]) -> (Tensor<3>, Recall) {
-    flex::sequence(&gates, &recurrent, past, keep).unwrap_or_else(|| composed(gates, recurrent, past, keep))
+    cpu::lstm::sequence(&gates, &recurrent, past, keep).unwrap_or_else(|| composed(gates, recurrent, past, keep))
 }
 
 /// The recurrence as tensor operations, for any device.

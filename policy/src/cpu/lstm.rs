@@ -4,19 +4,18 @@
 //! temporaries. Here activations are polynomials that compilers vectorise, and the backward pass (the chain rule through
 //! Hochreiter & Schmidhuber's equations) is written out.
 
-use super::{GATES, Recall};
+use super::{Tracked, contiguous, tensor};
+use crate::lstm::{GATES, Recall};
+use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
-use burn::backend::{Autodiff, Flex};
 use burn::tensor::{Tensor, TensorData};
 
-type Tracked = Autodiff<Flex, NoCheckpointing>;
-
-/// The recurrence, if the tensors live on the CPU; see [`super::Lstm::forward`].
+/// The recurrence, if the tensors live on the CPU; see [`crate::lstm::Lstm::forward`].
 pub fn sequence(gates: &Tensor<3>, recurrent: &Tensor<3>, past: &Recall, keep: &[f32]) -> Option<(Tensor<3>, Recall)> {
     let [members, batch, size] = past.hidden.dims();
     let shape = Shape { members, steps: keep.len() / batch, batch, size };
@@ -142,17 +141,9 @@ impl Run {
     }
 }
 
-fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> FlexTensor {
-    FlexTensor::from_data(TensorData::new(values, shape))
-}
-
 /// One member's recurrent weights, `[size, 4 size]`.
 fn member_weights(recurrent: &FlexTensor, member: usize, size: usize) -> FlexTensor {
     recurrent.narrow(0, member, 1).reshape([size, GATES * size].into())
-}
-
-fn contiguous(tensor: &FlexTensor) -> Vec<f32> {
-    tensor.clone().into_data().try_into_vec().expect("f32 tensors")
 }
 
 fn forward(gates: &FlexTensor, recurrent: &FlexTensor, shape: Shape, start: Start) -> Run {

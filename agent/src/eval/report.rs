@@ -1,0 +1,158 @@
+//! From units to rates.
+
+use super::EvalConfig;
+use super::unit::{GraphFigures, Unit};
+use crate::rollout::Attempt;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use surefoot_policy::Policy;
+use surefoot_world::{DECISION_SECONDS, End};
+
+/// A share of successes with its 95 % Wilson interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Rate {
+    /// Share that succeeded.
+    pub rate: f64,
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+    /// Attempts.
+    pub n: usize,
+}
+
+impl Rate {
+    /// The rate of `successes` in `n` attempts.
+    pub fn of(successes: usize, n: usize) -> Self {
+        if n == 0 {
+            return Self { rate: 0.0, low: 0.0, high: 1.0, n };
+        }
+        let (z, count) = (1.959_964f64, n as f64);
+        let rate = successes as f64 / count;
+        let centre = rate + z * z / (2.0 * count);
+        let spread = z * (rate * (1.0 - rate) / count + z * z / (4.0 * count * count)).sqrt();
+        let scale = 1.0 + z * z / count;
+        Self { rate, low: ((centre - spread) / scale).max(0.0), high: ((centre + spread) / scale).min(1.0), n }
+    }
+}
+
+/// Success by difficulty: thirds of each map's goals by distance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Success {
+    /// All goals.
+    pub all: Rate,
+    /// The nearest third.
+    pub easy: Rate,
+    /// The middle third.
+    pub medium: Rate,
+    /// The farthest third.
+    pub hard: Rate,
+}
+
+/// The result of an evaluation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// `policy`, `random` or `spaced`.
+    pub method: String,
+    /// Name of the weights.
+    pub model: String,
+    /// Seeds of the maps.
+    pub maps: Vec<u64>,
+    /// Goals per map and seed.
+    pub goals: usize,
+    /// Seeds.
+    pub seeds: Vec<u64>,
+    /// Success rates.
+    pub success: Success,
+    /// Standard deviation of the overall rate between seeds; absent with one seed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spread: Option<f64>,
+    /// Attempts by how they ended.
+    pub ends: BTreeMap<String, usize>,
+    /// Mean seconds of successful attempts.
+    pub seconds_to_goal: f64,
+    /// Mean of straight-line distance over distance covered, over successful attempts.
+    pub directness: f64,
+    /// Plans asked for beyond the first, per attempt.
+    pub replans: f64,
+    /// Mean figures of the graphs, where graphs are used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub graph: Option<GraphFigures>,
+}
+
+/// Sums units up.
+pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report {
+    let per_seed: Vec<f64> =
+        config.seeds.iter().map(|&seed| rate(units.iter().filter(|unit| unit.seed == seed), None).rate).collect();
+    let mean = per_seed.iter().sum::<f64>() / per_seed.len() as f64;
+    let spread = (per_seed.len() > 1)
+        .then(|| (per_seed.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / (per_seed.len() - 1) as f64).sqrt());
+    let mut ends: BTreeMap<String, usize> = End::ALL.iter().map(|end| (end.name().to_owned(), 0)).collect();
+    for attempt in attempts(units) {
+        *ends.entry(attempt.end.name().to_owned()).or_default() += 1;
+    }
+    let reached: Vec<(f32, &Attempt)> = units
+        .iter()
+        .flat_map(|unit| unit.distances.iter().copied().zip(&unit.attempts))
+        .filter(|(_, attempt)| attempt.end == End::Reached)
+        .collect();
+    let over_reached = |value: &dyn Fn(f32, &Attempt) -> f64| {
+        reached.iter().map(|&(distance, attempt)| value(distance, attempt)).sum::<f64>() / reached.len().max(1) as f64
+    };
+    let replans: f64 = attempts(units).map(|attempt| f64::from(attempt.replans)).sum();
+    Report {
+        method: config.method.name().to_owned(),
+        model: policy.manifest().name.clone(),
+        maps: config.maps.iter().map(|spec| spec.seed).collect(),
+        goals: config.goals,
+        seeds: config.seeds.clone(),
+        success: success(units),
+        spread,
+        ends,
+        seconds_to_goal: over_reached(&|_, attempt| f64::from(attempt.decisions)) * f64::from(DECISION_SECONDS),
+        directness: over_reached(&|distance, attempt| f64::from(distance / attempt.length.max(distance))),
+        replans: replans / attempts(units).count().max(1) as f64,
+        graph: graph_figures(units),
+    }
+}
+
+fn attempts(units: &[Unit]) -> impl Iterator<Item = &Attempt> {
+    units.iter().flat_map(|unit| &unit.attempts)
+}
+
+/// Success by difficulty.
+pub fn success(units: &[Unit]) -> Success {
+    let third = |which| rate(units.iter(), Some(which));
+    Success { all: rate(units.iter(), None), easy: third(0), medium: third(1), hard: third(2) }
+}
+
+/// Success in one third of each unit's goals, or in all.
+fn rate<'u>(units: impl Iterator<Item = &'u Unit>, third: Option<usize>) -> Rate {
+    let (mut reached, mut n) = (0, 0);
+    for unit in units {
+        let count = unit.attempts.len();
+        // Goals are sorted by distance, so thirds are ranges.
+        let kept =
+            unit.attempts.iter().enumerate().filter(|(idx, _)| third.is_none_or(|third| idx * 3 / count == third));
+        for (_, attempt) in kept {
+            n += 1;
+            reached += usize::from(attempt.end == End::Reached);
+        }
+    }
+    Rate::of(reached, n)
+}
+
+fn graph_figures(units: &[Unit]) -> Option<GraphFigures> {
+    let graphs: Vec<&GraphFigures> = units.iter().filter_map(|unit| unit.graph.as_ref()).collect();
+    let mean =
+        |value: fn(&GraphFigures) -> f64| graphs.iter().map(|&graph| value(graph)).sum::<f64>() / graphs.len() as f64;
+    (!graphs.is_empty()).then(|| GraphFigures {
+        vertices: mean(|graph| graph.vertices),
+        edges: mean(|graph| graph.edges),
+        islands: mean(|graph| graph.islands),
+        connected: mean(|graph| graph.connected),
+        build_s: mean(|graph| graph.build_s),
+        probes: mean(|graph| graph.probes),
+        search_us_median: mean(|graph| graph.search_us_median),
+    })
+}

@@ -1,0 +1,190 @@
+//! One map with one seed: every goal attempted once.
+
+use super::{EvalConfig, EvalError, Method};
+use crate::rollout::{Attempt, Goal, Rollout};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use surefoot_planner::NavGraph;
+use surefoot_planner::build::{BuildSettings, Progress, build};
+use surefoot_planner::probe::ProbeContext;
+use surefoot_policy::Policy;
+use surefoot_policy::checkpoint::write_whole;
+use surefoot_world::{CharacterProfile, Map, MapSpec, TaskConfig, navigable};
+
+/// Navigable points that the goals of one map are drawn from.
+const POINTS_PER_MAP: usize = 3000;
+/// Goals that share a batch; results do not depend on how many threads there are.
+const GOALS_PER_BATCH: usize = 128;
+/// Changes whenever kept units are no longer what a run would give.
+const VERSION: u32 = 1;
+
+/// Every goal of one map and seed, the nearest first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unit {
+    /// Seed of the map.
+    pub map: u64,
+    /// Seed of goals, graph and noise.
+    pub seed: u64,
+    /// Straight-line distance of each goal, m, ascending.
+    pub distances: Vec<f32>,
+    /// How each attempt went.
+    pub attempts: Vec<Attempt>,
+    /// The graph, where one was used.
+    pub graph: Option<GraphFigures>,
+}
+
+/// Figures of a graph.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GraphFigures {
+    /// Vertices.
+    pub vertices: f64,
+    /// Proved edges.
+    pub edges: f64,
+    /// Islands.
+    pub islands: f64,
+    /// Share of ordered vertex pairs with a path.
+    pub connected: f64,
+    /// Build time, s.
+    pub build_s: f64,
+    /// Probes run.
+    pub probes: f64,
+    /// Median duration of a search, us.
+    pub search_us_median: f64,
+}
+
+/// Takes a unit from disk, or runs it and keeps it there.
+///
+/// # Errors
+/// As for [`super::evaluate`].
+pub fn load_or_run(
+    policy: &Policy,
+    config: &EvalConfig,
+    spec: &MapSpec,
+    seed: u64,
+    map: &mut Option<Arc<Map>>,
+) -> Result<Unit, EvalError> {
+    let path = config.keep_in.as_ref().map(|folder| folder.join(format!("{}.json", key(policy, config, spec, seed))));
+    if let Some(unit) = path.as_deref().and_then(|path| load(path, config.goals)) {
+        return Ok(unit);
+    }
+    let map = match map {
+        Some(map) => map.clone(),
+        None => map.insert(Arc::new(Map::generate(spec)?)).clone(),
+    };
+    let unit = run(policy, config, &map, spec.seed, seed)?;
+    if let Some(path) = path {
+        let bytes = serde_json::to_vec(&unit).expect("a unit is plain data");
+        let folder = path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder)
+            .and_then(|()| write_whole(&path, &bytes).map_err(std::io::Error::other))
+            .map_err(|source| EvalError::Io { path, source })?;
+    }
+    Ok(unit)
+}
+
+/// Name of a unit: equal only if everything that decides its result is.
+fn key(policy: &Policy, config: &EvalConfig, spec: &MapSpec, seed: u64) -> String {
+    let EvalConfig { goals, method, distance, noise_share, .. } = config;
+    let text = format!(
+        "{VERSION} {} {spec:?} {seed} {goals} {method:?} {distance:?} {noise_share} {:?} {:?}",
+        policy.weights_hash(),
+        TaskConfig::default(),
+        CharacterProfile::default(),
+    );
+    format!("{}-{}-{seed}-{}", method.name(), spec.seed, &blake3::hash(text.as_bytes()).to_hex()[..16])
+}
+
+/// A whole unit from disk; one that is damaged is run again.
+fn load(path: &Path, goal_count: usize) -> Option<Unit> {
+    let unit: Unit = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    (unit.attempts.len() == goal_count && unit.distances.len() == goal_count).then_some(unit)
+}
+
+fn run(policy: &Policy, config: &EvalConfig, map: &Arc<Map>, map_seed: u64, seed: u64) -> Result<Unit, EvalError> {
+    let profile = CharacterProfile::default();
+    let goals = draw_goals(map, &profile, config, map_seed, seed)?;
+    let built = match config.method {
+        Method::Policy => None,
+        Method::Graph(settings) => {
+            let context = ProbeContext { map: map.clone(), profile, policy: policy.clone() };
+            let settings = BuildSettings { seed, ..settings };
+            Some(build(&context, &settings, config.thread_count, &Progress::default())?)
+        }
+    };
+    let graph = built.as_ref().map(|built| &built.graph);
+    let (attempts, mut search_us) = run_goals(policy, map, graph, &goals, config, seed);
+    search_us.sort_unstable_by(f64::total_cmp);
+    let graph = built.map(|built| GraphFigures {
+        vertices: built.graph.vertex_count() as f64,
+        edges: built.graph.edge_count() as f64,
+        islands: f64::from(built.graph.island_count()),
+        connected: built.graph.connected_share(),
+        build_s: built.seconds,
+        probes: built.probes as f64,
+        search_us_median: search_us[search_us.len() / 2],
+    });
+    Ok(Unit { map: map_seed, seed, distances: goals.iter().map(Goal::distance).collect(), attempts, graph })
+}
+
+fn draw_goals(
+    map: &Map,
+    profile: &CharacterProfile,
+    config: &EvalConfig,
+    map_seed: u64,
+    seed: u64,
+) -> Result<Vec<Goal>, EvalError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(map_seed);
+    rng.set_stream(1000 + seed);
+    let points = navigable::sample_many(map, profile, POINTS_PER_MAP, &mut rng)?;
+    let mut goals = Goal::draw(&points, config.distance.clone(), config.goals, &mut rng);
+    if goals.len() < config.goals {
+        return Err(EvalError::NoGoals(map_seed));
+    }
+    goals.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
+    Ok(goals)
+}
+
+/// Splits the goals over threads in batches of near and far ones mixed, so that none holds up the rest.
+fn run_goals(
+    policy: &Policy,
+    map: &Arc<Map>,
+    graph: Option<&NavGraph>,
+    goals: &[Goal],
+    config: &EvalConfig,
+    seed: u64,
+) -> (Vec<Attempt>, Vec<f64>) {
+    let batch_count = goals.len().div_ceil(GOALS_PER_BATCH);
+    let next = AtomicUsize::new(0);
+    let results = Mutex::new(vec![None; batch_count]);
+    std::thread::scope(|scope| {
+        for _ in 0..config.thread_count.max(1) {
+            scope.spawn(|| {
+                loop {
+                    let idx = next.fetch_add(1, Ordering::Relaxed);
+                    if idx >= batch_count {
+                        return;
+                    }
+                    let batch: Vec<Goal> = goals.iter().skip(idx).step_by(batch_count).copied().collect();
+                    let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+                    rollout.noise_share = config.noise_share;
+                    rollout.seed = seed.wrapping_mul(1_000_003).wrapping_add(idx as u64);
+                    let mut times = Vec::new();
+                    let attempts = match graph {
+                        Some(graph) => rollout.run_by_plan(policy, graph, &batch, &mut times),
+                        None => rollout.run(policy, &batch),
+                    };
+                    results.lock().expect("no rollout panics")[idx] = Some((attempts, times));
+                }
+            });
+        }
+    });
+    let batches: Vec<(Vec<Attempt>, Vec<f64>)> =
+        results.into_inner().expect("no rollout panics").into_iter().flatten().collect();
+    let attempts = (0..goals.len()).map(|idx| batches[idx % batch_count].0[idx / batch_count]).collect();
+    (attempts, batches.into_iter().flat_map(|(_, times)| times).collect())
+}

@@ -1,0 +1,127 @@
+//! `surefoot export` and `surefoot import`: weights for and from other programs.
+
+use super::load_policy;
+use crate::terminal::print_json;
+use anyhow::{Context, bail};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use surefoot_policy::checkpoint::{self, module_bytes};
+use surefoot_policy::exchange::{from_safetensors, to_onnx, to_safetensors};
+use surefoot_policy::{Manifest, Policy};
+use surefoot_world::{CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
+
+/// Write a model for other programs: ONNX for the runtimes of game engines, safetensors for Python.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot export --onnx policy.onnx\n  surefoot export --model models/general-lstm --onnx lstm.onnx --safetensors lstm.safetensors"
+)]
+pub struct ExportArgs {
+    /// Folder or name of the model; default: the shipped general reactive policy
+    #[arg(long, value_name = "MODEL")]
+    model: Option<PathBuf>,
+    /// Write an ONNX model (opset 13, any number of rows)
+    #[arg(long, value_name = "FILE")]
+    onnx: Option<PathBuf>,
+    /// Write the weights as safetensors
+    #[arg(long, value_name = "FILE")]
+    safetensors: Option<PathBuf>,
+    /// Print observations of a walk over a map with the decisions on them as JSON, so that another runtime can be held
+    /// against them: this many, in ten steps of memory
+    #[arg(long, value_name = "N")]
+    check: Option<usize>,
+    /// Accepted for uniformity: --check always prints JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Make a model folder of a safetensors file whose names and shapes are those that export writes.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot import lstm.safetensors runs/mine --name mine")]
+pub struct ImportArgs {
+    /// The safetensors file
+    file: PathBuf,
+    /// Folder to write weights and manifest to
+    folder: PathBuf,
+    /// Name of the model; default: the one in the file, else "imported"
+    #[arg(long)]
+    name: Option<String>,
+}
+
+pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
+    if args.onnx.is_none() && args.safetensors.is_none() && args.check.is_none() {
+        bail!("nothing to do: give --onnx FILE, --safetensors FILE, or --check N");
+    }
+    let policy = load_policy(args.model.as_deref())?;
+    if let Some(count) = args.check {
+        check(&policy, count)?;
+    }
+    if let Some(path) = &args.onnx {
+        write(path, &to_onnx(policy.actor(), policy.manifest()))?;
+    }
+    if let Some(path) = &args.safetensors {
+        write(path, &to_safetensors(policy.actor(), policy.manifest())?)?;
+    }
+    Ok(())
+}
+
+/// Decisions of NPCs that follow the policy over a map, in `STEPS` steps.
+fn check(policy: &Policy, count: usize) -> anyhow::Result<()> {
+    const STEPS: usize = 10;
+    let rows = count.div_ceil(STEPS);
+    if !(1..=10_000).contains(&rows) {
+        bail!("--check is {count}, allowed are 1 to 100000");
+    }
+    let profile = CharacterProfile::default();
+    let map = Arc::new(Map::generate(&MapSpec::new(0))?);
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng)?;
+    let mut world = World::new(map, profile, TaskConfig::default());
+    let slots: Vec<NpcSlot> = points
+        .chunks_exact(2)
+        .map(|pair| {
+            let slot = world.spawn(pair[0], 0.0);
+            world.set_goal(slot, pair[1]);
+            slot
+        })
+        .collect();
+    let (mut observations, mut actions) = (vec![0.0; rows * OBSERVATION_LEN], Vec::new());
+    let mut memory = vec![0.0; rows * policy.memory_len()];
+    let mut steps = Vec::new();
+    for _ in 0..STEPS {
+        for (&slot, row) in slots.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
+            world.observe(slot, row);
+        }
+        policy.act(&observations, &mut memory, 0.0, &mut rng, &mut actions);
+        for (&slot, &action) in slots.iter().zip(&actions) {
+            world.decide(slot, action);
+        }
+        world.tick_decision();
+        let values: Vec<f32> = actions.iter().flat_map(|action| action.to_array()).collect();
+        steps.push(serde_json::json!({ "observations": observations, "actions": values }));
+    }
+    print_json(&serde_json::json!({ "rows": rows, "steps": steps }))
+}
+
+pub fn import(args: &ImportArgs) -> anyhow::Result<()> {
+    let context = || format!("cannot use {}", args.file.display());
+    let bytes = std::fs::read(&args.file).with_context(context)?;
+    let (actor, config, former) = from_safetensors(&bytes).with_context(context)?;
+    let former_name = former.as_ref().map(|manifest| manifest.name.clone());
+    let name = args.name.clone().or(former_name).unwrap_or_else(|| "imported".to_owned());
+    let training = former.map_or(serde_json::Value::Null, |manifest| manifest.training);
+    let weights = module_bytes(&actor)?;
+    let manifest = Manifest::new(&name, config, &weights, training);
+    checkpoint::save(&args.folder, &manifest, &weights)?;
+    // What was written must be what can be read.
+    Policy::load(&args.folder)?;
+    println!("{}: {} with memory {}, weights {}", name, manifest.kind, config.memory, manifest.weights_hash);
+    Ok(())
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    eprintln!("wrote {} ({} KB)", path.display(), bytes.len() / 1000);
+    Ok(())
+}

@@ -1,0 +1,312 @@
+//! An actor as an ONNX model, for engines that bring a runtime of their own.
+//!
+//! Only common operators of opset 13 are used (`MatMul`, `Add`, `Relu`, `Sigmoid`, `Tanh`, `Mul`, `Slice`, `Concat`,
+//! `Clip`), and any number of rows goes in:
+//!
+//! | tensor | shape | meaning |
+//! |---|---|---|
+//! | in `observations` | rows, 355 | rows as laid out in `surefoot_world::sense` |
+//! | in `hidden_in`, `cell_in` | rows, memory | recurrent agents: zeros at first, then what came out |
+//! | out `action` | rows, 4 | the most likely action: forward, strafe, turn, jump in \[-1, 1\] |
+//! | out `mean`, `log_std` | rows, 4 | the Gaussian before tanh, for acting with noise |
+//! | out `hidden_out`, `cell_out` | rows, memory | recurrent agents: to be given back at the next decision |
+
+use super::{Weights, named_weights};
+use crate::actor::LOG_STD_RANGE;
+use crate::network::RAY_LEN;
+use crate::{Actor, Manifest};
+use prost::Message;
+use std::collections::BTreeMap;
+use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::character::ACTION_LEN;
+
+const IR_VERSION: i64 = 8;
+const OPSET: i64 = 13;
+const FLOAT: i32 = 1;
+const INT64: i32 = 7;
+const ATTRIBUTE_INT: i32 = 2;
+
+/// The model as the bytes of an `.onnx` file.
+pub fn to_onnx(actor: &Actor, manifest: &Manifest) -> Vec<u8> {
+    let mut graph = Builder { weights: named_weights(actor), graph: GraphProto::default() };
+    graph.graph.name = manifest.name.clone();
+    graph.input("observations", OBSERVATION_LEN);
+    let rays = graph.slice("observations", 0, RAY_LEN);
+    let state = graph.slice("observations", RAY_LEN, OBSERVATION_LEN);
+    let rays = graph.dense(&rays, "trunk.rays");
+    let rays = graph.node("Relu", &[&rays], &[]);
+    let sensed = graph.concat(&[&rays, &state]);
+    let inputs = match actor.memory_size() {
+        Some(size) => {
+            let hidden = graph.lstm_step(&sensed, size);
+            graph.concat(&[&sensed, &hidden])
+        }
+        None => sensed,
+    };
+    let first = graph.dense(&inputs, "trunk.first");
+    let first = graph.node("Relu", &[&first], &[]);
+    let second = graph.dense(&first, "trunk.second");
+    let second = graph.node("Relu", &[&second], &[]);
+    let head = graph.dense(&second, "head");
+    let mean = graph.slice(&head, 0, ACTION_LEN);
+    let log_std = graph.slice(&head, ACTION_LEN, 2 * ACTION_LEN);
+    let (low, high) = (graph.scalar(LOG_STD_RANGE.0), graph.scalar(LOG_STD_RANGE.1));
+    let log_std = graph.node("Clip", &[&log_std, &low, &high], &[]);
+    let action = graph.node("Tanh", &[&mean], &[]);
+    for (name, value) in [("action", &action), ("mean", &mean), ("log_std", &log_std)] {
+        graph.output(name, value, ACTION_LEN);
+    }
+    let property = |key: &str, value: String| StringStringEntryProto { key: key.to_owned(), value };
+    let model = ModelProto {
+        ir_version: IR_VERSION,
+        producer_name: "surefoot".to_owned(),
+        producer_version: env!("CARGO_PKG_VERSION").to_owned(),
+        graph: Some(graph.graph),
+        opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
+        metadata_props: vec![
+            property("kind", manifest.kind.clone()),
+            property("observation_version", manifest.observation_version.to_string()),
+            property("weights_hash", manifest.weights_hash.clone()),
+        ],
+    };
+    model.encode_to_vec()
+}
+
+/// A graph under construction; values are known by name.
+struct Builder {
+    weights: BTreeMap<String, Weights>,
+    graph: GraphProto,
+}
+
+impl Builder {
+    fn input(&mut self, name: &str, width: usize) {
+        self.graph.input.push(ValueInfoProto::rows(name, width));
+    }
+
+    /// Gives a value a name outside.
+    fn output(&mut self, name: &str, value: &str, width: usize) {
+        let node = NodeProto {
+            input: vec![value.to_owned()],
+            output: vec![name.to_owned()],
+            name: name.to_owned(),
+            op_type: "Identity".to_owned(),
+            attribute: Vec::new(),
+        };
+        self.graph.node.push(node);
+        self.graph.output.push(ValueInfoProto::rows(name, width));
+    }
+
+    fn node(&mut self, op_type: &str, inputs: &[&str], attribute: &[AttributeProto]) -> String {
+        let name = format!("{}_{}", op_type.to_lowercase(), self.graph.node.len());
+        self.graph.node.push(NodeProto {
+            input: inputs.iter().map(|&input| input.to_owned()).collect(),
+            output: vec![name.clone()],
+            name: name.clone(),
+            op_type: op_type.to_owned(),
+            attribute: attribute.to_vec(),
+        });
+        name
+    }
+
+    fn constant(&mut self, tensor: TensorProto) -> String {
+        let name = tensor.name.clone();
+        if self.graph.initializer.iter().all(|known| known.name != name) {
+            self.graph.initializer.push(tensor);
+        }
+        name
+    }
+
+    fn scalar(&mut self, value: f32) -> String {
+        let raw_data = value.to_le_bytes().to_vec();
+        self.constant(TensorProto { dims: Vec::new(), data_type: FLOAT, name: format!("value_{value}"), raw_data })
+    }
+
+    fn index(&mut self, value: usize) -> String {
+        let raw_data = (value as i64).to_le_bytes().to_vec();
+        self.constant(TensorProto { dims: vec![1], data_type: INT64, name: format!("index_{value}"), raw_data })
+    }
+
+    fn weight(&mut self, path: &str) -> String {
+        let Weights { shape, values } = &self.weights[path];
+        let tensor = TensorProto {
+            dims: shape.iter().map(|&dim| dim as i64).collect(),
+            data_type: FLOAT,
+            name: path.to_owned(),
+            raw_data: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+        };
+        self.constant(tensor)
+    }
+
+    /// Columns `from..to`.
+    fn slice(&mut self, value: &str, from: usize, to: usize) -> String {
+        let (from, to, axis) = (self.index(from), self.index(to), self.index(1));
+        self.node("Slice", &[value, &from, &to, &axis], &[])
+    }
+
+    /// Columns side by side.
+    fn concat(&mut self, values: &[&str]) -> String {
+        let axis = AttributeProto { name: "axis".to_owned(), i: 1, r#type: ATTRIBUTE_INT };
+        self.node("Concat", values, &[axis])
+    }
+
+    fn dense(&mut self, value: &str, path: &str) -> String {
+        let (weight, bias) = (self.weight(&format!("{path}.weight")), self.weight(&format!("{path}.bias")));
+        let product = self.node("MatMul", &[value, &weight], &[]);
+        self.node("Add", &[&product, &bias], &[])
+    }
+
+    /// One step of the memory, with its state as inputs and outputs; the hidden state.
+    fn lstm_step(&mut self, sensed: &str, size: usize) -> String {
+        self.input("hidden_in", size);
+        self.input("cell_in", size);
+        let recurrent = self.weight("trunk.memory.recurrent");
+        let gates = self.dense(sensed, "trunk.memory.input");
+        let product = self.node("MatMul", &["hidden_in", &recurrent], &[]);
+        let gates = self.node("Add", &[&gates, &product], &[]);
+        let [input, forget, output] = [0, 1, 2].map(|gate| {
+            let gate = self.slice(&gates, gate * size, (gate + 1) * size);
+            self.node("Sigmoid", &[&gate], &[])
+        });
+        let candidate = self.slice(&gates, 3 * size, 4 * size);
+        let candidate = self.node("Tanh", &[&candidate], &[]);
+        let kept = self.node("Mul", &[&forget, "cell_in"], &[]);
+        let new = self.node("Mul", &[&input, &candidate], &[]);
+        let cell = self.node("Add", &[&kept, &new], &[]);
+        let squashed = self.node("Tanh", &[&cell], &[]);
+        let hidden = self.node("Mul", &[&output, &squashed], &[]);
+        self.output("hidden_out", &hidden, size);
+        self.output("cell_out", &cell, size);
+        hidden
+    }
+}
+
+impl ValueInfoProto {
+    /// Any number of rows of `width` floats.
+    fn rows(name: &str, width: usize) -> Self {
+        let rows = DimensionProto { dim_value: None, dim_param: Some("rows".to_owned()) };
+        let columns = DimensionProto { dim_value: Some(width as i64), dim_param: None };
+        let shape = Some(TensorShapeProto { dim: vec![rows, columns] });
+        let tensor_type = Some(TensorTypeProto { elem_type: FLOAT, shape });
+        Self { name: name.to_owned(), r#type: Some(TypeProto { tensor_type }) }
+    }
+}
+
+// The messages of onnx.proto3 with the fields used here (https://github.com/onnx/onnx, IR version 8).
+
+#[derive(Clone, PartialEq, Message)]
+struct ModelProto {
+    #[prost(int64, tag = "1")]
+    ir_version: i64,
+    #[prost(string, tag = "2")]
+    producer_name: String,
+    #[prost(string, tag = "3")]
+    producer_version: String,
+    #[prost(message, optional, tag = "7")]
+    graph: Option<GraphProto>,
+    #[prost(message, repeated, tag = "8")]
+    opset_import: Vec<OperatorSetIdProto>,
+    #[prost(message, repeated, tag = "14")]
+    metadata_props: Vec<StringStringEntryProto>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct OperatorSetIdProto {
+    #[prost(string, tag = "1")]
+    domain: String,
+    #[prost(int64, tag = "2")]
+    version: i64,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct StringStringEntryProto {
+    #[prost(string, tag = "1")]
+    key: String,
+    #[prost(string, tag = "2")]
+    value: String,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct GraphProto {
+    #[prost(message, repeated, tag = "1")]
+    node: Vec<NodeProto>,
+    #[prost(string, tag = "2")]
+    name: String,
+    #[prost(message, repeated, tag = "5")]
+    initializer: Vec<TensorProto>,
+    #[prost(message, repeated, tag = "11")]
+    input: Vec<ValueInfoProto>,
+    #[prost(message, repeated, tag = "12")]
+    output: Vec<ValueInfoProto>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct NodeProto {
+    #[prost(string, repeated, tag = "1")]
+    input: Vec<String>,
+    #[prost(string, repeated, tag = "2")]
+    output: Vec<String>,
+    #[prost(string, tag = "3")]
+    name: String,
+    #[prost(string, tag = "4")]
+    op_type: String,
+    #[prost(message, repeated, tag = "5")]
+    attribute: Vec<AttributeProto>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct AttributeProto {
+    #[prost(string, tag = "1")]
+    name: String,
+    #[prost(int64, tag = "3")]
+    i: i64,
+    #[prost(int32, tag = "20")]
+    r#type: i32,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct TensorProto {
+    #[prost(int64, repeated, tag = "1")]
+    dims: Vec<i64>,
+    #[prost(int32, tag = "2")]
+    data_type: i32,
+    #[prost(string, tag = "8")]
+    name: String,
+    #[prost(bytes = "vec", tag = "9")]
+    raw_data: Vec<u8>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct ValueInfoProto {
+    #[prost(string, tag = "1")]
+    name: String,
+    #[prost(message, optional, tag = "2")]
+    r#type: Option<TypeProto>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct TypeProto {
+    #[prost(message, optional, tag = "1")]
+    tensor_type: Option<TensorTypeProto>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct TensorTypeProto {
+    #[prost(int32, tag = "1")]
+    elem_type: i32,
+    #[prost(message, optional, tag = "2")]
+    shape: Option<TensorShapeProto>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct TensorShapeProto {
+    #[prost(message, repeated, tag = "1")]
+    dim: Vec<DimensionProto>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct DimensionProto {
+    #[prost(int64, optional, tag = "1")]
+    dim_value: Option<i64>,
+    #[prost(string, optional, tag = "2")]
+    dim_param: Option<String>,
+}

@@ -1,0 +1,130 @@
+//! Weights as safetensors: every parameter by its path, matrices `[input, output]`, with the manifest as metadata.
+
+use super::{Weights, named_weights};
+use crate::{Actor, ActorConfig, CheckpointError, Manifest};
+use burn::module::{Module, ModuleMapper, Param};
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use std::collections::{BTreeMap, HashMap};
+use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::sense::OBSERVATION_VERSION;
+
+/// Key of the manifest in the file's metadata.
+const MANIFEST_KEY: &str = "surefoot_manifest";
+
+/// The actor as the bytes of a `.safetensors` file.
+///
+/// # Errors
+/// If the library cannot encode it.
+pub fn to_safetensors(actor: &Actor, manifest: &Manifest) -> Result<Vec<u8>, CheckpointError> {
+    let decode = |error: &dyn std::fmt::Display| CheckpointError::Decode(error.to_string());
+    let weights: Vec<(String, Vec<usize>, Vec<u8>)> = named_weights(actor)
+        .into_iter()
+        .map(|(name, Weights { shape, values })| {
+            (name, shape, values.iter().flat_map(|value| value.to_le_bytes()).collect())
+        })
+        .collect();
+    let mut views = Vec::with_capacity(weights.len());
+    for (name, shape, bytes) in &weights {
+        views.push((name, TensorView::new(Dtype::F32, shape.clone(), bytes).map_err(|error| decode(&error))?));
+    }
+    let text = serde_json::to_string(manifest).expect("a manifest is plain data");
+    let metadata = HashMap::from([(MANIFEST_KEY.to_owned(), text)]);
+    safetensors::serialize(views, Some(metadata)).map_err(|error| decode(&error))
+}
+
+/// Reads an actor from the bytes of a `.safetensors` file; its sizes follow from the shapes. The manifest is the one in the
+/// file's metadata, where there is one.
+///
+/// # Errors
+/// Names the parameter that is missing, superfluous, or of another shape or type than this program's network has.
+pub fn from_safetensors(bytes: &[u8]) -> Result<(Actor, ActorConfig, Option<Manifest>), CheckpointError> {
+    let decode = |error: &dyn std::fmt::Display| CheckpointError::Decode(error.to_string());
+    let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|error| decode(&error))?;
+    let manifest = metadata
+        .metadata()
+        .as_ref()
+        .and_then(|entries| entries.get(MANIFEST_KEY))
+        .map(|text| serde_json::from_str::<Manifest>(text).map_err(|error| decode(&error)))
+        .transpose()?;
+    let file = SafeTensors::deserialize(bytes).map_err(|error| decode(&error))?;
+    let mut found = BTreeMap::new();
+    for (name, view) in file.tensors() {
+        if view.dtype() != Dtype::F32 {
+            return Err(mismatch(format!("{name}: {:?}", view.dtype()), format!("{name}: F32")));
+        }
+        let values = view.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        found.insert(name, Weights { shape: view.shape().to_vec(), values });
+    }
+    if let Some(manifest) = &manifest {
+        let same = manifest.observation_len == OBSERVATION_LEN && manifest.observation_version == OBSERVATION_VERSION;
+        if !same {
+            return Err(CheckpointError::Mismatch {
+                field: "observation",
+                found: format!("{} values of version {}", manifest.observation_len, manifest.observation_version),
+                expected: format!("{OBSERVATION_LEN} values of version {OBSERVATION_VERSION}"),
+            });
+        }
+    }
+    let config = sizes(&found)?;
+    let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(0));
+    check(&named_weights(&actor), &found)?;
+    let mut fill = Fill { path: Vec::new(), found };
+    Ok((actor.map(&mut fill), config, manifest))
+}
+
+fn mismatch(found: String, expected: String) -> CheckpointError {
+    CheckpointError::Mismatch { field: "a parameter", found, expected }
+}
+
+/// The layer sizes that the shapes tell.
+fn sizes(found: &BTreeMap<String, Weights>) -> Result<ActorConfig, CheckpointError> {
+    let width = |name: &str| match found.get(name).map(|weights| weights.shape.as_slice()) {
+        Some(&[_, width]) if (1..=4096).contains(&width) => Ok(width),
+        Some(shape) => Err(mismatch(format!("{name}: {shape:?}"), format!("{name}: a matrix up to 4096 wide"))),
+        None => Err(mismatch("no ".to_owned() + name, name.to_owned())),
+    };
+    let memory = if found.contains_key("trunk.memory.recurrent") { width("trunk.memory.recurrent")? / 4 } else { 0 };
+    Ok(ActorConfig { ray_features: width("trunk.rays.weight")?, hidden: width("trunk.second.weight")?, memory })
+}
+
+/// Whether names and shapes are those of `expected`.
+fn check(expected: &BTreeMap<String, Weights>, found: &BTreeMap<String, Weights>) -> Result<(), CheckpointError> {
+    for (name, weights) in expected {
+        match found.get(name) {
+            None => return Err(mismatch(format!("no {name}"), name.clone())),
+            Some(other) if other.shape != weights.shape => {
+                return Err(mismatch(format!("{name}: {:?}", other.shape), format!("{name}: {:?}", weights.shape)));
+            }
+            Some(_) => {}
+        }
+    }
+    match found.keys().find(|name| !expected.contains_key(*name)) {
+        Some(name) => Err(mismatch(name.clone(), format!("no {name}"))),
+        None => Ok(()),
+    }
+}
+
+/// Puts values into a module by path.
+struct Fill {
+    path: Vec<String>,
+    found: BTreeMap<String, Weights>,
+}
+
+impl ModuleMapper for Fill {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let values = self.found[&self.path.join(".")].values.clone();
+        let shape = param.val().dims();
+        param.map(|tensor| Tensor::from_data(TensorData::new(values, shape), &tensor.device()))
+    }
+
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+}
