@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::AtomicBool;
 use surefoot_agent::train::collector::CollectorConfig;
-use surefoot_agent::train::run::Run;
+use surefoot_agent::train::run::{Processor, Run};
 use surefoot_agent::train::sac::SacConfig;
 use surefoot_agent::train::{TrainConfig, TrainError, run};
 use surefoot_policy::ActorConfig;
@@ -38,29 +38,78 @@ fn tiny() -> TrainConfig {
     }
 }
 
+fn tiny_recurrent() -> TrainConfig {
+    let network = ActorConfig { ray_features: 8, hidden: 16, memory: 6 };
+    TrainConfig { burn_in: 3, learn: 5, batch: 4, sac: SacConfig { network, ..SacConfig::default() }, ..tiny() }
+}
+
+/// What the weights in a run's `last` decide, bit for bit.
+fn decisions(folder: &tempfile::TempDir) -> Vec<u32> {
+    let policy = surefoot_policy::Policy::load(&folder.path().join("last")).unwrap();
+    let rows: Vec<f32> = (0..8 * OBSERVATION_LEN).map(|idx| (idx % 17) as f32 / 17.0).collect();
+    let (mut memory, mut actions) = (vec![0.5; 8 * policy.memory_len()], Vec::new());
+    policy.act(&rows, &mut memory, 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
+    actions.iter().flat_map(|action| action.to_array().map(f32::to_bits)).collect()
+}
+
 #[test]
 fn a_resumed_run_continues_bit_for_bit() {
-    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    for config in [tiny(), tiny_recurrent()] {
+        let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        let stop = AtomicBool::new(false);
+        run(TrainConfig { total_updates: 24, ..config.clone() }, folders[0].path(), false, &stop, |_| {}).unwrap();
+
+        // The same run, stopped half-way and resumed from its files.
+        run(config, folders[1].path(), false, &stop, |_| {}).unwrap();
+        let path = folders[1].path().join("config.json");
+        let text = std::fs::read_to_string(&path).unwrap().replace("\"total_updates\": 12", "\"total_updates\": 24");
+        std::fs::write(&path, text).unwrap();
+        run(tiny(), folders[1].path(), true, &stop, |_| {}).unwrap();
+        assert_eq!(decisions(&folders[0]), decisions(&folders[1]));
+    }
+}
+
+#[test]
+fn a_recurrent_run_may_start_from_a_reactive_one() {
+    let (first, second) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let stop = AtomicBool::new(false);
-    let weights = |folder: &tempfile::TempDir| std::fs::read(folder.path().join("last/weights.bpk")).unwrap();
-    run(TrainConfig { total_updates: 24, ..tiny() }, folders[0].path(), false, &stop, |_| {}).unwrap();
+    run(tiny(), first.path(), false, &stop, |_| {}).unwrap();
+    let start_from = Some(first.path().join("last"));
+    let config = TrainConfig { start_from, total_updates: 0, ..tiny_recurrent() };
+    run(config.clone(), second.path(), false, &stop, |_| {}).unwrap();
+    for (before, after) in decisions(&first).into_iter().zip(decisions(&second)) {
+        assert!((f32::from_bits(before) - f32::from_bits(after)).abs() < 1.0e-4, "nothing is learned yet");
+    }
 
-    // The same run, stopped half-way and resumed from its files.
-    run(tiny(), folders[1].path(), false, &stop, |_| {}).unwrap();
-    let config = folders[1].path().join("config.json");
-    let text = std::fs::read_to_string(&config).unwrap().replace("\"total_updates\": 12", "\"total_updates\": 24");
-    std::fs::write(&config, text).unwrap();
-    run(tiny(), folders[1].path(), true, &stop, |_| {}).unwrap();
+    let network = ActorConfig { hidden: 24, ..config.sac.network };
+    let wider = TrainConfig { sac: SacConfig { network, ..config.sac.clone() }, ..config };
+    let refusal = Run::new(wider).err().expect("other shapes do not fit").to_string();
+    assert!(refusal.contains("16") && refusal.contains("24"), "{refusal}");
+}
 
-    let actor = |folder: &tempfile::TempDir| {
-        let policy = surefoot_policy::Policy::load(&folder.path().join("last")).unwrap();
-        let mut actions = Vec::new();
-        let rows: Vec<f32> = (0..8 * OBSERVATION_LEN).map(|idx| (idx % 17) as f32 / 17.0).collect();
-        policy.act(&rows, &mut [], 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
-        actions.iter().flat_map(|action| action.to_array().map(f32::to_bits)).collect::<Vec<u32>>()
-    };
-    assert_eq!(actor(&folders[0]), actor(&folders[1]));
-    assert_eq!(weights(&folders[0]).len(), weights(&folders[1]).len());
+#[test]
+fn configurations_that_contradict_themselves_are_refused() {
+    let refusal = |config: TrainConfig| Run::new(config).err().expect("a contradiction").to_string();
+    let sequences = refusal(TrainConfig { burn_in: 20, learn: 20, ..tiny() });
+    assert!(sequences.contains("burn_in and learn"), "{sequences}");
+    let single = refusal(TrainConfig { learn: 1, ..tiny_recurrent() });
+    assert!(single.contains("learn") && single.contains("memory above 0"), "{single}");
+    let empty = refusal(TrainConfig { batch: 0, ..tiny() });
+    assert!(empty.contains("batch: must be at least 1"), "{empty}");
+    let nowhere = CollectorConfig { map_seeds: Vec::new(), ..tiny().collector };
+    assert!(refusal(TrainConfig { collector: nowhere, ..tiny() }).contains("map_seeds: is empty"));
+    let cuda = refusal(TrainConfig { processor: Processor::Cuda, ..tiny() });
+    assert!(cfg!(feature = "cuda") || cuda.contains("--features cuda"), "{cuda}");
+}
+
+#[test]
+fn a_run_ends_early_when_validation_no_longer_improves() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig { total_updates: 10_000, stop_after: 30, validate_every: 1, ..tiny() };
+    let mut last = String::new();
+    run(config, folder.path(), false, &AtomicBool::new(false), |line| last = line.to_owned()).unwrap();
+    let updates: u64 = last.split_whitespace().nth(3).unwrap().parse().unwrap();
+    assert!((30..10_000).contains(&updates), "{last}");
 }
 
 #[test]

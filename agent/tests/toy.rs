@@ -27,7 +27,7 @@ fn field(network: ActorConfig) -> TrainConfig {
         replay_capacity: 60_000,
         sac: SacConfig { network, learning_rate: 1.0e-3, actor_interval: 1, ..SacConfig::default() },
         collector: CollectorConfig {
-            map_seeds: 0..2,
+            map_seeds: vec![0, 1],
             map_side: 60,
             map_features: "none".parse::<Features>().unwrap(),
             world_count: 2,

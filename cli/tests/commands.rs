@@ -177,3 +177,42 @@ fn faulty_levels_and_files_are_refused_with_one_clear_line() {
         assert!(!std::path::Path::new(&out).exists(), "{args:?} left a file");
     }
 }
+
+#[test]
+fn models_are_exported_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (onnx, safetensors, model) = (path("policy.onnx"), path("policy.safetensors"), path("model"));
+    let exported = surefoot(&["export", "--onnx", &onnx, "--safetensors", &safetensors]);
+    assert!(exported.status.success(), "{}", String::from_utf8_lossy(&exported.stderr));
+    assert!(std::fs::metadata(&onnx).unwrap().len() > 100_000);
+    assert!(surefoot(&["import", &safetensors, &model, "--name", "back"]).status.success());
+    let check = |args: &[&str]| json(&surefoot(&[&["export", "--check", "20", "--json"], args].concat()));
+    assert_eq!(check(&[])["steps"], check(&["--model", &model])["steps"]);
+
+    std::fs::write(&safetensors, b"not weights").unwrap();
+    let refused = surefoot(&["import", &safetensors, &model]);
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && message.contains("policy.safetensors"), "{message}");
+    assert!(!surefoot(&["export"]).status.success());
+}
+
+#[test]
+fn the_suite_writes_table_plots_and_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let models = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
+    let args = ["eval", "--suite", "paper", "--size", "60", "--goals", "6", "--models", models, "--out", out];
+    let output = surefoot(&args);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = String::from_utf8(output.stdout).unwrap();
+    assert!(table.contains("general reactive") && table.contains("(68.0)"), "{table}");
+    assert_eq!(std::fs::read_to_string(folder.path().join("table.md")).unwrap(), table);
+    for plot in ["success-by-distance.svg", "generalisation.svg"] {
+        let text = std::fs::read_to_string(folder.path().join(plot)).unwrap();
+        assert!(text.starts_with("<svg") && text.contains("general reactive"), "{plot}");
+    }
+    let report: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.path().join("results.json")).unwrap()).unwrap();
+    assert_eq!(report["goals"], 6);
+}

@@ -35,7 +35,8 @@ pub struct Policy {
 impl Policy {
     /// Wraps an actor for inference on the CPU.
     pub fn new(actor: &Actor, manifest: Manifest) -> Self {
-        Self { actor: actor.valid(), manifest, device: Device::flex() }
+        let device = Device::flex();
+        Self { actor: actor.valid().to_device(&device), manifest, device }
     }
 
     /// What is known about these weights.

@@ -84,7 +84,12 @@ pub fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f
 pub fn composed(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f32]) -> (Tensor<3>, Recall) {
     let [members, batch, size] = past.hidden.dims();
     let device = gates.device();
-    let Recall { mut hidden, mut cell } = past.clone();
+    // The state carries no gradient, whatever it comes from.
+    let onto_device = |tensor: &Tensor<3>| {
+        let is_plain = device.is_autodiff() && !tensor.device().is_autodiff();
+        if is_plain { tensor.clone().autodiff() } else { tensor.clone() }
+    };
+    let (mut hidden, mut cell) = (onto_device(&past.hidden), onto_device(&past.cell));
     let mut outputs = Vec::with_capacity(keep.len() / batch);
     for (step, keep) in keep.chunks_exact(batch).enumerate() {
         let keep = Tensor::<3>::from_data(TensorData::new(keep.to_vec(), [1, batch, 1]), &device);

@@ -57,7 +57,6 @@ fn its_gradients_are_those_of_the_composed_one() {
     let gradients = |run: fn(Tensor<3>, Tensor<3>, &Recall, &[f32]) -> (Tensor<3>, Recall)| {
         let gates = Tensor::<3>::from_data(gates.to_data(), &device).require_grad();
         let recurrent = Tensor::<3>::from_data(recurrent.to_data(), &device).require_grad();
-        let recall = Recall { hidden: recall.hidden.clone().autodiff(), cell: recall.cell.clone().autodiff() };
         let (hidden, _) = run(gates.clone(), recurrent.clone(), &recall, &keep());
         let weights = Tensor::<1>::from_floats(weights.as_slice(), &device).reshape([MEMBERS, STEPS * BATCH, SIZE]);
         let mut gradients = (hidden * weights).sum().backward();

@@ -17,7 +17,7 @@ use surefoot_world::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CollectorConfig {
     /// Seeds of the maps to train on.
-    pub map_seeds: std::ops::Range<u64>,
+    pub map_seeds: Vec<u64>,
     /// Side of those maps, m.
     pub map_side: u32,
     /// What stands on them.
@@ -38,6 +38,9 @@ pub struct CollectorConfig {
     /// After reaching a goal, chance of heading on to another from the run instead of respawning: a policy
     /// that follows waypoints lives in that switch.
     pub switch_chance: f64,
+    /// Share of lives that begin with an attempt that failed before on the same map, where there is one.
+    #[serde(default)]
+    pub retry_share: f64,
     /// Chance at each decision of being sent elsewhere before the goal is reached, as by a re-plan.
     #[serde(default)]
     pub redirect_chance: f64,
@@ -50,7 +53,7 @@ pub struct CollectorConfig {
 impl Default for CollectorConfig {
     fn default() -> Self {
         Self {
-            map_seeds: 0..128,
+            map_seeds: (0..128).collect(),
             map_side: 250,
             map_features: Features::default(),
             world_count: 8,
@@ -60,8 +63,9 @@ impl Default for CollectorConfig {
             near_goals: (2.0, 40.0),
             far_goals: (40.0, 120.0),
             switch_chance: 0.6,
+            retry_share: 0.3,
             redirect_chance: 0.003,
-            give_up_after: 80,
+            give_up_after: 200,
             random_decisions: 20_000,
         }
     }
@@ -93,7 +97,12 @@ struct Arena {
     seed: u64,
     points: Vec<Vec3>,
     world: World,
+    /// Starts and goals of attempts that failed.
+    failures: Vec<(Vec3, Vec3)>,
 }
+
+/// Failed attempts remembered per map; beyond them an old one is overwritten.
+const MAX_FAILURES: usize = 400;
 
 /// Navigable points drawn on each map.
 const POINTS_PER_MAP: usize = 1500;
@@ -108,7 +117,7 @@ impl Arena {
         rng.set_stream(2);
         let points =
             navigable::sample_many(&map, &profile, POINTS_PER_MAP, &mut rng).expect("generated maps have ground");
-        Self { seed, points, world: World::new(map, profile, TaskConfig::default()) }
+        Self { seed, points, world: World::new(map, profile, TaskConfig::default()), failures: Vec::new() }
     }
 
     fn random_point(&self, rng: &mut ChaCha8Rng) -> Vec3 {
@@ -153,6 +162,8 @@ pub struct Collector {
     memory: Vec<f32>,
     /// Whether it remembers nothing.
     is_fresh: Vec<bool>,
+    /// Where each attempt began, if the NPC stood there.
+    starts: Vec<Option<Vec3>>,
     rng: ChaCha8Rng,
     rounds: u64,
     total_decisions: u64,
@@ -160,10 +171,19 @@ pub struct Collector {
     step: Step,
 }
 
+/// An arena's state as plain data.
+#[derive(Debug, Serialize, Deserialize)]
+struct ArenaState {
+    seed: u64,
+    world: WorldState,
+    failures: Vec<(Vec3, Vec3)>,
+}
+
 /// A collector's state as plain data.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CollectorState {
-    worlds: Vec<(u64, WorldState)>,
+    worlds: Vec<ArenaState>,
+    starts: Vec<Option<Vec3>>,
     boundaries: Vec<Option<AfterBoundary>>,
     memory: Vec<f32>,
     is_fresh: Vec<bool>,
@@ -178,7 +198,8 @@ impl Collector {
     pub fn new(config: CollectorConfig, memory_len: usize, mut rng: ChaCha8Rng) -> Self {
         let mut arenas = Vec::new();
         for _ in 0..config.world_count {
-            arenas.push(Arena::new(rng.random_range(config.map_seeds.clone()), &config));
+            let seed = config.map_seeds[rng.random_range(0..config.map_seeds.len())];
+            arenas.push(Arena::new(seed, &config));
         }
         let lane_count = config.world_count * config.npcs_per_world;
         let mut collector = Self {
@@ -187,6 +208,7 @@ impl Collector {
             boundaries: vec![None; lane_count],
             memory: vec![0.0; lane_count * memory_len],
             is_fresh: vec![true; lane_count],
+            starts: vec![None; lane_count],
             rng,
             rounds: 0,
             total_decisions: 0,
@@ -224,24 +246,48 @@ impl Collector {
     }
 
     fn respawn(&mut self, arena_idx: usize, slot: NpcSlot) {
-        let arena = &mut self.arenas[arena_idx];
-        let feet = arena.random_point(&mut self.rng);
-        let yaw = self.rng.random_range(-std::f32::consts::PI..std::f32::consts::PI);
-        arena.world.teleport(slot, feet, yaw);
         let lane = arena_idx * self.config.npcs_per_world + slot.0 as usize;
         let memory_len = self.memory.len() / self.lane_count();
         self.memory[lane * memory_len..(lane + 1) * memory_len].fill(0.0);
         self.is_fresh[lane] = true;
-        self.new_goal(arena_idx, slot);
+        let arena = &mut self.arenas[arena_idx];
+        let yaw = self.rng.random_range(-std::f32::consts::PI..std::f32::consts::PI);
+        let retries = !arena.failures.is_empty() && self.rng.random_bool(self.config.retry_share);
+        if retries {
+            let (start, goal) = arena.failures.swap_remove(self.rng.random_range(0..arena.failures.len()));
+            arena.world.teleport(slot, start, yaw);
+            arena.world.set_goal(slot, goal);
+            self.starts[lane] = Some(start);
+        } else {
+            let feet = arena.random_point(&mut self.rng);
+            arena.world.teleport(slot, feet, yaw);
+            self.new_goal(arena_idx, slot);
+            self.starts[lane] = Some(feet);
+        }
     }
 
     fn new_goal(&mut self, arena_idx: usize, slot: NpcSlot) {
         let near = self.rng.random_bool(self.config.near_share);
         let band = if near { self.config.near_goals } else { self.config.far_goals };
         let arena = &mut self.arenas[arena_idx];
-        let from = arena.world.npc(slot).expect("an NPC in every lane").body.feet;
+        let body = &arena.world.npc(slot).expect("an NPC in every lane").body;
+        let (from, stands) = (body.feet, body.is_grounded());
         let goal = arena.goal(from, band, &mut self.rng);
         arena.world.set_goal(slot, goal);
+        self.starts[arena_idx * self.config.npcs_per_world + slot.0 as usize] = stands.then_some(from);
+    }
+
+    /// Remembers the attempt under way as one to be tried again.
+    fn note_failure(&mut self, arena_idx: usize, slot: NpcSlot, lane: usize) {
+        let arena = &mut self.arenas[arena_idx];
+        let goal = arena.world.npc(slot).and_then(|npc| npc.episode).map(|episode| episode.goal);
+        if let Some(failure) = self.starts[lane].zip(goal) {
+            if arena.failures.len() < MAX_FAILURES {
+                arena.failures.push(failure);
+            } else {
+                arena.failures[self.rng.random_range(0..MAX_FAILURES)] = failure;
+            }
+        }
     }
 
     /// Collects `step_count` decisions of every NPC with `policy` and hands each step to `store`.
@@ -261,7 +307,8 @@ impl Collector {
             store(self.step.clone());
             if let Some(arena_idx) = exchange {
                 // Its attempts have just ended in boundary rows, so nothing of the old map is continued.
-                let seed = self.rng.random_range(self.config.map_seeds.clone());
+                let seeds = &self.config.map_seeds;
+                let seed = seeds[self.rng.random_range(0..seeds.len())];
                 self.arenas[arena_idx] = Arena::new(seed, &self.config);
                 self.populate(arena_idx);
             }
@@ -325,6 +372,8 @@ impl Collector {
                         self.new_goal(arena_idx, slot);
                         return (outcome.reward, RowKind::Terminated);
                     }
+                } else {
+                    self.note_failure(arena_idx, slot, lane);
                 }
                 self.respawn(arena_idx, slot);
                 (outcome.reward, RowKind::Terminated)
@@ -337,6 +386,7 @@ impl Collector {
             }
             _ => {
                 self.stats.episodes += 1;
+                self.note_failure(arena_idx, slot, lane);
                 self.boundaries[lane] = Some(AfterBoundary::Respawn);
                 (outcome.reward, RowKind::Continues)
             }
@@ -359,7 +409,16 @@ impl Collector {
     /// All state as plain data.
     pub fn save(&self) -> CollectorState {
         CollectorState {
-            worlds: self.arenas.iter().map(|arena| (arena.seed, arena.world.save())).collect(),
+            worlds: self
+                .arenas
+                .iter()
+                .map(|arena| ArenaState {
+                    seed: arena.seed,
+                    world: arena.world.save(),
+                    failures: arena.failures.clone(),
+                })
+                .collect(),
+            starts: self.starts.clone(),
             boundaries: self.boundaries.clone(),
             memory: self.memory.clone(),
             is_fresh: self.is_fresh.clone(),
@@ -375,10 +434,10 @@ impl Collector {
         let arenas = state
             .worlds
             .into_iter()
-            .map(|(seed, world)| {
+            .map(|ArenaState { seed, world, failures }| {
                 let mut arena = Arena::new(seed, &config);
                 arena.world.restore(world);
-                arena
+                Arena { failures, ..arena }
             })
             .collect();
         Self {
@@ -387,6 +446,7 @@ impl Collector {
             boundaries: state.boundaries,
             memory: state.memory,
             is_fresh: state.is_fresh,
+            starts: state.starts,
             rng: state.rng.generator(),
             rounds: state.rounds,
             total_decisions: state.total_decisions,

@@ -5,6 +5,7 @@ use super::replay::{Batch, Replay, Sampling, Step};
 use super::sac::{Learner, LearnerState, SacConfig, UpdateStats};
 use super::tensorboard::EventWriter;
 use crate::rollout::{DEFAULT_NOISE_SHARE, Goal, Rollout};
+use burn::tensor::Device;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,32 @@ use surefoot_policy::checkpoint::{self, module_bytes, write_whole};
 use surefoot_policy::{Actor, ActorConfig, CheckpointError, Manifest, Policy};
 use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
+/// What a learner computes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Processor {
+    /// The CPU.
+    #[default]
+    Cpu,
+    /// The first CUDA device; only in builds with the feature `cuda`.
+    Cuda,
+}
+
+impl Processor {
+    fn device(self) -> Result<Device, TrainError> {
+        match self {
+            Processor::Cpu => Ok(Device::flex()),
+            #[cfg(feature = "cuda")]
+            Processor::Cuda => Ok(Device::cuda(0)),
+            #[cfg(not(feature = "cuda"))]
+            Processor::Cuda => Err(TrainError::Config {
+                field: "processor",
+                problem: "is cuda, but this program was built without it: build with `--features cuda`",
+            }),
+        }
+    }
+}
+
 /// Everything that decides a run; written to `config.json` beside its results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainConfig {
@@ -23,6 +50,9 @@ pub struct TrainConfig {
     pub name: String,
     /// Seed of weights, noise, batches, maps and goals.
     pub seed: u64,
+    /// What the learner computes on; collecting always takes the CPU.
+    #[serde(default)]
+    pub processor: Processor,
     /// Updates after which the run is complete.
     pub total_updates: u64,
     /// Decisions of every NPC per round.
@@ -70,7 +100,8 @@ impl Default for TrainConfig {
         Self {
             name: "general-reactive".to_owned(),
             seed: 1,
-            total_updates: 400_000,
+            processor: Processor::Cpu,
+            total_updates: 120_000,
             steps_per_round: 8,
             updates_per_round: 16,
             batch: 256,
@@ -80,11 +111,11 @@ impl Default for TrainConfig {
             discount: 0.98,
             mirror: true,
             replay_capacity: 1_000_000,
-            validate_every: 250,
+            validate_every: 400,
             checkpoint_every: 1500,
-            validation_goals: 48,
+            validation_goals: 100,
             validation_seeds: vec![1000, 1001, 1002, 1003],
-            stop_after: 80_000,
+            stop_after: 40_000,
             start_from: None,
             sac: SacConfig::default(),
             collector: CollectorConfig::default(),
@@ -109,6 +140,18 @@ impl TrainConfig {
             sac: SacConfig { network, ..SacConfig::default() },
             ..Self::default()
         }
+    }
+
+    /// Trains on these maps. For a single map, all collecting happens on it and validation too: a map-specific policy.
+    pub fn train_on(&mut self, map_seeds: Vec<u64>) {
+        if map_seeds.len() == 1 {
+            self.collector.npcs_per_world *= self.collector.world_count;
+            self.collector.world_count = 1;
+            self.collector.rounds_per_map = u64::MAX;
+            self.validation_seeds.clone_from(&map_seeds);
+            self.validation_goals *= 4;
+        }
+        self.collector.map_seeds = map_seeds;
     }
 
     /// Whether the parts fit each other.
@@ -138,7 +181,7 @@ impl TrainConfig {
             }
         }
         if self.collector.map_seeds.is_empty() {
-            return refuse("collector.map_seeds", "is an empty range");
+            return refuse("collector.map_seeds", "is empty");
         }
         if self.collector.spec(0).validate().is_err() {
             return refuse(
@@ -266,7 +309,7 @@ impl Run {
         };
         let collector = Collector::new(config.collector.clone(), 2 * config.sac.network.memory, stream(10));
         let replay = Replay::new(collector.lane_count(), config.replay_capacity);
-        let mut learner = Learner::new(config.sac.clone(), stream(11));
+        let mut learner = Learner::on(config.processor.device()?, config.sac.clone(), stream(11));
         if let Some(folder) = &config.start_from {
             learner.start_from(folder)?;
         }
@@ -385,7 +428,7 @@ impl Run {
         let state: RunState = postcard::from_bytes(body).map_err(|error| damaged(&error.to_string()))?;
         Ok(Self {
             collector: Collector::restore(config.collector.clone(), state.collector),
-            learner: Learner::restore(config.sac.clone(), state.learner)?,
+            learner: Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?,
             replay: state.replay,
             rounds: state.rounds,
             best: state.best,

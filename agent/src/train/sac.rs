@@ -32,7 +32,7 @@ pub struct SacConfig {
     pub tau: f32,
     /// Entropy that the temperature holds the policy at, in nats.
     pub target_entropy: f32,
-    /// Temperature at the start.
+    /// Temperature at the start; see docs/adr/0009-low-initial-temperature.md.
     pub initial_alpha: f32,
     /// Smallest temperature.
     pub min_alpha: f32,
@@ -50,10 +50,10 @@ impl Default for SacConfig {
             learning_rate: 3.0e-4,
             tau: 0.005,
             target_entropy: -2.0,
-            initial_alpha: 0.05,
+            initial_alpha: 0.004,
             min_alpha: 1.0e-4,
             actor_interval: 2,
-            decay_updates: 0,
+            decay_updates: 120_000,
         }
     }
 }
@@ -104,9 +104,14 @@ pub struct LearnerState {
 }
 
 impl Learner {
-    /// Fresh networks drawn from `rng`.
-    pub fn new(config: SacConfig, mut rng: ChaCha8Rng) -> Self {
-        let device = Device::flex().autodiff();
+    /// Fresh networks drawn from `rng`, on the CPU.
+    pub fn new(config: SacConfig, rng: ChaCha8Rng) -> Self {
+        Self::on(Device::flex(), config, rng)
+    }
+
+    /// Fresh networks drawn from `rng`, on some device.
+    pub fn on(device: Device, config: SacConfig, mut rng: ChaCha8Rng) -> Self {
+        let device = device.autodiff();
         let actor = Actor::new(&config.network, &device, &mut rng);
         let critics = Critics::new(&config.network, &device, &mut rng);
         let log_alpha = TensorData::new(vec![config.initial_alpha.ln()], [1]);
@@ -313,8 +318,8 @@ impl Learner {
     ///
     /// # Errors
     /// If it does not fit the configured networks.
-    pub fn restore(config: SacConfig, state: LearnerState) -> Result<Self, CheckpointError> {
-        let mut learner = Self::new(config, state.rng.generator());
+    pub fn restore(device: Device, config: SacConfig, state: LearnerState) -> Result<Self, CheckpointError> {
+        let mut learner = Self::on(device, config, state.rng.generator());
         let [actor, critic, target, temperature] = state.modules;
         learner.actor = load_module(learner.actor, &actor)?;
         learner.critics = load_module(learner.critics, &critic)?;

@@ -1,25 +1,45 @@
 //! `surefoot train`.
 
+use super::parse_seeds;
 use anyhow::Context;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use surefoot_agent::train::run::Processor;
 use surefoot_agent::train::{self, TrainConfig};
 
-/// Train the reactive SAC agent. Ctrl-C or SIGTERM writes a checkpoint and ends; --resume continues exactly.
+/// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and ends; --resume continues exactly.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/mine --config my.json --updates 50000\n  tensorboard --logdir runs"
+    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  tensorboard --logdir runs"
 )]
 pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
     folder: PathBuf,
     /// Continue the run in the folder
-    #[arg(long, conflicts_with_all = ["config", "updates", "seed"])]
+    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "name", "processor"])]
     resume: bool,
     /// Start from this configuration (a config.json of another run) instead of the defaults
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Train the agent with an LSTM
+    #[arg(long, conflicts_with = "config")]
+    recurrent: bool,
+    /// Start from the weights of this model or run; a reactive one may start a recurrent one
+    #[arg(long, value_name = "FOLDER")]
+    from: Option<PathBuf>,
+    /// Seeds of the maps to train on, such as 0..128, or one map to make a policy for it alone
+    #[arg(long, value_name = "SEEDS")]
+    maps: Option<String>,
+    /// Side of those maps in metres
+    #[arg(long, value_name = "METRES")]
+    size: Option<u32>,
+    /// Name of the model
+    #[arg(long)]
+    name: Option<String>,
+    /// What the learner computes on
+    #[arg(long, value_parser = ["cpu", "cuda"])]
+    processor: Option<String>,
     /// Stop after so many updates
     #[arg(long, value_name = "N")]
     updates: Option<u64>,
@@ -35,10 +55,23 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             serde_json::from_slice(&text)
                 .with_context(|| format!("{} is not a training configuration", path.display()))?
         }
+        None if args.recurrent => TrainConfig::recurrent(),
         None => TrainConfig::default(),
     };
-    config.total_updates = args.updates.unwrap_or(config.total_updates);
+    if let Some(updates) = args.updates {
+        config.total_updates = updates;
+        config.sac.decay_updates = updates;
+    }
     config.seed = args.seed.unwrap_or(config.seed);
+    config.start_from = args.from.or(config.start_from);
+    config.name = args.name.unwrap_or(config.name);
+    config.collector.map_side = args.size.unwrap_or(config.collector.map_side);
+    if let Some(maps) = &args.maps {
+        config.train_on(parse_seeds(maps).context("--maps")?);
+    }
+    if let Some(processor) = &args.processor {
+        config.processor = if processor == "cuda" { Processor::Cuda } else { Processor::Cpu };
+    }
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signal(stop.clone())?;
     train::run(config, &args.folder, args.resume, &stop, |line| println!("{line}"))?;

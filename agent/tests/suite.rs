@@ -1,0 +1,79 @@
+//! Evaluation by units: kept, taken up again, and summed up beside the paper's table.
+
+use surefoot_agent::eval::suite::{self, Entry};
+use surefoot_agent::eval::{EvalConfig, Method, Report, evaluate};
+use surefoot_policy::Policy;
+use surefoot_world::MapSpec;
+
+fn maps() -> Vec<MapSpec> {
+    vec![MapSpec::with_side(1000, 60), MapSpec::with_side(1001, 60)]
+}
+
+fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfig {
+    EvalConfig {
+        maps: maps(),
+        goals: 9,
+        seeds: vec![0, 1],
+        method: Method::Policy,
+        distance: 1.0..f32::INFINITY,
+        noise_share: 0.5,
+        thread_count,
+        keep_in: keep_in.map(|folder| folder.path().to_owned()),
+    }
+}
+
+fn report(config: &EvalConfig) -> Report {
+    evaluate(&Policy::shipped().unwrap(), config, |_, _| {}).unwrap()
+}
+
+#[test]
+fn finished_units_are_taken_from_disk_and_damaged_ones_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let fresh = report(&config(None, 2));
+    assert_eq!(report(&config(Some(&folder), 1)), fresh, "threads and disk change nothing");
+    assert_eq!(fresh.success.all.n, 36);
+    let mut units: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    units.sort();
+    assert_eq!(units.len(), 4);
+
+    // What was kept is believed: an altered outcome shows.
+    let text = std::fs::read_to_string(&units[0]).unwrap();
+    assert!(text.contains("Reached") || text.contains("reached"));
+    std::fs::write(&units[0], text.replacen("\"reached\"", "\"drowned\"", 1)).unwrap();
+    assert_eq!(report(&config(Some(&folder), 2)).ends["drowned"], fresh.ends["drowned"] + 1);
+
+    // What is torn is not.
+    std::fs::write(&units[0], &text[..text.len() / 2]).unwrap();
+    assert_eq!(report(&config(Some(&folder), 2)), fresh);
+    assert_eq!(std::fs::read_to_string(&units[0]).unwrap(), text);
+
+    // Other goals are other units.
+    report(&EvalConfig { goals: 8, ..config(Some(&folder), 2) });
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 8);
+}
+
+#[test]
+fn the_suite_stands_beside_the_papers_table() {
+    let policy = Policy::shipped().unwrap();
+    let entries = [
+        Entry { name: "general reactive", method: Method::Policy, models: vec![(policy.clone(), maps())] },
+        Entry {
+            name: "map-specific LSTM",
+            method: Method::Policy,
+            models: maps().into_iter().map(|spec| (policy.clone(), vec![spec])).collect(),
+        },
+    ];
+    let splits = [("training", vec![MapSpec::with_side(0, 60)]), ("test", maps())];
+    let report = suite::run(&entries, &splits, &config(None, 2), |_, _, _| {}).unwrap();
+    let [general, specific] = report.rows.as_slice() else { panic!("two rows") };
+    assert_eq!(general.success, specific.success, "the same weights on the same goals");
+    assert!((general.efficiency - general.success.all.rate).abs() < 1.0e-9, "both rows found the same shortest ways");
+    assert_eq!(general.by_distance.iter().map(|(_, rate)| rate.n).sum::<usize>(), 36);
+    assert_eq!(general.ends.values().sum::<usize>(), 36);
+    let [only] = report.generalisation.as_slice() else { panic!("only one model is bound to no map") };
+    assert_eq!(only.splits.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["training", "test"]);
+    let table = report.markdown();
+    for words in ["| general reactive | **", "(68.0)", "(57.4)", "| map-specific LSTM |", "(89.9)", "no progress"] {
+        assert!(table.contains(words), "{words} is missing in\n{table}");
+    }
+}
