@@ -77,17 +77,47 @@ pub enum CheckpointError {
     Decode(String),
 }
 
+/// A model inside the program.
+struct Shipped {
+    name: &'static str,
+    manifest: &'static [u8],
+    weights: &'static [u8],
+}
+
+const GENERAL_REACTIVE: Shipped = Shipped {
+    name: "general-reactive",
+    manifest: include_bytes!("../../models/general-reactive/manifest.json"),
+    weights: include_bytes!("../../models/general-reactive/weights.bpk"),
+};
+
+const GENERAL_LSTM: Shipped = Shipped {
+    name: "general-lstm",
+    manifest: include_bytes!("../../models/general-lstm/manifest.json"),
+    weights: include_bytes!("../../models/general-lstm/weights.bpk"),
+};
+
+impl Shipped {
+    fn manifest(&self) -> Result<Manifest, CheckpointError> {
+        parse_manifest(&Path::new("models").join(self.name).join(MANIFEST_FILE), self.manifest)
+    }
+}
+
 impl Policy {
     /// The general reactive policy that ships with the program.
     ///
     /// # Errors
     /// Only if the program was built from a damaged checkout.
     pub fn shipped() -> Result<Self, CheckpointError> {
-        let manifest = parse_manifest(
-            Path::new("models/general-reactive/manifest.json"),
-            include_bytes!("../../models/general-reactive/manifest.json"),
-        )?;
-        Self::from_bytes(manifest, include_bytes!("../../models/general-reactive/weights.bpk"))
+        Self::from_bytes(GENERAL_REACTIVE.manifest()?, GENERAL_REACTIVE.weights)
+    }
+
+    /// The policy of that name, if one ships with the program: `general-reactive` or `general-lstm`.
+    ///
+    /// # Errors
+    /// Only if the program was built from a damaged checkout.
+    pub fn shipped_as(name: &str) -> Option<Result<Self, CheckpointError>> {
+        let shipped = [GENERAL_REACTIVE, GENERAL_LSTM].into_iter().find(|shipped| shipped.name == name)?;
+        Some(shipped.manifest().and_then(|manifest| Self::from_bytes(manifest, shipped.weights)))
     }
 
     /// Reads a model's folder.

@@ -80,8 +80,13 @@ impl Worker {
     }
 }
 
-/// Starts a worker; without a planner its NPCs head straight for their goals.
+/// Starts a worker with the shipped reactive policy; without a planner its NPCs head straight for their goals.
 pub fn start_worker(server: &Running, planner: Option<&Running>, capacity: u32) -> Worker {
+    start_worker_with(Policy::shipped().expect("shipped weights"), server, planner, capacity)
+}
+
+/// Starts a worker with some policy.
+pub fn start_worker_with(policy: Policy, server: &Running, planner: Option<&Running>, capacity: u32) -> Worker {
     let shutdown = Shutdown::default();
     let config = WorkConfig {
         server: server.uri.clone(),
@@ -91,7 +96,7 @@ pub fn start_worker(server: &Running, planner: Option<&Running>, capacity: u32) 
         graph: small_graph(),
         noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
     };
-    let (policy, stop) = (Policy::shipped().expect("shipped weights"), shutdown.clone());
+    let stop = shutdown.clone();
     Worker { shutdown, task: tokio::spawn(work(config, policy, stop)) }
 }
 

@@ -1,8 +1,12 @@
 //! NPCs that get there, across real sockets.
 
-use e2e::{build_graph, create_world, ground, planner_client, start_planner, start_server, start_worker, world_client};
+use e2e::{
+    build_graph, create_world, ground, planner_client, start_planner, start_server, start_worker, start_worker_with,
+    world_client,
+};
 use std::time::Duration;
 use surefoot_planner::service::PlannerConfig;
+use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
@@ -180,4 +184,28 @@ async fn many_requests_for_one_graph_share_one_build() {
     }
     assert_eq!(ids.len(), 1, "with room for one build only, all fifty were answered by it");
     planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn npcs_with_a_memory_reach_near_goals() {
+    let server = start_server(ServerConfig::default());
+    let policy = Policy::shipped_as("general-lstm").expect("a shipped name").unwrap();
+    assert!(policy.memory_len() > 0);
+    let worker = start_worker_with(policy, &server, None, 64);
+    let mut client = world_client(&server).await;
+    let world = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await;
+    let points = ground(&mut client, world.world_id, 60).await;
+    for start in &points[..8] {
+        let far_enough = |point: &&wire::Vec3| distance(*start, **point) > 4.0;
+        let nearest = points.iter().filter(far_enough).min_by(|a, b| distance(*start, **a).total_cmp(&distance(*start, **b)));
+        let npc = spawn(&mut client, world.world_id, *start).await;
+        set_goal(&mut client, npc, *nearest.unwrap()).await;
+    }
+    let end =
+        watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0))
+            .await;
+    let arrived = end.npcs.iter().filter(|npc| npc.last_outcome() == wire::Outcome::Reached).count();
+    assert!(arrived >= 6, "only {arrived} of 8 arrived");
+    worker.stop().await;
+    server.stop().await;
 }

@@ -55,7 +55,7 @@ pub struct Args {
     /// Share of tries that must succeed
     #[arg(long, default_value_t = 0.5, value_name = "T")]
     threshold: f64,
-    /// Folder of the model; default: the shipped general reactive policy
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
     /// Straight-line distance of goals in metres, MIN..MAX; default: any

@@ -18,7 +18,7 @@ use surefoot_world::{CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, T
     after_help = "Examples:\n  surefoot export --onnx policy.onnx\n  surefoot export --model models/general-lstm --onnx lstm.onnx --safetensors lstm.safetensors"
 )]
 pub struct ExportArgs {
-    /// Folder or name of the model; default: the shipped general reactive policy
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
     /// Write an ONNX model (opset 13, any number of rows)

@@ -15,10 +15,13 @@ use std::path::Path;
 use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
-/// The weights in `folder`, or those that ship with the program.
-fn load_policy(folder: Option<&Path>) -> anyhow::Result<Policy> {
-    match folder {
-        Some(folder) => Policy::load(folder).with_context(|| format!("cannot use the model in {}", folder.display())),
+/// The weights in a folder, those of that name that ship with the program, or the shipped reactive ones.
+fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
+    let shipped = |model: &Path| model.to_str().filter(|_| !model.exists()).and_then(Policy::shipped_as);
+    match model {
+        Some(model) => shipped(model)
+            .unwrap_or_else(|| Policy::load(model))
+            .with_context(|| format!("cannot use the model in {}", model.display())),
         None => Policy::shipped().context("cannot use the shipped model"),
     }
 }

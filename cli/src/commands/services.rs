@@ -55,7 +55,7 @@ pub struct PlanArgs {
     /// Folder of the graph cache; default: surefoot in the user's cache folder
     #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
     cache: Option<PathBuf>,
-    /// Folder of the model; default: the shipped general reactive policy
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
     /// Threads that probe; default: one per core
@@ -96,7 +96,7 @@ pub struct WorkArgs {
     /// Name shown by the server; default: surefoot and the process id
     #[arg(long)]
     name: Option<String>,
-    /// Folder of the model; default: the shipped general reactive policy
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
     #[command(flatten)]

@@ -46,7 +46,7 @@ pub struct Args {
     /// Folder of the graph cache; default: surefoot in the user's cache folder
     #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
     cache: Option<PathBuf>,
-    /// Folder of the model; default: the shipped general reactive policy
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
     #[command(flatten)]
