@@ -197,7 +197,8 @@ async fn npcs_with_a_memory_reach_near_goals() {
     let points = ground(&mut client, world.world_id, 60).await;
     for start in &points[..8] {
         let far_enough = |point: &&wire::Vec3| distance(*start, **point) > 4.0;
-        let nearest = points.iter().filter(far_enough).min_by(|a, b| distance(*start, **a).total_cmp(&distance(*start, **b)));
+        let nearest =
+            points.iter().filter(far_enough).min_by(|a, b| distance(*start, **a).total_cmp(&distance(*start, **b)));
         let npc = spawn(&mut client, world.world_id, *start).await;
         set_goal(&mut client, npc, *nearest.unwrap()).await;
     }
