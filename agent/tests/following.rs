@@ -93,6 +93,7 @@ fn config(method: Method) -> EvalConfig {
         distance: 1.0..f32::INFINITY,
         noise_share: DEFAULT_NOISE_SHARE,
         thread_count: 2,
+        keep_in: None,
     }
 }
 

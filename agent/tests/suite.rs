@@ -2,6 +2,7 @@
 
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::{EvalConfig, Method, Report, evaluate};
+use surefoot_planner::BuildSettings;
 use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
@@ -64,13 +65,17 @@ fn the_suite_stands_beside_the_papers_table() {
         },
     ];
     let splits = [("training", vec![MapSpec::with_side(0, 60)]), ("test", maps())];
-    let report = suite::run(&entries, &splits, &config(None, 2), |_, _, _| {}).unwrap();
+    // The method is each entry's, whatever the base says.
+    let base = EvalConfig { method: Method::Graph(BuildSettings::default()), ..config(None, 2) };
+    let report = suite::run(&entries, &splits, &base, |_, _, _| {}).unwrap();
     let [general, specific] = report.rows.as_slice() else { panic!("two rows") };
     assert_eq!(general.success, specific.success, "the same weights on the same goals");
     assert!((general.efficiency - general.success.all.rate).abs() < 1.0e-9, "both rows found the same shortest ways");
     assert_eq!(general.by_distance.iter().map(|(_, rate)| rate.n).sum::<usize>(), 36);
     assert_eq!(general.ends.values().sum::<usize>(), 36);
     let [only] = report.generalisation.as_slice() else { panic!("only one model is bound to no map") };
+    let first_seed = EvalConfig { seeds: vec![0], ..config(None, 2) };
+    assert_eq!(only.splits[1].1, evaluate(&policy, &first_seed, |_, _| {}).unwrap().success.all);
     assert_eq!(only.splits.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["training", "test"]);
     let table = report.markdown();
     for words in ["| general reactive | **", "(68.0)", "(57.4)", "| map-specific LSTM |", "(89.9)", "no progress"] {

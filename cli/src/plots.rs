@@ -69,8 +69,7 @@ pub fn generalisation(report: &SuiteReport, path: &Path) -> anyhow::Result<()> {
             .x_desc(names.join("   |   "))
             .y_desc("success, %")
             .draw()?;
-        for split in 0..splits {
-            let colour = COLOURS[split];
+        for (split, &colour) in COLOURS.iter().enumerate().take(splits) {
             let bars = groups.iter().enumerate().map(|(group, figures)| {
                 let left = group as f64 * width + split as f64 + 0.5;
                 Rectangle::new([(left, 0.0), (left + 0.9, 100.0 * figures.splits[split].1.rate)], colour.filled())

@@ -137,7 +137,8 @@ pub fn run(
     for entry in entries.iter().filter(|entry| entry.method == Method::Policy && entry.models.len() == 1) {
         let mut shares = Vec::new();
         for (split, maps) in splits {
-            let config = EvalConfig { maps: maps.clone(), seeds: base.seeds[..1].to_vec(), ..base.clone() };
+            let seeds = base.seeds[..1].to_vec();
+            let config = EvalConfig { maps: maps.clone(), method: entry.method, seeds, ..base.clone() };
             let units = run_units(&entry.models[0].0, &config, |done, total| progress(split, done, total))?;
             shares.push(((*split).to_owned(), report::success(&units).all));
         }

@@ -275,9 +275,16 @@ fn recurrent_gradient(run: &Run, gate_gradient: &FlexTensor) -> FlexTensor {
 fn exp(x: f32) -> f32 {
     /// Adding and subtracting 1.5 * 2^23 rounds to an integer.
     const ROUND: f32 = 12_582_912.0;
-    /// Powers of ln 2 over factorials.
-    const TAYLOR: [f32; 7] =
-        [0.693_147_2, 0.240_226_5, 0.055_504_11, 0.009_618_13, 0.001_333_355_8, 0.000_154_035_3, 0.000_015_252_73];
+    /// Powers of ln 2 over factorials: the Taylor series of 2^f without its 1.
+    const TAYLOR: [f32; 7] = {
+        let mut terms = [std::f32::consts::LN_2; 7];
+        let mut idx = 1;
+        while idx < terms.len() {
+            terms[idx] = terms[idx - 1] * std::f32::consts::LN_2 / (idx + 1) as f32;
+            idx += 1;
+        }
+        terms
+    };
     let scaled = x.clamp(-80.0, 80.0) * std::f32::consts::LOG2_E;
     let whole = (scaled + ROUND) - ROUND;
     let rest = scaled - whole;
