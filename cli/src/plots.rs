@@ -88,7 +88,7 @@ pub fn generalisation(report: &SuiteReport, path: &Path) -> anyhow::Result<()> {
             .draw_series(papers)?
             .label("the paper, test maps")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 14, y)], BLACK.stroke_width(3)));
-        let position = SeriesLabelPosition::LowerRight;
+        let position = SeriesLabelPosition::LowerMiddle;
         chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
         Ok(())
     })

@@ -82,15 +82,6 @@ pub struct Report {
 
 /// Sums units up.
 pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report {
-    let per_seed: Vec<f64> =
-        config.seeds.iter().map(|&seed| rate(units.iter().filter(|unit| unit.seed == seed), None).rate).collect();
-    let mean = per_seed.iter().sum::<f64>() / per_seed.len() as f64;
-    let spread = (per_seed.len() > 1)
-        .then(|| (per_seed.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / (per_seed.len() - 1) as f64).sqrt());
-    let mut ends: BTreeMap<String, usize> = End::ALL.iter().map(|end| (end.name().to_owned(), 0)).collect();
-    for attempt in attempts(units) {
-        *ends.entry(attempt.end.name().to_owned()).or_default() += 1;
-    }
     let reached: Vec<(f32, &Attempt)> = units
         .iter()
         .flat_map(|unit| unit.distances.iter().copied().zip(&unit.attempts))
@@ -107,13 +98,31 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
         goals: config.goals,
         seeds: config.seeds.clone(),
         success: success(units),
-        spread,
-        ends,
+        spread: spread(units, &config.seeds),
+        ends: count_ends(units),
         seconds_to_goal: over_reached(&|_, attempt| f64::from(attempt.decisions)) * f64::from(DECISION_SECONDS),
         directness: over_reached(&|distance, attempt| f64::from(distance / attempt.length.max(distance))),
         replans: replans / attempts(units).count().max(1) as f64,
         graph: graph_figures(units),
     }
+}
+
+/// Standard deviation of the overall rate between seeds; none with one seed.
+pub fn spread(units: &[Unit], seeds: &[u64]) -> Option<f64> {
+    let of_seed = |seed: u64| rate(units.iter().filter(|unit| unit.seed == seed), None).rate;
+    let rates: Vec<f64> = seeds.iter().map(|&seed| of_seed(seed)).collect();
+    let mean = rates.iter().sum::<f64>() / rates.len() as f64;
+    let squares: f64 = rates.iter().map(|rate| (rate - mean).powi(2)).sum();
+    (rates.len() > 1).then(|| (squares / (rates.len() - 1) as f64).sqrt())
+}
+
+/// Attempts by how they ended; every end has an entry.
+pub fn count_ends(units: &[Unit]) -> BTreeMap<String, usize> {
+    let mut ends: BTreeMap<String, usize> = End::ALL.iter().map(|end| (end.name().to_owned(), 0)).collect();
+    for attempt in attempts(units) {
+        *ends.entry(attempt.end.name().to_owned()).or_default() += 1;
+    }
+    ends
 }
 
 fn attempts(units: &[Unit]) -> impl Iterator<Item = &Attempt> {

@@ -3,7 +3,6 @@
 use super::report::{self, Rate, Success};
 use super::unit::Unit;
 use super::{EvalConfig, EvalError, Method, run_units};
-use crate::rollout::Attempt;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
@@ -170,15 +169,7 @@ fn shortest_ways(outcomes: &[Outcome<'_>]) -> HashMap<GoalKey, f32> {
 impl Outcome<'_> {
     fn row(&self, seeds: &[u64], shortest: &HashMap<GoalKey, f32>) -> Row {
         let units = &self.units;
-        let of_seed = |seed: u64| -> Vec<Unit> { units.iter().filter(|unit| unit.seed == seed).cloned().collect() };
-        let rates: Vec<f64> = seeds.iter().map(|&seed| report::success(&of_seed(seed)).all.rate).collect();
-        let mean = rates.iter().sum::<f64>() / rates.len() as f64;
-        let squares: f64 = rates.iter().map(|rate| (rate - mean).powi(2)).sum();
-        let attempts: Vec<&Attempt> = units.iter().flat_map(|unit| &unit.attempts).collect();
-        let mut ends: BTreeMap<String, usize> = End::ALL.iter().map(|end| (end.name().to_owned(), 0)).collect();
-        for attempt in &attempts {
-            *ends.entry(attempt.end.name().to_owned()).or_default() += 1;
-        }
+        let attempt_count: usize = units.iter().map(|unit| unit.attempts.len()).sum();
         let (mut efficiency, mut seconds, mut reached) = (0.0, 0.0, 0usize);
         for unit in units {
             for (idx, attempt) in unit.attempts.iter().enumerate().filter(|(_, attempt)| attempt.end == End::Reached) {
@@ -193,9 +184,9 @@ impl Outcome<'_> {
             models: self.entry.models.iter().map(|(policy, _)| policy.manifest().name.clone()).collect(),
             weights: self.entry.models.iter().map(|(policy, _)| policy.weights_hash().to_owned()).collect(),
             success: report::success(units),
-            spread: (rates.len() > 1).then(|| (squares / (rates.len() - 1) as f64).sqrt()),
-            ends,
-            efficiency: efficiency / attempts.len().max(1) as f64,
+            spread: report::spread(units, seeds),
+            ends: report::count_ends(units),
+            efficiency: efficiency / attempt_count.max(1) as f64,
             seconds_to_goal: seconds / reached.max(1) as f64,
             by_distance: by_distance(units),
         }
@@ -240,7 +231,7 @@ impl SuiteReport {
                 "| {} | **{}** | {} | {} | {} | {} | {:.2} | {:.1} s |",
                 row.name,
                 cell(all, |paper| paper.all),
-                row.spread.map_or("-".to_owned(), |spread| format!("± {}", percent(spread))),
+                row.spread.map_or("-".to_owned(), |spread| format!("± {:.2}", 100.0 * spread)),
                 cell(easy, |paper| paper.easy),
                 cell(medium, |paper| paper.medium),
                 cell(hard, |paper| paper.hard),
