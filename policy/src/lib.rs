@@ -100,7 +100,10 @@ impl Policy {
         let [row_count, _] = observations.dims();
         let Some(size) = self.actor.memory_size() else { return self.actor.forward(observations, None).0 };
         let part = |which: usize| {
-            let values = memory.chunks_exact(size).skip(which).step_by(2).flatten().copied().collect();
+            let mut values = Vec::with_capacity(row_count * size);
+            for row in memory.chunks_exact(2 * size) {
+                values.extend_from_slice(&row[which * size..][..size]);
+            }
             Tensor::from_data(TensorData::new::<f32, _>(values, [1, row_count, size]), &self.device)
         };
         let recall = Recall { hidden: part(0), cell: part(1) };
@@ -110,8 +113,8 @@ impl Policy {
         for (which, tensor) in [next.hidden, next.cell].into_iter().enumerate() {
             let data = tensor.into_data();
             let values = data.as_slice::<f32>().expect("the flex backend computes in f32");
-            for (slot, row) in memory.chunks_exact_mut(size).skip(which).step_by(2).zip(values.chunks_exact(size)) {
-                slot.copy_from_slice(row);
+            for (row, values) in memory.chunks_exact_mut(2 * size).zip(values.chunks_exact(size)) {
+                row[which * size..][..size].copy_from_slice(values);
             }
         }
         distribution

@@ -29,7 +29,9 @@ impl Memories {
     /// # Panics
     /// If one of them was never [forgotten](Self::forget).
     pub fn gather(&self, who: impl Iterator<Item = usize>) -> Vec<f32> {
-        who.flat_map(|idx| &self.rows[idx * self.len..(idx + 1) * self.len]).copied().collect()
+        let mut rows = Vec::new();
+        who.for_each(|idx| rows.extend_from_slice(&self.rows[idx * self.len..(idx + 1) * self.len]));
+        rows
     }
 
     /// Puts rows back where [`gather`](Self::gather) found them.

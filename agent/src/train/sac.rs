@@ -417,7 +417,10 @@ impl<'a> Rows<'a> {
     fn actor_memory(&self) -> Recall {
         let size = self.batch.memory.len() / self.batch.size / 2;
         let part = |which: usize| {
-            let values = self.batch.memory.chunks_exact(size).skip(which).step_by(2).flatten().copied().collect();
+            let mut values = Vec::with_capacity(self.batch.size * size);
+            for row in self.batch.memory.chunks_exact(2 * size) {
+                values.extend_from_slice(&row[which * size..][..size]);
+            }
             Tensor::from_data(TensorData::new::<f32, _>(values, [1, self.batch.size, size]), &self.device)
         };
         Recall { hidden: part(0), cell: part(1) }

@@ -116,10 +116,8 @@ impl Run {
     fn last(&self) -> (Vec<f32>, Vec<f32>) {
         let Shape { members, steps, .. } = self.shape;
         let of = |states: &[f32]| -> Vec<f32> {
-            (0..members)
-                .flat_map(|member| &states[self.shape.at(member, steps - 1)..][..self.shape.state()])
-                .copied()
-                .collect()
+            let last = |member| &states[self.shape.at(member, steps - 1)..][..self.shape.state()];
+            (0..members).map(last).collect::<Vec<_>>().concat()
         };
         (of(&self.hiddens), of(&self.cells))
     }
@@ -135,9 +133,11 @@ impl Run {
     /// The hidden states that `step` multiplied by the recurrent weights.
     fn kept_hidden(&self, member: usize, step: usize) -> Vec<f32> {
         let keep = &self.start.keep[step * self.shape.batch..][..self.shape.batch];
-        let before = self.before(&self.hiddens, &self.start.hidden, member, step);
-        let rows = before.chunks_exact(self.shape.size).zip(keep);
-        rows.flat_map(|(row, keep)| row.iter().map(move |value| value * keep)).collect()
+        let mut kept = self.before(&self.hiddens, &self.start.hidden, member, step).to_vec();
+        for (row, keep) in kept.chunks_exact_mut(self.shape.size).zip(keep) {
+            row.iter_mut().for_each(|value| *value *= keep);
+        }
+        kept
     }
 }
 
@@ -262,10 +262,12 @@ fn back_row(
 /// Gradient of the recurrent weights, `[members, size, 4 size]`: hidden states before each step times its gates' gradient.
 fn recurrent_gradient(run: &Run, gate_gradient: &FlexTensor) -> FlexTensor {
     let Shape { members, steps, batch, size } = run.shape;
-    let kept: Vec<f32> = (0..members)
-        .flat_map(|member| (0..steps).map(move |step| (member, step)))
-        .flat_map(|(member, step)| run.kept_hidden(member, step))
-        .collect();
+    let mut kept = Vec::with_capacity(members * steps * run.shape.state());
+    for member in 0..members {
+        for step in 0..steps {
+            kept.extend(run.kept_hidden(member, step));
+        }
+    }
     let kept = tensor(kept, [members, steps * batch, size]).transpose(1, 2);
     Flex::float_matmul(kept, gate_gradient.clone())
 }
