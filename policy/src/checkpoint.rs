@@ -39,7 +39,7 @@ pub struct Manifest {
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// A file could not be read or written.
-    #[error("{path}: {source}")]
+    #[error("cannot read or write {path}")]
     Io {
         /// The file.
         path: PathBuf,
@@ -47,7 +47,7 @@ pub enum CheckpointError {
         source: std::io::Error,
     },
     /// The manifest is not valid JSON of the expected form.
-    #[error("{path}: not a model manifest: {source}")]
+    #[error("{path} is not a model manifest")]
     Manifest {
         /// The manifest.
         path: PathBuf,

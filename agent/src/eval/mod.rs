@@ -76,7 +76,7 @@ pub enum EvalError {
     #[error("map {0} has no goals at that distance")]
     NoGoals(u64),
     /// A finished unit cannot be kept.
-    #[error("{path}: {source}")]
+    #[error("cannot read or write {path}")]
     Io {
         /// The file.
         path: PathBuf,

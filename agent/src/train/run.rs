@@ -208,7 +208,7 @@ impl TrainConfig {
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
     /// A file of the run could not be read or written.
-    #[error("{path}: {source}")]
+    #[error("cannot read or write {path}")]
     Io {
         /// The file.
         path: PathBuf,
