@@ -115,7 +115,7 @@ impl Default for TrainConfig {
             checkpoint_every: 1500,
             validation_goals: 100,
             validation_seeds: vec![1000, 1001, 1002, 1003],
-            stop_after: 40_000,
+            stop_after: 24_000,
             start_from: None,
             sac: SacConfig::default(),
             collector: CollectorConfig::default(),
@@ -277,7 +277,10 @@ pub struct Run {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Best {
     score: f64,
+    /// Updates when it was measured.
     updates: u64,
+    /// Updates at the last validation.
+    validated: u64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -313,7 +316,7 @@ impl Run {
         if let Some(folder) = &config.start_from {
             learner.start_from(folder)?;
         }
-        let best = Best { score: -1.0, updates: 0 };
+        let best = Best { score: -1.0, updates: 0, validated: 0 };
         Ok(Self { collector, learner, replay, rounds: 0, best, hours: 0.0, config })
     }
 
@@ -335,7 +338,7 @@ impl Run {
 
     /// Whether validation has not improved for as long as the configuration allows.
     fn has_stalled(&self) -> bool {
-        self.config.stop_after > 0 && self.updates() > self.best.updates + self.config.stop_after
+        self.config.stop_after > 0 && self.best.validated > self.best.updates + self.config.stop_after
     }
 
     /// Decisions collected so far.
@@ -605,8 +608,9 @@ fn validate(
         )
         .map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     let score = validation.near + 0.5 * validation.far;
+    run.best.validated = run.updates();
     if score > run.best.score {
-        run.best = Best { score, updates: run.updates() };
+        run.best = Best { score, updates: run.updates(), validated: run.updates() };
         run.save_weights(&folder.join("best"), Some(&validation))?;
     }
     Ok(())

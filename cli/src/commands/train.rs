@@ -61,6 +61,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if let Some(updates) = args.updates {
         config.total_updates = updates;
         config.sac.decay_updates = updates;
+        config.stop_after = updates / 5;
     }
     config.seed = args.seed.unwrap_or(config.seed);
     config.start_from = args.from.or(config.start_from);
