@@ -142,10 +142,8 @@ impl Rollout {
             for (slot, row) in running.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
                 world.observe(*slot, row);
             }
-            let who = || running.iter().map(|slot| slot.0 as usize);
-            let mut memory = memories.gather(who());
-            policy.act(&observations, &mut memory, self.noise_share, &mut rng, &mut actions);
-            memories.scatter(who(), &memory);
+            let who = running.iter().map(|slot| slot.0 as usize);
+            memories.act(policy, who, &observations, self.noise_share, &mut rng, &mut actions);
             for (slot, action) in running.iter().zip(&actions) {
                 world.decide(*slot, *action);
             }

@@ -122,10 +122,8 @@ fn probe_chunk(
         for (probe, row) in running.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
             world.observe(probe.slot, row);
         }
-        let who = || running.iter().map(|probe| probe.slot.0 as usize);
-        let mut memory = memories.gather(who());
-        context.policy.act(&observations, &mut memory, NOISE_SHARE, &mut rng, &mut actions);
-        memories.scatter(who(), &memory);
+        let who = running.iter().map(|probe| probe.slot.0 as usize);
+        memories.act(&context.policy, who, &observations, NOISE_SHARE, &mut rng, &mut actions);
         for (probe, action) in running.iter().zip(&actions) {
             world.decide(probe.slot, *action);
         }

@@ -6,7 +6,7 @@
 //! the paper has a small CNN: on this backend they learn several times faster (docs/adr/0003-linear-ray-encoder.md).
 
 use crate::lstm::Recall;
-use crate::network::{Dense, Past, Trunk};
+use crate::network::{Dense, Encoding, Past, Trunk};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::{Rng, RngExt};
@@ -76,21 +76,24 @@ impl Actor {
     /// # Panics
     /// If the actor has a memory and is given no past.
     pub fn forward(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (ActionDistribution, Option<Recall>) {
-        let sensed = self.trunk.sense(observations);
-        let (inputs, recall) = match self.trunk.remember(&sensed, past) {
-            Some((remembered, recall)) => (vec![sensed, remembered], Some(recall)),
-            None => (vec![sensed], None),
-        };
-        let output = self.head.forward(self.trunk.consider(inputs)).squeeze_dim::<2>(0);
-        let mean = output.clone().narrow(1, 0, ACTION_LEN);
-        let log_std = output.narrow(1, ACTION_LEN, ACTION_LEN).clamp(LOG_STD_RANGE.0, LOG_STD_RANGE.1);
-        (ActionDistribution { mean, log_std }, recall)
+        let (encoding, recall) = self.encode(observations, past);
+        (self.decide(encoding), recall)
     }
 
-    /// What is remembered after the last step of a sequence, without deciding anything.
-    pub fn remember(&self, observations: Tensor<2>, past: Past<'_>) -> Option<Recall> {
-        let sensed = self.trunk.sense(observations);
-        self.trunk.remember(&sensed, Some(past)).map(|(_, recall)| recall)
+    /// The first half of [`forward`](Self::forward): what is made of observations.
+    ///
+    /// # Panics
+    /// If the actor has a memory and is given no past.
+    pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<Recall>) {
+        self.trunk.encode(observations, past)
+    }
+
+    /// The second half: what to do then.
+    pub fn decide(&self, encoding: Encoding) -> ActionDistribution {
+        let output = self.head.forward(self.trunk.consider(encoding, None)).squeeze_dim::<2>(0);
+        let mean = output.clone().narrow(1, 0, ACTION_LEN);
+        let log_std = output.narrow(1, ACTION_LEN, ACTION_LEN).clamp(LOG_STD_RANGE.0, LOG_STD_RANGE.1);
+        ActionDistribution { mean, log_std }
     }
 }
 

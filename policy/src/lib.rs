@@ -99,24 +99,10 @@ impl Policy {
     fn distribution(&self, observations: Tensor<2>, memory: &mut [f32]) -> ActionDistribution {
         let [row_count, _] = observations.dims();
         let Some(size) = self.actor.memory_size() else { return self.actor.forward(observations, None).0 };
-        let part = |which: usize| {
-            let mut values = Vec::with_capacity(row_count * size);
-            for row in memory.chunks_exact(2 * size) {
-                values.extend_from_slice(&row[which * size..][..size]);
-            }
-            Tensor::from_data(TensorData::new::<f32, _>(values, [1, row_count, size]), &self.device)
-        };
-        let recall = Recall { hidden: part(0), cell: part(1) };
+        let recall = Recall::from_rows(memory, size, &self.device);
         let keep = vec![1.0; row_count];
         let (distribution, next) = self.actor.forward(observations, Some(Past { recall: &recall, keep: &keep }));
-        let next = next.expect("an actor with a memory remembers");
-        for (which, tensor) in [next.hidden, next.cell].into_iter().enumerate() {
-            let data = tensor.into_data();
-            let values = data.as_slice::<f32>().expect("the flex backend computes in f32");
-            for (row, values) in memory.chunks_exact_mut(2 * size).zip(values.chunks_exact(size)) {
-                row[which * size..][..size].copy_from_slice(values);
-            }
-        }
+        next.expect("an actor with a memory remembers").write_rows(memory);
         distribution
     }
 }

@@ -4,7 +4,7 @@
 //! ([`crate::cpu::lstm`]); elsewhere it is composed of tensor operations, which is also what the fast path is tested against.
 
 use crate::cpu;
-use crate::network::Dense;
+use crate::network::{Dense, blend};
 use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -37,6 +37,31 @@ impl Recall {
         let zeros = || Tensor::zeros([members, batch, size], device);
         Self { hidden: zeros(), cell: zeros() }
     }
+
+    /// One member's memory from rows that hold a hidden state and then a cell state of `size` values each.
+    pub fn from_rows(rows: &[f32], size: usize, device: &Device) -> Self {
+        let batch = rows.len() / (2 * size);
+        let part = |which: usize| {
+            let mut values = Vec::with_capacity(batch * size);
+            for row in rows.chunks_exact(2 * size) {
+                values.extend_from_slice(&row[which * size..][..size]);
+            }
+            Tensor::from_data(TensorData::new::<f32, _>(values, [1, batch, size]), device)
+        };
+        Self { hidden: part(0), cell: part(1) }
+    }
+
+    /// Writes one member's memory into rows as [`from_rows`](Self::from_rows) reads them.
+    pub fn write_rows(self, rows: &mut [f32]) {
+        let [_, _, size] = self.hidden.dims();
+        for (which, tensor) in [self.hidden, self.cell].into_iter().enumerate() {
+            let data = tensor.into_data();
+            let values = data.as_slice::<f32>().expect("f32 tensors");
+            for (row, values) in rows.chunks_exact_mut(2 * size).zip(values.chunks_exact(size)) {
+                row[which * size..][..size].copy_from_slice(values);
+            }
+        }
+    }
 }
 
 impl Lstm {
@@ -67,10 +92,9 @@ impl Lstm {
     /// Moves every weight by `share` towards `source`'s.
     #[must_use]
     pub fn follow(self, source: &Self, share: f32) -> Self {
-        let recurrent = source.recurrent.val();
         Self {
             input: self.input.follow(&source.input, share),
-            recurrent: self.recurrent.map(|tensor| tensor * (1.0 - share) + recurrent * share),
+            recurrent: blend(self.recurrent, &source.recurrent, share),
         }
     }
 }

@@ -1,6 +1,8 @@
 //! What each NPC remembers, for policies with a memory.
 
 use crate::Policy;
+use rand::Rng;
+use surefoot_world::character::Action;
 
 /// One row of memory for each of many NPCs, by index; rows of a reactive policy are empty.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -24,18 +26,32 @@ impl Memories {
         self.rows[end - self.len..end].fill(0.0);
     }
 
-    /// The rows of some NPCs, one after the other.
+    /// [`Policy::act`] for some NPCs, whose memories are used and replaced; the first observation is that of the first of
+    /// `who`.
     ///
     /// # Panics
     /// If one of them was never [forgotten](Self::forget).
-    pub fn gather(&self, who: impl Iterator<Item = usize>) -> Vec<f32> {
+    pub fn act(
+        &mut self,
+        policy: &Policy,
+        who: impl Iterator<Item = usize> + Clone,
+        observations: &[f32],
+        noise_share: f32,
+        rng: &mut impl Rng,
+        actions: &mut Vec<Action>,
+    ) {
+        let mut rows = self.gather(who.clone());
+        policy.act(observations, &mut rows, noise_share, rng, actions);
+        self.scatter(who, &rows);
+    }
+
+    fn gather(&self, who: impl Iterator<Item = usize>) -> Vec<f32> {
         let mut rows = Vec::new();
         who.for_each(|idx| rows.extend_from_slice(&self.rows[idx * self.len..(idx + 1) * self.len]));
         rows
     }
 
-    /// Puts rows back where [`gather`](Self::gather) found them.
-    pub fn scatter(&mut self, who: impl Iterator<Item = usize>, rows: &[f32]) {
+    fn scatter(&mut self, who: impl Iterator<Item = usize>, rows: &[f32]) {
         for (idx, row) in who.zip(rows.chunks_exact(self.len.max(1))) {
             self.rows[idx * self.len..(idx + 1) * self.len].copy_from_slice(row);
         }

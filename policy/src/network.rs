@@ -8,7 +8,7 @@ use crate::cpu;
 use crate::lstm::{Lstm, Recall};
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::{Rng, RngExt};
 use std::ops::Range;
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, STATE_LEN};
@@ -88,12 +88,14 @@ impl Dense {
     /// Moves every weight by `share` towards `source`'s (Polyak averaging of target networks).
     #[must_use]
     pub fn follow(self, source: &Self, share: f32) -> Self {
-        let blend = |target: Param<Tensor<3>>, source: &Param<Tensor<3>>| {
-            let source = source.val();
-            target.map(|tensor| tensor * (1.0 - share) + source * share)
-        };
-        Self { weight: blend(self.weight, &source.weight), bias: blend(self.bias, &source.bias) }
+        Self { weight: blend(self.weight, &source.weight, share), bias: blend(self.bias, &source.bias, share) }
     }
+}
+
+/// A parameter moved by `share` towards `source`.
+pub(crate) fn blend(target: Param<Tensor<3>>, source: &Param<Tensor<3>>, share: f32) -> Param<Tensor<3>> {
+    let source = source.val();
+    target.map(|tensor| tensor * (1.0 - share) + source * share)
 }
 
 /// What a sequence starts from, for networks with a memory.
@@ -103,6 +105,28 @@ pub struct Past<'a> {
     pub recall: &'a Recall,
     /// See [`Lstm::forward`]: one value for each row.
     pub keep: &'a [f32],
+}
+
+/// What a trunk makes of observations before anything is added to them, each `[members, rows, features]`.
+#[derive(Debug, Clone)]
+pub struct Encoding {
+    sensed: Tensor<3>,
+    remembered: Option<Tensor<3>>,
+}
+
+impl Encoding {
+    /// The same values without the graph that led to them.
+    #[must_use]
+    pub fn detach(self) -> Self {
+        Self { sensed: self.sensed.detach(), remembered: self.remembered.map(Tensor::detach) }
+    }
+
+    /// Some of the rows.
+    #[must_use]
+    pub fn select(self, rows: &Tensor<1, Int>) -> Self {
+        let pick = |tensor: Tensor<3>| tensor.select(1, rows.clone());
+        Self { sensed: pick(self.sensed), remembered: self.remembered.map(pick) }
+    }
 }
 
 /// Observations to a hidden vector: the shape that actor and critics share, each with weights of its own.
@@ -144,8 +168,20 @@ impl Trunk {
         self.memory.as_ref().map(Lstm::size)
     }
 
-    /// What is sensed: `[rows, OBSERVATION_LEN]` to `[members, rows, features]`.
-    pub fn sense(&self, observations: Tensor<2>) -> Tensor<3> {
+    /// What is sensed and remembered of observations `[rows, OBSERVATION_LEN]`, and the memory after the last step.
+    ///
+    /// # Panics
+    /// If there is a memory and no past.
+    pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<Recall>) {
+        let sensed = self.sense(observations);
+        let Some(memory) = &self.memory else { return (Encoding { sensed, remembered: None }, None) };
+        let Past { recall, keep } = past.expect("a network with a memory is given its past");
+        let (remembered, recall) = memory.forward(sensed.clone(), recall, keep);
+        (Encoding { sensed, remembered: Some(remembered) }, Some(recall))
+    }
+
+    /// What is sensed: rays and state vector, `[members, rows, features]`.
+    fn sense(&self, observations: Tensor<2>) -> Tensor<3> {
         let rays = self.rays.forward_rays(&observations);
         let state = observations.narrow(1, RAY_LEN, STATE_LEN).unsqueeze::<3>();
         let [members, ..] = rays.dims();
@@ -153,19 +189,10 @@ impl Trunk {
         Tensor::cat(vec![rays, state], 2)
     }
 
-    /// What is remembered of rows that were [sensed](Self::sense), with the state after the last step; nothing without a
-    /// memory.
-    ///
-    /// # Panics
-    /// If there is a memory and no past.
-    pub fn remember(&self, sensed: &Tensor<3>, past: Option<Past<'_>>) -> Option<(Tensor<3>, Recall)> {
-        let memory = self.memory.as_ref()?;
-        let past = past.expect("a network with a memory is given its past");
-        Some(memory.forward(sensed.clone(), past.recall, past.keep))
-    }
-
-    /// What is sensed, remembered and added to a hidden vector, `[members, rows, hidden]`.
-    pub fn consider(&self, inputs: Vec<Tensor<3>>) -> Tensor<3> {
+    /// An encoding, with what is added to it, to a hidden vector, `[members, rows, hidden]`.
+    pub fn consider(&self, encoding: Encoding, added: Option<Tensor<3>>) -> Tensor<3> {
+        let Encoding { sensed, remembered } = encoding;
+        let inputs = [Some(sensed), remembered, added].into_iter().flatten().collect();
         self.second.forward_relu(self.first.forward_relu(Tensor::cat(inputs, 2)))
     }
 

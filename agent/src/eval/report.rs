@@ -87,9 +87,8 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
         .flat_map(|unit| unit.distances.iter().copied().zip(&unit.attempts))
         .filter(|(_, attempt)| attempt.end == End::Reached)
         .collect();
-    let over_reached = |value: &dyn Fn(f32, &Attempt) -> f64| {
-        reached.iter().map(|&(distance, attempt)| value(distance, attempt)).sum::<f64>() / reached.len().max(1) as f64
-    };
+    let directness: f64 =
+        reached.iter().map(|&(distance, attempt)| f64::from(distance / attempt.length.max(distance))).sum();
     let replans: f64 = attempts(units).map(|attempt| f64::from(attempt.replans)).sum();
     Report {
         method: config.method.name().to_owned(),
@@ -100,8 +99,8 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
         success: success(units),
         spread: spread(units, &config.seeds),
         ends: count_ends(units),
-        seconds_to_goal: over_reached(&|_, attempt| f64::from(attempt.decisions)) * f64::from(DECISION_SECONDS),
-        directness: over_reached(&|distance, attempt| f64::from(distance / attempt.length.max(distance))),
+        seconds_to_goal: seconds_to_goal(units),
+        directness: directness / reached.len().max(1) as f64,
         replans: replans / attempts(units).count().max(1) as f64,
         graph: graph_figures(units),
     }
@@ -114,6 +113,14 @@ pub fn spread(units: &[Unit], seeds: &[u64]) -> Option<f64> {
     let mean = rates.iter().sum::<f64>() / rates.len() as f64;
     let squares: f64 = rates.iter().map(|rate| (rate - mean).powi(2)).sum();
     (rates.len() > 1).then(|| (squares / (rates.len() - 1) as f64).sqrt())
+}
+
+/// Mean duration of successful attempts, s.
+pub fn seconds_to_goal(units: &[Unit]) -> f64 {
+    let reached = attempts(units).filter(|attempt| attempt.end == End::Reached);
+    let (count, decisions) =
+        reached.fold((0usize, 0.0), |(count, sum), attempt| (count + 1, sum + f64::from(attempt.decisions)));
+    decisions / count.max(1) as f64 * f64::from(DECISION_SECONDS)
 }
 
 /// Attempts by how they ended; every end has an entry.

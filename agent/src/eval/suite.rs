@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
 use surefoot_policy::Policy;
-use surefoot_world::{DECISION_SECONDS, End, MapSpec};
+use surefoot_world::{End, MapSpec};
 
 /// Width of the bins that success is counted in by distance, m.
 const BIN_M: f32 = 25.0;
@@ -170,13 +170,11 @@ impl Outcome<'_> {
     fn row(&self, seeds: &[u64], shortest: &HashMap<GoalKey, f32>) -> Row {
         let units = &self.units;
         let attempt_count: usize = units.iter().map(|unit| unit.attempts.len()).sum();
-        let (mut efficiency, mut seconds, mut reached) = (0.0, 0.0, 0usize);
+        let mut efficiency = 0.0;
         for unit in units {
             for (idx, attempt) in unit.attempts.iter().enumerate().filter(|(_, attempt)| attempt.end == End::Reached) {
                 let best = shortest[&(unit.map, unit.seed, idx)];
                 efficiency += f64::from(best / attempt.length.max(best).max(f32::EPSILON));
-                seconds += f64::from(attempt.decisions) * f64::from(DECISION_SECONDS);
-                reached += 1;
             }
         }
         Row {
@@ -187,7 +185,7 @@ impl Outcome<'_> {
             spread: report::spread(units, seeds),
             ends: report::count_ends(units),
             efficiency: efficiency / attempt_count.max(1) as f64,
-            seconds_to_goal: seconds / reached.max(1) as f64,
+            seconds_to_goal: report::seconds_to_goal(units),
             by_distance: by_distance(units),
         }
     }

@@ -245,8 +245,13 @@ impl Collector {
         }
     }
 
+    /// The lane of an NPC.
+    fn lane(&self, arena_idx: usize, slot: NpcSlot) -> usize {
+        arena_idx * self.config.npcs_per_world + slot.0 as usize
+    }
+
     fn respawn(&mut self, arena_idx: usize, slot: NpcSlot) {
-        let lane = arena_idx * self.config.npcs_per_world + slot.0 as usize;
+        let lane = self.lane(arena_idx, slot);
         let memory_len = self.memory.len() / self.lane_count();
         self.memory[lane * memory_len..(lane + 1) * memory_len].fill(0.0);
         self.is_fresh[lane] = true;
@@ -267,6 +272,7 @@ impl Collector {
     }
 
     fn new_goal(&mut self, arena_idx: usize, slot: NpcSlot) {
+        let lane = self.lane(arena_idx, slot);
         let near = self.rng.random_bool(self.config.near_share);
         let band = if near { self.config.near_goals } else { self.config.far_goals };
         let arena = &mut self.arenas[arena_idx];
@@ -274,7 +280,7 @@ impl Collector {
         let (from, stands) = (body.feet, body.is_grounded());
         let goal = arena.goal(from, band, &mut self.rng);
         arena.world.set_goal(slot, goal);
-        self.starts[arena_idx * self.config.npcs_per_world + slot.0 as usize] = stands.then_some(from);
+        self.starts[lane] = stands.then_some(from);
     }
 
     /// Remembers the attempt under way as one to be tried again.

@@ -125,6 +125,13 @@ pub struct Sampling {
     pub mirror: bool,
 }
 
+impl Sampling {
+    /// Whether sequences are single transitions: a reactive agent's.
+    fn is_single(self) -> bool {
+        self.burn_in + self.learn == 1
+    }
+}
+
 /// What one step is worth.
 struct Target {
     total: f32,
@@ -217,7 +224,7 @@ impl Replay {
         assert!(self.can_sample(sampling), "sample after enough steps were written");
         let Sampling { batch: size, burn_in, learn, n_step, .. } = sampling;
         // A reactive agent needs only the state that its one step led to, not those between.
-        let is_single = burn_in + learn == 1;
+        let is_single = sampling.is_single();
         let steps = if is_single { 2 } else { burn_in + learn + n_step };
         *batch = Batch {
             size,
@@ -274,7 +281,7 @@ impl Replay {
     /// A start and a lane to learn from.
     fn draw(&self, sampling: Sampling, rng: &mut impl Rng) -> (u64, usize) {
         let (first, end) = self.starts(sampling);
-        let is_single = sampling.burn_in + sampling.learn == 1;
+        let is_single = sampling.is_single();
         loop {
             let lane = rng.random_range(0..self.lane_count);
             let step = rng.random_range(first..end);

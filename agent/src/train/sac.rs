@@ -4,7 +4,7 @@
 //! (arXiv 1812.05905). Actor and critics have separate encoders, as the GameRLand3D paper found more stable.
 
 use super::adam::adam;
-use super::critic::{CRITIC_COUNT, Critics, Encoding};
+use super::critic::{CRITIC_COUNT, Critics};
 use super::replay::Batch;
 use burn::module::{Module, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
@@ -16,7 +16,7 @@ use std::path::Path;
 use surefoot_policy::actor::{ActionDistribution, gaussian};
 use surefoot_policy::checkpoint::{WEIGHTS_FILE, load_module, module_bytes};
 use surefoot_policy::lstm::Recall;
-use surefoot_policy::network::Past;
+use surefoot_policy::network::{Encoding, Past};
 use surefoot_policy::{Actor, ActorConfig, CheckpointError, Manifest};
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
@@ -211,20 +211,19 @@ impl Learner {
     fn targets(&mut self, rows: &Rows<'_>, alpha: f32) -> Tensor<2> {
         let noise = self.noise(rows.learned_count(), &rows.device);
         let actor = self.actor.valid();
-        let (distribution, encoding) = if actor.memory_size().is_some() {
+        let (seen, encoding) = if actor.memory_size().is_some() {
             // Memories need every step; only then can the successors be picked.
             let all = rows.all();
             let recall = rows.actor_memory();
             let critic_recall = rows.empty_memory(CRITIC_COUNT);
-            let (distribution, _) = actor.forward(all.clone(), Some(rows.whole_past(&recall)));
+            let (seen, _) = actor.encode(all.clone(), Some(rows.whole_past(&recall)));
             let (encoding, _) = self.target.encode(all, Some(rows.whole_past(&critic_recall)));
-            let pick = |tensor: Tensor<2>| tensor.select(0, rows.successors.clone());
-            let ActionDistribution { mean, log_std } = distribution;
-            (ActionDistribution { mean: pick(mean), log_std: pick(log_std) }, encoding.select(&rows.successors))
+            (seen.select(&rows.successors), encoding.select(&rows.successors))
         } else {
             let successors = rows.all().select(0, rows.successors.clone());
-            (actor.forward(successors.clone(), None).0, self.target.encode(successors, None).0)
+            (actor.encode(successors.clone(), None).0, self.target.encode(successors, None).0)
         };
+        let distribution = actor.decide(seen);
         let (actions, log_prob) = sample_squashed(distribution, noise);
         let value = self.target.smaller_value(encoding, actions) - log_prob * alpha;
         rows.returns.clone() + rows.bootstrap.clone() * value
@@ -243,7 +242,7 @@ impl Learner {
         self.actor.memory_size()?;
         let stored = rows.actor_memory();
         let Some(observations) = rows.burn_in() else { return Some(stored) };
-        self.actor.valid().remember(observations, rows.burn_in_past(&stored))
+        self.actor.valid().encode(observations, Some(rows.burn_in_past(&stored))).1
     }
 
     fn update_actor(&mut self, rows: &Rows<'_>, encoding: Encoding, alpha: f32, stats: &mut UpdateStats) {
@@ -413,23 +412,19 @@ impl<'a> Rows<'a> {
         (rows > 0).then(|| Tensor::from_data(TensorData::new(values, [rows, OBSERVATION_LEN]), &self.device))
     }
 
+    /// Length of a hidden state.
+    fn memory_size(&self) -> usize {
+        self.batch.memory.len() / self.batch.size / 2
+    }
+
     /// What the actor remembered before the first step.
     fn actor_memory(&self) -> Recall {
-        let size = self.batch.memory.len() / self.batch.size / 2;
-        let part = |which: usize| {
-            let mut values = Vec::with_capacity(self.batch.size * size);
-            for row in self.batch.memory.chunks_exact(2 * size) {
-                values.extend_from_slice(&row[which * size..][..size]);
-            }
-            Tensor::from_data(TensorData::new::<f32, _>(values, [1, self.batch.size, size]), &self.device)
-        };
-        Recall { hidden: part(0), cell: part(1) }
+        Recall::from_rows(&self.batch.memory, self.memory_size(), &self.device)
     }
 
     /// Nothing remembered by some members of the actor's size.
     fn empty_memory(&self, members: usize) -> Recall {
-        let size = self.batch.memory.len() / self.batch.size / 2;
-        Recall::empty([members, self.batch.size, size], &self.device)
+        Recall::empty([members, self.batch.size, self.memory_size()], &self.device)
     }
 
     fn whole_past<'r>(&'r self, recall: &'r Recall) -> Past<'r> {

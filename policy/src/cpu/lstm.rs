@@ -23,25 +23,23 @@ pub fn sequence(gates: &Tensor<3>, recurrent: &Tensor<3>, past: &Recall, keep: &
     let start = Start { hidden: values(&past.hidden)?, cell: values(&past.cell)?, keep: keep.to_vec() };
     let device = past.hidden.device();
     let state = |values| Tensor::from_data(TensorData::new::<f32, _>(values, [members, batch, size]), &device);
+    let last = |run: &Run| Recall { hidden: state(run.last(&run.hiddens)), cell: state(run.last(&run.cells)) };
     if let Ok(primitive) = gates.clone().try_into_primitive::<Flex>() {
         let recurrent = recurrent.clone().try_into_primitive::<Flex>().ok()?;
         let run = forward(&primitive, &recurrent, shape, start);
-        let (hidden, cell) = run.last();
-        let output = Tensor::from_primitive::<Flex>(run.output());
-        return Some((output, Recall { hidden: state(hidden), cell: state(cell) }));
+        return Some((Tensor::from_primitive::<Flex>(run.output()), last(&run)));
     }
     let gates = gates.clone().try_into_primitive::<Tracked>().ok()?;
     let recurrent = recurrent.clone().try_into_primitive::<Tracked>().ok()?;
     let guards = [gates.node(), recurrent.node()];
     let recurrent_values = recurrent.into_primitive();
     let run = forward(gates.primitive(), &recurrent_values, shape, start);
-    let (hidden, cell) = run.last();
-    let output = run.output();
+    let (output, recall) = (run.output(), last(&run));
     let output = match Recurrence.prepare::<NoCheckpointing>(guards).compute_bound().stateful() {
         OpsKind::Tracked(preparation) => preparation.finish((run, recurrent_values), output),
         OpsKind::UnTracked(preparation) => preparation.finish(output),
     };
-    Some((Tensor::from_primitive::<Tracked>(output), Recall { hidden: state(hidden), cell: state(cell) }))
+    Some((Tensor::from_primitive::<Tracked>(output), recall))
 }
 
 /// The operation whose backward pass is registered.
@@ -112,14 +110,11 @@ impl Run {
         tensor(self.hiddens.clone(), [members, steps * batch, size])
     }
 
-    /// Hidden and cell states after the last step.
-    fn last(&self) -> (Vec<f32>, Vec<f32>) {
+    /// Hidden or cell states after the last step.
+    fn last(&self, states: &[f32]) -> Vec<f32> {
         let Shape { members, steps, .. } = self.shape;
-        let of = |states: &[f32]| -> Vec<f32> {
-            let last = |member| &states[self.shape.at(member, steps - 1)..][..self.shape.state()];
-            (0..members).map(last).collect::<Vec<_>>().concat()
-        };
-        (of(&self.hiddens), of(&self.cells))
+        let last = |member| &states[self.shape.at(member, steps - 1)..][..self.shape.state()];
+        (0..members).map(last).collect::<Vec<_>>().concat()
     }
 
     /// Hidden or cell states that `step` started from, before `keep`.
