@@ -3,7 +3,8 @@
 //! Pure state: it neither senses nor searches. Workers feed it from the network, evaluation from a world.
 
 use surefoot_planner::Plan;
-use surefoot_planner::search::Query;
+use surefoot_planner::search::{OFF_GRAPH, Query};
+use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
 
 /// Constants of plan following.
@@ -36,6 +37,52 @@ pub enum Step {
     GiveUp,
 }
 
+/// What an attempt that failed was doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fault {
+    /// The graph knew no path, so it headed straight for the goal.
+    Unreachable,
+    /// It was on the unproved leg to the first vertex or from the last.
+    Attachment,
+    /// It had just turned to another waypoint.
+    WaypointSwitch,
+    /// It was on a proved edge.
+    Edge,
+    /// It came to no harm, but ran out of patience or re-plans.
+    Timeout,
+}
+
+impl Fault {
+    /// All faults, in a fixed order.
+    pub const ALL: [Fault; 5] =
+        [Fault::Unreachable, Fault::Attachment, Fault::WaypointSwitch, Fault::Edge, Fault::Timeout];
+
+    /// Lower-case name as used in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fault::Unreachable => "unreachable",
+            Fault::Attachment => "attachment",
+            Fault::WaypointSwitch => "waypoint_switch",
+            Fault::Edge => "edge",
+            Fault::Timeout => "timeout",
+        }
+    }
+}
+
+/// One passage along a leg, for the planner to learn from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Traversal {
+    /// Vertex that it left.
+    pub from: u32,
+    /// Vertex that it was to reach.
+    pub to: u32,
+    /// Whether it did.
+    pub reached: bool,
+    /// Decisions taken.
+    pub decisions: u32,
+}
+
 /// One NPC's way to one goal.
 #[derive(Debug, Clone)]
 pub struct Follower {
@@ -51,8 +98,12 @@ pub struct Follower {
     stalled: u32,
     replans: u32,
     failed_legs: Vec<(u32, u32)>,
+    decisions_on_leg: u32,
+    traversals: Vec<Traversal>,
 }
 
+/// Decisions after a waypoint within which harm is laid to the turn towards the next.
+const SWITCH_DECISIONS: u32 = 3;
 /// Failed legs remembered per attempt; the oldest is forgotten first.
 const MAX_FAILED_LEGS: usize = 12;
 
@@ -70,6 +121,44 @@ impl Follower {
             stalled: 0,
             replans: 0,
             failed_legs: Vec::new(),
+            decisions_on_leg: 0,
+            traversals: Vec::new(),
+        }
+    }
+
+    /// Takes the passages along proved edges that ended since the last call.
+    pub fn take_traversals(&mut self) -> Vec<Traversal> {
+        std::mem::take(&mut self.traversals)
+    }
+
+    /// Notes that the NPC came to harm, which ends its attempt.
+    pub fn note_harm(&mut self) {
+        self.end_leg(false);
+    }
+
+    /// What the attempt was doing, should it have failed just now; by harm or by running out of patience.
+    pub fn fault(&self, by_harm: bool) -> Fault {
+        let Some(plan) = &self.plan else { return Fault::Timeout };
+        let leg = plan.legs[self.leg];
+        if plan.no_path.is_some() {
+            Fault::Unreachable
+        } else if !by_harm {
+            Fault::Timeout
+        } else if self.decisions_on_leg <= SWITCH_DECISIONS && self.leg > 0 {
+            Fault::WaypointSwitch
+        } else if leg.from == OFF_GRAPH || leg.to == OFF_GRAPH {
+            Fault::Attachment
+        } else {
+            Fault::Edge
+        }
+    }
+
+    fn end_leg(&mut self, reached: bool) {
+        let Some(plan) = &self.plan else { return };
+        let leg = plan.legs[self.leg];
+        if leg.from != OFF_GRAPH && leg.to != OFF_GRAPH {
+            let decisions = self.decisions_on_leg;
+            self.traversals.push(Traversal { from: leg.from, to: leg.to, reached, decisions });
         }
     }
 
@@ -105,6 +194,7 @@ impl Follower {
         self.leg = leg;
         self.best_leg_distance = f32::INFINITY;
         self.stalled_on_leg = 0;
+        self.decisions_on_leg = 0;
     }
 
     /// Takes note of one decision: where the feet are and whether the waypoint was touched during it.
@@ -113,6 +203,7 @@ impl Follower {
         let goal_distance = feet.distance(self.goal);
         self.stalled += 1;
         self.stalled_on_leg += 1;
+        self.decisions_on_leg += 1;
         if goal_distance < self.best_goal_distance {
             self.best_goal_distance = goal_distance;
             self.stalled = 0;
@@ -120,6 +211,7 @@ impl Follower {
         let last_leg = plan.waypoints.len() - 1;
         if waypoint_reached && self.leg < last_leg {
             let next = plan.waypoints[self.leg + 1];
+            self.end_leg(true);
             self.start_leg(self.leg + 1);
             self.stalled = 0;
             return Step::Head(next);
@@ -139,6 +231,7 @@ impl Follower {
             return Step::GiveUp;
         }
         let failed = plan.legs[self.leg];
+        self.end_leg(false);
         self.failed_legs.push((failed.from, failed.to));
         if self.failed_legs.len() > MAX_FAILED_LEGS {
             self.failed_legs.remove(0);

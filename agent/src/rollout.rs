@@ -1,13 +1,13 @@
 //! Rolls a policy out towards many goals at once, straight or by plan: what validation and evaluation share.
 
-use crate::follow::{FollowConfig, Follower, Step};
+use crate::follow::{Fault, FollowConfig, Follower, Step};
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_planner::{NavGraph, search};
+use surefoot_planner::Router;
 use surefoot_policy::{Memories, Policy};
 use surefoot_world::{CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
 
@@ -62,6 +62,9 @@ pub struct Attempt {
     pub replans: u32,
     /// Distance covered, from decision to decision, m.
     pub length: f32,
+    /// What it was doing when it failed, by plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<Fault>,
 }
 
 /// Runs attempts on one map.
@@ -89,22 +92,22 @@ impl Rollout {
         goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, None, chunk, &mut Vec::new())).collect()
     }
 
-    /// One attempt for each goal, each following plans on `graph`; the duration of every search is noted in
+    /// One attempt for each goal, each following plans of `router`; the duration of every search is noted in
     /// `search_us`.
     pub fn run_by_plan(
         &self,
         policy: &Policy,
-        graph: &NavGraph,
+        router: &Router,
         goals: &[Goal],
         search_us: &mut Vec<f64>,
     ) -> Vec<Attempt> {
-        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, Some(graph), chunk, search_us)).collect()
+        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, Some(router), chunk, search_us)).collect()
     }
 
     fn run_batch(
         &self,
         policy: &Policy,
-        graph: Option<&NavGraph>,
+        router: Option<&Router>,
         goals: &[Goal],
         search_us: &mut Vec<f64>,
     ) -> Vec<Attempt> {
@@ -119,10 +122,10 @@ impl Rollout {
         let mut followers: Vec<Option<Follower>> = goals
             .iter()
             .map(|goal| {
-                let graph = graph?;
+                let router = router?;
                 let mut follower =
                     Follower::new(goal.goal, FollowConfig { patience: self.give_up_after, ..FollowConfig::default() });
-                plan(&mut follower, graph, goal.start, search_us);
+                plan(&mut follower, router, goal.start, search_us);
                 Some(follower)
             })
             .collect();
@@ -155,13 +158,19 @@ impl Rollout {
                 let idx = slot.0 as usize;
                 decisions[idx] += 1;
                 lengths[idx] += std::mem::replace(&mut places[idx], feet).distance(feet);
-                let end = match (&mut followers[idx], graph) {
-                    (Some(follower), Some(graph)) => follow(&mut world, slot, follower, graph, outcome.end, search_us),
+                let end = match (&mut followers[idx], router) {
+                    (Some(follower), Some(router)) => follow(&mut world, slot, follower, router, outcome.end, search_us),
                     _ => outcome.end.or((episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress)),
                 };
                 let Some(end) = end else { return true };
-                let replans = followers[idx].as_ref().map_or(0, Follower::replans);
-                attempts[idx] = Some(Attempt { end, decisions: decisions[idx], replans, length: lengths[idx] });
+                let follower = followers[idx].as_ref();
+                attempts[idx] = Some(Attempt {
+                    end,
+                    decisions: decisions[idx],
+                    replans: follower.map_or(0, Follower::replans),
+                    length: lengths[idx],
+                    fault: follower.filter(|_| end != End::Reached).map(|f| f.fault(!end.is_truncation())),
+                });
                 world.despawn(slot);
                 false
             });
@@ -180,7 +189,7 @@ pub fn follow(
     world: &mut World,
     slot: NpcSlot,
     follower: &mut Follower,
-    graph: &NavGraph,
+    router: &Router,
     leg_end: Option<End>,
     search_us: &mut Vec<f64>,
 ) -> Option<End> {
@@ -196,7 +205,7 @@ pub fn follow(
         Step::Keep => {}
         Step::Head(waypoint) => world.set_goal(slot, waypoint),
         Step::Plan => {
-            let waypoint = plan(follower, graph, feet, search_us);
+            let waypoint = plan(follower, router, feet, search_us);
             world.set_goal(slot, waypoint);
         }
         Step::GiveUp => return Some(End::NoProgress),
@@ -205,10 +214,10 @@ pub fn follow(
 }
 
 /// Plans from `feet`: the first waypoint. The duration of the search is noted in `search_us`.
-pub fn plan(follower: &mut Follower, graph: &NavGraph, feet: Vec3, search_us: &mut Vec<f64>) -> Vec3 {
+pub fn plan(follower: &mut Follower, router: &Router, feet: Vec3, search_us: &mut Vec<f64>) -> Vec3 {
     let query = follower.query(feet);
     let started = Instant::now();
-    let plan = search::find_path(graph, &query);
+    let plan = router.find_path(&query);
     search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
     follower.take_plan(plan)
 }

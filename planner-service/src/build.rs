@@ -1,28 +1,19 @@
 //! A whole build: stages in a row, with their statistics.
 
-use crate::graph::NavGraph;
-use crate::probe::{InProcess, ProbeContext, ProbeExecutor, ProbeTask};
-use crate::{candidates, vertices};
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
+use crate::candidates::{self, Candidate};
+use crate::graph::{Evidence, NavGraph};
+use crate::placement::{self, Placement, Placing};
+use crate::probe::{InProcess, ProbeContext, ProbeExecutor};
+use crate::prove::{Probing, Proving};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
+use surefoot_world::Vec3;
 use surefoot_world::navigable::NoGround;
 
 /// Changes whenever equal settings would build another graph.
-pub const BUILDER_VERSION: u32 = 2;
-
-/// How vertices are placed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Placement {
-    /// The paper's unconstrained random placement.
-    Random,
-    /// The paper's distance-constrained random placement.
-    Spaced,
-}
+pub const BUILDER_VERSION: u32 = 3;
 
 /// Everything that decides a graph besides map, character and policy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -39,11 +30,31 @@ pub struct BuildSettings {
     pub threshold: f64,
     /// Seed of placement and probes.
     pub seed: u64,
+    /// How many probes are spent.
+    pub probing: Probing,
+    /// Whether vertices and candidates also come from devices and ledges; the paper has none.
+    pub special_moves: bool,
+}
+
+impl BuildSettings {
+    /// One of the paper's builders as the paper has it: every candidate tried every time, nothing from features.
+    pub fn of_paper(placement: Placement) -> Self {
+        Self { placement, probing: Probing::Exhaustive, special_moves: false, ..Self::default() }
+    }
 }
 
 impl Default for BuildSettings {
     fn default() -> Self {
-        Self { placement: Placement::Spaced, vertices: 300, neighbours: 12, repeats: 2, threshold: 0.5, seed: 0 }
+        Self {
+            placement: Placement::Spaced,
+            vertices: 300,
+            neighbours: 12,
+            repeats: 2,
+            threshold: 0.5,
+            seed: 0,
+            probing: Probing::Frugal,
+            special_moves: true,
+        }
     }
 }
 
@@ -133,9 +144,26 @@ impl fmt::Debug for GraphId {
 pub struct Built {
     /// The graph.
     pub graph: NavGraph,
-    /// Episodes run.
+    /// What it took.
+    pub stats: BuildStats,
+}
+
+/// What a build took, stage by stage.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct BuildStats {
+    /// Candidates.
+    pub candidates: u64,
+    /// Those of them that come from devices and ledges.
+    pub special: u64,
+    /// Candidates that were never tried.
+    pub untried: u64,
+    /// Episodes run, those of the placement included.
     pub probes: u64,
-    /// Duration, s.
+    /// Time to place vertices, s.
+    pub placing_s: f64,
+    /// Time to probe, s.
+    pub probing_s: f64,
+    /// Time of the whole build, s.
     pub seconds: f64,
 }
 
@@ -144,7 +172,7 @@ pub struct Built {
 pub struct Progress {
     /// Probes finished.
     pub done: AtomicU64,
-    /// Probes in all; 0 until they are known.
+    /// Probes that are known to be needed; grows while a build finds out more, 0 while vertices are placed.
     pub total: AtomicU64,
     /// Set to stop.
     pub cancel: AtomicBool,
@@ -160,23 +188,73 @@ pub fn build(
     thread_count: usize,
     progress: &Progress,
 ) -> Result<Built, BuildError> {
+    let executor = InProcess { context: context.clone(), thread_count };
+    build_with(&executor, context, settings, thread_count, progress)
+}
+
+/// Builds a graph with probes that `executor` runs.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_with(
+    executor: &dyn ProbeExecutor,
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+) -> Result<Built, BuildError> {
     settings.validate()?;
     let started = Instant::now();
-    let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    let positions = match settings.placement {
-        Placement::Random => vertices::random(&context.map, &context.profile, settings.vertices, &mut rng)?,
-        Placement::Spaced => vertices::spaced(&context.map, &context.profile, settings.vertices, &mut rng)?,
+    let placing =
+        Placing { context, settings, executor, progress: &progress.done, cancel: &progress.cancel };
+    let draft = placement::place(&placing)?;
+    progress.done.store(0, Ordering::Relaxed);
+    let placing_s = started.elapsed().as_secs_f64();
+    let vertices = draft.vertices;
+    let tests_edges = settings.placement != Placement::Trajectories;
+    let (candidates, special) = match draft.candidates {
+        Some(candidates) => (candidates, 0),
+        None => find_candidates(context, settings, &vertices),
     };
-    let candidates = candidates::nearest(&positions, settings.neighbours);
-    let probes = candidates.len() as u64 * u64::from(settings.repeats);
-    progress.total.store(probes, Ordering::Relaxed);
-    let executor = InProcess { context: context.clone(), thread_count };
-    let task =
-        ProbeTask { vertices: &positions, candidates: &candidates, repeats: settings.repeats, seed: settings.seed };
-    let evidence = executor.probe(&task, &progress.done, &progress.cancel);
-    if progress.cancel.load(Ordering::Relaxed) {
-        return Err(BuildError::Cancelled);
+    let proving = Proving {
+        map: &context.map,
+        vertices: &vertices,
+        candidates: &candidates,
+        repeats: settings.repeats,
+        threshold: settings.threshold,
+        seed: settings.seed,
+        thread_count,
+        executor,
+        progress: &progress.done,
+        total: &progress.total,
+        cancel: &progress.cancel,
+    };
+    let evidence: Vec<Evidence> = if tests_edges {
+        proving.run(settings.probing).ok_or(BuildError::Cancelled)?
+    } else {
+        candidates.iter().map(|candidate| draft.seen[candidate]).collect()
+    };
+    let stats = BuildStats {
+        candidates: candidates.len() as u64,
+        special,
+        untried: evidence.iter().filter(|evidence| evidence.tries == 0).count() as u64,
+        probes: draft.episodes + progress.done.load(Ordering::Relaxed),
+        placing_s,
+        probing_s: started.elapsed().as_secs_f64() - placing_s,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    Ok(Built { graph: NavGraph::prove(vertices, &candidates, &evidence, settings.threshold), stats })
+}
+
+/// Each vertex's nearest and, if asked for, what devices and ledges join; and how many the latter are.
+pub fn find_candidates(context: &ProbeContext, settings: &BuildSettings, vertices: &[Vec3]) -> (Vec<Candidate>, u64) {
+    let mut candidates = candidates::nearest(vertices, settings.neighbours);
+    if !settings.special_moves {
+        return (candidates, 0);
     }
-    let graph = NavGraph::prove(positions, &candidates, &evidence, settings.threshold);
-    Ok(Built { graph, probes, seconds: started.elapsed().as_secs_f64() })
+    let mut known = candidates.clone();
+    known.sort_unstable();
+    let special = candidates::by_features(&context.map, &context.profile, vertices, &known);
+    candidates.extend(&special);
+    (candidates, special.len() as u64)
 }

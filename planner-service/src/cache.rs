@@ -3,7 +3,7 @@
 //! Every entry carries a checksum of its content. A damaged entry is named, dropped and built again; a damaged
 //! file is set aside under another name. Never is a wrong graph served.
 
-use crate::build::{Built, GraphId};
+use crate::build::{BuildStats, Built, GraphId};
 use crate::graph::{GraphData, NavGraph};
 use redb::{Database, ReadableDatabase, TableDefinition};
 use serde::{Deserialize, Serialize};
@@ -41,8 +41,7 @@ pub struct StoreError {
 #[derive(Serialize, Deserialize)]
 struct Entry {
     graph: GraphData,
-    probes: u64,
-    seconds: f64,
+    stats: BuildStats,
 }
 
 /// The embedded store: one redb file.
@@ -116,7 +115,7 @@ impl GraphStore for DiskStore {
 
 /// Checksum, then content.
 fn encode(built: &Built) -> Vec<u8> {
-    let entry = Entry { graph: built.graph.to_data(), probes: built.probes, seconds: built.seconds };
+    let entry = Entry { graph: built.graph.to_data(), stats: built.stats };
     let content = postcard::to_stdvec(&entry).expect("a graph is plain data");
     let mut bytes = blake3::hash(&content).as_bytes().to_vec();
     bytes.extend(content);
@@ -130,21 +129,22 @@ fn decode(bytes: &[u8]) -> Result<Built, String> {
     }
     let entry: Entry = postcard::from_bytes(content).map_err(|error| error.to_string())?;
     let graph = NavGraph::check(entry.graph).map_err(|error| error.to_string())?;
-    Ok(Built { graph, probes: entry.probes, seconds: entry.seconds })
+    Ok(Built { graph, stats: entry.stats })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::graph::{Ability, Edge, Evidence};
+    use crate::legs::LegModel;
     use surefoot_world::Vec3;
 
     fn built() -> Built {
         let mut evidence = Evidence::default();
         evidence.note(true, 7, Ability::Jump);
         let vertices = vec![Vec3::ZERO, Vec3::new(3.0, 0.0, 0.0)];
-        let graph = NavGraph::check(GraphData { vertices, edges: vec![Edge { from: 0, to: 1, evidence }] }).unwrap();
-        Built { graph, probes: 1, seconds: 0.5 }
+        let graph = NavGraph::check(GraphData { vertices, edges: vec![Edge { from: 0, to: 1, evidence }], legs: LegModel::default() }).unwrap();
+        Built { graph, stats: BuildStats { probes: 1, seconds: 0.5, ..BuildStats::default() } }
     }
 
     #[test]

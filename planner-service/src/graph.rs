@@ -1,6 +1,8 @@
 //! The proved graph: positions, directed edges with their evidence, islands.
 
 use crate::candidates::Candidate;
+use crate::legs::LegModel;
+use crate::probe::Outcome;
 use petgraph::Direction;
 use petgraph::algo::tarjan_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -74,7 +76,7 @@ impl Ability {
 }
 
 /// What probing an edge showed.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// Probes run.
     pub tries: u32,
@@ -86,9 +88,41 @@ pub struct Evidence {
     decisions_squared: f64,
     /// Ability used by the least demanding probe that arrived.
     pub ability: Ability,
+    /// Chance of success that was expected before the first probe, in [0, 1]; it counts as much as one probe.
+    pub prior: f32,
+    /// Corners of the box around all ways taken, m; the lower is above the upper where there were none.
+    pub bounds: [Vec3; 2],
 }
 
+impl Default for Evidence {
+    fn default() -> Self {
+        Self {
+            tries: 0,
+            successes: 0,
+            decisions_sum: 0.0,
+            decisions_squared: 0.0,
+            ability: Ability::Walk,
+            prior: UNKNOWN_PRIOR,
+            bounds: [Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)],
+        }
+    }
+}
+
+/// Expected chance of a candidate of which nothing is known; high, because candidates are near one another.
+const UNKNOWN_PRIOR: f32 = 0.9;
+
 impl Evidence {
+    /// Adds one probe with the way that it took.
+    pub fn note_probe(&mut self, outcome: &Outcome) {
+        self.note(outcome.reached, outcome.decisions, outcome.ability);
+        outcome.bounds.into_iter().for_each(|corner| self.cover(corner));
+    }
+
+    /// Widens the bounds so that they hold `point`.
+    pub fn cover(&mut self, point: Vec3) {
+        self.bounds = [self.bounds[0].min(point), self.bounds[1].max(point)];
+    }
+
     /// Adds one probe.
     pub fn note(&mut self, reached: bool, decisions: u32, ability: Ability) {
         self.tries += 1;
@@ -106,9 +140,10 @@ impl Evidence {
         f64::from(self.successes) / f64::from(self.tries.max(1))
     }
 
-    /// Estimated chance of success, pulled towards an optimistic prior of one success in one try.
+    /// Estimated chance of success, above 0, at most 1: tries pulled towards the prior.
     pub fn chance(&self) -> f64 {
-        (f64::from(self.successes) + 0.9) / (f64::from(self.tries) + 1.0)
+        let successes = f64::from(self.successes) + f64::from(self.prior);
+        (successes / (f64::from(self.tries) + 1.0)).clamp(MIN_CHANCE, 1.0)
     }
 
     /// Mean decisions of probes that arrived.
@@ -122,15 +157,42 @@ impl Evidence {
         (self.decisions_squared / f64::from(self.successes.max(1)) - mean * mean).max(0.0).sqrt()
     }
 
-    /// What a search minimises, in decisions: expected time per success, plus a price on risk.
-    ///
-    /// Chances multiply along a plan, so their logarithms add.
+    /// Whether its numbers can have come from probes.
+    pub fn is_sound(&self) -> bool {
+        self.successes <= self.tries
+            && self.successes > 0
+            && self.decisions_sum.is_finite()
+            && self.decisions_sum >= 0.0
+            && self.decisions_squared.is_finite()
+            && (0.0..=1.0).contains(&self.prior)
+    }
+
+    /// Evidence of a leg that somebody vouches for: one success that took `decisions`.
+    pub fn vouched(decisions: f64) -> Self {
+        Self {
+            tries: 1,
+            successes: 1,
+            decisions_sum: decisions,
+            decisions_squared: decisions * decisions,
+            prior: 1.0,
+            ..Self::default()
+        }
+    }
+
+    /// What a search minimises: the [price] of its decisions at its chance.
     pub fn cost(&self) -> f64 {
-        let chance = self.chance();
-        self.decisions_mean() / chance - RISK_DECISIONS * chance.ln()
+        price(self.decisions_mean(), self.chance())
     }
 }
 
+/// Expected time of a leg in decisions, what is lost by failing included: tries until one succeeds, plus a price on
+/// risk. Chances multiply along a plan, so their logarithms add.
+pub fn price(decisions: f64, chance: f64) -> f64 {
+    decisions / chance - RISK_DECISIONS * chance.ln()
+}
+
+/// Lowest chance that is told apart.
+const MIN_CHANCE: f64 = 1.0e-3;
 /// Decisions that a plan may last longer to avoid a leg that fails with probability 1 - 1/e.
 const RISK_DECISIONS: f64 = 60.0;
 
@@ -149,6 +211,7 @@ pub struct Edge {
 #[derive(Debug, Clone)]
 pub struct NavGraph {
     graph: DiGraph<Vec3, Edge>,
+    legs: LegModel,
     islands: Vec<u32>,
     island_count: u32,
 }
@@ -160,6 +223,8 @@ pub struct GraphData {
     pub vertices: Vec<Vec3>,
     /// Edges between them.
     pub edges: Vec<Edge>,
+    /// Prices of legs that nobody has proved.
+    pub legs: LegModel,
 }
 
 /// A stored graph that makes no sense.
@@ -171,6 +236,12 @@ pub enum GraphError {
     /// A vertex has a position that is not finite.
     #[error("vertex {0} has no finite position")]
     BadVertex(usize),
+    /// An edge's evidence contradicts itself.
+    #[error("the evidence of edge {0} -> {1} makes no sense")]
+    BadEvidence(u32, u32),
+    /// The model of unproved legs has a coefficient that is not finite.
+    #[error("the model of unproved legs has a coefficient that is not finite")]
+    BadLegs,
 }
 
 impl NavGraph {
@@ -186,7 +257,8 @@ impl NavGraph {
             .filter(|(_, evidence)| evidence.successes > 0 && evidence.success_rate() >= threshold)
             .map(|(&(from, to), &evidence)| Edge { from, to, evidence })
             .collect();
-        Self::check(GraphData { vertices, edges }).expect("candidates join existing vertices")
+        let legs = LegModel::fit(&vertices, candidates, evidence);
+        Self::check(GraphData { vertices, edges, legs }).expect("candidates join existing vertices")
     }
 
     /// Checks a stored graph.
@@ -206,7 +278,13 @@ impl NavGraph {
             if !inside(edge.from) || !inside(edge.to) || edge.from == edge.to {
                 return Err(GraphError::BadEdge(edge.from, edge.to));
             }
+            if !edge.evidence.is_sound() {
+                return Err(GraphError::BadEvidence(edge.from, edge.to));
+            }
             graph.add_edge(NodeIndex::new(edge.from as usize), NodeIndex::new(edge.to as usize), edge);
+        }
+        if !data.legs.is_finite() {
+            return Err(GraphError::BadLegs);
         }
         let components = tarjan_scc(&graph);
         let mut islands = vec![0; graph.node_count()];
@@ -215,7 +293,7 @@ impl NavGraph {
                 islands[member.index()] = island as u32;
             }
         }
-        Ok(Self { graph, islands, island_count: components.len() as u32 })
+        Ok(Self { graph, legs: data.legs, islands, island_count: components.len() as u32 })
     }
 
     /// The graph as plain data.
@@ -223,7 +301,13 @@ impl NavGraph {
         GraphData {
             vertices: self.graph.node_weights().copied().collect(),
             edges: self.graph.edge_weights().copied().collect(),
+            legs: self.legs,
         }
+    }
+
+    /// Prices of legs that nobody has proved.
+    pub fn legs(&self) -> &LegModel {
+        &self.legs
     }
 
     /// The petgraph behind it.

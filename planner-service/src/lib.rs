@@ -1,19 +1,27 @@
 //! The planner: a directed graph per map, each edge proved by running the policy along it, and plans on it.
 //!
-//! A build is a row of pure stages, each its own module: [`vertices`] places, [`candidates`] pairs, [`probe`]
-//! tries, [`graph`] keeps what was proved with its evidence, [`search`] answers queries. [`build`] strings them
-//! together, [`cache`] remembers the result, [`service`] speaks gRPC. Nothing below [`service`] knows a wire
-//! type or an async runtime.
+//! A build is a row of stages, each its own module: [`placement`] places vertices, [`candidates`] pairs them, [`prove`]
+//! tries pairs with the help of a [`predictor`] and a [`probe`] executor, [`graph`] keeps what was proved with its
+//! evidence. [`build`] strings them together, [`search`] answers queries, [`cache`] remembers the result, [`service`]
+//! speaks gRPC. Nothing below [`service`] knows a wire type or an async runtime.
 
 pub mod build;
 pub mod cache;
 pub mod candidates;
 pub mod graph;
+mod grid;
+pub mod legs;
+pub mod placement;
+mod predictor;
 pub mod probe;
+pub mod prove;
+mod regression;
 pub mod search;
 pub mod service;
-pub mod vertices;
+mod table;
 
-pub use build::{BuildError, BuildSettings, Built, Placement, build};
+pub use build::{BuildError, BuildSettings, BuildStats, Built, build};
 pub use graph::{Ability, Edge, NavGraph};
-pub use search::{NoPath, Plan, Query};
+pub use placement::Placement;
+pub use prove::Probing;
+pub use search::{NoPath, Plan, Query, Router};

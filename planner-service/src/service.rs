@@ -3,11 +3,13 @@
 //! Builds run one at a time on a thread of their own, and requests for the same graph share one build. Graphs
 //! in use are kept in memory, all of them on disk.
 
-use crate::build::{BuildError, BuildSettings, Built, GraphId, MAX_VERTICES, Placement, Progress, build};
+use crate::build::{BuildError, BuildSettings, Built, GraphId, BuildStats, MAX_VERTICES, Progress, build};
+use crate::placement::Placement;
 use crate::cache::GraphStore;
-use crate::graph::{Ability, NavGraph};
+use crate::graph::Ability;
 use crate::probe::ProbeContext;
-use crate::search::{self, NoPath, Plan, Query};
+use crate::prove::Probing;
+use crate::search::{self, DEFAULT_TABLE_LIMIT, NoPath, Plan, Query, Router};
 use std::collections::{BTreeMap, VecDeque};
 use std::pin::Pin;
 use std::sync::atomic::Ordering;
@@ -58,7 +60,8 @@ const POISON: &str = "no holder of this lock panics";
 struct Ready {
     id: GraphId,
     map_hash: String,
-    built: Built,
+    router: Router,
+    stats: BuildStats,
     connected: f64,
     cached: bool,
 }
@@ -256,7 +259,7 @@ impl PlannerApi {
             None => {
                 let started = Instant::now();
                 let built = build(&context, settings, self.shared.config.threads, progress)?;
-                info!(%id, probes = built.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
+                info!(%id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
                 if let Err(error) = self.shared.store.put(&id, &built) {
                     warn!(%error, "the graph is not cached");
                 }
@@ -264,10 +267,12 @@ impl PlannerApi {
             }
         };
         let connected = built.graph.connected_share();
-        Ok(Arc::new(Ready { id, map_hash, built, connected, cached }))
+        let Built { graph, stats } = built;
+        let router = Router::new(graph, DEFAULT_TABLE_LIMIT, self.shared.config.threads);
+        Ok(Arc::new(Ready { id, map_hash, router, stats, connected, cached }))
     }
 
-    fn plan(&self, graph: &NavGraph, query: &wire::PathQuery) -> Result<wire::Plan, Status> {
+    fn plan(&self, router: &Router, query: &wire::PathQuery) -> Result<wire::Plan, Status> {
         if query.avoid.len() > MAX_AVOID {
             return Err(Status::invalid_argument(format!(
                 "query.avoid has {} legs, allowed are {MAX_AVOID}",
@@ -280,7 +285,7 @@ impl PlannerApi {
             avoid: query.avoid.iter().map(|leg| (leg.from, leg.to)).collect(),
         };
         self.shared.plans.fetch_add(1, Ordering::Relaxed);
-        Ok(plan_to_wire(&search::find_path(graph, &query)))
+        Ok(plan_to_wire(&router.find_path(&query)))
     }
 }
 
@@ -288,12 +293,21 @@ fn settings_from_wire(settings: Option<&wire::BuildSettings>, config: &PlannerCo
     let defaults = BuildSettings::default();
     let Some(settings) = settings else { return Ok(defaults) };
     let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
+    let unknown = |field: &str, value: i32| Status::invalid_argument(format!("settings.{field} {value} is unknown"));
     let placement = match wire::Placement::try_from(settings.placement) {
         Ok(wire::Placement::Unspecified | wire::Placement::Spaced) => Placement::Spaced,
         Ok(wire::Placement::Random) => Placement::Random,
-        Err(_) => {
-            return Err(Status::invalid_argument(format!("settings.placement {} is unknown", settings.placement)));
-        }
+        Ok(wire::Placement::Density) => Placement::Density,
+        Ok(wire::Placement::Trajectories) => Placement::Trajectories,
+        Ok(wire::Placement::TrajectoriesTested) => Placement::TrajectoriesTested,
+        Ok(wire::Placement::Flood) => Placement::Flood,
+        Ok(wire::Placement::FloodGrandchildren) => Placement::FloodGrandchildren,
+        Err(_) => return Err(unknown("placement", settings.placement)),
+    };
+    let probing = match wire::Probing::try_from(settings.probing) {
+        Ok(wire::Probing::Unspecified | wire::Probing::Frugal) => Probing::Frugal,
+        Ok(wire::Probing::Exhaustive) => Probing::Exhaustive,
+        Err(_) => return Err(unknown("probing", settings.probing)),
     };
     let checked = BuildSettings {
         placement,
@@ -302,6 +316,8 @@ fn settings_from_wire(settings: Option<&wire::BuildSettings>, config: &PlannerCo
         repeats: or(settings.repeats, defaults.repeats as usize) as u32,
         threshold: if settings.threshold == 0.0 { defaults.threshold } else { f64::from(settings.threshold) },
         seed: settings.seed,
+        probing,
+        special_moves: !settings.without_special_moves,
     };
     let limit = config.max_vertices.min(MAX_VERTICES);
     if checked.vertices > limit {
@@ -312,6 +328,33 @@ fn settings_from_wire(settings: Option<&wire::BuildSettings>, config: &PlannerCo
     }
     checked.validate()?;
     Ok(checked)
+}
+
+/// Settings on the wire.
+pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
+    let placement = match settings.placement {
+        Placement::Random => wire::Placement::Random,
+        Placement::Spaced => wire::Placement::Spaced,
+        Placement::Density => wire::Placement::Density,
+        Placement::Trajectories => wire::Placement::Trajectories,
+        Placement::TrajectoriesTested => wire::Placement::TrajectoriesTested,
+        Placement::Flood => wire::Placement::Flood,
+        Placement::FloodGrandchildren => wire::Placement::FloodGrandchildren,
+    };
+    let probing = match settings.probing {
+        Probing::Exhaustive => wire::Probing::Exhaustive,
+        Probing::Frugal => wire::Probing::Frugal,
+    };
+    wire::BuildSettings {
+        placement: placement.into(),
+        vertices: settings.vertices as u32,
+        neighbours: settings.neighbours as u32,
+        repeats: settings.repeats,
+        threshold: settings.threshold as f32,
+        seed: settings.seed,
+        probing: probing.into(),
+        without_special_moves: !settings.special_moves,
+    }
 }
 
 fn ability_to_wire(ability: Ability) -> i32 {
@@ -393,19 +436,19 @@ pub fn plan_from_wire(plan: &wire::Plan) -> Result<Plan, FieldError> {
         Ok(wire::NoPath::DifferentIslands) => Some(NoPath::DifferentIslands),
         Ok(wire::NoPath::Unspecified) | Err(_) => None,
     };
-    Ok(Plan { waypoints, legs: legs.collect(), no_path })
+    Ok(Plan { waypoints, legs: legs.collect(), no_path, nearest: None })
 }
 
 impl Ready {
     fn summary(&self) -> wire::GraphSummary {
         wire::GraphSummary {
             map_hash: self.map_hash.clone(),
-            vertices: self.built.graph.vertex_count() as u32,
-            edges: self.built.graph.edge_count() as u32,
-            islands: self.built.graph.island_count(),
+            vertices: self.router.graph().vertex_count() as u32,
+            edges: self.router.graph().edge_count() as u32,
+            islands: self.router.graph().island_count(),
             connected: self.connected as f32,
-            probes: self.built.probes,
-            build_s: self.built.seconds as f32,
+            probes: self.stats.probes,
+            build_s: self.stats.seconds as f32,
             cached: self.cached,
         }
     }
@@ -435,7 +478,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::GetGraphRequest>,
     ) -> Result<Response<wire::GetGraphResponse>, Status> {
         let ready = self.ready(&request.into_inner().graph_id)?;
-        let graph = &ready.built.graph;
+        let graph = ready.router.graph();
         let edge = |edge: &crate::Edge| wire::Edge {
             from: edge.from,
             to: edge.to,
@@ -460,7 +503,7 @@ impl PlannerService for PlannerApi {
         let request = request.into_inner();
         let ready = self.ready(&request.graph_id)?;
         let query = request.query.ok_or(FieldError::Missing("query"))?;
-        let plan = self.plan(&ready.built.graph, &query)?;
+        let plan = self.plan(&ready.router, &query)?;
         Ok(Response::new(wire::FindPathResponse { plan: Some(plan) }))
     }
 
@@ -479,7 +522,7 @@ impl PlannerService for PlannerApi {
         }
         let api = self.clone();
         let plans = tokio::task::spawn_blocking(move || {
-            request.queries.iter().map(|query| api.plan(&ready.built.graph, query)).collect::<Result<Vec<_>, Status>>()
+            request.queries.iter().map(|query| api.plan(&ready.router, query)).collect::<Result<Vec<_>, Status>>()
         });
         let plans = plans.await.map_err(|error| Status::internal(format!("the search failed: {error}")))??;
         Ok(Response::new(wire::FindPathsResponse { plans }))

@@ -57,18 +57,38 @@ impl Policy {
     /// An action for each observation: the policy's mean plus `noise_share` times its own exploration noise.
     ///
     /// Share 0 is the most likely action, 1 the policy as it was trained. Some noise frees characters from
-    /// places where the mean alone runs in circles. `observations` holds rows of [`OBSERVATION_LEN`] values and
-    /// `memory` as many rows of [`memory_len`](Self::memory_len), zeros at the start of an attempt, which are replaced by
-    /// those for the next decision; `actions` is cleared and gets one entry a row.
+    /// places where the mean alone runs in circles. The rest is as for [`act_with_noise`](Self::act_with_noise).
     ///
     /// # Panics
-    /// If `observations` is not a whole number of rows, or `memory` not as many.
+    /// As [`act_with_noise`](Self::act_with_noise).
     pub fn act(
         &self,
         observations: &[f32],
         memory: &mut [f32],
         noise_share: f32,
         rng: &mut impl Rng,
+        actions: &mut Vec<Action>,
+    ) {
+        let row_count = observations.len() / OBSERVATION_LEN;
+        let count = if noise_share > 0.0 { row_count * ACTION_LEN } else { 0 };
+        let noise = gaussian(rng, count).into_iter().map(|value| value * noise_share).collect();
+        self.act_with_noise(observations, memory, noise, actions);
+    }
+
+    /// An action for each observation: the policy's mean plus `noise` in units of its own standard deviation, one row of
+    /// [`ACTION_LEN`] values for each observation; empty for none.
+    ///
+    /// `observations` holds rows of [`OBSERVATION_LEN`] values and `memory` as many rows of
+    /// [`memory_len`](Self::memory_len), zeros at the start of an attempt, which are replaced by those for the next
+    /// decision; `actions` is cleared and gets one entry a row.
+    ///
+    /// # Panics
+    /// If `observations` is not a whole number of rows, or `memory` or `noise` not as many.
+    pub fn act_with_noise(
+        &self,
+        observations: &[f32],
+        memory: &mut [f32],
+        noise: Vec<f32>,
         actions: &mut Vec<Action>,
     ) {
         assert_eq!(observations.len() % OBSERVATION_LEN, 0, "whole observation rows");
@@ -80,11 +100,11 @@ impl Policy {
         }
         let rows = TensorData::new(observations.to_vec(), [row_count, OBSERVATION_LEN]);
         let ActionDistribution { mean, log_std } = self.distribution(Tensor::from_data(rows, &self.device), memory);
-        let raw = if noise_share > 0.0 {
-            let noise = TensorData::new(gaussian(rng, row_count * ACTION_LEN), [row_count, ACTION_LEN]);
-            mean + log_std.exp() * Tensor::<2>::from_data(noise, &self.device) * noise_share
-        } else {
+        let raw = if noise.is_empty() {
             mean
+        } else {
+            let noise = TensorData::new(noise, [row_count, ACTION_LEN]);
+            mean + log_std.exp() * Tensor::<2>::from_data(noise, &self.device)
         };
         let data = raw.tanh().into_data();
         let values = data.as_slice::<f32>().expect("the flex backend computes in f32");

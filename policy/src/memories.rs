@@ -45,6 +45,23 @@ impl Memories {
         self.scatter(who, &rows);
     }
 
+    /// The same with [`Policy::act_with_noise`].
+    ///
+    /// # Panics
+    /// As [`act`](Self::act), or if there is not a row of noise for each observation.
+    pub fn act_with_noise(
+        &mut self,
+        policy: &Policy,
+        who: impl Iterator<Item = usize> + Clone,
+        observations: &[f32],
+        noise: Vec<f32>,
+        actions: &mut Vec<Action>,
+    ) {
+        let mut rows = self.gather(who.clone());
+        policy.act_with_noise(observations, &mut rows, noise, actions);
+        self.scatter(who, &rows);
+    }
+
     fn gather(&self, who: impl Iterator<Item = usize>) -> Vec<f32> {
         let mut rows = Vec::new();
         who.for_each(|idx| rows.extend_from_slice(&self.rows[idx * self.len..(idx + 1) * self.len]));

@@ -34,6 +34,21 @@ pub fn sample(
     rng: &mut impl Rng,
     scratch: &mut MoveScratch,
 ) -> Result<Vec3, NoGround> {
+    Ok(sample_where(map, profile, rng, scratch, |_| true)?.expect("every place fits"))
+}
+
+/// Draws one place to stand; `None` if `fits` does not want it. It is asked before the costly part, about a point that
+/// differs from the place itself by less than half a metre.
+///
+/// # Errors
+/// As [`sample`].
+pub fn sample_where(
+    map: &Map,
+    profile: &CharacterProfile,
+    rng: &mut impl Rng,
+    scratch: &mut MoveScratch,
+    fits: impl Fn(Vec3) -> bool,
+) -> Result<Option<Vec3>, NoGround> {
     let extent = map.extent();
     for _ in 0..MAX_TRIES {
         let x = rng.random_range(RIM_M..extent.x - RIM_M);
@@ -43,8 +58,11 @@ pub fn sample(
             continue;
         }
         let (floor, _) = floors[rng.random_range(0..floor_count)];
+        if !fits(floor) {
+            return Ok(None);
+        }
         if let Some(feet) = settle(map, profile, floor, scratch) {
-            return Ok(feet);
+            return Ok(Some(feet));
         }
     }
     Err(NoGround)
@@ -62,6 +80,40 @@ pub fn sample_many(
 ) -> Result<Vec<Vec3>, NoGround> {
     let mut scratch = MoveScratch::default();
     (0..count).map(|_| sample(map, profile, rng, &mut scratch)).collect()
+}
+
+/// A place to stand within `reach` metres of the column over `point` and at most `rise` metres higher or lower, the
+/// nearest of sixteen tried around it.
+pub fn stand_near(
+    map: &Map,
+    profile: &CharacterProfile,
+    point: Vec3,
+    reach: f32,
+    rise: f32,
+    scratch: &mut MoveScratch,
+) -> Option<Vec3> {
+    let mut best: Option<(f32, Vec3)> = None;
+    for idx in 0..16 {
+        // Two rings, turned against each other and off the lattice.
+        let (ring, spoke) = (idx / 8, idx % 8);
+        let radius = reach * if ring == 0 { 0.5 } else { 1.0 };
+        let angle = std::f32::consts::FRAC_PI_4 * (spoke as f32 + 0.37 * ring as f32 + 0.13);
+        let (x, z) = (point.x + radius * libm::cosf(angle), point.z + radius * libm::sinf(angle));
+        if x < RIM_M || z < RIM_M || x > map.extent().x - RIM_M || z > map.extent().z - RIM_M {
+            continue;
+        }
+        let (floors, floor_count) = floors(map, profile, x, z);
+        for (floor, _) in &floors[..floor_count] {
+            let distance = floor.distance_squared(point);
+            if (floor.y - point.y).abs() <= rise
+                && best.is_none_or(|(least, _)| distance < least)
+                && let Some(feet) = settle(map, profile, *floor, scratch)
+            {
+                best = Some((distance, feet));
+            }
+        }
+    }
+    best.map(|(_, feet)| feet)
 }
 
 /// A hair off vertical, so that no ray runs exactly along an edge of the lattice.

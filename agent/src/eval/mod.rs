@@ -31,10 +31,7 @@ impl Method {
     pub fn name(&self) -> &'static str {
         match self {
             Method::Policy => "policy",
-            Method::Graph(settings) => match settings.placement {
-                surefoot_planner::Placement::Random => "random",
-                surefoot_planner::Placement::Spaced => "spaced",
-            },
+            Method::Graph(settings) => settings.placement.name(),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::EvalConfig;
 use super::unit::{GraphFigures, Unit};
+use crate::follow::Fault;
 use crate::rollout::Attempt;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -52,7 +53,7 @@ pub struct Success {
 /// The result of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// `policy`, `random` or `spaced`.
+    /// `policy`, or the name of a placement.
     pub method: String,
     /// Name of the weights.
     pub model: String,
@@ -69,6 +70,9 @@ pub struct Report {
     pub spread: Option<f64>,
     /// Attempts by how they ended.
     pub ends: BTreeMap<String, usize>,
+    /// Failed attempts by plan by what they were doing.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub faults: BTreeMap<String, usize>,
     /// Mean seconds of successful attempts.
     pub seconds_to_goal: f64,
     /// Mean of straight-line distance over distance covered, over successful attempts.
@@ -99,6 +103,7 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
         success: success(units),
         spread: spread(units, &config.seeds),
         ends: count_ends(units),
+        faults: count_faults(units),
         seconds_to_goal: seconds_to_goal(units),
         directness: directness / reached.len().max(1) as f64,
         replans: replans / attempts(units).count().max(1) as f64,
@@ -130,6 +135,20 @@ pub fn count_ends(units: &[Unit]) -> BTreeMap<String, usize> {
         *ends.entry(attempt.end.name().to_owned()).or_default() += 1;
     }
     ends
+}
+
+/// Failed attempts by plan by what they were doing; empty where none went by plan.
+pub fn count_faults(units: &[Unit]) -> BTreeMap<String, usize> {
+    let mut faults: BTreeMap<String, usize> = BTreeMap::new();
+    for unit in units.iter().filter(|unit| unit.graph.is_some()) {
+        Fault::ALL.iter().for_each(|fault| {
+            faults.entry(fault.name().to_owned()).or_default();
+        });
+        for fault in unit.attempts.iter().filter_map(|attempt| attempt.fault) {
+            *faults.entry(fault.name().to_owned()).or_default() += 1;
+        }
+    }
+    faults
 }
 
 fn attempts(units: &[Unit]) -> impl Iterator<Item = &Attempt> {
@@ -169,6 +188,8 @@ fn graph_figures(units: &[Unit]) -> Option<GraphFigures> {
         connected: mean(|graph| graph.connected),
         build_s: mean(|graph| graph.build_s),
         probes: mean(|graph| graph.probes),
+        candidates: mean(|graph| graph.candidates),
         search_us_median: mean(|graph| graph.search_us_median),
+        eval_s: mean(|graph| graph.eval_s),
     })
 }

@@ -9,9 +9,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use surefoot_planner::NavGraph;
-use surefoot_planner::build::{BuildSettings, Progress, build};
+use std::time::Instant;
+use surefoot_planner::Router;
+use surefoot_planner::build::{BUILDER_VERSION, BuildSettings, Progress, build};
 use surefoot_planner::probe::ProbeContext;
+use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_whole;
 use surefoot_world::{CharacterProfile, Map, MapSpec, TaskConfig, navigable};
@@ -53,6 +55,10 @@ pub struct GraphFigures {
     pub build_s: f64,
     /// Probes run.
     pub probes: f64,
+    /// Candidate edges.
+    pub candidates: f64,
+    /// Time that all attempts took together, s.
+    pub eval_s: f64,
     /// Median duration of a search, us.
     pub search_us_median: f64,
 }
@@ -91,10 +97,11 @@ pub fn load_or_run(
 fn key(policy: &Policy, config: &EvalConfig, spec: &MapSpec, seed: u64) -> String {
     let EvalConfig { goals, method, distance, noise_share, .. } = config;
     let text = format!(
-        "{VERSION} {} {spec:?} {seed} {goals} {method:?} {distance:?} {noise_share} {:?} {:?}",
+        "{VERSION} {} {spec:?} {seed} {goals} {method:?} {distance:?} {noise_share} {:?} {:?}{}",
         policy.weights_hash(),
         TaskConfig::default(),
         CharacterProfile::default(),
+        if *method == Method::Policy { String::new() } else { format!(" {BUILDER_VERSION}") },
     );
     format!("{}-{}-{seed}-{}", method.name(), spec.seed, &blake3::hash(text.as_bytes()).to_hex()[..16])
 }
@@ -116,17 +123,22 @@ fn run(policy: &Policy, config: &EvalConfig, map: &Arc<Map>, map_seed: u64, seed
             Some(build(&context, &settings, config.thread_count, &Progress::default())?)
         }
     };
-    let graph = built.as_ref().map(|built| &built.graph);
-    let (attempts, mut search_us) = run_goals(policy, map, graph, &goals, config, seed);
+    let stats = built.as_ref().map(|built| built.stats);
+    let router = built.map(|built| Router::new(built.graph, DEFAULT_TABLE_LIMIT, config.thread_count));
+    let started = Instant::now();
+    let (attempts, mut search_us) = run_goals(policy, map, router.as_ref(), &goals, config, seed);
+    let eval_s = started.elapsed().as_secs_f64();
     search_us.sort_unstable_by(f64::total_cmp);
-    let graph = built.map(|built| GraphFigures {
-        vertices: built.graph.vertex_count() as f64,
-        edges: built.graph.edge_count() as f64,
-        islands: f64::from(built.graph.island_count()),
-        connected: built.graph.connected_share(),
-        build_s: built.seconds,
-        probes: built.probes as f64,
+    let graph = router.zip(stats).map(|(router, stats)| GraphFigures {
+        vertices: router.graph().vertex_count() as f64,
+        edges: router.graph().edge_count() as f64,
+        islands: f64::from(router.graph().island_count()),
+        connected: router.graph().connected_share(),
+        build_s: stats.seconds,
+        probes: stats.probes as f64,
+        candidates: stats.candidates as f64,
         search_us_median: search_us[search_us.len() / 2],
+        eval_s,
     });
     Ok(Unit { map: map_seed, seed, distances: goals.iter().map(Goal::distance).collect(), attempts, graph })
 }
@@ -153,7 +165,7 @@ fn draw_goals(
 fn run_goals(
     policy: &Policy,
     map: &Arc<Map>,
-    graph: Option<&NavGraph>,
+    router: Option<&Router>,
     goals: &[Goal],
     config: &EvalConfig,
     seed: u64,
@@ -174,8 +186,8 @@ fn run_goals(
                     rollout.noise_share = config.noise_share;
                     rollout.seed = seed.wrapping_mul(1_000_003).wrapping_add(idx as u64);
                     let mut times = Vec::new();
-                    let attempts = match graph {
-                        Some(graph) => rollout.run_by_plan(policy, graph, &batch, &mut times),
+                    let attempts = match router {
+                        Some(router) => rollout.run_by_plan(policy, router, &batch, &mut times),
                         None => rollout.run(policy, &batch),
                     };
                     results.lock().expect("no rollout panics")[idx] = Some((attempts, times));

@@ -1,5 +1,6 @@
 //! `surefoot eval`.
 
+use super::services::GraphArgs;
 use super::{core_count, load_policy, parse_maps, parse_seeds};
 use crate::plots;
 use crate::terminal::{print_json, progress_bar};
@@ -9,14 +10,14 @@ use std::path::{Path, PathBuf};
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::{EvalConfig, Method, Rate, Report, evaluate};
 use surefoot_agent::rollout::DEFAULT_NOISE_SHARE;
-use surefoot_planner::{BuildSettings, Placement};
+use surefoot_planner::{BuildSettings, Placement, Probing};
 use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --method spaced\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --method spaced --vertices 800 --neighbours 20\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper"
 )]
 pub struct Args {
     /// Run a whole table instead: the paper's rows for which --models holds weights, on the test maps
@@ -25,9 +26,6 @@ pub struct Args {
     /// Folder of the suite's models
     #[arg(long, value_name = "FOLDER", default_value = "models")]
     models: PathBuf,
-    /// With --suite: also the rows that follow graphs, built by the options below
-    #[arg(long, requires = "suite")]
-    graphs: bool,
     /// Keep finished maps and seeds here and take them from here; with --suite, also table, plots and JSON
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -40,21 +38,11 @@ pub struct Args {
     /// Goals per map and seed
     #[arg(long, default_value_t = 200, value_name = "N")]
     goals: usize,
-    /// How goals are approached: policy heads straight, random and spaced follow a graph so placed
-    #[arg(long, default_value = "spaced", value_parser = ["policy", "random", "spaced"])]
+    /// Head straight for goals (policy) or by plans on a graph built by the options below (graph)
+    #[arg(long, default_value = "graph", value_parser = ["policy", "graph"])]
     method: String,
-    /// Vertices of the graph
-    #[arg(long, default_value_t = 300, value_name = "N")]
-    vertices: usize,
-    /// Nearest vertices that each is tried against
-    #[arg(long, default_value_t = 12, value_name = "K")]
-    neighbours: usize,
-    /// Tries per candidate edge
-    #[arg(long, default_value_t = 2, value_name = "R")]
-    repeats: u32,
-    /// Share of tries that must succeed
-    #[arg(long, default_value_t = 0.5, value_name = "T")]
-    threshold: f64,
+    #[command(flatten)]
+    graph: GraphArgs,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
@@ -91,17 +79,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    fn graph_settings(&self, placement: Placement) -> BuildSettings {
-        BuildSettings {
-            placement,
-            vertices: self.vertices,
-            neighbours: self.neighbours,
-            repeats: self.repeats,
-            threshold: self.threshold,
-            seed: 0,
-        }
-    }
-
     fn config(&self) -> anyhow::Result<EvalConfig> {
         if !(1..=100_000).contains(&self.goals) {
             bail!("--goals is {}, allowed are 1 to 100000", self.goals);
@@ -109,14 +86,9 @@ impl Args {
         if !(0.0..=1.0).contains(&self.noise) {
             bail!("--noise is {}, allowed are 0 to 1", self.noise);
         }
-        let method = match self.method.as_str() {
-            "random" => Method::Graph(self.graph_settings(Placement::Random)),
-            "spaced" => Method::Graph(self.graph_settings(Placement::Spaced)),
-            _ => Method::Policy,
-        };
-        if let Method::Graph(settings) = method {
-            settings.validate()?;
-        }
+        let settings = self.graph.settings();
+        settings.validate()?;
+        let method = if self.method == "policy" { Method::Policy } else { Method::Graph(settings) };
         Ok(EvalConfig {
             maps: parse_maps(&self.maps, self.size)?,
             goals: self.goals,
@@ -156,11 +128,25 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
     push("map-specific LSTM", Method::Policy, specific);
     push("general reactive", Method::Policy, on_all(reactive.clone()));
     push("general LSTM", Method::Policy, on_all(load("general-lstm")?));
-    if args.graphs {
-        let graph = |placement| Method::Graph(args.graph_settings(placement));
-        push("unconstrained random graph", graph(Placement::Random), on_all(reactive.clone()));
-        push("distance-constrained graph", graph(Placement::Spaced), on_all(reactive));
+    let rows = [
+        ("unconstrained random graph", Placement::Random),
+        ("distance-constrained graph", Placement::Spaced),
+        ("density-based graph", Placement::Density),
+        ("trajectory merging graph", Placement::Trajectories),
+        ("trajectory merging graph with edge tests", Placement::TrajectoriesTested),
+        ("flood graph", Placement::Flood),
+        ("flood graph with grandchild edges", Placement::FloodGrandchildren),
+    ];
+    for (name, placement) in rows {
+        let settings = BuildSettings {
+            probing: Probing::Exhaustive,
+            special_moves: false,
+            placement,
+            ..args.graph.settings()
+        };
+        push(name, Method::Graph(settings), on_all(reactive.clone()));
     }
+    push("ours: frugal, with special moves", Method::Graph(args.graph.settings()), on_all(reactive));
     Ok(entries)
 }
 
@@ -228,20 +214,26 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
     }
     let ends: Vec<String> = report.ends.iter().map(|(end, count)| format!("{end} {count}")).collect();
     println!("ends: {}", ends.join(", "));
+    if !report.faults.is_empty() {
+        let faults: Vec<String> = report.faults.iter().map(|(fault, count)| format!("{fault} {count}")).collect();
+        println!("failures by plan: {}", faults.join(", "));
+    }
     println!(
         "mean time to goal {:.1} s, straight-line distance over way taken {:.2}, re-plans per attempt {:.2}",
         report.seconds_to_goal, report.directness, report.replans
     );
     if let Some(graph) = &report.graph {
         println!(
-            "graph: {:.0} vertices, {:.0} edges, {:.1} islands, {:.1} % of vertex pairs connected, {:.0} probes in {:.1} s, search {:.0} us (median)",
+            "graph: {:.0} vertices, {:.0} edges, {:.1} islands, {:.1} % of vertex pairs connected, {:.0} probes of {:.0} candidates in {:.1} s, search {:.1} us (median), attempts {:.0} s",
             graph.vertices,
             graph.edges,
             graph.islands,
             100.0 * graph.connected,
             graph.probes,
+            graph.candidates,
             graph.build_s,
-            graph.search_us_median
+            graph.search_us_median,
+            graph.eval_s,
         );
     }
     Ok(())

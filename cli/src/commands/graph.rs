@@ -15,7 +15,8 @@ use surefoot_agent::rollout::{DEFAULT_NOISE_SHARE, follow, plan};
 use surefoot_planner::build::{GraphId, Progress, build};
 use surefoot_planner::cache::{DiskStore, GraphStore};
 use surefoot_planner::probe::ProbeContext;
-use surefoot_planner::{Ability, BuildSettings, Built, NavGraph, Placement};
+use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::{Ability, BuildSettings, Built, NavGraph, Router};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, End, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, navigable};
 
@@ -66,14 +67,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
     if !(0.1..=16.0).contains(&args.scale) || args.scale * args.size as f32 > 8192.0 {
         bail!("--scale is {}, allowed are 0.1 to 16 and at most 8192 pixels a side", args.scale);
     }
-    let settings = BuildSettings {
-        placement: Placement::Spaced,
-        vertices: args.graph.vertices as usize,
-        neighbours: args.graph.neighbours as usize,
-        repeats: args.graph.repeats,
-        threshold: f64::from(args.graph.threshold),
-        seed: 0,
-    };
+    let settings = args.graph.settings();
     settings.validate()?;
     let context = ProbeContext {
         map: Arc::new(Map::generate(&MapSpec::with_side(args.seed, args.size))?),
@@ -91,9 +85,10 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         }
     };
     if let Some(path) = &args.png {
+        let router = Router::new(built.graph.clone(), DEFAULT_TABLE_LIMIT, core_count());
         let mut picture = Picture::top_view(&context.map, args.scale);
         draw_graph(&mut picture, &built.graph);
-        let arrived = draw_tracks(&mut picture, &context.map, &context.policy, &built.graph, args.tracks)?;
+        let arrived = draw_tracks(&mut picture, &context.map, &context.policy, &router, args.tracks)?;
         picture.save(path)?;
         if args.tracks > 0 && !args.json {
             println!("{arrived} of {} NPCs arrived", args.tracks);
@@ -133,8 +128,9 @@ fn describe(args: &Args, id: &GraphId, built: &Built, cached: bool) -> anyhow::R
             "edges_by_ability": counts,
             "islands": graph.island_count(),
             "connected": graph.connected_share(),
-            "probes": built.probes,
-            "build_s": built.seconds,
+            "candidates": built.stats.candidates,
+            "probes": built.stats.probes,
+            "build_s": built.stats.seconds,
             "cached": cached,
         }));
     }
@@ -148,7 +144,7 @@ fn describe(args: &Args, id: &GraphId, built: &Built, cached: bool) -> anyhow::R
     );
     let counts: Vec<String> = abilities.iter().map(|&a| format!("{} {}", a.name(), by_ability(a))).collect();
     println!("edges by ability: {}", counts.join(", "));
-    println!("{} probes in {:.1} s", built.probes, built.seconds);
+    println!("{} probes in {:.1} s", built.stats.probes, built.stats.seconds);
     Ok(())
 }
 
@@ -179,7 +175,7 @@ fn draw_tracks(
     picture: &mut Picture,
     map: &Arc<Map>,
     policy: &Policy,
-    graph: &NavGraph,
+    router: &Router,
     count: usize,
 ) -> anyhow::Result<usize> {
     const COLOURS: [[u8; 3]; 6] =
@@ -188,7 +184,7 @@ fn draw_tracks(
     let points = navigable::sample_many(map, &CharacterProfile::default(), 2 * count, &mut rng)?;
     let mut arrived = 0;
     for (idx, pair) in points.chunks_exact(2).enumerate() {
-        let (track, reached) = run_one(map, policy, graph, pair[0], pair[1], &mut rng);
+        let (track, reached) = run_one(map, policy, router, pair[0], pair[1], &mut rng);
         for step in track.windows(2) {
             for shift in [0.0, 0.25] {
                 let aside = Vec3::new(shift, 0.0, shift);
@@ -205,7 +201,7 @@ fn draw_tracks(
 fn run_one(
     map: &Arc<Map>,
     policy: &Policy,
-    graph: &NavGraph,
+    router: &Router,
     start: Vec3,
     goal: Vec3,
     rng: &mut ChaCha8Rng,
@@ -216,7 +212,7 @@ fn run_one(
     let (mut row, mut actions, mut track) = (vec![0.0; OBSERVATION_LEN], Vec::new(), vec![start]);
     let mut memory = vec![0.0; policy.memory_len()];
     let mut search_us = Vec::new();
-    let waypoint = plan(&mut follower, graph, start, &mut search_us);
+    let waypoint = plan(&mut follower, router, start, &mut search_us);
     world.set_goal(slot, waypoint);
     loop {
         world.observe(slot, &mut row);
@@ -225,7 +221,7 @@ fn run_one(
         world.tick_decision();
         let leg_end = world.close_decision(slot).and_then(|outcome| outcome.end);
         track.push(world.npc(slot).expect("the only NPC").body.feet);
-        if let Some(end) = follow(&mut world, slot, &mut follower, graph, leg_end, &mut search_us) {
+        if let Some(end) = follow(&mut world, slot, &mut follower, router, leg_end, &mut search_us) {
             return (track, end == End::Reached);
         }
     }

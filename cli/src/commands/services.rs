@@ -6,7 +6,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use surefoot_agent::work::{WorkConfig, work};
 use surefoot_planner::cache::DiskStore;
-use surefoot_planner::service::{self as planner, PlannerConfig};
+use surefoot_planner::service::{self as planner, PlannerConfig, settings_to_wire};
+use surefoot_planner::{BuildSettings, Placement, Probing};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::serving::{Endpoint, Shutdown};
 use surefoot_server::{ServerConfig, shutdown_signal};
@@ -106,30 +107,51 @@ pub struct WorkArgs {
 /// How graphs are built.
 #[derive(clap::Args, Clone, Copy)]
 pub struct GraphArgs {
+    /// How vertices are placed: random, spaced, density, trajectories, trajectories-tested, flood or flood-grandchildren
+    #[arg(long, default_value = "spaced", value_name = "NAME", value_parser = parse_placement)]
+    pub placement: Placement,
     /// Vertices of the graph
     #[arg(long, default_value_t = 300, value_name = "N")]
     pub vertices: u32,
     /// Nearest vertices that each is tried against
     #[arg(long, default_value_t = 12, value_name = "K")]
     pub neighbours: u32,
-    /// Tries per candidate edge
+    /// Most tries per candidate edge
     #[arg(long, default_value_t = 2, value_name = "R")]
     pub repeats: u32,
     /// Share of tries that must succeed
     #[arg(long, default_value_t = 0.5, value_name = "T")]
     pub threshold: f32,
+    /// Try every candidate every time, instead of as often as settles the matter
+    #[arg(long)]
+    pub exhaustive: bool,
+    /// Take no vertices and candidates from devices and ledges, as the paper does
+    #[arg(long)]
+    pub no_special_moves: bool,
+}
+
+fn parse_placement(name: &str) -> Result<Placement, String> {
+    let names = Placement::ALL.map(Placement::name).join(", ");
+    Placement::from_name(name).ok_or_else(|| format!("known are {names}"))
 }
 
 impl GraphArgs {
-    pub fn to_wire(self) -> wire::BuildSettings {
-        wire::BuildSettings {
-            placement: wire::Placement::Spaced.into(),
-            vertices: self.vertices,
-            neighbours: self.neighbours,
+    /// The settings; not yet checked.
+    pub fn settings(self) -> BuildSettings {
+        BuildSettings {
+            placement: self.placement,
+            vertices: self.vertices as usize,
+            neighbours: self.neighbours as usize,
             repeats: self.repeats,
-            threshold: self.threshold,
+            threshold: f64::from(self.threshold),
             seed: 0,
+            probing: if self.exhaustive { Probing::Exhaustive } else { Probing::Frugal },
+            special_moves: !self.no_special_moves,
         }
+    }
+
+    pub fn to_wire(self) -> wire::BuildSettings {
+        settings_to_wire(&self.settings())
     }
 }
 

@@ -1,0 +1,109 @@
+//! What a leg is likely to cost that nobody has proved: to the first vertex, from the last, or straight to the goal.
+//!
+//! Fitted to every probe of a build, so that it knows this policy and this map: a logistic regression of success and a
+//! linear one of decisions, both on how far, how high and how deep.
+
+use crate::candidates::Candidate;
+use crate::graph::Evidence;
+use crate::regression::{Linear, Logistic, dot, sigmoid};
+use serde::{Deserialize, Serialize};
+use surefoot_world::Vec3;
+
+/// Values that a leg is judged by.
+const FEATURES: usize = 6;
+/// Metres that no character covers more of in a decision on foot.
+const MAX_METRES_PER_DECISION: f64 = 2.0;
+/// Lowest chance that is told apart.
+const MIN_CHANCE: f64 = 0.02;
+/// Probes below which the coefficients of [`LegModel::default`] are better.
+const MIN_PROBES: usize = 200;
+
+/// Prices of legs that nobody has proved.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LegModel {
+    success: [f64; FEATURES],
+    decisions: [f64; FEATURES],
+    /// Longest leg that it was fitted to, m; beyond, chances multiply and decisions grow in proportion.
+    range_m: f64,
+}
+
+/// What a leg is likely to take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LegEstimate {
+    /// Decisions, if it succeeds.
+    pub decisions: f64,
+    /// Chance of success, in (0, 1].
+    pub chance: f64,
+}
+
+impl Default for LegModel {
+    /// Fitted to probes of the shipped reactive policy on training maps; for graphs with too few probes of their own.
+    fn default() -> Self {
+        Self {
+            success: [3.0, -0.6, 0.0, -1.0, -0.4, -0.3],
+            decisions: [3.0, 13.0, 0.0, 6.0, 0.0, 1.0],
+            range_m: 30.0,
+        }
+    }
+}
+
+fn features(from: Vec3, to: Vec3) -> [f64; FEATURES] {
+    let horizontal = f64::from((to.x - from.x).hypot(to.z - from.z)) / 20.0;
+    let climb = f64::from((to.y - from.y).max(0.0)) / 5.0;
+    let drop = f64::from((from.y - to.y).max(0.0)) / 10.0;
+    [1.0, horizontal, horizontal * horizontal, climb, climb * climb, drop]
+}
+
+impl LegModel {
+    /// Fits the probes of a build; each candidate counts with all its tries.
+    pub fn fit(vertices: &[Vec3], candidates: &[Candidate], evidence: &[Evidence]) -> Self {
+        let probes: usize = evidence.iter().map(|evidence| evidence.tries as usize).sum();
+        if probes < MIN_PROBES {
+            return Self::default();
+        }
+        let (mut success, mut decisions) = (Logistic::<FEATURES>::default(), Linear::<FEATURES>::default());
+        let mut range_m: f64 = 1.0;
+        for (&(from, to), evidence) in candidates.iter().zip(evidence).filter(|(_, evidence)| evidence.tries > 0) {
+            let (from, to) = (vertices[from as usize], vertices[to as usize]);
+            let features = features(from, to);
+            success.add(features, f64::from(evidence.successes), f64::from(evidence.tries - evidence.successes));
+            if evidence.successes > 0 {
+                decisions.add(features, evidence.decisions_mean());
+            }
+            range_m = range_m.max(f64::from(from.distance(to)));
+        }
+        Self { success: success.fit(), decisions: decisions.fit(), range_m }
+    }
+
+    /// Whether every coefficient is finite.
+    pub fn is_finite(&self) -> bool {
+        self.success.iter().chain(&self.decisions).all(|value| value.is_finite())
+            && self.range_m.is_finite()
+            && self.range_m >= 1.0
+    }
+
+    /// The decisions of an [`estimate`](Self::estimate) alone.
+    pub fn decisions(&self, from: Vec3, to: Vec3) -> f64 {
+        let distance = f64::from(from.distance(to));
+        let beyond = (distance / self.range_m).max(1.0);
+        let features = features(from, from + (to - from) / beyond as f32);
+        (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance))
+    }
+
+    /// What the leg from `from` to `to` is likely to take.
+    pub fn estimate(&self, from: Vec3, to: Vec3) -> LegEstimate {
+        let distance = f64::from(from.distance(to));
+        let beyond = (distance / self.range_m).max(1.0);
+        let end = from + (to - from) / beyond as f32;
+        let features = features(from, end);
+        LegEstimate {
+            decisions: (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance)),
+            chance: sigmoid(dot(&self.success, &features)).clamp(MIN_CHANCE, 0.99).powf(beyond).max(MIN_CHANCE),
+        }
+    }
+
+    /// Fewest decisions that any leg of this length is estimated at.
+    pub fn least_decisions(distance: f64) -> f64 {
+        distance / MAX_METRES_PER_DECISION
+    }
+}
