@@ -2,9 +2,9 @@
 //!
 //! Pure state: it neither senses nor searches. Workers feed it from the network, evaluation from a world.
 
+use serde::{Deserialize, Serialize};
 use surefoot_planner::Plan;
 use surefoot_planner::search::{OFF_GRAPH, Query};
-use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
 
 /// Constants of plan following.

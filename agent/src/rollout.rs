@@ -159,7 +159,9 @@ impl Rollout {
                 decisions[idx] += 1;
                 lengths[idx] += std::mem::replace(&mut places[idx], feet).distance(feet);
                 let end = match (&mut followers[idx], router) {
-                    (Some(follower), Some(router)) => follow(&mut world, slot, follower, router, outcome.end, search_us),
+                    (Some(follower), Some(router)) => {
+                        follow(&mut world, slot, follower, router, outcome.end, search_us)
+                    }
                     _ => outcome.end.or((episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress)),
                 };
                 let Some(end) = end else { return true };

@@ -4,7 +4,7 @@
 //! the ones that move messages. A lost server is looked for again with growing pauses; without a planner (or
 //! while it is away) NPCs head straight for their goals.
 
-use crate::follow::{FollowConfig, Follower, Step};
+use crate::follow::{FollowConfig, Follower, Step, Traversal};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -63,6 +63,8 @@ const MAX_PAUSE: Duration = Duration::from_secs(5);
 const OUT_QUEUE: usize = 256;
 /// Messages waiting for a world's task; the server's own queue is the bound that counts.
 const WORLD_QUEUE: usize = 256;
+/// Passages that are told together, unless one failed.
+const REPORT_LEN: usize = 64;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
 
@@ -112,6 +114,7 @@ struct Session<'a> {
 /// What a world's task is told.
 enum WorldMessage {
     Release(Vec<u64>),
+    Ended(wire::AttemptsEnded),
     Observations(wire::ObservationBatch),
 }
 
@@ -141,6 +144,11 @@ impl Session<'_> {
                 Some(wire::work_response::Message::Release(release)) => {
                     if let Some(world) = worlds.get(&release.world_id) {
                         forward(world, WorldMessage::Release(release.npc_ids));
+                    }
+                }
+                Some(wire::work_response::Message::Ended(ended)) => {
+                    if let Some(world) = worlds.get(&ended.world_id) {
+                        forward(world, WorldMessage::Ended(ended));
                     }
                 }
                 Some(wire::work_response::Message::Observations(batch)) => {
@@ -177,6 +185,7 @@ impl Session<'_> {
             npcs: BTreeMap::new(),
             planned,
             plans,
+            traversals: Vec::new(),
             out,
         };
         tokio::spawn(world.run(messages));
@@ -272,6 +281,8 @@ struct WorldTask {
     npcs: BTreeMap<u64, Carried>,
     planned: mpsc::Sender<Planned>,
     plans: mpsc::Receiver<Planned>,
+    /// Passages along edges that the planner has not been told of.
+    traversals: Vec<Traversal>,
     out: mpsc::Sender<wire::WorkRequest>,
 }
 
@@ -284,6 +295,7 @@ impl WorldTask {
                         self.npcs.remove(&id);
                     }
                 }
+                WorldMessage::Ended(ended) => self.note_ends(&ended),
                 WorldMessage::Observations(batch) => {
                     let Some(answer) = self.decide(batch).await else { return };
                     let request = wire::WorkRequest { message: Some(wire::work_request::Message::Actions(answer)) };
@@ -325,6 +337,7 @@ impl WorldTask {
                 Step::GiveUp => gave_up.push(id),
             }
         }
+        self.report();
         self.ask_for_plans(queries).await;
         let waypoints = batch.npc_ids.iter().filter_map(|&id| {
             let position = self.npcs.get_mut(&id)?.new_waypoint.take()?;
@@ -365,7 +378,45 @@ impl WorldTask {
             // The server itself ends attempts that make no progress.
             return Step::Keep;
         }
-        carried.follower.note(feet, touched)
+        let step = carried.follower.note(feet, touched);
+        self.traversals.extend(carried.follower.take_traversals());
+        step
+    }
+
+    /// Takes note of attempts that ended: harm on an edge is laid to that edge.
+    fn note_ends(&mut self, ended: &wire::AttemptsEnded) {
+        for ((id, &attempt), outcome) in ended.npc_ids.iter().zip(&ended.attempts).zip(ended.outcomes()) {
+            let harmed = matches!(outcome, wire::Outcome::Fell | wire::Outcome::Burnt | wire::Outcome::Drowned);
+            if let Some(carried) = self.npcs.get_mut(id).filter(|carried| harmed && carried.attempt == attempt) {
+                carried.follower.note_harm();
+                self.traversals.extend(carried.follower.take_traversals());
+            }
+        }
+        self.report();
+    }
+
+    /// Tells the planner how legs went, if there is something worth telling.
+    fn report(&mut self) {
+        let is_urgent = self.traversals.iter().any(|traversal| !traversal.reached);
+        let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
+            return;
+        };
+        let graph_id = graph.graph_id.borrow().clone();
+        let traversals = std::mem::take(&mut self.traversals).into_iter().map(|traversal| {
+            let Traversal { from, to, reached, decisions } = traversal;
+            planner::Traversal { from, to, reached, decisions }
+        });
+        if graph_id.is_empty() {
+            // The planner has lost the graph that these were of.
+            return;
+        }
+        let request = planner::ReportTraversalsRequest { graph_id, traversals: traversals.collect() };
+        let mut client = graph.client.clone();
+        tokio::spawn(async move {
+            if let Ok(Err(status)) = tokio::time::timeout(PLAN_LIMIT, client.report_traversals(request)).await {
+                warn!(%status, "the planner was not told how legs went");
+            }
+        });
     }
 
     /// Asks the planner; in lockstep waits for the answer, otherwise it is taken up at a later decision.

@@ -18,7 +18,12 @@ fn plan(waypoints: &[f32]) -> Plan {
         chance: 0.9,
         ability: Ability::Walk,
     });
-    Plan { waypoints: waypoints.iter().map(|x| Vec3::new(*x, 0.0, 0.0)).collect(), legs: legs.collect(), no_path: None }
+    Plan {
+        waypoints: waypoints.iter().map(|x| Vec3::new(*x, 0.0, 0.0)).collect(),
+        legs: legs.collect(),
+        no_path: None,
+        nearest: None,
+    }
 }
 
 fn follower() -> Follower {

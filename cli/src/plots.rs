@@ -3,27 +3,34 @@
 use anyhow::anyhow;
 use plotters::prelude::*;
 use std::path::Path;
+use surefoot_agent::eval::Rate;
 use surefoot_agent::eval::suite::{PAPER, SuiteReport};
+use surefoot_agent::eval::variants::{Outcome, SWEEP_NEIGHBOURS, SWEEP_VERTICES};
 
 const SIZE: (u32, u32) = (900, 480);
-const COLOURS: [RGBColor; 6] = [
+const COLOURS: [RGBColor; 11] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 39, 40),
     RGBColor(44, 160, 44),
     RGBColor(148, 103, 189),
     RGBColor(255, 127, 14),
     RGBColor(90, 90, 90),
+    RGBColor(23, 190, 207),
+    RGBColor(188, 189, 34),
+    RGBColor(227, 119, 194),
+    RGBColor(140, 86, 75),
+    RGBColor(0, 0, 0),
 ];
 
-/// Success by straight-line distance, one line for each row; bins of fewer than 30 goals are left out.
-pub fn success_by_distance(report: &SuiteReport, path: &Path) -> anyhow::Result<()> {
+/// Success by straight-line distance, one line for each named list of bins (upper end, m); points stand `middle_m` below
+/// the upper end, bins of fewer than 30 goals are left out.
+pub fn success_by_distance(rows: &[(&str, &[(f32, Rate)])], middle_m: f32, path: &Path) -> anyhow::Result<()> {
     const FEWEST: usize = 30;
-    let lines: Vec<(&str, Vec<(f32, f64)>)> = report
-        .rows
+    let lines: Vec<(&str, Vec<(f32, f64)>)> = rows
         .iter()
-        .map(|row| {
-            let points = row.by_distance.iter().filter(|(_, rate)| rate.n >= FEWEST);
-            (row.name.as_str(), points.map(|(far, rate)| (far - 12.5, 100.0 * rate.rate)).collect())
+        .map(|(name, bins)| {
+            let points = bins.iter().filter(|(_, rate)| rate.n >= FEWEST);
+            (*name, points.map(|(far, rate)| (far - middle_m, 100.0 * rate.rate)).collect())
         })
         .collect();
     let farthest = lines.iter().flat_map(|(_, points)| points).map(|point| point.0).fold(25.0, f32::max);
@@ -89,6 +96,74 @@ pub fn generalisation(report: &SuiteReport, path: &Path) -> anyhow::Result<()> {
             .label("the paper, test maps")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 14, y)], BLACK.stroke_width(3)));
         let position = SeriesLabelPosition::LowerMiddle;
+        chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
+        Ok(())
+    })
+}
+
+/// A heat map of success over numbers of vertices and neighbours.
+pub fn sweep(outcomes: &[Outcome], path: &Path) -> anyhow::Result<()> {
+    let rates = || outcomes.iter().map(|outcome| 100.0 * outcome.report.success.all.rate);
+    let (low, high) = (rates().fold(100.0, f64::min), rates().fold(0.0, f64::max));
+    let place = |list: &[usize], value: usize| list.iter().position(|&other| other == value).unwrap_or(0) as f64;
+    draw(path, |area| {
+        let (columns, rows) = (SWEEP_VERTICES.len() as f64, SWEEP_NEIGHBOURS.len() as f64);
+        let mut chart = ChartBuilder::on(area)
+            .caption("Success in % by vertices (across) and neighbours (up)", ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..columns, 0.0..rows)?;
+        chart
+            .configure_mesh()
+            .disable_mesh()
+            .x_labels(0)
+            .y_labels(0)
+            .x_desc(format!("vertices: {SWEEP_VERTICES:?}"))
+            .y_desc(format!("neighbours: {SWEEP_NEIGHBOURS:?}"))
+            .draw()?;
+        for outcome in outcomes {
+            let (x, y) = (place(&SWEEP_VERTICES, outcome.vertices), place(&SWEEP_NEIGHBOURS, outcome.neighbours));
+            let rate = 100.0 * outcome.report.success.all.rate;
+            let warmth = (rate - low) / (high - low).max(1.0e-9);
+            let colour = RGBColor((230.0 - 170.0 * warmth) as u8, (110.0 + 90.0 * warmth) as u8, 90);
+            chart.draw_series([Rectangle::new([(x, y), (x + 1.0, y + 1.0)], colour.filled())])?;
+            let style = ("sans-serif", 20).into_font().color(&BLACK);
+            chart.draw_series([Text::new(format!("{rate:.1}"), (x + 0.38, y + 0.56), style)])?;
+        }
+        Ok(())
+    })
+}
+
+/// Build and search times over the number of vertices, one line for each number of neighbours.
+pub fn run_time(outcomes: &[Outcome], path: &Path) -> anyhow::Result<()> {
+    let graphs = || outcomes.iter().filter_map(|outcome| Some((outcome, outcome.report.graph.as_ref()?)));
+    let most = graphs().map(|(_, graph)| graph.build_s + graph.eval_s).fold(1.0, f64::max);
+    let widest = SWEEP_VERTICES[SWEEP_VERTICES.len() - 1] as f64;
+    draw(path, |area| {
+        let mut chart = ChartBuilder::on(area)
+            .caption("Build and evaluation per map (lines), search (at the points)", ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(56)
+            .build_cartesian_2d(0.0..widest * 1.1, 0.0..most * 1.1)?;
+        chart.configure_mesh().x_desc("vertices").y_desc("seconds").draw()?;
+        for (neighbours, colour) in SWEEP_NEIGHBOURS.into_iter().zip(COLOURS) {
+            let of_line = || graphs().filter(move |(outcome, _)| outcome.neighbours == neighbours);
+            let style = colour.stroke_width(2);
+            let points = of_line().map(|(outcome, graph)| (outcome.vertices as f64, graph.build_s + graph.eval_s));
+            chart
+                .draw_series(LineSeries::new(points, style).point_size(3))?
+                .label(format!("{neighbours} neighbours"))
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+            let font = ("sans-serif", 12).into_font().color(&colour);
+            let texts = of_line().map(|(outcome, graph)| {
+                let at = (outcome.vertices as f64, graph.build_s + graph.eval_s);
+                Text::new(format!("{:.1} us", graph.search_us_median), at, font.clone())
+            });
+            chart.draw_series(texts)?;
+        }
+        let position = SeriesLabelPosition::UpperLeft;
         chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
         Ok(())
     })

@@ -205,8 +205,7 @@ pub fn build_with(
 ) -> Result<Built, BuildError> {
     settings.validate()?;
     let started = Instant::now();
-    let placing =
-        Placing { context, settings, executor, progress: &progress.done, cancel: &progress.cancel };
+    let placing = Placing { context, settings, executor, progress: &progress.done, cancel: &progress.cancel };
     let draft = placement::place(&placing)?;
     progress.done.store(0, Ordering::Relaxed);
     let placing_s = started.elapsed().as_secs_f64();
@@ -221,7 +220,6 @@ pub fn build_with(
         vertices: &vertices,
         candidates: &candidates,
         repeats: settings.repeats,
-        threshold: settings.threshold,
         seed: settings.seed,
         thread_count,
         executor,

@@ -37,7 +37,10 @@ pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
     for (from, position) in (0..).zip(vertices) {
         others.clear();
         others.extend(
-            (0..).zip(vertices).filter(|&(to, _)| to != from).map(|(to, other)| (position.distance_squared(*other), to)),
+            (0..)
+                .zip(vertices)
+                .filter(|&(to, _)| to != from)
+                .map(|(to, other)| (position.distance_squared(*other), to)),
         );
         let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         if others.len() > neighbours {
@@ -51,12 +54,7 @@ pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
 }
 
 /// Candidates from the map's devices and ledges that are not among `known`, in ascending order.
-pub fn by_features(
-    map: &Map,
-    profile: &CharacterProfile,
-    vertices: &[Vec3],
-    known: &[Candidate],
-) -> Vec<Candidate> {
+pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
     let mut found = BTreeSet::new();
     let grid = PointGrid::new(vertices, BESIDE_M);
     let beside = |point: Vec3| closest(&grid, vertices, point, BESIDE_M, BESIDE, |_| true);

@@ -90,6 +90,8 @@ pub struct Evidence {
     pub ability: Ability,
     /// Chance of success that was expected before the first probe, in [0, 1]; it counts as much as one probe.
     pub prior: f32,
+    /// Factor on the price, where a designer set one; 1 otherwise.
+    pub price_factor: f32,
     /// Corners of the box around all ways taken, m; the lower is above the upper where there were none.
     pub bounds: [Vec3; 2],
 }
@@ -103,6 +105,7 @@ impl Default for Evidence {
             decisions_squared: 0.0,
             ability: Ability::Walk,
             prior: UNKNOWN_PRIOR,
+            price_factor: 1.0,
             bounds: [Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)],
         }
     }
@@ -116,6 +119,27 @@ impl Evidence {
     pub fn note_probe(&mut self, outcome: &Outcome) {
         self.note(outcome.reached, outcome.decisions, outcome.ability);
         outcome.bounds.into_iter().for_each(|corner| self.cover(corner));
+    }
+
+    /// These tries and others of the same edge; ability and prior stay.
+    pub fn and(&self, other: &Evidence) -> Self {
+        Self {
+            tries: self.tries + other.tries,
+            successes: self.successes + other.successes,
+            decisions_sum: self.decisions_sum + other.decisions_sum,
+            decisions_squared: self.decisions_squared + other.decisions_squared,
+            ..*self
+        }
+    }
+
+    /// Lets everything count half.
+    pub fn halve(&mut self) {
+        let kept = self.successes / 2;
+        let share = f64::from(kept) / f64::from(self.successes.max(1));
+        self.tries = kept + (self.tries - self.successes) / 2;
+        self.successes = kept;
+        self.decisions_sum *= share;
+        self.decisions_squared *= share;
     }
 
     /// Widens the bounds so that they hold `point`.
@@ -165,6 +189,8 @@ impl Evidence {
             && self.decisions_sum >= 0.0
             && self.decisions_squared.is_finite()
             && (0.0..=1.0).contains(&self.prior)
+            && self.price_factor > 0.0
+            && self.price_factor.is_finite()
     }
 
     /// Evidence of a leg that somebody vouches for: one success that took `decisions`.
@@ -179,9 +205,14 @@ impl Evidence {
         }
     }
 
-    /// What a search minimises: the [price] of its decisions at its chance.
+    /// What a search minimises: the [price] of its decisions at its chance, times a designer's factor.
     pub fn cost(&self) -> f64 {
-        price(self.decisions_mean(), self.chance())
+        f64::from(self.price_factor) * price(self.decisions_mean(), self.chance())
+    }
+
+    /// Whether enough tries succeeded for an edge.
+    pub fn proves(&self, threshold: f64) -> bool {
+        self.successes > 0 && self.success_rate() >= threshold
     }
 }
 
@@ -254,7 +285,7 @@ impl NavGraph {
         let edges = candidates
             .iter()
             .zip(evidence)
-            .filter(|(_, evidence)| evidence.successes > 0 && evidence.success_rate() >= threshold)
+            .filter(|(_, evidence)| evidence.proves(threshold))
             .map(|(&(from, to), &evidence)| Edge { from, to, evidence })
             .collect();
         let legs = LegModel::fit(&vertices, candidates, evidence);
@@ -333,6 +364,14 @@ impl NavGraph {
     /// Edges that leave a vertex.
     pub fn edges_from(&self, vertex: u32) -> impl Iterator<Item = &Edge> {
         self.graph.edges(NodeIndex::new(vertex as usize)).map(|edge| edge.weight())
+    }
+
+    /// The edge between two vertices, if there is one.
+    pub fn edge(&self, from: u32, to: u32) -> Option<&Edge> {
+        let count = self.vertex_count() as u32;
+        let edge = (from < count && to < count)
+            .then(|| self.graph.find_edge(NodeIndex::new(from as usize), NodeIndex::new(to as usize)))??;
+        self.graph.edge_weight(edge)
     }
 
     /// Whether any proved edge leaves a vertex.

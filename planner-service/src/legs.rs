@@ -39,11 +39,7 @@ pub struct LegEstimate {
 impl Default for LegModel {
     /// Fitted to probes of the shipped reactive policy on training maps; for graphs with too few probes of their own.
     fn default() -> Self {
-        Self {
-            success: [3.0, -0.6, 0.0, -1.0, -0.4, -0.3],
-            decisions: [3.0, 13.0, 0.0, 6.0, 0.0, 1.0],
-            range_m: 30.0,
-        }
+        Self { success: [3.0, -0.6, 0.0, -1.0, -0.4, -0.3], decisions: [3.0, 13.0, 0.0, 6.0, 0.0, 1.0], range_m: 30.0 }
     }
 }
 

@@ -8,17 +8,22 @@
 pub mod build;
 pub mod cache;
 pub mod candidates;
+pub mod edits;
+pub mod export;
 pub mod graph;
 mod grid;
 pub mod legs;
+pub mod live;
 pub mod placement;
 mod predictor;
 pub mod probe;
 pub mod prove;
+pub mod reachability;
 mod regression;
 pub mod search;
 pub mod service;
 mod table;
+pub mod update;
 
 pub use build::{BuildError, BuildSettings, BuildStats, Built, build};
 pub use graph::{Ability, Edge, NavGraph};

@@ -125,7 +125,8 @@ impl<'a> Predictor<'a> {
         index: &'a HashMap<Candidate, u32>,
         evidence: &[Evidence],
     ) -> Self {
-        let (mut leaving, mut reaching) = (vec![Record::default(); vertex_count], vec![Record::default(); vertex_count]);
+        let (mut leaving, mut reaching) =
+            (vec![Record::default(); vertex_count], vec![Record::default(); vertex_count]);
         let mut all = Record::default();
         for (&(from, to), evidence) in candidates.iter().zip(evidence) {
             leaving[from as usize].add(evidence);
@@ -133,8 +134,7 @@ impl<'a> Predictor<'a> {
             all.add(evidence);
         }
         let mean = (all.successes + SMOOTHING) / (all.tries + 2.0 * SMOOTHING);
-        let mut predictor =
-            Self { candidates, geometry, weights: [0.0; FEATURES], leaving, reaching, index, mean };
+        let mut predictor = Self { candidates, geometry, weights: [0.0; FEATURES], leaving, reaching, index, mean };
         let mut regression = Logistic::default();
         for (idx, own) in evidence.iter().enumerate().filter(|(_, own)| own.tries > 0) {
             let failures = f64::from(own.tries - own.successes);

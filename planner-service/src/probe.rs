@@ -70,13 +70,7 @@ pub trait ProbeExecutor {
     /// Runs each trial and returns its outcome, in the order of the trials; equal seeds give equal outcomes.
     ///
     /// `progress` counts finished trials. `None` if `cancel` was set before the last one finished.
-    fn run(
-        &self,
-        trials: &[Trial],
-        seed: u64,
-        progress: &AtomicU64,
-        cancel: &AtomicBool,
-    ) -> Option<Vec<Outcome>>;
+    fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>>;
 }
 
 /// Probes in this process on all cores; equal results for any number of them.
@@ -89,13 +83,7 @@ pub struct InProcess {
 }
 
 impl ProbeExecutor for InProcess {
-    fn run(
-        &self,
-        trials: &[Trial],
-        seed: u64,
-        progress: &AtomicU64,
-        cancel: &AtomicBool,
-    ) -> Option<Vec<Outcome>> {
+    fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>> {
         // Chunks do not depend on the number of threads, since what shares a batch may.
         let chunk_len = (trials.len() / 8).clamp(MIN_CHUNK, MAX_CHUNK);
         let chunks: Vec<&[Trial]> = trials.chunks(chunk_len).collect();
@@ -113,8 +101,7 @@ impl ProbeExecutor for InProcess {
                 });
             }
         });
-        let outcomes: Option<Vec<Vec<Outcome>>> =
-            results.into_inner().expect("no probe panics").into_iter().collect();
+        let outcomes: Option<Vec<Vec<Outcome>>> = results.into_inner().expect("no probe panics").into_iter().collect();
         outcomes.map(|chunks| chunks.into_iter().flatten().collect())
     }
 }

@@ -48,8 +48,6 @@ pub struct Proving<'a> {
     pub candidates: &'a [Candidate],
     /// Most tries per candidate.
     pub repeats: u32,
-    /// Share of tries that must succeed.
-    pub threshold: f64,
     /// Seed of headings and noise.
     pub seed: u64,
     /// Threads for what is not probing.
@@ -76,7 +74,7 @@ const UNLIKELY: f64 = 0.4;
 const BRIDGE_SHARE: usize = 8;
 
 /// An edge is needless if proved ones lead to its end for at most so many times its own expected cost.
-const NEEDLESS: f64 = 1.0;
+const NEEDLESS: f64 = 0.85;
 
 /// Names the random stream of one try of one candidate.
 fn stream((from, to): Candidate, attempt: u32) -> u64 {
@@ -122,9 +120,8 @@ impl Proving<'_> {
         let geometry = self.look_at_all();
         let index: HashMap<Candidate, u32> =
             self.candidates.iter().zip(0..).map(|(&candidate, idx)| (candidate, idx)).collect();
-        let fit = |evidence: &[Evidence]| {
-            Predictor::fit(self.vertices.len(), self.candidates, &geometry, &index, evidence)
-        };
+        let fit =
+            |evidence: &[Evidence]| Predictor::fit(self.vertices.len(), self.candidates, &geometry, &index, evidence);
         let mut hopeless = Vec::new();
         for (round, candidates) in self.by_distance().into_iter().enumerate() {
             if round == 0 {
@@ -242,8 +239,9 @@ impl Proving<'_> {
                 .candidates
                 .chunks(per_thread)
                 .map(|chunk| {
-                    let look_at =
-                        |&(from, to): &Candidate| look(self.map, self.vertices[from as usize], self.vertices[to as usize]);
+                    let look_at = |&(from, to): &Candidate| {
+                        look(self.map, self.vertices[from as usize], self.vertices[to as usize])
+                    };
                     scope.spawn(move || chunk.iter().map(look_at).collect::<Vec<_>>())
                 })
                 .collect();

@@ -141,7 +141,7 @@ mod tests {
             for idx in -200..=200 {
                 let x = f64::from(idx) / 50.0;
                 let chance = sigmoid(0.5 + slope * x);
-                fit.add([1.0, x], 50.0 * chance, 50.0 * (1.0 - chance));
+                fit.add([1.0, x], 5000.0 * chance, 5000.0 * (1.0 - chance));
             }
             let found = fit.fit();
             assert!((found[0] - 0.5).abs() < 0.1 && (found[1] / slope - 1.0).abs() < 0.05, "{slope}: {found:?}");

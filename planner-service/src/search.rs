@@ -261,8 +261,7 @@ impl Router {
         repriced: &Repriced,
     ) -> Option<Path> {
         const NONE: u32 = u32::MAX;
-        let ends: Vec<(Vec3, f32)> =
-            goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
+        let ends: Vec<(Vec3, f32)> = goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
         let least_left = |vertex: u32| {
             let at = self.graph.position(vertex);
             ends.iter().map(|(end, exit)| at.distance(*end) / self.metres_per_cost + exit).fold(f32::INFINITY, f32::min)

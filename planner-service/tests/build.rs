@@ -5,10 +5,13 @@ use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use surefoot_planner::build::{BuildError, GraphId, Progress, build};
+use surefoot_planner::candidates;
 use surefoot_planner::probe::ProbeContext;
-use surefoot_planner::{BuildSettings, Placement, vertices};
+use surefoot_planner::{BuildSettings, NavGraph, Placement, Probing, Query, Router};
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, Map, MapSpec};
+use surefoot_world::map::{MapSize, Pad, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
 
 fn context() -> ProbeContext {
     ProbeContext {
@@ -18,8 +21,17 @@ fn context() -> ProbeContext {
     }
 }
 
-const SETTINGS: BuildSettings =
-    BuildSettings { placement: Placement::Spaced, vertices: 30, neighbours: 6, repeats: 2, threshold: 0.5, seed: 4 };
+/// The paper's way: every candidate, every time.
+const SETTINGS: BuildSettings = BuildSettings {
+    placement: Placement::Spaced,
+    vertices: 30,
+    neighbours: 6,
+    repeats: 2,
+    threshold: 0.5,
+    seed: 4,
+    probing: Probing::Exhaustive,
+    special_moves: false,
+};
 
 #[test]
 fn a_build_proves_edges_and_does_not_depend_on_the_number_of_threads() {
@@ -28,8 +40,8 @@ fn a_build_proves_edges_and_does_not_depend_on_the_number_of_threads() {
     let one = build(&context, &SETTINGS, 1, &progress).unwrap();
     let three = build(&context, &SETTINGS, 3, &Progress::default()).unwrap();
     assert_eq!(one.graph.to_data(), three.graph.to_data());
-    assert_eq!(one.probes, 30 * 6 * 2);
-    assert_eq!(progress.done.load(Ordering::Relaxed), one.probes);
+    assert_eq!(one.stats.probes, 30 * 6 * 2);
+    assert_eq!(progress.done.load(Ordering::Relaxed), one.stats.probes);
     assert!(one.graph.edge_count() > 90, "only {} of 180 candidates were proved", one.graph.edge_count());
     for edge in one.graph.edges() {
         assert!(
@@ -38,24 +50,111 @@ fn a_build_proves_edges_and_does_not_depend_on_the_number_of_threads() {
     }
 }
 
-#[test]
-fn spaced_vertices_keep_their_distance_where_random_ones_do_not() {
-    let context = context();
-    let nearest = |points: &[surefoot_world::Vec3]| {
-        let mut best = f32::INFINITY;
-        for (idx, point) in points.iter().enumerate() {
-            for other in &points[idx + 1..] {
-                best = best.min(point.distance(*other));
-            }
+fn nearest_pair(graph: &NavGraph) -> f32 {
+    let mut best = f32::INFINITY;
+    for a in 0..graph.vertex_count() as u32 {
+        for b in a + 1..graph.vertex_count() as u32 {
+            best = best.min(graph.position(a).distance(graph.position(b)));
         }
-        best
+    }
+    best
+}
+
+#[test]
+fn every_builder_joins_most_of_a_small_map() {
+    let context = context();
+    let points = navigable::sample_many(&context.map, &context.profile, 60, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+    let mut nearest = Vec::new();
+    for placement in Placement::ALL {
+        let settings = BuildSettings { placement, vertices: 40, ..SETTINGS };
+        let built = build(&context, &settings, 2, &Progress::default()).unwrap();
+        let graph = &built.graph;
+        let name = placement.name();
+        assert_eq!(Placement::from_name(name), Some(placement));
+        assert_eq!(graph.vertex_count(), 40, "{name}");
+        assert!(graph.connected_share() > 0.5, "{name}: {:.2} connected", graph.connected_share());
+        assert!(built.stats.probes > 0, "{name}");
+        // What the probes took is kept with the edge.
+        let spread = graph.edges().filter(|edge| edge.evidence.bounds[1].x >= edge.evidence.bounds[0].x).count();
+        assert_eq!(spread, graph.edge_count(), "{name}");
+        let router = Router::new(graph.clone(), 4096, 1);
+        let found = points
+            .chunks_exact(2)
+            .filter(|pair| {
+                let query = Query { start: pair[0], goal: pair[1], avoid: Vec::new() };
+                router.find_path(&query).no_path.is_none()
+            })
+            .count();
+        assert!(found >= 20, "{name}: plans for {found} of 30 goals");
+        nearest.push(nearest_pair(graph));
+    }
+    // Random, then spaced.
+    assert!(nearest[1] > 4.0 && nearest[0] < nearest[1], "{nearest:?}");
+}
+
+#[test]
+fn builders_that_run_the_policy_do_not_depend_on_the_number_of_threads_either() {
+    let context = context();
+    for placement in [Placement::Trajectories, Placement::FloodGrandchildren] {
+        let settings = BuildSettings { placement, ..SETTINGS };
+        let one = build(&context, &settings, 1, &Progress::default()).unwrap();
+        let two = build(&context, &settings, 2, &Progress::default()).unwrap();
+        assert_eq!(one.graph.to_data(), two.graph.to_data(), "{}", placement.name());
+    }
+}
+
+#[test]
+fn frugal_probing_saves_probes_and_loses_no_connection() {
+    let context = context();
+    let settings = BuildSettings { vertices: 80, neighbours: 16, ..SETTINGS };
+    let all = build(&context, &settings, 2, &Progress::default()).unwrap();
+    let frugal = BuildSettings { probing: Probing::Frugal, ..settings };
+    let few = build(&context, &frugal, 2, &Progress::default()).unwrap();
+    assert!(few.stats.probes * 10 < all.stats.probes * 7, "{} of {} probes", few.stats.probes, all.stats.probes);
+    assert!(few.stats.untried > 0);
+    let (less, more) = (few.graph.connected_share(), all.graph.connected_share());
+    assert!(less > more - 0.03, "{less:.3} instead of {more:.3} of pairs connected");
+}
+
+/// A pad at the foot of a cliff, too high for two jumps, with ground on both sides.
+fn cliff() -> Map {
+    let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let mut triangles = Vec::new();
+    let mut quad = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| {
+        for corners in [[a, b, c], [a, c, d]] {
+            triangles.push(Triangle::new(corners, Surface::Ground).unwrap());
+        }
     };
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let spaced = vertices::spaced(&context.map, &context.profile, 40, &mut rng).unwrap();
-    let random = vertices::random(&context.map, &context.profile, 40, &mut rng).unwrap();
-    assert_eq!((spaced.len(), random.len()), (40, 40));
-    assert!(nearest(&spaced) > 5.0, "{}", nearest(&spaced));
-    assert!(nearest(&random) < nearest(&spaced));
+    quad(corner(0.0, 5.0, 0.0), corner(0.0, 5.0, 60.0), corner(30.0, 5.0, 60.0), corner(30.0, 5.0, 0.0));
+    quad(corner(30.0, 13.0, 0.0), corner(30.0, 13.0, 60.0), corner(60.0, 13.0, 60.0), corner(60.0, 13.0, 0.0));
+    quad(corner(30.0, 5.0, 0.0), corner(30.0, 5.0, 60.0), corner(30.0, 13.0, 60.0), corner(30.0, 13.0, 0.0));
+    let size = MapSize { width: 60, height: 40, depth: 60 };
+    let speed = (2.0f32 * 20.0 * 18.0).sqrt();
+    let pads = vec![Pad { centre: Vec3::new(22.0, 5.0, 30.0), speed }];
+    Map::from_parts(size, triangles, Placed { pads, ..Placed::default() })
+}
+
+#[test]
+fn a_pad_is_joined_to_its_landing_without_luck() {
+    let context = ProbeContext { map: Arc::new(cliff()), ..context() };
+    // Two neighbours each: the nearest lie on the same level.
+    let settings = BuildSettings { vertices: 40, neighbours: 2, special_moves: true, seed: 1, ..SETTINGS };
+    let up = |graph: &NavGraph| {
+        graph.edges().filter(|edge| graph.position(edge.to).y - graph.position(edge.from).y > 6.0).count()
+    };
+    let with = build(&context, &settings, 2, &Progress::default()).unwrap();
+    assert!(with.stats.special > 0);
+    let vertices = with.graph.to_data().vertices;
+    let special = candidates::by_features(&context.map, &context.profile, &vertices, &[]);
+    let pad = Vec3::new(22.0, 5.0, 30.0);
+    let thrown = special
+        .iter()
+        .filter(|&&(from, to)| vertices[from as usize].distance(pad) < 14.0 && vertices[to as usize].y > 12.0);
+    assert!(thrown.count() >= 3, "{special:?}");
+    assert!(up(&with.graph) > 0, "no edge leads up");
+    let without =
+        build(&context, &BuildSettings { special_moves: false, ..settings }, 2, &Progress::default()).unwrap();
+    assert!(up(&without.graph) < up(&with.graph));
 }
 
 #[test]

@@ -84,13 +84,7 @@ impl Policy {
     ///
     /// # Panics
     /// If `observations` is not a whole number of rows, or `memory` or `noise` not as many.
-    pub fn act_with_noise(
-        &self,
-        observations: &[f32],
-        memory: &mut [f32],
-        noise: Vec<f32>,
-        actions: &mut Vec<Action>,
-    ) {
+    pub fn act_with_noise(&self, observations: &[f32], memory: &mut [f32], noise: Vec<f32>, actions: &mut Vec<Action>) {
         assert_eq!(observations.len() % OBSERVATION_LEN, 0, "whole observation rows");
         actions.clear();
         let row_count = observations.len() / OBSERVATION_LEN;

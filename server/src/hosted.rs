@@ -508,6 +508,15 @@ impl HostedWorld {
         record.awaiting = None;
         record.last_outcome = Some(end);
         self.world.clear_goal(record.slot);
+        if let Some(worker) = record.worker {
+            let ended = wire::AttemptsEnded {
+                world_id: self.id,
+                npc_ids: vec![id],
+                attempts: vec![record.attempts],
+                outcomes: vec![convert::outcome(Some(end)).into()],
+            };
+            self.registry.send(worker, response(wire::work_response::Message::Ended(ended)));
+        }
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
     }

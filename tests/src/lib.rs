@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::path::Path;
 use surefoot_agent::work::{WorkConfig, WorkError, work};
-use surefoot_planner::cache::DiskStore;
+use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner::service::{self as planner_service, PlannerConfig};
 use surefoot_policy::Policy;
 use surefoot_proto::planner::v1 as planner;
@@ -49,7 +49,7 @@ pub fn start_server(config: ServerConfig) -> Running {
 /// Starts a planner with its cache in `folder`.
 pub fn start_planner(folder: &Path, config: PlannerConfig) -> Running {
     let (endpoint, shutdown) = (Endpoint::bind(free_port()).expect("a free port"), Shutdown::default());
-    let store = DiskStore::open(folder).expect("a cache folder");
+    let store = DiskStore::open(folder, DEFAULT_LIMIT_BYTES).expect("a cache folder");
     let (policy, stop) = (Policy::shipped().expect("shipped weights"), shutdown.clone());
     let uri = format!("http://{}", endpoint.address());
     let task = tokio::spawn(async move {

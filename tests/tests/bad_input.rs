@@ -219,7 +219,7 @@ async fn the_planner_refuses_what_it_cannot_use() {
         "settings.threshold",
     );
     refused(
-        client.build_graph(build(plan::BuildSettings { placement: 7, ..small_graph() })).await,
+        client.build_graph(build(plan::BuildSettings { placement: 99, ..small_graph() })).await,
         Code::InvalidArgument,
         "settings.placement",
     );

@@ -157,7 +157,7 @@ async fn after_a_restart_the_planner_answers_from_its_cache() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let (id, built) = build_graph(&mut planner_client(&planner).await, 7).await;
-    assert!(!built.cached && built.probes == 50 * 8);
+    assert!(!built.cached && built.probes > 0 && built.candidates >= 50 * 8);
     planner.stop().await;
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
@@ -172,7 +172,7 @@ async fn many_requests_for_one_graph_share_one_build() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig { max_builds: 1, ..PlannerConfig::default() });
     let client = planner_client(&planner).await;
-    let requests: Vec<_> = (0..50)
+    let requests: Vec<_> = (0..200)
         .map(|_| {
             let mut client = client.clone();
             tokio::spawn(async move { build_graph(&mut client, 8).await })
@@ -182,7 +182,7 @@ async fn many_requests_for_one_graph_share_one_build() {
     for request in requests {
         ids.insert(request.await.unwrap().0);
     }
-    assert_eq!(ids.len(), 1, "with room for one build only, all fifty were answered by it");
+    assert_eq!(ids.len(), 1, "with room for one build only, all two hundred were answered by it");
     planner.stop().await;
 }
 

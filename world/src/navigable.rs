@@ -82,6 +82,25 @@ pub fn sample_many(
     (0..count).map(|_| sample(map, profile, rng, &mut scratch)).collect()
 }
 
+/// Where the character comes to stand on the floor nearest to `point`, at most `rise` metres higher or lower.
+pub fn stand_at(
+    map: &Map,
+    profile: &CharacterProfile,
+    point: Vec3,
+    rise: f32,
+    scratch: &mut MoveScratch,
+) -> Option<Vec3> {
+    let extent = map.extent();
+    if !(0.0..extent.x).contains(&point.x) || !(0.0..extent.z).contains(&point.z) {
+        return None;
+    }
+    let (floors, floor_count) = floors(map, profile, point.x, point.z);
+    let offset = |floor: &Vec3| (floor.y - point.y).abs();
+    let nearest =
+        floors[..floor_count].iter().map(|(floor, _)| *floor).min_by(|a, b| offset(a).total_cmp(&offset(b)))?;
+    if offset(&nearest) <= rise { settle(map, profile, nearest, scratch) } else { None }
+}
+
 /// A place to stand within `reach` metres of the column over `point` and at most `rise` metres higher or lower, the
 /// nearest of sixteen tried around it.
 pub fn stand_near(

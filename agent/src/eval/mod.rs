@@ -1,11 +1,13 @@
 //! The paper's evaluation protocol: random goals on whole maps, success by difficulty, failures by their end.
 //!
 //! An evaluation is a list of [units](unit), one for each map and seed, that can be kept on disk and taken up again; a
-//! [report](report) sums them up. [`suite`] runs the rows of the paper's table.
+//! [report](report) sums them up. [`suite`] runs the rows of the paper's table, [`variants`]
+//! many graphs on one split.
 
 pub mod report;
 pub mod suite;
 pub mod unit;
+pub mod variants;
 
 pub use report::{Rate, Report, Success};
 

@@ -177,7 +177,8 @@ fn rate<'u>(units: impl Iterator<Item = &'u Unit>, third: Option<usize>) -> Rate
     Rate::of(reached, n)
 }
 
-fn graph_figures(units: &[Unit]) -> Option<GraphFigures> {
+/// Mean figures of the graphs; none where no graph was used.
+pub fn graph_figures(units: &[Unit]) -> Option<GraphFigures> {
     let graphs: Vec<&GraphFigures> = units.iter().filter_map(|unit| unit.graph.as_ref()).collect();
     let mean =
         |value: fn(&GraphFigures) -> f64| graphs.iter().map(|&graph| value(graph)).sum::<f64>() / graphs.len() as f64;
@@ -192,4 +193,17 @@ fn graph_figures(units: &[Unit]) -> Option<GraphFigures> {
         search_us_median: mean(|graph| graph.search_us_median),
         eval_s: mean(|graph| graph.eval_s),
     })
+}
+
+/// Success by distance, in bins of `bin_m` metres: upper end of each, m.
+pub fn by_distance(units: &[Unit], bin_m: f32) -> Vec<(f32, Rate)> {
+    let mut counts: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
+    for unit in units {
+        for (distance, attempt) in unit.distances.iter().zip(&unit.attempts) {
+            let (reached, n) = counts.entry((distance / bin_m) as usize).or_default();
+            *reached += usize::from(attempt.end == End::Reached);
+            *n += 1;
+        }
+    }
+    counts.into_iter().map(|(bin, (reached, n))| ((bin + 1) as f32 * bin_m, Rate::of(reached, n))).collect()
 }

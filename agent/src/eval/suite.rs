@@ -1,8 +1,9 @@
 //! The paper's table with our rows beside it.
 
 use super::report::{self, Rate, Success};
-use super::unit::Unit;
+use super::unit::{GraphFigures, Unit};
 use super::{EvalConfig, EvalError, Method, run_units};
+use crate::follow::Fault;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
@@ -72,6 +73,12 @@ pub struct Row {
     pub spread: Option<f64>,
     /// Attempts by how they ended.
     pub ends: BTreeMap<String, usize>,
+    /// Failed attempts by plan by what they were doing.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub faults: BTreeMap<String, usize>,
+    /// Mean figures of the graphs, where graphs are used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub graph: Option<GraphFigures>,
     /// Path efficiency: mean over all goals of success times the shortest way that any row found, over the way taken.
     pub efficiency: f64,
     /// Mean seconds of successful attempts.
@@ -184,23 +191,13 @@ impl Outcome<'_> {
             success: report::success(units),
             spread: report::spread(units, seeds),
             ends: report::count_ends(units),
+            faults: report::count_faults(units),
+            graph: report::graph_figures(units),
             efficiency: efficiency / attempt_count.max(1) as f64,
             seconds_to_goal: report::seconds_to_goal(units),
-            by_distance: by_distance(units),
+            by_distance: report::by_distance(units, BIN_M),
         }
     }
-}
-
-fn by_distance(units: &[Unit]) -> Vec<(f32, Rate)> {
-    let mut counts: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
-    for unit in units {
-        for (distance, attempt) in unit.distances.iter().zip(&unit.attempts) {
-            let (reached, n) = counts.entry((distance / BIN_M) as usize).or_default();
-            *reached += usize::from(attempt.end == End::Reached);
-            *n += 1;
-        }
-    }
-    counts.into_iter().map(|(bin, (reached, n))| ((bin + 1) as f32 * BIN_M, Rate::of(reached, n))).collect()
 }
 
 impl SuiteReport {
@@ -244,6 +241,35 @@ impl SuiteReport {
         for row in &self.rows {
             let counts = End::ALL.map(|end| row.ends[end.name()].to_string());
             writeln!(text, "| {} | {} |", row.name, counts.join(" | ")).expect("a String takes everything");
+        }
+        text += &self.faults();
+        text
+    }
+
+    /// What rows with plans failed at, and what their graphs took.
+    fn faults(&self) -> String {
+        let rows = || self.rows.iter().filter_map(|row| Some((row, row.graph.as_ref()?)));
+        if rows().next().is_none() {
+            return String::new();
+        }
+        let mut text = "\n| failures by plan | ".to_owned();
+        text += &Fault::ALL.map(|fault| fault.name().replace('_', " ")).join(" | ");
+        text += " | vertices | edges | probes | islands | pairs connected | search |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+        for (row, graph) in rows() {
+            let counts = Fault::ALL.map(|fault| row.faults.get(fault.name()).copied().unwrap_or(0).to_string());
+            writeln!(
+                text,
+                "| {} | {} | {:.0} | {:.0} | {:.0} | {:.1} | {:.1} % | {:.1} us |",
+                row.name,
+                counts.join(" | "),
+                graph.vertices,
+                graph.edges,
+                graph.probes,
+                graph.islands,
+                100.0 * graph.connected,
+                graph.search_us_median,
+            )
+            .expect("a String takes everything");
         }
         text
     }

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use surefoot_agent::eval::suite::{self, Entry};
+use surefoot_agent::eval::variants::{self, Variant};
 use surefoot_agent::eval::{EvalConfig, Method, Rate, Report, evaluate};
 use surefoot_agent::rollout::DEFAULT_NOISE_SHARE;
 use surefoot_planner::{BuildSettings, Placement, Probing};
@@ -17,11 +18,12 @@ use surefoot_world::MapSpec;
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map"
 )]
 pub struct Args {
-    /// Run a whole table instead: the paper's rows for which --models holds weights, on the test maps
-    #[arg(long, value_parser = ["paper"], conflicts_with_all = ["method", "maps", "model", "distance"])]
+    /// Run a whole table instead: the paper's rows on the test maps for which --models holds weights (paper), graphs of
+    /// growing size on the validation maps (sweep), or the 1 km map with graphs and without (big-map)
+    #[arg(long, value_parser = ["paper", "sweep", "big-map"], conflicts_with_all = ["method", "maps", "model", "distance"])]
     suite: Option<String>,
     /// Folder of the suite's models
     #[arg(long, value_name = "FOLDER", default_value = "models")]
@@ -68,8 +70,11 @@ const UNITS: &str = "units";
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = args.config()?;
-    if args.suite.is_some() {
-        return run_suite(args, &config);
+    match args.suite.as_deref() {
+        Some("paper") => return run_suite(args, &config),
+        Some("sweep") => return run_sweep(args, &config),
+        Some(_) => return run_big_map(args, &config),
+        None => {}
     }
     let policy = load_policy(args.model.as_deref())?;
     let bar = progress_bar((config.maps.len() * config.seeds.len() * config.goals) as u64, "evaluating");
@@ -138,12 +143,8 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
         ("flood graph with grandchild edges", Placement::FloodGrandchildren),
     ];
     for (name, placement) in rows {
-        let settings = BuildSettings {
-            probing: Probing::Exhaustive,
-            special_moves: false,
-            placement,
-            ..args.graph.settings()
-        };
+        let settings =
+            BuildSettings { probing: Probing::Exhaustive, special_moves: false, placement, ..args.graph.settings() };
         push(name, Method::Graph(settings), on_all(reactive.clone()));
     }
     push("ours: frugal, with special moves", Method::Graph(args.graph.settings()), on_all(reactive));
@@ -172,15 +173,86 @@ fn run_suite(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn write_suite(report: &suite::SuiteReport, folder: &Path) -> anyhow::Result<()> {
-    let write = |name: &str, text: &str| {
-        let path = folder.join(name);
-        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
-    };
+/// Success over numbers of vertices and neighbours, and what they take.
+fn run_sweep(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
+    let base = EvalConfig { maps: parse_maps("validation", args.size)?, ..base.clone() };
+    let policy = load_policy(Some(&args.models.join("general-reactive")))?;
+    let outcomes = run_variants(args, &base, &variants::sweep(&policy), 25.0)?;
+    if let Some(folder) = &args.out {
+        plots::sweep(&outcomes, &folder.join("success.svg"))?;
+        plots::run_time(&outcomes, &folder.join("run-time.svg"))?;
+    }
+    Ok(())
+}
+
+/// Side and seed of the large map (the paper: 1 km).
+const BIG_MAP: (u64, u32) = (3000, 1000);
+/// Vertices of its graphs, as in the paper.
+const BIG_VERTICES: [usize; 4] = [200, 400, 800, 1600];
+/// Neighbours that each vertex is tried against.
+const BIG_NEIGHBOURS: usize = 20;
+
+/// The 1 km map: the policy that was trained on it with graphs of growing size, then the general one.
+fn run_big_map(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
+    let (seed, side) = BIG_MAP;
+    let base = EvalConfig { maps: parse_maps(&seed.to_string(), side)?, ..base.clone() };
+    let specific = load_policy(Some(&args.models.join(format!("lstm-map-{seed}"))))?;
+    let general = load_policy(Some(&args.models.join("general-reactive")))?;
+    let graph =
+        |vertices| Method::Graph(BuildSettings { vertices, neighbours: BIG_NEIGHBOURS, ..args.graph.settings() });
+    let mut entries = vec![Variant { name: "no graph".to_owned(), policy: specific.clone(), method: Method::Policy }];
+    for vertices in BIG_VERTICES {
+        let name = format!("{vertices} vertices");
+        entries.push(Variant { name, policy: specific.clone(), method: graph(vertices) });
+    }
+    let most = BIG_VERTICES[BIG_VERTICES.len() - 1];
+    let name = format!("{most} vertices, general weights");
+    entries.push(Variant { name, policy: general, method: graph(most) });
+    let outcomes = run_variants(args, &base, &entries, 100.0)?;
+    if let Some(folder) = &args.out {
+        let lines = outcomes.iter().map(|outcome| (outcome.name.as_str(), outcome.by_distance.as_slice()));
+        plots::success_by_distance(&lines.collect::<Vec<_>>(), 50.0, &folder.join("success-by-distance.svg"))?;
+    }
+    Ok(())
+}
+
+fn run_variants(
+    args: &Args,
+    base: &EvalConfig,
+    entries: &[Variant],
+    bin_m: f32,
+) -> anyhow::Result<Vec<variants::Outcome>> {
+    let bar = progress_bar(1, "evaluating");
+    let outcomes = variants::run(entries, base, bin_m, |name, done, total| {
+        bar.set_message(name.to_owned());
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    let table = variants::markdown(&outcomes);
+    if let Some(folder) = &args.out {
+        write_into(folder, "results.json", &serde_json::to_string_pretty(&outcomes)?)?;
+        write_into(folder, "table.md", &table)?;
+    }
+    if args.json {
+        print_json(&outcomes)?;
+    } else {
+        print!("{table}");
+    }
+    Ok(outcomes)
+}
+
+fn write_into(folder: &Path, name: &str, text: &str) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    write("results.json", &serde_json::to_string_pretty(report)?)?;
-    write("table.md", &report.markdown())?;
-    plots::success_by_distance(report, &folder.join("success-by-distance.svg"))?;
+    let path = folder.join(name);
+    std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn write_suite(report: &suite::SuiteReport, folder: &Path) -> anyhow::Result<()> {
+    write_into(folder, "results.json", &serde_json::to_string_pretty(report)?)?;
+    write_into(folder, "table.md", &report.markdown())?;
+    let lines = report.rows.iter().map(|row| (row.name.as_str(), row.by_distance.as_slice()));
+    plots::success_by_distance(&lines.collect::<Vec<_>>(), 12.5, &folder.join("success-by-distance.svg"))?;
     plots::generalisation(report, &folder.join("generalisation.svg"))
 }
 

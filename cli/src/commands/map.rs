@@ -37,20 +37,20 @@ pub enum Command {
 }
 
 /// Which map.
-#[derive(clap::Args)]
-struct Source {
+#[derive(clap::Args, Clone)]
+pub(super) struct Source {
     /// Seed of a generated map, or the file of a saved one
     #[arg(value_name = "SEED|FILE")]
-    map: String,
+    pub map: String,
     /// Side in metres of a generated map, 50 to 1000
     #[arg(long, default_value_t = 250, value_name = "METRES")]
-    size: u32,
+    pub size: u32,
     /// Height in metres of a generated map, 40 to 200
     #[arg(long, default_value_t = 80, value_name = "METRES")]
-    height: u32,
+    pub height: u32,
     /// Features of a generated map: paper, all or none, then changes, such as all,lava=0,zip_lines=2
     #[arg(long, default_value = "paper", value_name = "LIST", value_parser = parse_features)]
-    features: Features,
+    pub features: Features,
 }
 
 fn parse_features(text: &str) -> Result<Features, String> {
@@ -58,7 +58,7 @@ fn parse_features(text: &str) -> Result<Features, String> {
 }
 
 impl Source {
-    fn load(&self) -> anyhow::Result<Map> {
+    pub fn load(&self) -> anyhow::Result<Map> {
         let Ok(seed) = self.map.parse::<u64>() else {
             let path = Path::new(&self.map);
             let bytes = std::fs::read(path)

@@ -5,7 +5,7 @@ use anyhow::Context;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use surefoot_agent::work::{WorkConfig, work};
-use surefoot_planner::cache::DiskStore;
+use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner::service::{self as planner, PlannerConfig, settings_to_wire};
 use surefoot_planner::{BuildSettings, Placement, Probing};
 use surefoot_proto::planner::v1 as wire;
@@ -53,9 +53,8 @@ pub struct PlanArgs {
     /// Address for gRPC, gRPC-Web and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7601", env = "SUREFOOT_LISTEN")]
     listen: SocketAddr,
-    /// Folder of the graph cache; default: surefoot in the user's cache folder
-    #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
-    cache: Option<PathBuf>,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
@@ -74,6 +73,37 @@ pub struct PlanArgs {
     /// Graphs kept in memory
     #[arg(long, default_value_t = PlannerConfig::default().graphs_in_memory, value_name = "N")]
     graphs_in_memory: usize,
+    /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair
+    #[arg(long, default_value_t = PlannerConfig::default().table_vertices, value_name = "N")]
+    table_vertices: usize,
+}
+
+/// Where graphs are kept.
+#[derive(clap::Args, Clone)]
+pub struct CacheArgs {
+    /// Folder of the graph cache; default: surefoot in the user's cache folder
+    #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
+    cache: Option<PathBuf>,
+    /// Size that the cache may grow to; graphs that were not used for longest make room
+    #[arg(long, default_value_t = DEFAULT_LIMIT_BYTES >> 20, value_name = "MIB")]
+    cache_size: u64,
+}
+
+impl CacheArgs {
+    /// The folder chosen, or `surefoot` in the user's cache folder.
+    pub fn folder(&self) -> anyhow::Result<PathBuf> {
+        if let Some(folder) = &self.cache {
+            return Ok(folder.clone());
+        }
+        let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
+        let base = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
+        Ok(base.context("neither XDG_CACHE_HOME nor HOME is set: choose a folder with --cache")?.join("surefoot"))
+    }
+
+    /// Opens the cache.
+    pub fn open(&self) -> anyhow::Result<DiskStore> {
+        Ok(DiskStore::open(&self.folder()?, self.cache_size.saturating_mul(1 << 20))?)
+    }
 }
 
 /// Carry NPCs of a world server: decide for them with the policy, along plans of a planner.
@@ -186,14 +216,15 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
 
 pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     let policy = load_policy(args.model.as_deref())?;
-    let folder = cache_folder(args.cache.as_deref())?;
-    let store = DiskStore::open(&folder)?;
+    let folder = args.cache.folder()?;
+    let store = args.cache.open()?;
     let config = PlannerConfig {
         max_vertices: args.max_vertices,
         max_queries: args.max_queries,
         max_builds: args.max_builds,
         graphs_in_memory: args.graphs_in_memory,
         threads: args.threads.unwrap_or_else(core_count),
+        table_vertices: args.table_vertices,
     };
     run_until_signal(|shutdown| async move {
         let endpoint = Endpoint::bind(args.listen)?;
@@ -213,14 +244,4 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
         noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
     };
     run_until_signal(|shutdown| async move { Ok(work(config, policy, shutdown).await?) })
-}
-
-/// Where graphs are cached: `chosen`, or `surefoot` in the user's cache folder.
-pub fn cache_folder(chosen: Option<&std::path::Path>) -> anyhow::Result<PathBuf> {
-    if let Some(folder) = chosen {
-        return Ok(folder.to_owned());
-    }
-    let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
-    let base = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
-    Ok(base.context("neither XDG_CACHE_HOME nor HOME is set: choose a folder with --cache")?.join("surefoot"))
 }

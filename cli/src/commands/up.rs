@@ -1,6 +1,6 @@
 //! `surefoot up`: everything in one process, with a crowd to look at.
 
-use super::services::{GraphArgs, ServerLimits, cache_folder, run_until_signal};
+use super::services::{CacheArgs, GraphArgs, ServerLimits, run_until_signal};
 use super::{core_count, load_policy};
 use crate::terminal::{is_interactive, print_json};
 use anyhow::{Context, bail};
@@ -9,7 +9,6 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_agent::work::{WorkConfig, work};
-use surefoot_planner::cache::DiskStore;
 use surefoot_planner::service::{self as planner, PlannerConfig};
 use surefoot_proto::convert::map_spec_to_wire;
 use surefoot_proto::serving::{Endpoint, Shutdown};
@@ -43,9 +42,8 @@ pub struct Args {
     /// End after so many seconds with a summary; fails if nobody arrived
     #[arg(long = "for", value_name = "SECONDS")]
     duration: Option<f64>,
-    /// Folder of the graph cache; default: surefoot in the user's cache folder
-    #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
-    cache: Option<PathBuf>,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
@@ -68,7 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 async fn scene(args: &Args, shutdown: Shutdown) -> anyhow::Result<()> {
     let started = Instant::now();
     let policy = load_policy(args.model.as_deref())?;
-    let store = DiskStore::open(&cache_folder(args.cache.as_deref())?)?;
+    let store = args.cache.open()?;
     let (server, plans) = (Endpoint::bind(args.listen)?, Endpoint::bind(args.planner_listen)?);
     let (server_uri, planner_uri) = (format!("http://{}", server.address()), format!("http://{}", plans.address()));
     eprintln!("world server  {server_uri}  (gRPC, gRPC-Web, GET /metrics)");

@@ -10,8 +10,8 @@ use crate::build::BuildError;
 use crate::candidates::Candidate;
 use crate::grid::PointGrid;
 use crate::probe::Trial;
-use rand::rngs::ChaCha8Rng;
 use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeSet;
 use surefoot_world::{Vec3, navigable};
 

@@ -1,9 +1,9 @@
 //! Random placement, the paper's first builder: uniform samples of navigable ground (section "Unconstrained random
 //! vertex placement").
 
+use rand::Rng;
 use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::{CharacterProfile, Map, Vec3};
-use rand::Rng;
 
 /// `count` samples of navigable ground.
 ///

@@ -9,8 +9,8 @@ use super::{Draft, Placing, even_spacing};
 use crate::build::BuildError;
 use crate::grid::PointGrid;
 use crate::probe::{Outcome, Trial};
-use rand::rngs::ChaCha8Rng;
 use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
 use surefoot_world::{Vec3, navigable};
 
 /// Runs that are started together.
@@ -99,9 +99,8 @@ impl Merger {
     /// The vertex that a place counts as; a new one where all others are far and there is room for more.
     fn vertex_at(&mut self, feet: Vec3) -> Option<u32> {
         let vertices = &mut self.draft.vertices;
-        let nearest = (0..).zip(vertices.iter()).min_by(|a, b| {
-            a.1.distance_squared(feet).total_cmp(&b.1.distance_squared(feet))
-        });
+        let nearest =
+            (0..).zip(vertices.iter()).min_by(|a, b| a.1.distance_squared(feet).total_cmp(&b.1.distance_squared(feet)));
         match nearest {
             Some((idx, vertex)) if vertex.distance(feet) <= self.merge_m => Some(idx),
             _ if vertices.len() < self.limit => {

@@ -1,6 +1,7 @@
 //! `surefoot bench`: speed figures of this machine, as one JSON document.
 
 mod learn;
+mod plan;
 mod reference;
 mod world;
 
@@ -10,10 +11,10 @@ use std::time::Instant;
 
 /// Measure speed.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json")]
+#[command(after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan")]
 pub struct Args {
-    /// world: simulation and maps; learn: SAC updates and inference
-    #[arg(value_parser = ["world", "learn"])]
+    /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries
+    #[arg(value_parser = ["world", "learn", "plan"])]
     what: String,
     /// Print one JSON document
     #[arg(long)]
@@ -49,7 +50,11 @@ impl Figure {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let figures = if args.what == "world" { world::figures()? } else { learn::figures()? };
+    let figures = match args.what.as_str() {
+        "world" => world::figures()?,
+        "learn" => learn::figures()?,
+        _ => plan::figures()?,
+    };
     if args.json {
         return print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }));
     }

@@ -1,53 +1,31 @@
-//! `surefoot graph`.
+//! `surefoot graph build` and `show`.
 
-use super::services::{GraphArgs, cache_folder};
-use super::{core_count, load_policy};
+use super::{Loaded, Target};
+use crate::commands::core_count;
 use crate::render::Picture;
-use crate::terminal::{print_json, progress_bar};
-use anyhow::bail;
+use crate::terminal::print_json;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use surefoot_agent::follow::{FollowConfig, Follower};
 use surefoot_agent::rollout::{DEFAULT_NOISE_SHARE, follow, plan};
-use surefoot_planner::build::{GraphId, Progress, build};
-use surefoot_planner::cache::{DiskStore, GraphStore};
-use surefoot_planner::probe::ProbeContext;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
-use surefoot_planner::{Ability, BuildSettings, Built, NavGraph, Router};
+use surefoot_planner::{Ability, NavGraph, Router};
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, End, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, navigable};
-
-/// Build and look at graphs.
-#[derive(clap::Subcommand)]
-pub enum Command {
-    /// Build the graph of a map into the cache, or find it there, and describe or draw it.
-    Build(Args),
-    /// The same as build.
-    Show(Args),
-}
+use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, Vec3, World, navigable};
 
 /// Build the graph of a map into the cache, or find it there, and describe or draw it.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json"
+    after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json\n  surefoot graph build changed.sfmap --changed-from level.sfmap"
 )]
 pub struct Args {
-    /// Seed of the map
-    seed: u64,
-    /// Side in metres
-    #[arg(long, default_value_t = 250, value_name = "METRES")]
-    size: u32,
     #[command(flatten)]
-    graph: GraphArgs,
-    /// Folder of the graph cache; default: surefoot in the user's cache folder
-    #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
-    cache: Option<PathBuf>,
-    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
-    #[arg(long, value_name = "FOLDER")]
-    model: Option<PathBuf>,
+    target: Target,
+    /// Start from the graph of this earlier version of the map: only what changed is tried again
+    #[arg(long, value_name = "SEED|FILE")]
+    changed_from: Option<String>,
     /// Draw map and graph from above into this file
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
@@ -62,79 +40,48 @@ pub struct Args {
     json: bool,
 }
 
-pub fn run(command: &Command) -> anyhow::Result<()> {
-    let (Command::Build(args) | Command::Show(args)) = command;
-    if !(0.1..=16.0).contains(&args.scale) || args.scale * args.size as f32 > 8192.0 {
-        bail!("--scale is {}, allowed are 0.1 to 16 and at most 8192 pixels a side", args.scale);
-    }
-    let settings = args.graph.settings();
-    settings.validate()?;
-    let context = ProbeContext {
-        map: Arc::new(Map::generate(&MapSpec::with_side(args.seed, args.size))?),
-        profile: CharacterProfile::default(),
-        policy: load_policy(args.model.as_deref())?,
-    };
-    let id = GraphId::of(&context, &settings);
-    let store = DiskStore::open(&cache_folder(args.cache.as_deref())?)?;
-    let (built, cached) = match store.get(&id)? {
-        Some(built) => (built, true),
-        None => {
-            let built = build_with_bar(&context, &settings)?;
-            store.put(&id, &built)?;
-            (built, false)
-        }
-    };
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let loaded = args.target.load(args.changed_from.as_deref())?;
+    let Loaded { context, graph, .. } = &loaded;
+    super::check_scale(args.scale, &context.map)?;
     if let Some(path) = &args.png {
-        let router = Router::new(built.graph.clone(), DEFAULT_TABLE_LIMIT, core_count());
+        let router = Router::new(graph.clone(), DEFAULT_TABLE_LIMIT, core_count());
         let mut picture = Picture::top_view(&context.map, args.scale);
-        draw_graph(&mut picture, &built.graph);
+        draw_graph(&mut picture, graph);
         let arrived = draw_tracks(&mut picture, &context.map, &context.policy, &router, args.tracks)?;
         picture.save(path)?;
         if args.tracks > 0 && !args.json {
             println!("{arrived} of {} NPCs arrived", args.tracks);
         }
     }
-    describe(args, &id, &built, cached)
+    describe(args, &loaded)
 }
 
-fn build_with_bar(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
-    let progress = Progress::default();
-    let bar = progress_bar(0, "probing");
-    let built = std::thread::scope(|scope| {
-        let building = scope.spawn(|| build(context, settings, core_count(), &progress));
-        while !building.is_finished() {
-            bar.set_length(progress.total.load(Ordering::Relaxed));
-            bar.set_position(progress.done.load(Ordering::Relaxed));
-            std::thread::sleep(std::time::Duration::from_millis(50));
-        }
-        building.join().expect("the build does not panic")
-    })?;
-    bar.finish_and_clear();
-    Ok(built)
-}
-
-fn describe(args: &Args, id: &GraphId, built: &Built, cached: bool) -> anyhow::Result<()> {
-    let graph = &built.graph;
+fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
+    let Loaded { id, graph, stats, cached, unfit, retried, .. } = loaded;
     let by_ability = |ability: Ability| graph.edges().filter(|edge| edge.evidence.ability == ability).count();
-    let abilities = Ability::ALL;
+    let abilities: Vec<Ability> = Ability::ALL.into_iter().filter(|&ability| by_ability(ability) > 0).collect();
     if args.json {
         let counts: serde_json::Map<_, _> =
-            abilities.iter().map(|&a| (a.name().to_owned(), by_ability(a).into())).collect();
+            abilities.iter().map(|&ability| (ability.name().to_owned(), by_ability(ability).into())).collect();
         return print_json(&serde_json::json!({
             "graph_id": id.to_string(),
-            "map_seed": args.seed,
+            "map": args.target.source.map,
             "vertices": graph.vertex_count(),
             "edges": graph.edge_count(),
             "edges_by_ability": counts,
             "islands": graph.island_count(),
             "connected": graph.connected_share(),
-            "candidates": built.stats.candidates,
-            "probes": built.stats.probes,
-            "build_s": built.stats.seconds,
+            "candidates": stats.candidates,
+            "special_candidates": stats.special,
+            "probes": stats.probes,
+            "build_s": stats.seconds,
             "cached": cached,
+            "retried": retried,
+            "unfit_edits": unfit.len(),
         }));
     }
-    println!("graph {id}{}", if cached { " (from the cache)" } else { "" });
+    println!("graph {id}{}", if *cached { " (from the cache)" } else { "" });
     println!(
         "{} vertices, {} edges, {} islands, {:.1} % of vertex pairs connected",
         graph.vertex_count(),
@@ -144,7 +91,14 @@ fn describe(args: &Args, id: &GraphId, built: &Built, cached: bool) -> anyhow::R
     );
     let counts: Vec<String> = abilities.iter().map(|&a| format!("{} {}", a.name(), by_ability(a))).collect();
     println!("edges by ability: {}", counts.join(", "));
-    println!("{} probes in {:.1} s", built.stats.probes, built.stats.seconds);
+    println!(
+        "{} probes of {} candidates ({} from devices and ledges) in {:.1} s",
+        stats.probes, stats.candidates, stats.special, stats.seconds
+    );
+    if let Some(retried) = retried {
+        println!("{retried} candidates were tried again because of what changed");
+    }
+    super::print_unfit(unfit);
     Ok(())
 }
 

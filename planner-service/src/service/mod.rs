@@ -1,15 +1,21 @@
 //! The gRPC face of the planner: decode, call, encode.
 //!
 //! Builds run one at a time on a thread of their own, and requests for the same graph share one build. Graphs
-//! in use are kept in memory, all of them on disk.
+//! in use are kept in memory, all of them on disk. What NPCs report counts at once where it makes an edge dearer; a new
+//! table follows within seconds.
 
-use crate::build::{BuildError, BuildSettings, Built, GraphId, BuildStats, MAX_VERTICES, Progress, build};
-use crate::placement::Placement;
-use crate::cache::GraphStore;
-use crate::graph::Ability;
+mod hosted;
+mod wire_form;
+
+pub use wire_form::{plan_from_wire, plan_to_wire, settings_to_wire};
+
+use crate::build::{BuildError, BuildSettings, Built, GraphId, Progress, build};
+use crate::cache::{GraphStore, LevelId, StoreError};
+use crate::edits::{Layer, LayerError};
+use crate::live::LiveEvidence;
 use crate::probe::ProbeContext;
-use crate::prove::Probing;
-use crate::search::{self, DEFAULT_TABLE_LIMIT, NoPath, Plan, Query, Router};
+use crate::search::{DEFAULT_TABLE_LIMIT, Query};
+use hosted::{Hosted, Origin};
 use std::collections::{BTreeMap, VecDeque};
 use std::pin::Pin;
 use std::sync::atomic::Ordering;
@@ -26,6 +32,9 @@ use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 use tracing::{info, warn};
+use wire_form::{
+    edge_to_wire, edits_from_wire, layer_from_wire, layer_to_wire, passage_from_wire, settings_from_wire, unfit_to_wire,
+};
 
 /// Limits and sizes of a planner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,12 +49,21 @@ pub struct PlannerConfig {
     pub graphs_in_memory: usize,
     /// Threads that probe (`--threads`).
     pub threads: usize,
+    /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair (`--table-vertices`).
+    pub table_vertices: usize,
 }
 
 impl Default for PlannerConfig {
     fn default() -> Self {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        Self { max_vertices: 2000, max_queries: 4096, max_builds: 16, graphs_in_memory: 32, threads }
+        Self {
+            max_vertices: 2000,
+            max_queries: 4096,
+            max_builds: 16,
+            graphs_in_memory: 32,
+            threads,
+            table_vertices: DEFAULT_TABLE_LIMIT,
+        }
     }
 }
 
@@ -53,21 +71,14 @@ impl Default for PlannerConfig {
 const PROGRESS_PERIOD: Duration = Duration::from_millis(250);
 /// Failed legs that a query may carry.
 const MAX_AVOID: usize = 64;
+/// Passages that one report may hold.
+const MAX_PASSAGES: usize = 4096;
+/// From a report to the table that has learned from it.
+const REFRESH_AFTER: Duration = Duration::from_secs(2);
 const POISON: &str = "no holder of this lock panics";
 
-/// A graph that is ready to be asked.
-#[derive(Debug)]
-struct Ready {
-    id: GraphId,
-    map_hash: String,
-    router: Router,
-    stats: BuildStats,
-    connected: f64,
-    cached: bool,
-}
-
 /// A build that is going on, or its end.
-type JobState = Option<Result<Arc<Ready>, Status>>;
+type JobState = Option<Result<Arc<Hosted>, Status>>;
 
 /// A build that several requests may share.
 #[derive(Debug, Clone)]
@@ -87,11 +98,13 @@ struct Shared {
     policy: Policy,
     store: Box<dyn GraphStore>,
     /// Most recently used last.
-    ready: Mutex<VecDeque<Arc<Ready>>>,
+    ready: Mutex<VecDeque<Arc<Hosted>>>,
     /// By spec and settings, since the map's hash is not known before it is generated.
     jobs: Mutex<BTreeMap<String, Job>>,
     /// One build at a time: each uses all cores.
     turn: Semaphore,
+    /// One change of layers at a time.
+    editing: tokio::sync::Mutex<()>,
     plans: std::sync::atomic::AtomicU64,
     shutdown: Shutdown,
 }
@@ -122,6 +135,7 @@ pub async fn serve(
     routes.add_service(with_grpc_web(grpc));
     let result = endpoint.serve(routes, &[SERVICE_NAME], metrics, shutdown).await;
     api.cancel_builds();
+    api.remember_reports();
     result
 }
 
@@ -146,6 +160,7 @@ impl PlannerApi {
             ready: Mutex::default(),
             jobs: Mutex::default(),
             turn: Semaphore::new(1),
+            editing: tokio::sync::Mutex::default(),
             plans: std::sync::atomic::AtomicU64::new(0),
             shutdown,
         };
@@ -155,6 +170,20 @@ impl PlannerApi {
     fn cancel_builds(&self) {
         for job in self.shared.jobs.lock().expect(POISON).values() {
             job.progress.cancel.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn remember_reports(&self) {
+        for hosted in self.shared.ready.lock().expect(POISON).iter() {
+            self.remember_report(hosted, &hosted.live());
+        }
+    }
+
+    fn remember_report(&self, hosted: &Hosted, live: &LiveEvidence) {
+        if !live.is_empty()
+            && let Err(error) = self.shared.store.put_live(&hosted.origin.id, live)
+        {
+            warn!(%error, "what NPCs reported is not remembered");
         }
     }
 
@@ -169,7 +198,7 @@ impl PlannerApi {
         )
     }
 
-    fn ready(&self, graph_id: &str) -> Result<Arc<Ready>, Status> {
+    fn ready(&self, graph_id: &str) -> Result<Arc<Hosted>, Status> {
         let id = GraphId::parse(graph_id)
             .ok_or_else(|| Status::invalid_argument("graph_id is not 64 hexadecimal digits"))?;
         if let Some(ready) = self.recall(&id) {
@@ -180,17 +209,17 @@ impl PlannerApi {
         )))
     }
 
-    fn recall(&self, id: &GraphId) -> Option<Arc<Ready>> {
+    fn recall(&self, id: &GraphId) -> Option<Arc<Hosted>> {
         let mut ready = self.shared.ready.lock().expect(POISON);
-        let at = ready.iter().position(|entry| entry.id == *id)?;
+        let at = ready.iter().position(|entry| entry.origin.id == *id)?;
         let entry = ready.remove(at)?;
         ready.push_back(entry.clone());
         Some(entry)
     }
 
-    fn remember(&self, entry: Arc<Ready>) {
+    fn remember(&self, entry: Arc<Hosted>) {
         let mut ready = self.shared.ready.lock().expect(POISON);
-        ready.retain(|other| other.id != entry.id);
+        ready.retain(|other| other.origin.id != entry.origin.id);
         ready.push_back(entry);
         while ready.len() > self.shared.config.graphs_in_memory {
             ready.pop_front();
@@ -227,7 +256,7 @@ impl PlannerApi {
         spec: MapSpec,
         settings: BuildSettings,
         progress: Arc<Progress>,
-    ) -> Result<Arc<Ready>, Status> {
+    ) -> Result<Arc<Hosted>, Status> {
         let _turn = self.shared.turn.acquire().await.map_err(|_| going_away())?;
         let api = self.clone();
         let task = tokio::task::spawn_blocking(move || api.build_or_load(&spec, &settings, &progress));
@@ -241,7 +270,7 @@ impl PlannerApi {
         spec: &MapSpec,
         settings: &BuildSettings,
         progress: &Progress,
-    ) -> Result<Arc<Ready>, Status> {
+    ) -> Result<Arc<Hosted>, Status> {
         let map = Arc::new(Map::generate(spec).map_err(FieldError::from)?);
         let map_hash = map.hash().to_hex();
         let context = ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() };
@@ -249,30 +278,94 @@ impl PlannerApi {
         if let Some(ready) = self.recall(&id) {
             return Ok(ready);
         }
-        let stored = self.shared.store.get(&id).unwrap_or_else(|error| {
+        let origin = Origin {
+            id,
+            spec: *spec,
+            settings: *settings,
+            map_hash,
+            policy: self.shared.policy.clone(),
+            thread_count: self.shared.config.threads,
+            table_limit: self.shared.config.table_vertices,
+        };
+        let store = &self.shared.store;
+        let stored = store.get(&id).unwrap_or_else(|error| {
             warn!(%error, "the graph cache cannot be read: building instead");
             None
         });
         let cached = stored.is_some();
-        let built = match stored {
+        let Built { graph, stats } = match stored {
             Some(built) => built,
             None => {
                 let started = Instant::now();
                 let built = build(&context, settings, self.shared.config.threads, progress)?;
                 info!(%id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
-                if let Err(error) = self.shared.store.put(&id, &built) {
+                if let Err(error) = store.put(&id, &built) {
                     warn!(%error, "the graph is not cached");
                 }
                 built
             }
         };
-        let connected = built.graph.connected_share();
-        let Built { graph, stats } = built;
-        let router = Router::new(graph, DEFAULT_TABLE_LIMIT, self.shared.config.threads);
-        Ok(Arc::new(Ready { id, map_hash, router, stats, connected, cached }))
+        let live = if cached { or_nothing(store.live(&id)) } else { LiveEvidence::default() };
+        let layers = or_nothing(store.layers(&LevelId::of_spec(spec)));
+        Ok(Arc::new(Hosted::new(origin, graph, stats, cached, live, layers)))
     }
 
-    fn plan(&self, router: &Router, query: &wire::PathQuery) -> Result<wire::Plan, Status> {
+    /// Lays changed layers over all graphs of a level, remembers them, and says what the graph is like now.
+    async fn change_layers(
+        &self,
+        graph_id: &str,
+        change: impl FnOnce(&mut Vec<Layer>) -> Result<Layer, Status> + Send + 'static,
+    ) -> Result<(wire::GraphSummary, Vec<wire::UnfitEdit>), Status> {
+        let hosted = self.ready(graph_id)?;
+        let _editing = self.shared.editing.lock().await;
+        let api = self.clone();
+        let task = tokio::task::spawn_blocking(move || {
+            let level = hosted.level();
+            let (mut layers, _) = hosted.layers();
+            let changed = change(&mut layers)?;
+            changed.validate().map_err(|error| Status::from(LayerProblem(error)))?;
+            layers.retain(|layer| layer.name != changed.name);
+            if !changed.edits.is_empty() {
+                layers.push(changed.clone());
+            }
+            layers.sort_by(|a, b| a.name.cmp(&b.name));
+            api.shared
+                .store
+                .put_layer(&level, &changed)
+                .map_err(|error| Status::internal(format!("the layer cannot be kept: {error}")))?;
+            let all: Vec<Arc<Hosted>> = api.shared.ready.lock().expect(POISON).iter().cloned().collect();
+            for other in all.iter().filter(|other| other.level() == level) {
+                other.lay_over(layers.clone());
+            }
+            let (_, unfit) = hosted.layers();
+            Ok((hosted.summary(), unfit_to_wire(&unfit)))
+        });
+        task.await.map_err(|error| Status::internal(format!("the edit failed: {error}")))?
+    }
+
+    /// Makes a new table of a graph, unless one is due already.
+    fn refresh_later(&self, hosted: Arc<Hosted>) {
+        if hosted.refresh_is_due.swap(true, Ordering::Relaxed) {
+            return;
+        }
+        let api = self.clone();
+        tokio::spawn(async move {
+            tokio::select! {
+                () = tokio::time::sleep(REFRESH_AFTER) => {}
+                () = api.shared.shutdown.wait() => return,
+            }
+            let task = tokio::task::spawn_blocking(move || {
+                hosted.refresh_is_due.store(false, Ordering::Relaxed);
+                let live = hosted.refresh();
+                api.remember_report(&hosted, &live);
+            });
+            if let Err(error) = task.await {
+                warn!(%error, "a graph is not brought up to date");
+            }
+        });
+    }
+
+    fn plan(&self, hosted: &Hosted, query: &wire::PathQuery) -> Result<wire::Plan, Status> {
         if query.avoid.len() > MAX_AVOID {
             return Err(Status::invalid_argument(format!(
                 "query.avoid has {} legs, allowed are {MAX_AVOID}",
@@ -285,172 +378,7 @@ impl PlannerApi {
             avoid: query.avoid.iter().map(|leg| (leg.from, leg.to)).collect(),
         };
         self.shared.plans.fetch_add(1, Ordering::Relaxed);
-        Ok(plan_to_wire(&router.find_path(&query)))
-    }
-}
-
-fn settings_from_wire(settings: Option<&wire::BuildSettings>, config: &PlannerConfig) -> Result<BuildSettings, Status> {
-    let defaults = BuildSettings::default();
-    let Some(settings) = settings else { return Ok(defaults) };
-    let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
-    let unknown = |field: &str, value: i32| Status::invalid_argument(format!("settings.{field} {value} is unknown"));
-    let placement = match wire::Placement::try_from(settings.placement) {
-        Ok(wire::Placement::Unspecified | wire::Placement::Spaced) => Placement::Spaced,
-        Ok(wire::Placement::Random) => Placement::Random,
-        Ok(wire::Placement::Density) => Placement::Density,
-        Ok(wire::Placement::Trajectories) => Placement::Trajectories,
-        Ok(wire::Placement::TrajectoriesTested) => Placement::TrajectoriesTested,
-        Ok(wire::Placement::Flood) => Placement::Flood,
-        Ok(wire::Placement::FloodGrandchildren) => Placement::FloodGrandchildren,
-        Err(_) => return Err(unknown("placement", settings.placement)),
-    };
-    let probing = match wire::Probing::try_from(settings.probing) {
-        Ok(wire::Probing::Unspecified | wire::Probing::Frugal) => Probing::Frugal,
-        Ok(wire::Probing::Exhaustive) => Probing::Exhaustive,
-        Err(_) => return Err(unknown("probing", settings.probing)),
-    };
-    let checked = BuildSettings {
-        placement,
-        vertices: or(settings.vertices, defaults.vertices),
-        neighbours: or(settings.neighbours, defaults.neighbours),
-        repeats: or(settings.repeats, defaults.repeats as usize) as u32,
-        threshold: if settings.threshold == 0.0 { defaults.threshold } else { f64::from(settings.threshold) },
-        seed: settings.seed,
-        probing,
-        special_moves: !settings.without_special_moves,
-    };
-    let limit = config.max_vertices.min(MAX_VERTICES);
-    if checked.vertices > limit {
-        return Err(Status::resource_exhausted(format!(
-            "settings.vertices is {}, at most {limit} are allowed (--max-vertices)",
-            checked.vertices
-        )));
-    }
-    checked.validate()?;
-    Ok(checked)
-}
-
-/// Settings on the wire.
-pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
-    let placement = match settings.placement {
-        Placement::Random => wire::Placement::Random,
-        Placement::Spaced => wire::Placement::Spaced,
-        Placement::Density => wire::Placement::Density,
-        Placement::Trajectories => wire::Placement::Trajectories,
-        Placement::TrajectoriesTested => wire::Placement::TrajectoriesTested,
-        Placement::Flood => wire::Placement::Flood,
-        Placement::FloodGrandchildren => wire::Placement::FloodGrandchildren,
-    };
-    let probing = match settings.probing {
-        Probing::Exhaustive => wire::Probing::Exhaustive,
-        Probing::Frugal => wire::Probing::Frugal,
-    };
-    wire::BuildSettings {
-        placement: placement.into(),
-        vertices: settings.vertices as u32,
-        neighbours: settings.neighbours as u32,
-        repeats: settings.repeats,
-        threshold: settings.threshold as f32,
-        seed: settings.seed,
-        probing: probing.into(),
-        without_special_moves: !settings.special_moves,
-    }
-}
-
-fn ability_to_wire(ability: Ability) -> i32 {
-    match ability {
-        Ability::Walk => wire::Ability::Walk,
-        Ability::Jump => wire::Ability::Jump,
-        Ability::DoubleJump => wire::Ability::DoubleJump,
-        Ability::Pad => wire::Ability::Pad,
-        Ability::ZipLine => wire::Ability::ZipLine,
-        Ability::Teleporter => wire::Ability::Teleporter,
-        Ability::Jetpack => wire::Ability::Jetpack,
-    }
-    .into()
-}
-
-fn ability_from_wire(ability: i32) -> Ability {
-    match wire::Ability::try_from(ability) {
-        Ok(wire::Ability::Jump) => Ability::Jump,
-        Ok(wire::Ability::DoubleJump) => Ability::DoubleJump,
-        Ok(wire::Ability::Pad) => Ability::Pad,
-        Ok(wire::Ability::ZipLine) => Ability::ZipLine,
-        Ok(wire::Ability::Teleporter) => Ability::Teleporter,
-        Ok(wire::Ability::Jetpack) => Ability::Jetpack,
-        Ok(wire::Ability::Walk | wire::Ability::Unspecified) | Err(_) => Ability::Walk,
-    }
-}
-
-/// A plan on the wire.
-pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
-    let reason = match plan.no_path {
-        None => wire::NoPath::Unspecified,
-        Some(NoPath::StartOffGraph) => wire::NoPath::StartOffGraph,
-        Some(NoPath::GoalOffGraph) => wire::NoPath::GoalOffGraph,
-        Some(NoPath::DifferentIslands) => wire::NoPath::DifferentIslands,
-        Some(NoPath::OneWay) => wire::NoPath::OneWay,
-    };
-    let leg = |leg: &search::Leg| wire::Leg {
-        from: leg.from,
-        to: leg.to,
-        seconds: leg.seconds,
-        chance: leg.chance,
-        ability: ability_to_wire(leg.ability),
-    };
-    wire::Plan {
-        found: plan.no_path.is_none(),
-        reason: reason.into(),
-        waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),
-        legs: plan.legs.iter().map(leg).collect(),
-        seconds: plan.seconds(),
-        chance: plan.chance(),
-    }
-}
-
-/// A plan from the wire.
-///
-/// # Errors
-/// If it has no waypoints, not one leg for each, or a point that is not finite.
-pub fn plan_from_wire(plan: &wire::Plan) -> Result<Plan, FieldError> {
-    if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
-        return Err(FieldError::Length {
-            field: "plan.legs",
-            found: plan.legs.len(),
-            expected: plan.waypoints.len().max(1),
-        });
-    }
-    let waypoints =
-        plan.waypoints.iter().map(|point| convert::point(Some(point), "plan.waypoints")).collect::<Result<_, _>>()?;
-    let legs = plan.legs.iter().map(|leg| search::Leg {
-        from: leg.from,
-        to: leg.to,
-        seconds: leg.seconds,
-        chance: leg.chance,
-        ability: ability_from_wire(leg.ability),
-    });
-    let no_path = match wire::NoPath::try_from(plan.reason) {
-        Ok(wire::NoPath::StartOffGraph) => Some(NoPath::StartOffGraph),
-        Ok(wire::NoPath::GoalOffGraph) => Some(NoPath::GoalOffGraph),
-        Ok(wire::NoPath::OneWay) => Some(NoPath::OneWay),
-        Ok(wire::NoPath::DifferentIslands) => Some(NoPath::DifferentIslands),
-        Ok(wire::NoPath::Unspecified) | Err(_) => None,
-    };
-    Ok(Plan { waypoints, legs: legs.collect(), no_path, nearest: None })
-}
-
-impl Ready {
-    fn summary(&self) -> wire::GraphSummary {
-        wire::GraphSummary {
-            map_hash: self.map_hash.clone(),
-            vertices: self.router.graph().vertex_count() as u32,
-            edges: self.router.graph().edge_count() as u32,
-            islands: self.router.graph().island_count(),
-            connected: self.connected as f32,
-            probes: self.stats.probes,
-            build_s: self.stats.seconds as f32,
-            cached: self.cached,
-        }
+        Ok(plan_to_wire(&hosted.plan(&query)))
     }
 }
 
@@ -478,22 +406,13 @@ impl PlannerService for PlannerApi {
         request: Request<wire::GetGraphRequest>,
     ) -> Result<Response<wire::GetGraphResponse>, Status> {
         let ready = self.ready(&request.into_inner().graph_id)?;
-        let graph = ready.router.graph();
-        let edge = |edge: &crate::Edge| wire::Edge {
-            from: edge.from,
-            to: edge.to,
-            tries: edge.evidence.tries,
-            successes: edge.evidence.successes,
-            decisions_mean: edge.evidence.decisions_mean() as f32,
-            decisions_deviation: edge.evidence.decisions_deviation() as f32,
-            ability: ability_to_wire(edge.evidence.ability),
-        };
-        Ok(Response::new(wire::GetGraphResponse {
-            summary: Some(ready.summary()),
+        let summary = Some(ready.summary());
+        Ok(Response::new(ready.with_graph(|graph| wire::GetGraphResponse {
+            summary,
             vertices: (0..graph.vertex_count() as u32).map(|vertex| convert::to_wire(graph.position(vertex))).collect(),
             islands: graph.islands().to_vec(),
-            edges: graph.edges().map(edge).collect(),
-        }))
+            edges: graph.edges().map(edge_to_wire).collect(),
+        })))
     }
 
     async fn find_path(
@@ -503,7 +422,7 @@ impl PlannerService for PlannerApi {
         let request = request.into_inner();
         let ready = self.ready(&request.graph_id)?;
         let query = request.query.ok_or(FieldError::Missing("query"))?;
-        let plan = self.plan(&ready.router, &query)?;
+        let plan = self.plan(&ready, &query)?;
         Ok(Response::new(wire::FindPathResponse { plan: Some(plan) }))
     }
 
@@ -522,11 +441,101 @@ impl PlannerService for PlannerApi {
         }
         let api = self.clone();
         let plans = tokio::task::spawn_blocking(move || {
-            request.queries.iter().map(|query| api.plan(&ready.router, query)).collect::<Result<Vec<_>, Status>>()
+            request.queries.iter().map(|query| api.plan(&ready, query)).collect::<Result<Vec<_>, Status>>()
         });
         let plans = plans.await.map_err(|error| Status::internal(format!("the search failed: {error}")))??;
         Ok(Response::new(wire::FindPathsResponse { plans }))
     }
+
+    async fn report_traversals(
+        &self,
+        request: Request<wire::ReportTraversalsRequest>,
+    ) -> Result<Response<wire::ReportTraversalsResponse>, Status> {
+        let request = request.into_inner();
+        let hosted = self.ready(&request.graph_id)?;
+        if request.traversals.len() > MAX_PASSAGES {
+            return Err(Status::resource_exhausted(format!(
+                "{} traversals, at most {MAX_PASSAGES} are allowed in one report",
+                request.traversals.len()
+            )));
+        }
+        let passages = request.traversals.iter().map(passage_from_wire).collect::<Result<Vec<_>, _>>()?;
+        let accepted = hosted.report(&passages);
+        if accepted > 0 {
+            self.refresh_later(hosted);
+        }
+        Ok(Response::new(wire::ReportTraversalsResponse { accepted }))
+    }
+
+    async fn get_layers(
+        &self,
+        request: Request<wire::GetLayersRequest>,
+    ) -> Result<Response<wire::GetLayersResponse>, Status> {
+        let (layers, unfit) = self.ready(&request.into_inner().graph_id)?.layers();
+        let layers = layers.iter().map(layer_to_wire).collect();
+        Ok(Response::new(wire::GetLayersResponse { layers, unfit: unfit_to_wire(&unfit) }))
+    }
+
+    async fn put_layer(
+        &self,
+        request: Request<wire::PutLayerRequest>,
+    ) -> Result<Response<wire::PutLayerResponse>, Status> {
+        let request = request.into_inner();
+        let layer = layer_from_wire(request.layer.as_ref())?;
+        let (summary, unfit) = self.change_layers(&request.graph_id, |_| Ok(layer)).await?;
+        Ok(Response::new(wire::PutLayerResponse { summary: Some(summary), unfit }))
+    }
+
+    async fn append_edits(
+        &self,
+        request: Request<wire::AppendEditsRequest>,
+    ) -> Result<Response<wire::AppendEditsResponse>, Status> {
+        let wire::AppendEditsRequest { graph_id, layer: name, edits } = request.into_inner();
+        let edits = edits_from_wire(&edits)?;
+        let append = move |layers: &mut Vec<Layer>| {
+            let old = layers.iter().find(|layer| layer.name == name);
+            let mut layer = old.cloned().unwrap_or(Layer { name, edits: Vec::new() });
+            layer.edits.extend(edits);
+            Ok(layer)
+        };
+        let (summary, unfit) = self.change_layers(&graph_id, append).await?;
+        Ok(Response::new(wire::AppendEditsResponse { summary: Some(summary), unfit }))
+    }
+
+    async fn undo_edits(
+        &self,
+        request: Request<wire::UndoEditsRequest>,
+    ) -> Result<Response<wire::UndoEditsResponse>, Status> {
+        let wire::UndoEditsRequest { graph_id, layer: name, count } = request.into_inner();
+        if count == 0 {
+            return Err(Status::invalid_argument("count is 0, at least 1 edit can be taken back"));
+        }
+        let undo = move |layers: &mut Vec<Layer>| {
+            let layer = layers.iter().find(|layer| layer.name == name);
+            let mut layer = layer.cloned().ok_or_else(|| Status::not_found(format!("there is no layer `{name}`")))?;
+            layer.edits.truncate(layer.edits.len().saturating_sub(count as usize));
+            Ok(layer)
+        };
+        let (summary, unfit) = self.change_layers(&graph_id, undo).await?;
+        Ok(Response::new(wire::UndoEditsResponse { summary: Some(summary), unfit }))
+    }
+}
+
+/// A layer that is refused.
+struct LayerProblem(LayerError);
+
+impl From<LayerProblem> for Status {
+    fn from(LayerProblem(error): LayerProblem) -> Self {
+        Status::invalid_argument(format!("layer: {error}"))
+    }
+}
+
+/// What the store holds, or nothing where it cannot be read.
+fn or_nothing<T: Default>(read: Result<T, StoreError>) -> T {
+    read.unwrap_or_else(|error| {
+        warn!(%error, "the graph cache cannot be read");
+        T::default()
+    })
 }
 
 /// Streams a build's progress, then its end.
@@ -560,7 +569,7 @@ async fn report(mut job: Job, queue: mpsc::Sender<Result<wire::BuildGraphRespons
             }
             Some(result) => {
                 let done = result.map(|ready| wire::BuildGraphResponse {
-                    graph_id: ready.id.to_string(),
+                    graph_id: ready.origin.id.to_string(),
                     stage: "done".to_owned(),
                     probes_done,
                     probes_total,

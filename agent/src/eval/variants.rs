@@ -1,0 +1,122 @@
+//! One split, many variants: graphs of growing size, or the 1 km map with and without them.
+
+use super::report::{self, Rate, Report};
+use super::{EvalConfig, EvalError, Method, run_units};
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+use surefoot_planner::{BuildSettings, Placement};
+use surefoot_policy::Policy;
+
+/// What is evaluated.
+#[derive(Debug, Clone)]
+pub struct Variant {
+    /// Name in tables.
+    pub name: String,
+    /// Weights.
+    pub policy: Policy,
+    /// How goals are approached.
+    pub method: Method,
+}
+
+/// What came out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Name of the variant.
+    pub name: String,
+    /// Vertices asked for; 0 without a graph.
+    pub vertices: usize,
+    /// Neighbours that each was tried against; 0 without a graph.
+    pub neighbours: usize,
+    /// All figures.
+    pub report: Report,
+    /// Success by distance: upper end of each bin, m.
+    pub by_distance: Vec<(f32, Rate)>,
+}
+
+/// Vertices of the paper's sweep.
+pub const SWEEP_VERTICES: [usize; 5] = [50, 100, 200, 400, 800];
+/// Neighbours of the paper's sweep.
+pub const SWEEP_NEIGHBOURS: [usize; 4] = [5, 10, 20, 40];
+
+/// The paper's sweep over graph sizes: distance-constrained, every candidate tried every time.
+pub fn sweep(policy: &Policy) -> Vec<Variant> {
+    let sizes = SWEEP_VERTICES.iter().flat_map(|&vertices| SWEEP_NEIGHBOURS.map(|neighbours| (vertices, neighbours)));
+    sizes
+        .map(|(vertices, neighbours)| {
+            let settings = BuildSettings { vertices, neighbours, ..BuildSettings::of_paper(Placement::Spaced) };
+            Variant {
+                name: format!("{vertices} x {neighbours}"),
+                policy: policy.clone(),
+                method: Method::Graph(settings),
+            }
+        })
+        .collect()
+}
+
+/// Runs every variant on the maps of `base`; `progress` gets its name, the attempts finished and their total.
+///
+/// # Errors
+/// As for [`super::evaluate`].
+pub fn run(
+    variants: &[Variant],
+    base: &EvalConfig,
+    bin_m: f32,
+    mut progress: impl FnMut(&str, usize, usize),
+) -> Result<Vec<Outcome>, EvalError> {
+    variants
+        .iter()
+        .map(|variant| {
+            let config = EvalConfig { method: variant.method, ..base.clone() };
+            let units = run_units(&variant.policy, &config, |done, total| progress(&variant.name, done, total))?;
+            let (vertices, neighbours) = match variant.method {
+                Method::Policy => (0, 0),
+                Method::Graph(settings) => (settings.vertices, settings.neighbours),
+            };
+            Ok(Outcome {
+                name: variant.name.clone(),
+                vertices,
+                neighbours,
+                report: report::summarise(&variant.policy, &config, &units),
+                by_distance: report::by_distance(&units, bin_m),
+            })
+        })
+        .collect()
+}
+
+/// A table of all outcomes as Markdown.
+pub fn markdown(outcomes: &[Outcome]) -> String {
+    let Some(first) = outcomes.first() else { return String::new() };
+    let report = &first.report;
+    let mut text = format!(
+        "Maps {:?}, {} goals each, seeds {:?}. Success in % with its 95 % interval.\n\n\
+         | variant | weights | all | easy | medium | hard | re-plans | time to goal | probes | build | attempts | search |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        report.maps, report.goals, report.seeds
+    );
+    for Outcome { name, report, .. } in outcomes {
+        let percent = |rate: f64| format!("{:.1}", 100.0 * rate);
+        let all = report.success.all;
+        write!(
+            text,
+            "| {name} | {} | **{}** ({}-{}) | {} | {} | {} | {:.2} | {:.1} s |",
+            report.model,
+            percent(all.rate),
+            percent(all.low),
+            percent(all.high),
+            percent(report.success.easy.rate),
+            percent(report.success.medium.rate),
+            percent(report.success.hard.rate),
+            report.replans,
+            report.seconds_to_goal,
+        )
+        .expect("a String takes everything");
+        text += &match &report.graph {
+            Some(graph) => format!(
+                " {:.0} | {:.1} s | {:.0} s | {:.1} us |\n",
+                graph.probes, graph.build_s, graph.eval_s, graph.search_us_median
+            ),
+            None => " - | - | - | - |\n".to_owned(),
+        };
+    }
+    text
+}

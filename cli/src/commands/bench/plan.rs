@@ -1,0 +1,227 @@
+//! The planner: builds, plans in this process and over gRPC, beside petgraph's searches.
+
+use super::{Figure, median, timed};
+use crate::commands::core_count;
+use anyhow::Context;
+use petgraph::algo::{astar, dijkstra};
+use petgraph::graph::NodeIndex;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use surefoot_planner::build::{GraphId, Progress, build};
+use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore, GraphStore};
+use surefoot_planner::probe::ProbeContext;
+use surefoot_planner::search::{DEFAULT_TABLE_LIMIT, OFF_GRAPH};
+use surefoot_planner::service::{self, PlannerConfig, settings_to_wire};
+use surefoot_planner::{BuildSettings, NavGraph, Query, Router};
+use surefoot_policy::Policy;
+use surefoot_proto::convert;
+use surefoot_proto::planner::v1 as wire;
+use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
+use tonic::transport::Channel;
+
+/// Queries that are timed one by one.
+const QUERIES: usize = 4000;
+/// Of those, how many the references answer too.
+const REFERENCE_QUERIES: usize = 500;
+/// Plans of the batch.
+const BATCH: usize = 200_000;
+/// Clients of the service, and requests a second that they send together.
+const CLIENTS: usize = 64;
+const REQUESTS_PER_S: u32 = 2000;
+/// How long they send, s.
+const LOAD_S: u32 = 10;
+/// Queries of one batch over gRPC.
+const WIRE_BATCH: usize = 2000;
+
+/// All figures of the planner.
+pub fn figures() -> anyhow::Result<Vec<Figure>> {
+    let settings = BuildSettings { vertices: 800, neighbours: 20, ..BuildSettings::default() };
+    let context = |spec: &MapSpec| -> anyhow::Result<ProbeContext> {
+        Ok(ProbeContext {
+            map: Arc::new(Map::generate(spec)?),
+            profile: CharacterProfile::default(),
+            policy: Policy::shipped()?,
+        })
+    };
+    let small = build(&context(&MapSpec::new(1000))?, &settings, core_count(), &Progress::default())?;
+    let spec = MapSpec::with_side(3000, 1000);
+    let settings = BuildSettings { vertices: 1600, ..settings };
+    let context = context(&spec)?;
+    let big = build(&context, &settings, core_count(), &Progress::default())?;
+    let exhaustive = |vertices: f64| vertices * 20.0 * 2.0;
+    let saved = |probes: u64, vertices: f64| 100.0 * (1.0 - probes as f64 / exhaustive(vertices));
+    let mut figures = vec![
+        Figure::new("build_800_s", small.stats.seconds, "s").target(15.0),
+        Figure::new("build_800_probes_saved", saved(small.stats.probes, 800.0), "%"),
+        Figure::new("build_1600_s", big.stats.seconds, "s").target(60.0),
+        Figure::new("build_1600_probes_saved", saved(big.stats.probes, 1600.0), "%"),
+    ];
+    let mut router = None;
+    let fill = timed(|| router = Some(Router::new(big.graph.clone(), DEFAULT_TABLE_LIMIT, core_count())));
+    let router = router.expect("it has run");
+    figures.push(Figure::new("plan_table_s", fill, "s"));
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    let points = navigable::sample_many(&context.map, &context.profile, 2000, &mut rng)?;
+    let mut draw = || points[rng.random_range(0..points.len())];
+    let queries: Vec<Query> = (0..QUERIES).map(|_| Query { start: draw(), goal: draw(), avoid: Vec::new() }).collect();
+    figures.extend(searches(&big.graph, &router, &queries));
+    figures.push(batch(&router, &queries));
+    let folder = std::env::temp_dir().join(format!("surefoot-bench-{}", std::process::id()));
+    let store = DiskStore::open(&folder, DEFAULT_LIMIT_BYTES)?;
+    store.put(&GraphId::of(&context, &settings), &big)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let served = runtime.block_on(over_grpc(context.policy.clone(), store, &spec, &settings, &queries));
+    runtime.shutdown_timeout(Duration::from_secs(2));
+    std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+    figures.extend(served?);
+    Ok(figures)
+}
+
+fn micros(work: impl FnMut()) -> f64 {
+    timed(work) * 1.0e6
+}
+
+/// Plans one by one, beside petgraph's searches between the same vertices.
+fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure> {
+    let plans: Vec<_> = queries.iter().map(|query| router.find_path(query)).collect();
+    let ours = median(queries.iter().map(|query| micros(|| drop(black_box(router.find_path(query))))).collect());
+    let ends: Vec<(u32, u32)> = plans
+        .iter()
+        .filter(|plan| plan.legs.len() > 2)
+        .map(|plan| (plan.legs[0].to, plan.legs[plan.legs.len() - 1].from))
+        .filter(|&(from, to)| from != OFF_GRAPH && to != OFF_GRAPH)
+        .take(REFERENCE_QUERIES)
+        .collect();
+    let node = |vertex: u32| NodeIndex::new(vertex as usize);
+    let petgraph = graph.as_petgraph();
+    let cost = |edge: petgraph::graph::EdgeReference<'_, surefoot_planner::Edge>| edge.weight().evidence.cost();
+    // The rate that makes straight-line distance a lower bound of what is left.
+    let rate = graph
+        .edges()
+        .map(|edge| f64::from(graph.position(edge.from).distance(graph.position(edge.to))) / edge.evidence.cost())
+        .fold(f64::MIN_POSITIVE, f64::max);
+    let by_dijkstra =
+        ends.iter().map(|&(from, to)| micros(|| drop(black_box(dijkstra(petgraph, node(from), Some(node(to)), cost)))));
+    let by_dijkstra = median(by_dijkstra.collect());
+    let by_astar = ends.iter().map(|&(from, to)| {
+        let goal = graph.position(to);
+        let left = |at: NodeIndex| f64::from(petgraph[at].distance(goal)) / rate;
+        micros(|| drop(black_box(astar(petgraph, node(from), |at| at == node(to), cost, left))))
+    });
+    let by_astar = median(by_astar.collect());
+    let our_search =
+        median(ends.iter().map(|&(from, to)| micros(|| drop(black_box(router.search(from, to))))).collect());
+    let look_up = median(ends.iter().map(|&(from, to)| micros(|| drop(black_box(router.look_up(from, to))))).collect());
+    let lengths = median(plans.iter().map(|plan| plan.legs.len() as f64).collect());
+    vec![
+        Figure::new("plan_us_median", ours, "us").target(5.0).against(
+            "petgraph's A* between two vertices",
+            by_astar,
+            false,
+        ),
+        Figure::new("plan_legs_median", lengths, "legs"),
+        Figure::new("look_up_us_median", look_up, "us").against("petgraph's Dijkstra", by_dijkstra, false),
+        Figure::new("search_us_median", our_search, "us").against("petgraph's A*", by_astar, false),
+    ]
+}
+
+/// Plans on all cores.
+fn batch(router: &Router, queries: &[Query]) -> Figure {
+    let threads = core_count();
+    let seconds = timed(|| {
+        std::thread::scope(|scope| {
+            for thread in 0..threads {
+                scope.spawn(move || {
+                    for idx in (thread..BATCH).step_by(threads) {
+                        black_box(router.find_path(&queries[idx % queries.len()]));
+                    }
+                });
+            }
+        });
+    });
+    Figure::new("plan_batch_s", BATCH as f64 / seconds, "plans/s").target(200_000.0)
+}
+
+/// Plans over loopback, client and server sharing the cores.
+async fn over_grpc(
+    policy: Policy,
+    store: DiskStore,
+    spec: &MapSpec,
+    settings: &BuildSettings,
+    queries: &[Query],
+) -> anyhow::Result<Vec<Figure>> {
+    let endpoint = Endpoint::bind(([127, 0, 0, 1], 0).into())?;
+    let uri = format!("http://{}", endpoint.address());
+    let shutdown = Shutdown::default();
+    let config = PlannerConfig::default();
+    let serving = tokio::spawn(service::serve(endpoint, config, policy, Box::new(store), shutdown.clone()));
+    let connect = || async {
+        let channel = Channel::from_shared(uri.clone())?.tcp_nodelay(true).connect().await?;
+        anyhow::Ok(PlannerServiceClient::new(channel).max_decoding_message_size(64 << 20))
+    };
+    let mut client = connect().await?;
+    let request = wire::BuildGraphRequest {
+        map: Some(convert::map_spec_to_wire(spec)),
+        settings: Some(settings_to_wire(settings)),
+    };
+    let mut progress = client.build_graph(request).await?.into_inner();
+    let mut graph_id = String::new();
+    while let Some(message) = progress.message().await? {
+        graph_id = message.graph_id;
+    }
+    let point = |point: Vec3| Some(convert::to_wire(point));
+    let wire_queries: Vec<wire::PathQuery> = queries
+        .iter()
+        .map(|query| wire::PathQuery { start: point(query.start), goal: point(query.goal), avoid: Vec::new() })
+        .collect();
+    let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: wire_queries[..WIRE_BATCH].to_vec() };
+    client.find_paths(batch.clone()).await?;
+    let started = Instant::now();
+    for _ in 0..5 {
+        black_box(client.find_paths(batch.clone()).await?);
+    }
+    let batch_rate = 5.0 * WIRE_BATCH as f64 / started.elapsed().as_secs_f64();
+    let period = Duration::from_secs(CLIENTS as u64) / REQUESTS_PER_S;
+    let begin = tokio::time::Instant::now() + Duration::from_millis(200);
+    let mut clients = Vec::new();
+    for idx in 0..CLIENTS {
+        let mut client = connect().await?;
+        let (graph_id, queries) = (graph_id.clone(), wire_queries.clone());
+        clients.push(tokio::spawn(async move {
+            let count = LOAD_S * REQUESTS_PER_S / CLIENTS as u32;
+            let mut times = Vec::with_capacity(count as usize);
+            for turn in 0..count {
+                // Clients are spread over the period, each keeps its own schedule.
+                tokio::time::sleep_until(begin + period * turn + period * idx as u32 / CLIENTS as u32).await;
+                let query = queries[(turn as usize * CLIENTS + idx) % queries.len()].clone();
+                let request = wire::FindPathRequest { graph_id: graph_id.clone(), query: Some(query) };
+                let sent = Instant::now();
+                client.find_path(request).await?;
+                times.push(sent.elapsed().as_secs_f64() * 1.0e3);
+            }
+            anyhow::Ok((times, begin.elapsed().as_secs_f64()))
+        }));
+    }
+    let mut times = Vec::new();
+    let mut seconds: f64 = 0.0;
+    for client in clients {
+        let (own, ended) = client.await??;
+        times.extend(own);
+        seconds = seconds.max(ended);
+    }
+    shutdown.trigger();
+    serving.await??;
+    times.sort_unstable_by(f64::total_cmp);
+    let quantile = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
+    Ok(vec![
+        Figure::new("plan_rpc_p50_ms", quantile(0.5), "ms"),
+        Figure::new("plan_rpc_p99_ms", quantile(0.99), "ms").target(1.0),
+        Figure::new("plan_rpc_rate", times.len() as f64 / seconds, "requests/s").target(f64::from(REQUESTS_PER_S)),
+        Figure::new("plan_rpc_batch_s", batch_rate, "plans/s"),
+    ])
+}

@@ -1,0 +1,147 @@
+//! `surefoot graph edit`.
+
+use super::Target;
+use anyhow::{Context, bail};
+use std::path::PathBuf;
+use surefoot_planner::cache::GraphStore;
+use surefoot_planner::edits::{Edit, Layer};
+use surefoot_world::Vec3;
+
+/// Change a graph by hand, in named layers that outlive rebuilds.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Places are X,Y,Z in metres; the nearest vertex within 3 m is meant.\n\nExamples:\n  surefoot graph edit 2000 --layer night --forbid 31,12,40:45,12,38\n  surefoot graph edit 2000 --layer night --price 31,12,40:45,12,38=4 --add 60,14.5,52\n  surefoot graph edit 2000 --layer night --undo 1\n  surefoot graph edit 2000 --layer night --export night.json\n  surefoot graph edit 2000 --import night.json"
+)]
+pub struct Args {
+    #[command(flatten)]
+    target: Target,
+    /// Layer to change; without changes, all layers are listed
+    #[arg(long, value_name = "NAME")]
+    layer: Option<String>,
+    /// Take an edge out
+    #[arg(long, value_name = "FROM:TO", requires = "layer")]
+    forbid: Vec<String>,
+    /// Put an edge in that takes so many seconds, or as many as it looks like
+    #[arg(long, value_name = "FROM:TO[=SECONDS]", requires = "layer")]
+    force: Vec<String>,
+    /// Multiply the price of an edge, 0.1 to 1000
+    #[arg(long, value_name = "FROM:TO=FACTOR", requires = "layer")]
+    price: Vec<String>,
+    /// Put a vertex in
+    #[arg(long, value_name = "AT", requires = "layer")]
+    add: Vec<String>,
+    /// Move a vertex
+    #[arg(long = "move", value_name = "FROM:TO", requires = "layer")]
+    moves: Vec<String>,
+    /// Take a vertex out
+    #[arg(long, value_name = "AT", requires = "layer")]
+    remove: Vec<String>,
+    /// Take back the last edits of the layer, before any new ones
+    #[arg(long, default_value_t = 0, value_name = "N", requires = "layer")]
+    undo: usize,
+    /// Write the layer as JSON
+    #[arg(long, value_name = "FILE", requires = "layer")]
+    export: Option<PathBuf>,
+    /// Put a layer in place that was exported
+    #[arg(long, value_name = "FILE", conflicts_with = "layer")]
+    import: Option<PathBuf>,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let new_edits = args.new_edits()?;
+    let map = args.target.source.load()?;
+    let level = args.target.level(&map);
+    {
+        let store = args.target.cache.open()?;
+        let layers = store.layers(&level)?;
+        if let Some(path) = &args.import {
+            let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+            let layer: Layer =
+                serde_json::from_str(&text).with_context(|| format!("{} is not a layer of edits", path.display()))?;
+            layer.validate()?;
+            store.put_layer(&level, &layer)?;
+        }
+        if let Some(name) = &args.layer {
+            let old = layers.iter().find(|layer| layer.name == *name);
+            let mut layer = old.cloned().unwrap_or(Layer { name: name.clone(), edits: Vec::new() });
+            if args.undo > layer.edits.len() {
+                bail!("--undo is {}, layer `{name}` has {} edits", args.undo, layer.edits.len());
+            }
+            layer.edits.truncate(layer.edits.len() - args.undo);
+            layer.edits.extend(&new_edits);
+            layer.validate()?;
+            if args.undo > 0 || !new_edits.is_empty() {
+                store.put_layer(&level, &layer)?;
+            }
+            if let Some(path) = &args.export {
+                let text = serde_json::to_string_pretty(&layer)? + "\n";
+                std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            }
+        }
+        for layer in store.layers(&level)? {
+            println!("layer `{}`: {} edits", layer.name, layer.edits.len());
+            for (index, edit) in layer.edits.iter().enumerate() {
+                println!("  {index}: {}", serde_json::to_string(edit)?);
+            }
+        }
+    }
+    let loaded = args.target.load(None)?;
+    super::print_unfit(&loaded.unfit);
+    println!("{} vertices, {} edges with all layers", loaded.graph.vertex_count(), loaded.graph.edge_count());
+    Ok(())
+}
+
+impl Args {
+    /// The edits that the options ask for, kind by kind.
+    fn new_edits(&self) -> anyhow::Result<Vec<Edit>> {
+        let mut edits = Vec::new();
+        for text in &self.forbid {
+            let (from, to) = parse_pair(text)?;
+            edits.push(Edit::ForbidEdge { from, to });
+        }
+        for text in &self.force {
+            let (pair, seconds) = split_number(text)?;
+            let (from, to) = parse_pair(pair)?;
+            edits.push(Edit::ForceEdge { from, to, seconds });
+        }
+        for text in &self.price {
+            let (pair, factor) = split_number(text)?;
+            let (from, to) = parse_pair(pair)?;
+            let factor = factor.with_context(|| format!("`{text}` names no factor, expected FROM:TO=FACTOR"))?;
+            edits.push(Edit::PriceEdge { from, to, factor });
+        }
+        for text in &self.add {
+            edits.push(Edit::AddVertex { at: parse_place(text)? });
+        }
+        for text in &self.moves {
+            let (from, to) = parse_pair(text)?;
+            edits.push(Edit::MoveVertex { from, to });
+        }
+        for text in &self.remove {
+            edits.push(Edit::RemoveVertex { at: parse_place(text)? });
+        }
+        Ok(edits)
+    }
+}
+
+fn parse_place(text: &str) -> anyhow::Result<Vec3> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
+        _ => bail!("`{text}` is not a place, expected X,Y,Z in metres"),
+    }
+}
+
+fn parse_pair(text: &str) -> anyhow::Result<(Vec3, Vec3)> {
+    let (from, to) = text.split_once(':').with_context(|| format!("`{text}` is not two places, expected FROM:TO"))?;
+    Ok((parse_place(from)?, parse_place(to)?))
+}
+
+fn split_number(text: &str) -> anyhow::Result<(&str, Option<f32>)> {
+    match text.split_once('=') {
+        None => Ok((text, None)),
+        Some((rest, number)) => {
+            Ok((rest, Some(number.parse().with_context(|| format!("`{number}` in `{text}` is not a number"))?)))
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! `surefoot graph`.
+
+mod edit;
+mod export;
+mod reach;
+mod show;
+
+use super::map::Source;
+use super::services::{CacheArgs, GraphArgs};
+use super::{core_count, load_policy};
+use crate::terminal::progress_bar;
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use surefoot_planner::build::{GraphId, Progress, build};
+use surefoot_planner::cache::{DiskStore, GraphStore, LevelId};
+use surefoot_planner::edits::{MapTerrain, Unfit, lay_over};
+use surefoot_planner::probe::ProbeContext;
+use surefoot_planner::update::update;
+use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, NavGraph};
+use surefoot_world::{CharacterProfile, Map};
+
+/// Build, look at, check, edit and export graphs.
+#[derive(clap::Subcommand)]
+pub enum Command {
+    /// Build the graph of a map into the cache, or find it there, and describe or draw it
+    Build(show::Args),
+    /// The same as build
+    Show(show::Args),
+    /// Write a graph for other programs: GraphML, DOT, JSON or Detour's off-mesh links
+    Export(export::Args),
+    /// Check which places no character reaches: islands, one-way traps, what each ability opens up
+    Reach(reach::Args),
+    /// Compare what is reachable in two versions of a level
+    Diff(reach::DiffArgs),
+    /// Forbid, force or re-price edges, add, move or remove vertices
+    Edit(edit::Args),
+}
+
+pub fn run(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::Build(args) | Command::Show(args) => show::run(args),
+        Command::Export(args) => export::run(args),
+        Command::Reach(args) => reach::run(args),
+        Command::Diff(args) => reach::diff(args),
+        Command::Edit(args) => edit::run(args),
+    }
+}
+
+/// Which graph.
+#[derive(clap::Args, Clone)]
+pub struct Target {
+    #[command(flatten)]
+    source: Source,
+    #[command(flatten)]
+    graph: GraphArgs,
+    #[command(flatten)]
+    cache: CacheArgs,
+    /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    /// Leave out the layers of edits that lie over the graph
+    #[arg(long)]
+    without_edits: bool,
+}
+
+/// A graph with all that it came from.
+struct Loaded {
+    context: ProbeContext,
+    id: GraphId,
+    /// With edits laid over it.
+    graph: NavGraph,
+    stats: BuildStats,
+    cached: bool,
+    unfit: Vec<Unfit>,
+    /// Candidates that a change of the map had tried again.
+    retried: Option<u64>,
+}
+
+impl Target {
+    fn settings(&self) -> anyhow::Result<BuildSettings> {
+        let settings = self.graph.settings();
+        settings.validate()?;
+        Ok(settings)
+    }
+
+    fn context(&self) -> anyhow::Result<ProbeContext> {
+        Ok(ProbeContext {
+            map: Arc::new(self.source.load()?),
+            profile: CharacterProfile::default(),
+            policy: load_policy(self.model.as_deref())?,
+        })
+    }
+
+    /// What layers belong to: a generated map's spec, or the name of a file, which outlives changes of the level.
+    fn level(&self, map: &Map) -> LevelId {
+        match map.spec() {
+            Some(spec) => LevelId::of_spec(spec),
+            None => {
+                let name = Path::new(&self.source.map).file_name().unwrap_or_default();
+                LevelId::of(name.as_encoded_bytes())
+            }
+        }
+    }
+
+    /// Takes the graph from the cache or builds it, from that of an earlier version of the map if one is given, and lays
+    /// the level's edits over it.
+    fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
+        let settings = self.settings()?;
+        let context = self.context()?;
+        let store = self.cache.open()?;
+        let id = GraphId::of(&context, &settings);
+        let mut retried = None;
+        let (built, cached) = match (store.get(&id)?, changed_from) {
+            (Some(built), _) => (built, true),
+            (None, None) => (build_with_bar(&context, &settings)?, false),
+            (None, Some(earlier)) => {
+                let source = Source { map: earlier.to_owned(), ..self.source.clone() };
+                let old = ProbeContext { map: Arc::new(source.load()?), ..context.clone() };
+                let (graph, _) = get_or_build(&store, &old, &settings)?;
+                let updated =
+                    with_bar(|progress| update(&graph.graph, &old.map, &context, &settings, core_count(), progress))?;
+                retried = Some(updated.retried);
+                (updated.built, false)
+            }
+        };
+        if !cached {
+            store.put(&id, &built)?;
+        }
+        let Built { mut graph, stats } = built;
+        let mut unfit = Vec::new();
+        let layers = store.layers(&self.level(&context.map))?;
+        if !self.without_edits && !layers.is_empty() {
+            let terrain = MapTerrain { context: context.clone(), settings, thread_count: core_count() };
+            let edited = lay_over(&graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;
+            (graph, unfit) = (edited.graph, edited.unfit);
+        }
+        Ok(Loaded { context, id, graph, stats, cached, unfit, retried })
+    }
+}
+
+fn get_or_build(store: &DiskStore, context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<(Built, bool)> {
+    let id = GraphId::of(context, settings);
+    if let Some(built) = store.get(&id)? {
+        return Ok((built, true));
+    }
+    let built = build_with_bar(context, settings)?;
+    store.put(&id, &built)?;
+    Ok((built, false))
+}
+
+fn build_with_bar(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
+    with_bar(|progress| build(context, settings, core_count(), progress))
+}
+
+/// Shows the progress of a build.
+fn with_bar<T: Send>(work: impl FnOnce(&Progress) -> Result<T, BuildError> + Send) -> anyhow::Result<T> {
+    let progress = Progress::default();
+    let bar = progress_bar(0, "probing");
+    let result = std::thread::scope(|scope| {
+        let working = scope.spawn(|| work(&progress));
+        while !working.is_finished() {
+            bar.set_length(progress.total.load(Ordering::Relaxed));
+            bar.set_position(progress.done.load(Ordering::Relaxed));
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+        working.join().expect("a build does not panic")
+    });
+    bar.finish_and_clear();
+    Ok(result?)
+}
+
+fn print_unfit(unfit: &[Unfit]) {
+    for unfit in unfit {
+        println!("edit {} of layer `{}` does not fit: {}", unfit.index, unfit.layer, unfit.reason);
+    }
+}
+
+fn check_scale(scale: f32, map: &Map) -> anyhow::Result<()> {
+    let side = map.extent().x.max(map.extent().z);
+    if !(0.1..=16.0).contains(&scale) || scale * side > 8192.0 {
+        bail!("--scale is {scale}, allowed are 0.1 to 16 and at most 8192 pixels a side");
+    }
+    Ok(())
+}

@@ -1,0 +1,328 @@
+//! `surefoot graph reach` and `diff`: reachability as a check.
+
+use super::{Loaded, Target};
+use crate::commands::core_count;
+use crate::render::Picture;
+use crate::terminal::print_json;
+use anyhow::{Context, bail};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use surefoot_planner::NavGraph;
+use surefoot_planner::export::import_json;
+use surefoot_planner::reachability::{Connection, Difference, compare, describe};
+use surefoot_world::Vec3;
+use surefoot_world::reach::{Means, Reach};
+
+/// Check which places no character reaches.
+///
+/// Two readings stand side by side: geometry (a survey of every place to stand, with scripted leaps) and the graph
+/// (what the policy has proved).
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot graph reach 2000\n  surefoot graph reach level.sfmap --png reach.png\n  surefoot graph reach level.sfmap --min-reachable 0.98 --min-connected 0.95 --max-traps 0 --junit reach.xml"
+)]
+pub struct Args {
+    #[command(flatten)]
+    target: Target,
+    /// Fail if less than this share of all places to stand can be reached from the largest region
+    #[arg(long, value_name = "SHARE")]
+    min_reachable: Option<f64>,
+    /// Fail if less than this share of ordered vertex pairs has a path
+    #[arg(long, value_name = "SHARE")]
+    min_connected: Option<f64>,
+    /// Fail if the graph has more one-way traps
+    #[arg(long, value_name = "N")]
+    max_traps: Option<usize>,
+    /// Write the checks as JUnit XML
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Draw coverage from above: how far each place is from a vertex that is reached
+    #[arg(long, value_name = "FILE")]
+    png: Option<PathBuf>,
+    /// Pixels per metre of the picture
+    #[arg(long, default_value_t = 4.0)]
+    scale: f32,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Regions of unreached ground that are listed.
+const LISTED: usize = 20;
+/// Places below which an unreached region is not listed: 1.25 m x 1.25 m each.
+const LISTED_PLACES: u64 = 8;
+/// Distance from a vertex at which a place counts as not covered, m.
+const FAR_M: f32 = 20.0;
+
+#[derive(Serialize)]
+struct Report {
+    map: String,
+    /// Share of places to stand that can be reached from the largest region, by geometry.
+    reachable: f64,
+    /// Share of ordered pairs of places that each means joins.
+    lost_without: BTreeMap<String, f64>,
+    /// Ground that cannot be reached, the largest first.
+    unreached: Vec<Unreached>,
+    graph: Connection,
+    checks: Vec<Check>,
+}
+
+#[derive(Serialize)]
+struct Unreached {
+    places: u64,
+    at: Vec3,
+}
+
+#[derive(Serialize)]
+struct Check {
+    name: &'static str,
+    passed: bool,
+    message: String,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let loaded = args.target.load(None)?;
+    let Loaded { context, graph, .. } = &loaded;
+    super::check_scale(args.scale, &context.map)?;
+    let survey = Reach::survey(&context.map, &context.profile, core_count());
+    let report = args.report(&survey, graph);
+    if let Some(path) = &args.png {
+        draw(&loaded, &survey, args.scale).save(path)?;
+    }
+    if let Some(path) = &args.junit {
+        std::fs::write(path, junit(&report)).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    if args.json {
+        print_json(&report)?;
+    } else {
+        print_report(&report);
+    }
+    let failed: Vec<&str> =
+        report.checks.iter().filter(|check| !check.passed).map(|check| check.message.as_str()).collect();
+    if !failed.is_empty() {
+        bail!("{}", failed.join("; "));
+    }
+    Ok(())
+}
+
+impl Args {
+    fn report(&self, survey: &Reach, graph: &NavGraph) -> Report {
+        let regions = survey.regions(|_| true);
+        let reached = regions.reachable_from(regions.largest());
+        let total = survey.ground.cells().len().max(1) as f64;
+        let counts = regions.cell_counts.iter().zip(&reached);
+        let reachable = counts.filter(|(_, reached)| **reached).map(|(count, _)| *count as f64).sum::<f64>() / total;
+        let all = survey.share_by(|_| true);
+        let lost_without = Means::ALL
+            .into_iter()
+            .map(|means| (means.name().to_owned(), (all - survey.share_by(|other| other != means)).max(0.0)));
+        let graph = describe(graph);
+        Report {
+            map: self.target.source.map.clone(),
+            reachable,
+            lost_without: lost_without.filter(|(_, lost)| *lost > 0.0).collect(),
+            unreached: unreached(survey),
+            checks: self.checks(reachable, &graph),
+            graph,
+        }
+    }
+
+    fn checks(&self, reachable: f64, graph: &Connection) -> Vec<Check> {
+        let mut checks = Vec::new();
+        if let Some(least) = self.min_reachable {
+            let message =
+                format!("{:.2} % of places can be reached, at least {:.2} % must", 100.0 * reachable, 100.0 * least);
+            checks.push(Check { name: "reachable", passed: reachable >= least, message });
+        }
+        if let Some(least) = self.min_connected {
+            let connected = graph.connected;
+            let message = format!(
+                "{:.2} % of vertex pairs are connected, at least {:.2} % must",
+                100.0 * connected,
+                100.0 * least
+            );
+            checks.push(Check { name: "connected", passed: connected >= least, message });
+        }
+        if let Some(most) = self.max_traps {
+            let traps = graph.islands.iter().filter(|island| island.is_trap()).count();
+            let message = format!("{traps} one-way traps, at most {most} may be");
+            checks.push(Check { name: "traps", passed: traps <= most, message });
+        }
+        checks
+    }
+}
+
+/// Regions that the largest does not lead to.
+fn unreached(survey: &Reach) -> Vec<Unreached> {
+    let regions = survey.regions(|_| true);
+    let reached = regions.reachable_from(regions.largest());
+    let mut found: BTreeMap<u32, Unreached> = BTreeMap::new();
+    for cell in survey.ground.cells() {
+        let region = regions.of_island[cell.island as usize];
+        if !reached[region as usize] {
+            found.entry(region).or_insert(Unreached { places: 0, at: cell.feet }).places += 1;
+        }
+    }
+    let mut found: Vec<Unreached> = found.into_values().filter(|region| region.places >= LISTED_PLACES).collect();
+    found.sort_by_key(|region| std::cmp::Reverse(region.places));
+    found.truncate(LISTED);
+    found
+}
+
+fn print_report(report: &Report) {
+    let place = |at: Vec3| format!("({:.1}, {:.1}, {:.1})", at.x, at.y, at.z);
+    println!(
+        "map {}: {:.2} % of all places to stand can be reached, by geometry",
+        report.map,
+        100.0 * report.reachable
+    );
+    for (means, lost) in &report.lost_without {
+        println!("  without {}: {:.1} % of place pairs are cut off", means.replace('_', " "), 100.0 * lost);
+    }
+    for region in &report.unreached {
+        println!("  not reached: {} places around {}", region.places, place(region.at));
+    }
+    let graph = &report.graph;
+    println!(
+        "graph: {} vertices, {} edges, {} islands, {:.2} % of vertex pairs connected",
+        graph.vertices,
+        graph.edges,
+        graph.islands.len(),
+        100.0 * graph.connected
+    );
+    for (ability, lost) in &graph.lost_without {
+        println!("  without {}: {:.1} % of vertex pairs are cut off", ability.replace('_', " "), 100.0 * lost);
+    }
+    for island in graph.islands.iter().skip(1).take(LISTED) {
+        let kind = match (island.entered, island.left) {
+            (true, false) => "one-way trap",
+            (false, true) => "never entered",
+            (false, false) => "cut off",
+            (true, true) => "joined",
+        };
+        println!("  {kind}: {} vertices around {}", island.vertices, place(island.at));
+    }
+    for check in &report.checks {
+        println!("{} {}: {}", if check.passed { "ok" } else { "FAILED" }, check.name, check.message);
+    }
+}
+
+fn junit(report: &Report) -> String {
+    let escape = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
+    let failures = report.checks.iter().filter(|check| !check.passed).count();
+    let mut xml = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"reachability of {}\" tests=\"{}\" failures=\"{failures}\">\n",
+        escape(&report.map),
+        report.checks.len()
+    );
+    for check in &report.checks {
+        write!(xml, "  <testcase classname=\"surefoot.reach\" name=\"{}\"", check.name)
+            .expect("a String takes everything");
+        xml += &if check.passed {
+            "/>\n".to_owned()
+        } else {
+            format!("><failure message=\"{}\"/></testcase>\n", escape(&check.message))
+        };
+    }
+    xml + "</testsuite>\n"
+}
+
+/// Places by how near a vertex of the graph's main island is; red where geometry knows no way.
+fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
+    let Loaded { context, graph, .. } = loaded;
+    let main = describe(graph).islands.first().map_or(0, |island| island.id);
+    let start = (0..).zip(graph.islands()).find(|(_, island)| **island == main).map_or(0, |(vertex, _)| vertex);
+    let reached: Vec<Vec3> = (0..)
+        .zip(graph.reachable_from(start))
+        .filter(|(_, reached)| *reached)
+        .map(|(vertex, _)| graph.position(vertex))
+        .collect();
+    let regions = survey.regions(|_| true);
+    let can_be_reached = regions.reachable_from(regions.largest());
+    let mut picture = Picture::top_view(&context.map, scale);
+    let radius = (0.6 * scale).max(1.0);
+    for cell in survey.ground.cells() {
+        let colour = if can_be_reached[regions.of_island[cell.island as usize] as usize] {
+            let nearest = reached.iter().map(|vertex| vertex.distance(cell.feet)).fold(FAR_M, f32::min);
+            let far = nearest / FAR_M;
+            [(40.0 + 215.0 * far) as u8, (200.0 - 60.0 * far) as u8, 60]
+        } else {
+            [220, 20, 40]
+        };
+        picture.dot(cell.feet, radius, colour);
+    }
+    for vertex in reached {
+        picture.dot(vertex, 1.5, [250, 250, 250]);
+    }
+    let far = format!("{FAR_M} m from a reached vertex");
+    let entries = [
+        ([40, 200, 60], "at a reached vertex"),
+        ([255, 140, 60], far.as_str()),
+        ([220, 20, 40], "no way, by geometry"),
+    ];
+    picture.add_legend(&format!("map {}", loaded_name(loaded)), &entries);
+    picture
+}
+
+fn loaded_name(loaded: &Loaded) -> String {
+    loaded.context.map.spec().map_or_else(|| loaded.context.map.hash().to_string(), |spec| spec.seed.to_string())
+}
+
+/// Compare what is reachable in two versions of a level.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot graph diff level.sfmap changed.sfmap\n  surefoot graph diff before.json after.json --fail-on-loss   # files of graph export --format json"
+)]
+pub struct DiffArgs {
+    #[command(flatten)]
+    before: Target,
+    /// The later version: a seed, the file of a map, or a graph exported as JSON, like the earlier one
+    #[arg(value_name = "SEED|FILE")]
+    after: String,
+    /// Exit with an error if places can no longer be reached
+    #[arg(long)]
+    fail_on_loss: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn diff(args: &DiffArgs) -> anyhow::Result<()> {
+    let load = |map: &str| -> anyhow::Result<NavGraph> {
+        if Path::new(map).extension().is_some_and(|extension| extension == "json") {
+            let text = std::fs::read_to_string(map).with_context(|| format!("cannot read {map}"))?;
+            return import_json(&text).with_context(|| format!("cannot use {map}"));
+        }
+        let mut target = args.before.clone();
+        map.clone_into(&mut target.source.map);
+        Ok(target.load(None)?.graph)
+    };
+    let difference = compare(&load(&args.before.source.map)?, &load(&args.after)?);
+    if args.json {
+        print_json(&difference)?;
+    } else {
+        print_difference(&difference);
+    }
+    if args.fail_on_loss && !difference.lost.is_empty() {
+        bail!("{} places can no longer be reached", difference.lost.len());
+    }
+    Ok(())
+}
+
+fn print_difference(difference: &Difference) {
+    println!(
+        "vertex pairs connected: {:.2} % before, {:.2} % after; islands: {} before, {} after",
+        100.0 * difference.connected_before,
+        100.0 * difference.connected_after,
+        difference.islands.0,
+        difference.islands.1
+    );
+    for (what, places) in [("lost", &difference.lost), ("gained", &difference.gained)] {
+        println!("{what}: {} places", places.len());
+        for at in places.iter().take(LISTED) {
+            println!("  ({:.1}, {:.1}, {:.1})", at.x, at.y, at.z);
+        }
+    }
+}

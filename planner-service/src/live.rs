@@ -1,0 +1,66 @@
+//! What NPCs on their way have learned of edges since they were proved.
+
+use crate::graph::{Evidence, NavGraph};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Tries of one edge beyond which older ones count half, so that an edge can get better again, and worse.
+const MEMORY: u32 = 64;
+
+/// One passage along an edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Passage {
+    /// Vertex that it left.
+    pub from: u32,
+    /// Vertex that it was to reach.
+    pub to: u32,
+    /// Whether it did.
+    pub reached: bool,
+    /// Decisions taken.
+    pub decisions: u32,
+}
+
+/// Passages by edge.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct LiveEvidence {
+    edges: BTreeMap<(u32, u32), Evidence>,
+}
+
+impl LiveEvidence {
+    /// Whether nothing has been reported.
+    pub fn is_empty(&self) -> bool {
+        self.edges.is_empty()
+    }
+
+    /// Adds a passage along an edge of `graph`; what the edge costs from now on. `None` if there is no such edge.
+    pub fn note(&mut self, graph: &NavGraph, passage: &Passage) -> Option<f64> {
+        let edge = graph.edge(passage.from, passage.to)?;
+        let live = self.edges.entry((passage.from, passage.to)).or_default();
+        live.note(passage.reached, passage.decisions, edge.evidence.ability);
+        if live.tries >= MEMORY {
+            live.halve();
+        }
+        Some(edge.evidence.and(live).cost())
+    }
+
+    /// The graph with what was reported added to what was proved. Edges that it does not have are passed over.
+    pub fn lay_over(&self, graph: &NavGraph) -> NavGraph {
+        let mut data = graph.to_data();
+        for edge in &mut data.edges {
+            if let Some(live) = self.edges.get(&(edge.from, edge.to)) {
+                edge.evidence = edge.evidence.and(live);
+            }
+        }
+        NavGraph::check(data).expect("evidence was only added")
+    }
+
+    /// Forgets edges that touch vertices from number `count` on.
+    pub fn keep_below(&mut self, count: u32) {
+        self.edges.retain(|&(from, to), _| from < count && to < count);
+    }
+
+    /// Passages that are remembered.
+    pub fn passages(&self) -> u64 {
+        self.edges.values().map(|evidence| u64::from(evidence.tries)).sum()
+    }
+}

@@ -1,0 +1,125 @@
+//! The cache on disk: torn and flipped files, eviction, layers and live evidence.
+
+use std::path::Path;
+use surefoot_planner::build::{BuildStats, GraphId};
+use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore, GraphStore, LevelId};
+use surefoot_planner::edits::{Edit, Layer};
+use surefoot_planner::graph::{Evidence, GraphData};
+use surefoot_planner::legs::LegModel;
+use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::{Ability, Built, Edge, NavGraph};
+use surefoot_world::Vec3;
+
+/// A graph that is told apart by its size.
+fn built(vertices: u32) -> Built {
+    let edges = (1..vertices).map(|to| {
+        let mut evidence = Evidence::default();
+        evidence.note(true, 7, Ability::Jump);
+        Edge { from: to - 1, to, evidence }
+    });
+    let graph = NavGraph::check(GraphData {
+        vertices: (0..vertices).map(|idx| Vec3::new(3.0 * idx as f32, 0.0, 0.0)).collect(),
+        edges: edges.collect(),
+        legs: LegModel::default(),
+    });
+    Built { graph: graph.unwrap(), stats: BuildStats { probes: u64::from(vertices), ..BuildStats::default() } }
+}
+
+fn id(number: u8) -> GraphId {
+    GraphId([number; 32])
+}
+
+fn open(folder: &Path) -> DiskStore {
+    DiskStore::open(folder, DEFAULT_LIMIT_BYTES).unwrap()
+}
+
+#[test]
+fn a_torn_or_flipped_file_never_gives_a_wrong_graph() {
+    let folder = tempfile::tempdir().unwrap();
+    {
+        let store = open(folder.path());
+        (1..=3).for_each(|number| store.put(&id(number), &built(20 * u32::from(number))).unwrap());
+    }
+    let whole = std::fs::read(folder.path().join("graphs.redb")).unwrap();
+    let mut lost = 0;
+    // Every step is odd, so that all places within a page and all bits have their turn.
+    let flips = (0..whole.len() * 8).step_by(whole.len() * 8 / 150 | 1).map(|bit| {
+        let mut bytes = whole.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        bytes
+    });
+    let cuts = (0..whole.len()).step_by(whole.len() / 40 | 1).map(|length| whole[..length].to_vec());
+    for bytes in flips.chain(cuts) {
+        let damaged = tempfile::tempdir().unwrap();
+        std::fs::write(damaged.path().join("graphs.redb"), bytes).unwrap();
+        let Ok(store) = DiskStore::open(damaged.path(), DEFAULT_LIMIT_BYTES) else {
+            lost += 3;
+            continue;
+        };
+        for number in 1..=3 {
+            match store.get(&id(number)) {
+                Ok(Some(found)) => {
+                    let expected = built(20 * u32::from(number));
+                    assert_eq!(found.graph.to_data(), expected.graph.to_data());
+                    assert_eq!(found.stats, expected.stats);
+                }
+                Ok(None) | Err(_) => lost += 1,
+            }
+        }
+    }
+    assert!(lost > 0, "no damage was ever noticed");
+}
+
+#[test]
+fn a_file_of_garbage_is_set_aside() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("graphs.redb"), b"not a database, but long enough to be looked at").unwrap();
+    let store = open(folder.path());
+    store.put(&id(1), &built(2)).unwrap();
+    assert!(folder.path().join("graphs.redb.damaged").exists());
+    assert!(store.get(&id(1)).unwrap().is_some());
+}
+
+#[test]
+fn graphs_that_were_not_used_for_longest_make_room() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = {
+        let store = open(folder.path());
+        store.put(&id(9), &built(400)).unwrap();
+        postcard::to_stdvec(&built(400).graph.to_data()).unwrap().len() as u64
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let store = DiskStore::open(folder.path(), 3 * size + size / 2).unwrap();
+    (1..=3).for_each(|number| store.put(&id(number), &built(400)).unwrap());
+    assert!(store.get(&id(1)).unwrap().is_some());
+    store.put(&id(4), &built(400)).unwrap();
+    let kept: Vec<u8> = (1..=4).filter(|&number| store.get(&id(number)).unwrap().is_some()).collect();
+    assert_eq!(kept, [1, 3, 4], "the second was not used for longest");
+    // One that is larger than the whole cache is still kept until the next.
+    store.put(&id(5), &built(4000)).unwrap();
+    assert!(store.get(&id(5)).unwrap().is_some());
+}
+
+#[test]
+fn layers_and_live_evidence_are_remembered() {
+    let folder = tempfile::tempdir().unwrap();
+    let (level, other) = (LevelId::of(b"one"), LevelId::of(b"two"));
+    let layer = |name: &str| Layer { name: name.to_owned(), edits: vec![Edit::AddVertex { at: Vec3::ONE }] };
+    let graph = built(5);
+    let mut live = LiveEvidence::default();
+    live.note(&graph.graph, &Passage { from: 0, to: 1, reached: false, decisions: 9 }).unwrap();
+    {
+        let store = open(folder.path());
+        store.put_layer(&level, &layer("night")).unwrap();
+        store.put_layer(&level, &layer("day")).unwrap();
+        store.put_layer(&other, &layer("else")).unwrap();
+        store.put_live(&id(1), &live).unwrap();
+    }
+    let store = open(folder.path());
+    assert_eq!(store.layers(&level).unwrap(), [layer("day"), layer("night")]);
+    assert_eq!(store.live(&id(1)).unwrap(), live);
+    assert!(store.live(&id(2)).unwrap().is_empty());
+    store.put_layer(&level, &Layer { edits: Vec::new(), ..layer("day") }).unwrap();
+    assert_eq!(store.layers(&level).unwrap(), [layer("night")]);
+    assert_eq!(store.layers(&LevelId::of(b"three")).unwrap(), []);
+}
