@@ -138,6 +138,43 @@ fn a_changed_map_starts_from_the_graph_of_the_old_one() {
 }
 
 #[test]
+fn a_process_killed_at_any_moment_leaves_a_usable_cache() {
+    let folder = tempfile::tempdir().unwrap();
+    let clean = folder.path().join("clean");
+    let cache = folder.path().join("cache");
+    let file = cache.join("graphs.redb");
+    let run = |cache: &Path, vertices: u32| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_surefoot"));
+        let count = vertices.to_string();
+        command.args(["graph", "build", "31", "--size", "80", "--vertices", &count, "--neighbours", "4", "--json"]);
+        command.arg("--cache").arg(cache).stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::null());
+        command.spawn().expect("the command runs")
+    };
+    // Each is killed a different number of changes to the file after its start: while it opens, probes and writes.
+    for (round, vertices) in (0..12u32).zip(10..) {
+        let mut child = run(&cache, vertices);
+        let mut changes = 0;
+        let mut last = None;
+        while changes < round && child.try_wait().unwrap().is_none() {
+            let state = std::fs::metadata(&file).ok().and_then(|data| Some((data.len(), data.modified().ok()?)));
+            changes += u32::from(state != last);
+            last = state;
+            std::thread::yield_now();
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    for vertices in 10..22 {
+        let fields = |cache: &Path| {
+            let output = run(cache, vertices).wait_with_output().unwrap();
+            let report = json(&output);
+            (report["graph_id"].clone(), report["edges"].clone(), report["connected"].clone())
+        };
+        assert_eq!(fields(&cache), fields(&clean), "{vertices} vertices");
+    }
+}
+
+#[test]
 fn bad_input_ends_with_one_clear_line() {
     let folder = tempfile::tempdir().unwrap();
     let cache = folder.path().join("cache");

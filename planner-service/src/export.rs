@@ -240,6 +240,7 @@ struct OffMeshLinks {
     /// Flags: one bit for each ability but walking, from bit 0.
     off_mesh_con_flags: Vec<u16>,
     /// Index of the edge in the graph's own export.
+    #[serde(rename = "offMeshConUserID")]
     off_mesh_con_user_id: Vec<u32>,
     /// What areas and flags mean.
     legend: Vec<AbilityKey>,

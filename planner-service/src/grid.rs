@@ -1,5 +1,6 @@
 //! Points by place: a grid of square columns on the plane.
 
+use std::ops::Range;
 use surefoot_world::Vec3;
 
 /// Most columns along each side.
@@ -88,16 +89,32 @@ impl PointGrid {
             .flat_map(|(column, row)| self.entries_at(column, row).iter().copied())
     }
 
-    /// Points in the columns that form the square ring `ring` around the column over `point`. They are at least
-    /// `(ring - 1) * cell_m` metres away on the plane, if the point lies within the grid.
-    pub fn ring(&self, point: Vec3, ring: i32) -> impl Iterator<Item = u32> {
+    /// Points in the order of their columns, row by row; [`ring`](Self::ring) names places in it.
+    pub fn order(&self) -> &[u32] {
+        &self.entries
+    }
+
+    /// Visits the columns that form the square ring `ring` around the column over `point`, as ranges of
+    /// [`order`](Self::order). Points in them are at least `(ring - 1) * cell_m` metres away on the plane.
+    pub fn ring(&self, point: Vec3, ring: i32, mut visit: impl FnMut(Range<usize>)) {
         let (column, row) = self.column_of(point);
-        (-ring..=ring)
-            .flat_map(move |dz| {
-                let step = if dz.abs() == ring || ring == 0 { 1 } else { 2 * ring };
-                (-ring..=ring).step_by(step as usize).map(move |dx| (dx, dz))
-            })
-            .flat_map(move |(dx, dz)| self.entries_at(column + dx, row + dz).iter().copied())
+        let mut visit_row = |row: i32, left: i32, right: i32| {
+            let (left, right) = (left.max(0), right.min(self.columns - 1));
+            if row < 0 || row >= self.rows || left > right {
+                return;
+            }
+            let (first, last) = (self.cell((left, row)), self.cell((right, row)));
+            visit(self.starts[first] as usize..self.starts[last + 1] as usize);
+        };
+        if ring == 0 {
+            return visit_row(row, column, column);
+        }
+        visit_row(row - ring, column - ring, column + ring);
+        visit_row(row + ring, column - ring, column + ring);
+        for between in row - ring + 1..row + ring {
+            visit_row(between, column - ring, column - ring);
+            visit_row(between, column + ring, column + ring);
+        }
     }
 }
 
@@ -114,11 +131,13 @@ mod tests {
         for centre in [points[0], points[99], Vec3::new(-40.0, 0.0, 500.0)] {
             let mut seen = vec![0; points.len()];
             for ring in 0..=grid.ring_count() {
-                for idx in grid.ring(centre, ring) {
-                    seen[idx as usize] += 1;
-                    let offset = points[idx as usize] - centre;
-                    assert!(offset.x.hypot(offset.z) >= (ring - 1) as f32 * grid.cell_m());
-                }
+                grid.ring(centre, ring, |range| {
+                    for &idx in &grid.order()[range] {
+                        seen[idx as usize] += 1;
+                        let offset = points[idx as usize] - centre;
+                        assert!(offset.x.hypot(offset.z) >= (ring - 1) as f32 * grid.cell_m());
+                    }
+                });
             }
             assert!(seen.iter().all(|&count| count == 1));
         }

@@ -4,7 +4,7 @@
 //! linear one of decisions, both on how far, how high and how deep.
 
 use crate::candidates::Candidate;
-use crate::graph::Evidence;
+use crate::graph::{Evidence, price};
 use crate::regression::{Linear, Logistic, dot, sigmoid};
 use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
@@ -15,6 +15,8 @@ const FEATURES: usize = 6;
 const MAX_METRES_PER_DECISION: f64 = 2.0;
 /// Lowest chance that is told apart.
 const MIN_CHANCE: f64 = 0.02;
+/// Highest chance of a leg that nobody has proved.
+const MAX_CHANCE: f64 = 0.99;
 /// Probes below which the coefficients of [`LegModel::default`] are better.
 const MIN_PROBES: usize = 200;
 
@@ -80,26 +82,93 @@ impl LegModel {
 
     /// The decisions of an [`estimate`](Self::estimate) alone.
     pub fn decisions(&self, from: Vec3, to: Vec3) -> f64 {
-        let distance = f64::from(from.distance(to));
-        let beyond = (distance / self.range_m).max(1.0);
-        let features = features(from, from + (to - from) / beyond as f32);
+        let (features, distance, beyond) = self.look(from, to);
         (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance))
     }
 
     /// What the leg from `from` to `to` is likely to take.
     pub fn estimate(&self, from: Vec3, to: Vec3) -> LegEstimate {
-        let distance = f64::from(from.distance(to));
-        let beyond = (distance / self.range_m).max(1.0);
-        let end = from + (to - from) / beyond as f32;
-        let features = features(from, end);
+        let (features, distance, beyond) = self.look(from, to);
+        let chance = sigmoid(dot(&self.success, &features)).clamp(MIN_CHANCE, MAX_CHANCE);
         LegEstimate {
             decisions: (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance)),
-            chance: sigmoid(dot(&self.success, &features)).clamp(MIN_CHANCE, 0.99).powf(beyond).max(MIN_CHANCE),
+            chance: if beyond > 1.0 { chance.powf(beyond).max(MIN_CHANCE) } else { chance },
         }
     }
 
+    /// Features of a leg as far as the model was fitted, its length, and how many times that is.
+    fn look(&self, from: Vec3, to: Vec3) -> ([f64; FEATURES], f64, f64) {
+        let distance = f64::from(from.distance(to));
+        if distance <= self.range_m {
+            return (features(from, to), distance, 1.0);
+        }
+        let beyond = distance / self.range_m;
+        (features(from, from + (to - from) / beyond as f32), distance, beyond)
+    }
+
     /// Fewest decisions that any leg of this length is estimated at.
-    pub fn least_decisions(distance: f64) -> f64 {
+    fn least_decisions(distance: f64) -> f64 {
         distance / MAX_METRES_PER_DECISION
+    }
+
+    /// Lower bounds of the price of any leg.
+    pub fn bounds(&self) -> Bounds {
+        // The most that climbs and drops can do for a leg.
+        let luck = most(self.success[3], self.success[4]) + most(self.success[5], 0.0);
+        let saved = most(-self.decisions[3], -self.decisions[4]) + most(-self.decisions[5], 0.0);
+        let price_of = |metres: usize| {
+            let horizontal = metres as f64 / 20.0;
+            let flat = [1.0, horizontal, horizontal * horizontal, 0.0, 0.0, 0.0];
+            let decisions = (dot(&self.decisions, &flat) - saved).max(Self::least_decisions(metres as f64));
+            let chance = sigmoid(dot(&self.success, &flat) + luck).clamp(MIN_CHANCE, MAX_CHANCE);
+            price(decisions, chance) as f32
+        };
+        let by_speed = |metres: usize| Self::least_decisions(metres as f64) as f32;
+        let mut least: [f32; METRES] = std::array::from_fn(price_of);
+        let fitted = (self.range_m as usize).min(METRES - 1);
+        least[fitted..].iter_mut().zip(fitted..).for_each(|(least, metres)| *least = by_speed(metres));
+        // A longer leg must not be allowed less than a shorter one is.
+        for metres in (1..METRES).rev() {
+            least[metres - 1] = f32::min(least[metres - 1], least[metres]);
+        }
+        Bounds { least, range_squared: (self.range_m * self.range_m) as f32 }
+    }
+}
+
+/// The most that `linear * x + square * x * x` can be for `x` from 0 up.
+fn most(linear: f64, square: f64) -> f64 {
+    if linear <= 0.0 && square <= 0.0 {
+        0.0
+    } else if square < 0.0 {
+        linear * linear / (-4.0 * square)
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Metres that [`Bounds`] tell apart.
+const METRES: usize = 96;
+
+/// Lower bounds of the price of unproved legs, by how far they lead on the plane.
+#[derive(Debug, Clone)]
+pub struct Bounds {
+    least: [f32; METRES],
+    range_squared: f32,
+}
+
+impl Bounds {
+    /// Of all legs that lead at least so far on the plane.
+    pub fn from_metres(&self, metres: f32) -> f32 {
+        self.least[(metres as usize).min(METRES - 1)]
+    }
+
+    /// Of a leg with this offset.
+    pub fn of(&self, offset: Vec3) -> f32 {
+        let on_plane = offset.x * offset.x + offset.z * offset.z;
+        if on_plane + offset.y * offset.y >= self.range_squared {
+            // The model was not fitted to such: only speed limits.
+            return (LegModel::least_decisions(f64::from(on_plane.sqrt()))) as f32;
+        }
+        self.from_metres(on_plane.sqrt())
     }
 }

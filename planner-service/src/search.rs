@@ -8,7 +8,7 @@
 
 use crate::graph::{Ability, Evidence, NavGraph, price};
 use crate::grid::PointGrid;
-use crate::legs::LegModel;
+use crate::legs::{Bounds, LegModel};
 use crate::table::{Roads, Table};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -101,14 +101,15 @@ pub struct Router {
     reached: Shelf,
     /// Most metres that any edge makes good for one unit of cost.
     metres_per_cost: f32,
+    bounds: Bounds,
 }
 
 /// Some vertices by place.
 #[derive(Debug)]
 struct Shelf {
-    vertices: Vec<u32>,
-    positions: Vec<Vec3>,
     grid: PointGrid,
+    /// Vertices with their places, in the grid's order.
+    places: Vec<(Vec3, u32)>,
 }
 
 impl Shelf {
@@ -116,7 +117,8 @@ impl Shelf {
         let vertices: Vec<u32> = (0..graph.vertex_count() as u32).filter(|&vertex| holds(vertex)).collect();
         let positions: Vec<Vec3> = vertices.iter().map(|&vertex| graph.position(vertex)).collect();
         let grid = PointGrid::new(&positions, cell_m);
-        Self { vertices, positions, grid }
+        let places = grid.order().iter().map(|&idx| (positions[idx as usize], vertices[idx as usize])).collect();
+        Self { grid, places }
     }
 }
 
@@ -128,16 +130,18 @@ impl Router {
     pub fn new(graph: NavGraph, table_limit: usize, thread_count: usize) -> Self {
         let roads = Roads::new(&graph);
         let fits = graph.vertex_count() <= table_limit && roads.fits_table();
-        let table = fits.then(|| Table::fill(&roads, thread_count));
+        let cell_m = 0.5 * spacing(&graph);
+        let positions: Vec<Vec3> = (0..graph.vertex_count() as u32).map(|vertex| graph.position(vertex)).collect();
+        let table = fits.then(|| Table::fill(&roads, PointGrid::new(&positions, 4.0 * cell_m).order(), thread_count));
         let mut metres_per_cost = f32::MIN_POSITIVE;
         for edge in graph.edges() {
             let metres = graph.position(edge.from).distance(graph.position(edge.to));
             metres_per_cost = metres_per_cost.max(metres / (edge.evidence.cost() as f32).max(f32::MIN_POSITIVE));
         }
-        let cell_m = spacing(&graph);
         Self {
             left: Shelf::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             reached: Shelf::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
+            bounds: graph.legs().bounds(),
             graph,
             roads,
             table,
@@ -212,26 +216,30 @@ impl Router {
         };
         let model = self.graph.legs();
         let mut best: Attached = Vec::with_capacity(ATTACHMENTS + 1);
+        let mut worst = f32::INFINITY;
         for ring in 0..=shelf.grid.ring_count() {
-            let worst = if best.len() == ATTACHMENTS { best[ATTACHMENTS - 1].1 } else { f32::INFINITY };
             let clearance = (ring - 1).max(0) as f32 * shelf.grid.cell_m();
-            if LegModel::least_decisions(f64::from(clearance)) as f32 > worst {
+            if self.bounds.from_metres(clearance) > worst {
                 break;
             }
-            for entry in shelf.grid.ring(point, ring) {
-                let (vertex, at) = (shelf.vertices[entry as usize], shelf.positions[entry as usize]);
-                let worst = if best.len() == ATTACHMENTS { best[ATTACHMENTS - 1].1 } else { f32::INFINITY };
-                let (from, to) = if to_goal { (at, point) } else { (point, at) };
-                if model.decisions(from, to) as f32 >= worst || is_barred(vertex) {
-                    continue;
+            shelf.grid.ring(point, ring, |range| {
+                for &(at, vertex) in &shelf.places[range] {
+                    if self.bounds.of(at - point) >= worst {
+                        continue;
+                    }
+                    let (from, to) = if to_goal { (at, point) } else { (point, at) };
+                    if is_barred(vertex) {
+                        continue;
+                    }
+                    let cost = leg_cost(model, from, to);
+                    if cost < worst {
+                        let place = best.partition_point(|&(_, other)| other <= cost);
+                        best.insert(place, (vertex, cost));
+                        best.truncate(ATTACHMENTS);
+                        worst = if best.len() == ATTACHMENTS { best[ATTACHMENTS - 1].1 } else { f32::INFINITY };
+                    }
                 }
-                let cost = leg_cost(model, from, to);
-                if cost < worst {
-                    let place = best.partition_point(|&(_, other)| other <= cost);
-                    best.insert(place, (vertex, cost));
-                    best.truncate(ATTACHMENTS);
-                }
-            }
+            });
         }
         best
     }

@@ -60,9 +60,11 @@ impl Roads {
 #[derive(Debug)]
 pub(crate) struct Table {
     vertex_count: usize,
-    /// By goal, then by vertex: cost of the way.
+    /// Place of each vertex in the rows: by where it stands, so that what is asked together lies together.
+    ranks: Vec<u32>,
+    /// By goal, then by rank: cost of the way.
     costs: Vec<f32>,
-    /// By goal, then by vertex: place of the first road among those that leave the vertex.
+    /// By goal, then by rank: place of the first road among those that leave the vertex.
     hops: Vec<u8>,
 }
 
@@ -96,11 +98,14 @@ impl Arrivals {
 }
 
 impl Table {
-    /// Runs Dijkstra's algorithm backwards from every vertex.
-    pub fn fill(roads: &Roads, thread_count: usize) -> Self {
+    /// Runs Dijkstra's algorithm backwards from every vertex; `order` lists all vertices by where they stand.
+    pub fn fill(roads: &Roads, order: &[u32], thread_count: usize) -> Self {
         let vertex_count = roads.vertex_count();
+        let mut ranks = vec![0; vertex_count];
+        (0..).zip(order).for_each(|(rank, &vertex)| ranks[vertex as usize] = rank);
         let mut table = Self {
             vertex_count,
+            ranks,
             costs: vec![f32::INFINITY; vertex_count * vertex_count],
             hops: vec![NO_WAY; vertex_count * vertex_count],
         };
@@ -110,11 +115,11 @@ impl Table {
         std::thread::scope(|scope| {
             let chunks = table.costs.chunks_mut(chunk_len).zip(table.hops.chunks_mut(chunk_len));
             for (chunk_idx, (costs, hops)) in chunks.enumerate() {
-                let arrivals = &arrivals;
+                let (arrivals, ranks) = (&arrivals, &table.ranks);
                 scope.spawn(move || {
                     let rows = costs.chunks_exact_mut(vertex_count).zip(hops.chunks_exact_mut(vertex_count));
                     for (row, (costs, hops)) in rows.enumerate() {
-                        fill_row(arrivals, (chunk_idx * rows_each + row) as u32, costs, hops);
+                        fill_row(arrivals, ranks, (chunk_idx * rows_each + row) as u32, costs, hops);
                     }
                 });
             }
@@ -124,7 +129,7 @@ impl Table {
 
     /// Cost of the cheapest way, infinite if there is none.
     pub fn cost(&self, from: u32, to: u32) -> f32 {
-        self.costs[to as usize * self.vertex_count + from as usize]
+        self.costs[to as usize * self.vertex_count + self.ranks[from as usize] as usize]
     }
 
     /// Roads of the cheapest way, in order; none if there is no way.
@@ -132,8 +137,12 @@ impl Table {
         let row = &self.hops[to as usize * self.vertex_count..][..self.vertex_count];
         let mut way = Vec::with_capacity(32);
         let mut at = from;
-        while at != to && row[at as usize] != NO_WAY {
-            let road = roads.starts[at as usize] + u32::from(row[at as usize]);
+        while at != to {
+            let hop = row[self.ranks[at as usize] as usize];
+            if hop == NO_WAY {
+                break;
+            }
+            let road = roads.starts[at as usize] + u32::from(hop);
             way.push(road);
             at = roads.legs[road as usize].to;
         }
@@ -141,22 +150,23 @@ impl Table {
     }
 }
 
-fn fill_row(arrivals: &Arrivals, goal: u32, costs: &mut [f32], hops: &mut [u8]) {
+fn fill_row(arrivals: &Arrivals, ranks: &[u32], goal: u32, costs: &mut [f32], hops: &mut [u8]) {
+    let rank = |vertex: u32| ranks[vertex as usize] as usize;
     // Costs are not negative, so their bits sort like they do.
     let key = |cost: f32, vertex: u32| Reverse(u64::from(cost.to_bits()) << 32 | u64::from(vertex));
     let mut open = BinaryHeap::with_capacity(costs.len());
-    costs[goal as usize] = 0.0;
+    costs[rank(goal)] = 0.0;
     open.push(key(0.0, goal));
     while let Some(Reverse(entry)) = open.pop() {
         let (so_far, vertex) = (f32::from_bits((entry >> 32) as u32), entry as u32);
-        if so_far > costs[vertex as usize] {
+        if so_far > costs[rank(vertex)] {
             continue;
         }
         for &(from, place, cost) in arrivals.at(vertex) {
             let next = so_far + cost;
-            if next < costs[from as usize] {
-                costs[from as usize] = next;
-                hops[from as usize] = place;
+            if next < costs[rank(from)] {
+                costs[rank(from)] = next;
+                hops[rank(from)] = place;
                 open.push(key(next, from));
             }
         }
