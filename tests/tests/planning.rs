@@ -1,6 +1,6 @@
 //! What designers and NPCs tell the planner changes plans for everybody, over real sockets.
 
-use e2e::{build_graph, planner_client, start_planner};
+use e2e::{build_graph, planner_client, small_graph, small_map, start_planner};
 use surefoot_planner::service::PlannerConfig;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
@@ -135,5 +135,28 @@ async fn edits_and_reports_that_make_no_sense_are_refused_and_change_nothing() {
     assert_eq!(status.code(), Code::ResourceExhausted);
     let after = get(&mut client, &graph_id).await.summary.unwrap();
     assert_eq!((after.edges, after.edits, after.passages), (before.edges, 0, 0));
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_build_that_nobody_waits_for_any_more_makes_room() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig { max_builds: 1, ..PlannerConfig::default() });
+    let mut client = planner_client(&planner).await;
+    // Minutes of probing, left after the first sign of life.
+    let settings = wire::BuildSettings { vertices: 2000, neighbours: 64, repeats: 32, ..Default::default() };
+    let request = wire::BuildGraphRequest { map: Some(small_map(9)), settings: Some(settings) };
+    let mut progress = client.build_graph(request).await.unwrap().into_inner();
+    assert!(progress.message().await.unwrap().unwrap().summary.is_none());
+    let other = wire::BuildGraphRequest { map: Some(small_map(MAP)), settings: Some(small_graph()) };
+    let refused = client.build_graph(other).await.unwrap_err();
+    assert_eq!(refused.code(), Code::ResourceExhausted);
+    drop(progress);
+    let accepted = async {
+        while client.build_graph(other).await.is_err() {
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(std::time::Duration::from_secs(60), accepted).await.expect("the build is cancelled");
     planner.stop().await;
 }

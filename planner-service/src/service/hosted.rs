@@ -122,9 +122,12 @@ impl Hosted {
 
     /// Lays these layers over what was proved, in place of those before.
     pub fn lay_over(&self, layers: Vec<Layer>) {
-        let mut live = self.live.lock().expect(POISON);
-        // Vertices that layers put in may have other numbers from now on.
-        live.keep_below(self.proved.vertex_count() as u32);
+        let live = {
+            let mut live = self.live.lock().expect(POISON);
+            // Vertices that layers put in may have other numbers from now on.
+            live.keep_below(self.proved.vertex_count() as u32);
+            live.clone()
+        };
         let view = View::new(&self.origin, &self.proved, layers, &live);
         *self.view.write().expect(POISON) = Arc::new(view);
     }

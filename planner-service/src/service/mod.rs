@@ -19,7 +19,7 @@ use hosted::{Hosted, Origin};
 use std::collections::{BTreeMap, VecDeque};
 use std::pin::Pin;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
 use surefoot_policy::Policy;
 use surefoot_proto::convert::{self, FieldError};
@@ -83,6 +83,26 @@ type JobState = Option<Result<Arc<Hosted>, Status>>;
 /// A build that several requests may share.
 #[derive(Debug, Clone)]
 struct Job {
+    interest: Arc<Interest>,
+    state: watch::Receiver<JobState>,
+}
+
+/// Held by all who wait for a build; when the last of them leaves, it is cancelled.
+#[derive(Debug)]
+struct Interest {
+    progress: Arc<Progress>,
+}
+
+impl Drop for Interest {
+    fn drop(&mut self) {
+        self.progress.cancel.store(true, Ordering::Relaxed);
+    }
+}
+
+/// A build that runs or waits for its turn.
+#[derive(Debug)]
+struct Listed {
+    interest: Weak<Interest>,
     progress: Arc<Progress>,
     state: watch::Receiver<JobState>,
 }
@@ -100,7 +120,7 @@ struct Shared {
     /// Most recently used last.
     ready: Mutex<VecDeque<Arc<Hosted>>>,
     /// By spec and settings, since the map's hash is not known before it is generated.
-    jobs: Mutex<BTreeMap<String, Job>>,
+    jobs: Mutex<BTreeMap<String, Listed>>,
     /// One build at a time: each uses all cores.
     turn: Semaphore,
     /// One change of layers at a time.
@@ -230,8 +250,10 @@ impl PlannerApi {
     fn join(&self, spec: MapSpec, settings: BuildSettings) -> Result<Job, Status> {
         let key = format!("{spec:?} {settings:?}");
         let mut jobs = self.shared.jobs.lock().expect(POISON);
-        if let Some(job) = jobs.get(&key) {
-            return Ok(job.clone());
+        if let Some(Listed { interest, state, .. }) = jobs.get(&key)
+            && let Some(interest) = interest.upgrade()
+        {
+            return Ok(Job { interest, state: state.clone() });
         }
         let limit = self.shared.config.max_builds;
         if jobs.len() >= limit {
@@ -240,14 +262,22 @@ impl PlannerApi {
             )));
         }
         let (sender, state) = watch::channel(None);
-        let job = Job { progress: Arc::default(), state };
-        jobs.insert(key.clone(), job.clone());
-        let (api, progress) = (self.clone(), job.progress.clone());
+        let progress = Arc::new(Progress::default());
+        let interest = Arc::new(Interest { progress: progress.clone() });
+        // One that everybody has left may still stand here: it is on its way out.
+        let listed = Listed { interest: Arc::downgrade(&interest), progress: progress.clone(), state: state.clone() };
+        jobs.insert(key.clone(), listed);
+        let api = self.clone();
         tokio::spawn(async move {
-            let result = api.run_build(spec, settings, progress).await;
-            api.shared.jobs.lock().expect(POISON).remove(&key);
+            let result = api.run_build(spec, settings, progress.clone()).await;
+            let mut jobs = api.shared.jobs.lock().expect(POISON);
+            if jobs.get(&key).is_some_and(|listed| Arc::ptr_eq(&listed.progress, &progress)) {
+                jobs.remove(&key);
+            }
+            drop(jobs);
             sender.send_replace(Some(result));
         });
+        let job = Job { interest, state };
         Ok(job)
     }
 
@@ -258,6 +288,9 @@ impl PlannerApi {
         progress: Arc<Progress>,
     ) -> Result<Arc<Hosted>, Status> {
         let _turn = self.shared.turn.acquire().await.map_err(|_| going_away())?;
+        if progress.cancel.load(Ordering::Relaxed) {
+            return Err(BuildError::Cancelled.into());
+        }
         let api = self.clone();
         let task = tokio::task::spawn_blocking(move || api.build_or_load(&spec, &settings, &progress));
         let ready = task.await.map_err(|error| Status::internal(format!("the build failed: {error}")))??;
@@ -540,6 +573,7 @@ fn or_nothing<T: Default>(read: Result<T, StoreError>) -> T {
 
 /// Streams a build's progress, then its end.
 async fn report(mut job: Job, queue: mpsc::Sender<Result<wire::BuildGraphResponse, Status>>, shutdown: Shutdown) {
+    let progress = job.interest.progress.clone();
     let stopping = shutdown.wait();
     tokio::pin!(stopping);
     loop {
@@ -553,7 +587,7 @@ async fn report(mut job: Job, queue: mpsc::Sender<Result<wire::BuildGraphRespons
             () = queue.closed() => return,
         };
         let (probes_done, probes_total) =
-            (job.progress.done.load(Ordering::Relaxed), job.progress.total.load(Ordering::Relaxed));
+            (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
         let (last, message) = match finished {
             None => {
                 let stage = if probes_total == 0 { "vertices" } else { "probe" };

@@ -242,7 +242,7 @@ fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
     let regions = survey.regions(|_| true);
     let can_be_reached = regions.reachable_from(regions.largest());
     let mut picture = Picture::top_view(&context.map, scale);
-    let radius = (0.6 * scale).max(1.0);
+    let radius = (0.9 * scale).max(1.0);
     for cell in survey.ground.cells() {
         let colour = if can_be_reached[regions.of_island[cell.island as usize] as usize] {
             let nearest = reached.iter().map(|vertex| vertex.distance(cell.feet)).fold(FAR_M, f32::min);
