@@ -43,12 +43,12 @@ fn a_torn_or_flipped_file_never_gives_a_wrong_graph() {
     let whole = std::fs::read(folder.path().join("graphs.redb")).unwrap();
     let mut lost = 0;
     // Every step is odd, so that all places within a page and all bits have their turn.
-    let flips = (0..whole.len() * 8).step_by(whole.len() * 8 / 150 | 1).map(|bit| {
+    let flips = (0..whole.len() * 8).step_by((whole.len() * 8 / 150) | 1).map(|bit| {
         let mut bytes = whole.clone();
         bytes[bit / 8] ^= 1 << (bit % 8);
         bytes
     });
-    let cuts = (0..whole.len()).step_by(whole.len() / 40 | 1).map(|length| whole[..length].to_vec());
+    let cuts = (0..whole.len()).step_by((whole.len() / 40) | 1).map(|length| whole[..length].to_vec());
     for bytes in flips.chain(cuts) {
         let damaged = tempfile::tempdir().unwrap();
         std::fs::write(damaged.path().join("graphs.redb"), bytes).unwrap();
