@@ -91,6 +91,12 @@ impl Change {
             .any(|cell| self.columns.get(&cell).is_some_and(|&(bottom, top)| bottom <= high.y && top >= low.y))
     }
 
+    /// Whether anything over or under a place, or within the margin beside it, differs.
+    pub fn touches_column(&self, at: Vec3) -> bool {
+        let (low, high) = (Vec3::new(at.x, f32::MIN, at.z), Vec3::new(at.x, f32::MAX, at.z));
+        self.touches(low, high)
+    }
+
     /// Whether something within the margin of the straight way differs.
     pub fn touches_way(&self, from: Vec3, to: Vec3) -> bool {
         let steps = (from.distance(to) / CELL_M).ceil().max(1.0);
@@ -183,13 +189,13 @@ pub fn update(
     Ok(Updated { built: Built { graph, stats }, change, retried: touched.len() as u64, lost })
 }
 
-/// Vertices near the change on which the character can no longer stand where it stood.
+/// Vertices in changed columns on which the character can no longer stand where it stood.
 fn lost_vertices(vertices: &[Vec3], change: &Change, context: &ProbeContext) -> Vec<u32> {
     let mut scratch = MoveScratch::default();
-    let height = Vec3::new(0.0, context.profile.height, 0.0);
     (0..)
         .zip(vertices)
-        .filter(|(_, feet)| change.touches(**feet, **feet + height))
+        // At any height: what stands inside a new block is nowhere near its faces.
+        .filter(|(_, feet)| change.touches_column(**feet))
         .filter(|(_, feet)| {
             let stands = navigable::stand_at(&context.map, &context.profile, **feet, SHIFT_M, &mut scratch);
             stands.is_none_or(|stands| stands.distance(**feet) > 2.0 * SHIFT_M)
