@@ -89,11 +89,27 @@ impl LegModel {
     /// What the leg from `from` to `to` is likely to take.
     pub fn estimate(&self, from: Vec3, to: Vec3) -> LegEstimate {
         let (features, distance, beyond) = self.look(from, to);
-        let chance = sigmoid(dot(&self.success, &features)).clamp(MIN_CHANCE, MAX_CHANCE);
         LegEstimate {
             decisions: (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance)),
-            chance: if beyond > 1.0 { chance.powf(beyond).max(MIN_CHANCE) } else { chance },
+            chance: self.chance(&features, beyond),
         }
+    }
+
+    /// The price of an [`estimate`](Self::estimate), if it lies below `limit`; what is dearer costs less to find out.
+    pub fn price_below(&self, from: Vec3, to: Vec3, limit: f32) -> Option<f32> {
+        let (features, distance, beyond) = self.look(from, to);
+        let decisions = (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance));
+        // A price is never below its decisions.
+        if decisions as f32 >= limit {
+            return None;
+        }
+        let cost = price(decisions, self.chance(&features, beyond)) as f32;
+        (cost < limit).then_some(cost)
+    }
+
+    fn chance(&self, features: &[f64; FEATURES], beyond: f64) -> f64 {
+        let chance = sigmoid(dot(&self.success, features)).clamp(MIN_CHANCE, MAX_CHANCE);
+        if beyond > 1.0 { chance.powf(beyond).max(MIN_CHANCE) } else { chance }
     }
 
     /// Features of a leg as far as the model was fitted, its length, and how many times that is.

@@ -231,8 +231,7 @@ impl Router {
                     if is_barred(vertex) {
                         continue;
                     }
-                    let cost = leg_cost(model, from, to);
-                    if cost < worst {
+                    if let Some(cost) = model.price_below(from, to, worst) {
                         let place = best.partition_point(|&(_, other)| other <= cost);
                         best.insert(place, (vertex, cost));
                         best.truncate(ATTACHMENTS);
