@@ -175,7 +175,8 @@ pub struct Bounds {
 impl Bounds {
     /// Of all legs that lead at least so far on the plane.
     pub fn from_metres(&self, metres: f32) -> f32 {
-        self.least[(metres as usize).min(METRES - 1)]
+        let by_speed = LegModel::least_decisions(f64::from(metres)) as f32;
+        self.least[(metres as usize).min(METRES - 1)].max(by_speed)
     }
 
     /// Of a leg with this offset.
