@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 use surefoot_planner::Plan;
+use surefoot_planner::live::Passage;
 use surefoot_planner::search::{OFF_GRAPH, Query};
 use surefoot_world::Vec3;
 
@@ -70,19 +71,6 @@ impl Fault {
     }
 }
 
-/// One passage along a leg, for the planner to learn from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Traversal {
-    /// Vertex that it left.
-    pub from: u32,
-    /// Vertex that it was to reach.
-    pub to: u32,
-    /// Whether it did.
-    pub reached: bool,
-    /// Decisions taken.
-    pub decisions: u32,
-}
-
 /// One NPC's way to one goal.
 #[derive(Debug, Clone)]
 pub struct Follower {
@@ -99,7 +87,7 @@ pub struct Follower {
     replans: u32,
     failed_legs: Vec<(u32, u32)>,
     decisions_on_leg: u32,
-    traversals: Vec<Traversal>,
+    passages: Vec<Passage>,
 }
 
 /// Decisions after a waypoint within which harm is laid to the turn towards the next.
@@ -122,13 +110,13 @@ impl Follower {
             replans: 0,
             failed_legs: Vec::new(),
             decisions_on_leg: 0,
-            traversals: Vec::new(),
+            passages: Vec::new(),
         }
     }
 
     /// Takes the passages along proved edges that ended since the last call.
-    pub fn take_traversals(&mut self) -> Vec<Traversal> {
-        std::mem::take(&mut self.traversals)
+    pub fn take_passages(&mut self) -> Vec<Passage> {
+        std::mem::take(&mut self.passages)
     }
 
     /// Notes that the NPC came to harm, which ends its attempt.
@@ -158,7 +146,7 @@ impl Follower {
         let leg = plan.legs[self.leg];
         if leg.from != OFF_GRAPH && leg.to != OFF_GRAPH {
             let decisions = self.decisions_on_leg;
-            self.traversals.push(Traversal { from: leg.from, to: leg.to, reached, decisions });
+            self.passages.push(Passage { from: leg.from, to: leg.to, reached, decisions });
         }
     }
 

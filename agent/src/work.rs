@@ -4,12 +4,13 @@
 //! the ones that move messages. A lost server is looked for again with growing pauses; without a planner (or
 //! while it is away) NPCs head straight for their goals.
 
-use crate::follow::{FollowConfig, Follower, Step, Traversal};
+use crate::follow::{FollowConfig, Follower, Step};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use surefoot_planner::Plan;
+use surefoot_planner::live::Passage;
 use surefoot_planner::service::plan_from_wire;
 use surefoot_policy::Policy;
 use surefoot_proto::convert;
@@ -185,7 +186,7 @@ impl Session<'_> {
             npcs: BTreeMap::new(),
             planned,
             plans,
-            traversals: Vec::new(),
+            passages: Vec::new(),
             out,
         };
         tokio::spawn(world.run(messages));
@@ -282,7 +283,7 @@ struct WorldTask {
     planned: mpsc::Sender<Planned>,
     plans: mpsc::Receiver<Planned>,
     /// Passages along edges that the planner has not been told of.
-    traversals: Vec<Traversal>,
+    passages: Vec<Passage>,
     out: mpsc::Sender<wire::WorkRequest>,
 }
 
@@ -379,7 +380,7 @@ impl WorldTask {
             return Step::Keep;
         }
         let step = carried.follower.note(feet, touched);
-        self.traversals.extend(carried.follower.take_traversals());
+        self.passages.extend(carried.follower.take_passages());
         step
     }
 
@@ -389,7 +390,7 @@ impl WorldTask {
             let harmed = matches!(outcome, wire::Outcome::Fell | wire::Outcome::Burnt | wire::Outcome::Drowned);
             if let Some(carried) = self.npcs.get_mut(id).filter(|carried| harmed && carried.attempt == attempt) {
                 carried.follower.note_harm();
-                self.traversals.extend(carried.follower.take_traversals());
+                self.passages.extend(carried.follower.take_passages());
             }
         }
         self.report();
@@ -397,13 +398,13 @@ impl WorldTask {
 
     /// Tells the planner how legs went, if there is something worth telling.
     fn report(&mut self) {
-        let is_urgent = self.traversals.iter().any(|traversal| !traversal.reached);
-        let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
+        let is_urgent = self.passages.iter().any(|passage| !passage.reached);
+        let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.passages.len() >= REPORT_LEN) else {
             return;
         };
         let graph_id = graph.graph_id.borrow().clone();
-        let traversals = std::mem::take(&mut self.traversals).into_iter().map(|traversal| {
-            let Traversal { from, to, reached, decisions } = traversal;
+        let traversals = std::mem::take(&mut self.passages).into_iter().map(|passage| {
+            let Passage { from, to, reached, decisions } = passage;
             planner::Traversal { from, to, reached, decisions }
         });
         if graph_id.is_empty() {

@@ -125,13 +125,10 @@ impl DiskStore {
                 return Err(fail("another process has it open: stop it, or choose another cache folder".to_owned()));
             }
             broken => {
-                let reason = broken.map_or_else(
-                    |_| "it cannot be read".to_owned(),
-                    |result| match result {
-                        Ok(_) => String::new(),
-                        Err(error) => error.to_string(),
-                    },
-                );
+                let reason = match broken {
+                    Ok(Err(error)) => error.to_string(),
+                    _ => "it cannot be read".to_owned(),
+                };
                 let aside = path.with_extension("redb.damaged");
                 warn!(path = %path.display(), aside = %aside.display(), reason, "graph cache is damaged: set aside, starting empty");
                 std::fs::rename(&path, &aside).map_err(|error| fail(error.to_string()))?;

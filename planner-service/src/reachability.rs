@@ -79,6 +79,17 @@ pub fn describe(graph: &NavGraph) -> Connection {
     Connection { vertices: graph.vertex_count(), edges: graph.edge_count(), connected, islands, lost_without }
 }
 
+/// Which vertices the largest island reaches, itself included.
+pub fn reached_from_main(graph: &NavGraph) -> Vec<bool> {
+    let mut sizes = vec![0usize; graph.island_count() as usize];
+    graph.islands().iter().for_each(|&island| sizes[island as usize] += 1);
+    let largest = |a: &(u32, &u32), b: &(u32, &u32)| {
+        sizes[*a.1 as usize].cmp(&sizes[*b.1 as usize]).then(b.1.cmp(a.1)).then(b.0.cmp(&a.0))
+    };
+    let main = (0..).zip(graph.islands()).max_by(largest);
+    main.map_or(Vec::new(), |(vertex, _)| graph.reachable_from(vertex))
+}
+
 /// The graph without the edges that need `ability`.
 pub fn without(graph: &NavGraph, ability: Ability) -> NavGraph {
     let mut data = graph.to_data();
@@ -104,11 +115,7 @@ pub struct Difference {
 /// Compares two versions of a level, place by place: a place counts as reached if the vertex nearest to it is.
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
     let places = |graph: &NavGraph| -> Vec<(Vec3, bool)> {
-        let description = describe(graph);
-        let main = description.islands.first().map_or(0, |island| island.id);
-        let start = (0..).zip(graph.islands()).find(|(_, island)| **island == main).map_or(0, |(vertex, _)| vertex);
-        let reached = if graph.vertex_count() == 0 { Vec::new() } else { graph.reachable_from(start) };
-        (0..).zip(reached).map(|(vertex, reached)| (graph.position(vertex), reached)).collect()
+        (0..).zip(reached_from_main(graph)).map(|(vertex, reached)| (graph.position(vertex), reached)).collect()
     };
     let (old, new) = (places(before), places(after));
     let is_reached = |places: &[(Vec3, bool)], at: Vec3| {

@@ -122,7 +122,10 @@ pub fn place(placing: &Placing<'_>) -> Result<Draft, BuildError> {
         }
         Placement::Density => only(density::place(map, profile, count, &mut rng)?),
         Placement::Trajectories => trajectories::place(placing, &mut rng)?,
-        Placement::TrajectoriesTested => only(trajectories::place(placing, &mut rng)?.vertices),
+        Placement::TrajectoriesTested => {
+            let Draft { vertices, episodes, .. } = trajectories::place(placing, &mut rng)?;
+            Draft { vertices, episodes, ..Draft::default() }
+        }
         Placement::Flood => flood::place(placing, false, &mut rng)?,
         Placement::FloodGrandchildren => flood::place(placing, true, &mut rng)?,
     })

@@ -11,7 +11,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surefoot_planner::NavGraph;
 use surefoot_planner::export::import_json;
-use surefoot_planner::reachability::{Connection, Difference, compare, describe};
+use surefoot_planner::reachability::{Connection, Difference, compare, describe, reached_from_main};
 use surefoot_world::Vec3;
 use surefoot_world::reach::{Means, Reach};
 
@@ -232,10 +232,8 @@ fn junit(report: &Report) -> String {
 /// Places by how near a vertex of the graph's main island is; red where geometry knows no way.
 fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
     let Loaded { context, graph, .. } = loaded;
-    let main = describe(graph).islands.first().map_or(0, |island| island.id);
-    let start = (0..).zip(graph.islands()).find(|(_, island)| **island == main).map_or(0, |(vertex, _)| vertex);
     let reached: Vec<Vec3> = (0..)
-        .zip(graph.reachable_from(start))
+        .zip(reached_from_main(graph))
         .filter(|(_, reached)| *reached)
         .map(|(vertex, _)| graph.position(vertex))
         .collect();
