@@ -46,7 +46,8 @@ impl Default for LegModel {
 }
 
 fn features(from: Vec3, to: Vec3) -> [f64; FEATURES] {
-    let horizontal = f64::from((to.x - from.x).hypot(to.z - from.z)) / 20.0;
+    let (x, z) = (f64::from(to.x - from.x), f64::from(to.z - from.z));
+    let horizontal = (x * x + z * z).sqrt() / 20.0;
     let climb = f64::from((to.y - from.y).max(0.0)) / 5.0;
     let drop = f64::from((from.y - to.y).max(0.0)) / 10.0;
     [1.0, horizontal, horizontal * horizontal, climb, climb * climb, drop]
@@ -91,28 +92,30 @@ impl LegModel {
         let (features, distance, beyond) = self.look(from, to);
         LegEstimate {
             decisions: (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance)),
-            chance: self.chance(&features, beyond),
+            chance: Self::chance(dot(&self.success, &features), beyond),
         }
     }
 
     /// The price of an [`estimate`](Self::estimate), if it lies below `limit`; what is dearer costs less to find out.
-    pub fn price_below(&self, from: Vec3, to: Vec3, limit: f32) -> Option<f32> {
+    #[inline]
+    pub fn price_below(&self, from: Vec3, to: Vec3, limit: f32, bounds: &Bounds) -> Option<f32> {
         let (features, distance, beyond) = self.look(from, to);
         let decisions = (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance));
-        // A price is never below its decisions.
-        if decisions as f32 >= limit {
+        let score = dot(&self.success, &features);
+        if bounds.of_score(decisions, score) >= limit {
             return None;
         }
-        let cost = price(decisions, self.chance(&features, beyond)) as f32;
+        let cost = price(decisions, Self::chance(score, beyond)) as f32;
         (cost < limit).then_some(cost)
     }
 
-    fn chance(&self, features: &[f64; FEATURES], beyond: f64) -> f64 {
-        let chance = sigmoid(dot(&self.success, features)).clamp(MIN_CHANCE, MAX_CHANCE);
+    fn chance(score: f64, beyond: f64) -> f64 {
+        let chance = sigmoid(score).clamp(MIN_CHANCE, MAX_CHANCE);
         if beyond > 1.0 { chance.powf(beyond).max(MIN_CHANCE) } else { chance }
     }
 
     /// Features of a leg as far as the model was fitted, its length, and how many times that is.
+    #[inline]
     fn look(&self, from: Vec3, to: Vec3) -> ([f64; FEATURES], f64, f64) {
         let distance = f64::from(from.distance(to));
         if distance <= self.range_m {
@@ -147,7 +150,14 @@ impl LegModel {
         for metres in (1..METRES).rev() {
             least[metres - 1] = f32::min(least[metres - 1], least[metres]);
         }
-        Bounds { least, range_squared: (self.range_m * self.range_m) as f32 }
+        let by_score = std::array::from_fn(|place| {
+            let chance = match place + 1 {
+                SCORES => MAX_CHANCE,
+                next => sigmoid(next as f64 / SCORES_PER_UNIT - LEAST_SCORE).clamp(MIN_CHANCE, MAX_CHANCE),
+            };
+            (1.0 / chance, price(0.0, chance))
+        });
+        Bounds { least, range_squared: (self.range_m * self.range_m) as f32, by_score }
     }
 }
 
@@ -164,15 +174,29 @@ fn most(linear: f64, square: f64) -> f64 {
 
 /// Metres that [`Bounds`] tell apart.
 const METRES: usize = 96;
+/// Scores, the logarithms of odds, that [`Bounds`] tell apart: so many, from so far below zero.
+const SCORES: usize = 72;
+const SCORES_PER_UNIT: f64 = 8.0;
+const LEAST_SCORE: f64 = 4.0;
 
 /// Lower bounds of the price of unproved legs, by how far they lead on the plane.
 #[derive(Debug, Clone)]
 pub struct Bounds {
     least: [f32; METRES],
     range_squared: f32,
+    /// Steps of scores: what decisions are multiplied by, and what is added for risk, at the best score of the step.
+    by_score: [(f64, f64); SCORES],
 }
 
 impl Bounds {
+    /// Of a leg that takes so many decisions at this score; spares most legs the exponential and the logarithm.
+    fn of_score(&self, decisions: f64, score: f64) -> f32 {
+        let step = ((score + LEAST_SCORE) * SCORES_PER_UNIT).max(0.0) as usize;
+        let (times, risk) = self.by_score[step.min(SCORES - 1)];
+        // Rounding may put a bound a hair above what it bounds.
+        ((decisions * times + risk) * (1.0 - 1.0e-6)) as f32
+    }
+
     /// Of all legs that lead at least so far on the plane.
     pub fn from_metres(&self, metres: f32) -> f32 {
         let by_speed = LegModel::least_decisions(f64::from(metres)) as f32;

@@ -130,9 +130,9 @@ impl Router {
     pub fn new(graph: NavGraph, table_limit: usize, thread_count: usize) -> Self {
         let roads = Roads::new(&graph);
         let fits = graph.vertex_count() <= table_limit && roads.fits_table();
-        let cell_m = 0.5 * spacing(&graph);
+        let cell_m = spacing(&graph);
         let positions: Vec<Vec3> = (0..graph.vertex_count() as u32).map(|vertex| graph.position(vertex)).collect();
-        let table = fits.then(|| Table::fill(&roads, PointGrid::new(&positions, 4.0 * cell_m).order(), thread_count));
+        let table = fits.then(|| Table::fill(&roads, PointGrid::new(&positions, 2.0 * cell_m).order(), thread_count));
         let mut metres_per_cost = f32::MIN_POSITIVE;
         for edge in graph.edges() {
             let metres = graph.position(edge.from).distance(graph.position(edge.to));
@@ -231,7 +231,7 @@ impl Router {
                     if is_barred(vertex) {
                         continue;
                     }
-                    if let Some(cost) = model.price_below(from, to, worst) {
+                    if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
                         let place = best.partition_point(|&(_, other)| other <= cost);
                         best.insert(place, (vertex, cost));
                         best.truncate(ATTACHMENTS);
