@@ -73,7 +73,7 @@ impl Crowd {
     /// # Errors
     /// What ended the stream, or what the server answered to a call.
     pub async fn keep_busy(mut self, latest: watch::Sender<wire::WatchWorldResponse>) -> Result<(), Status> {
-        let request = wire::WatchWorldRequest { world_id: self.world.world_id, rate_hz: RATE_HZ };
+        let request = wire::WatchWorldRequest { world_id: self.world.world_id, rate_hz: RATE_HZ, ..Default::default() };
         let mut snapshots = self.client.watch_world(request).await?.into_inner();
         while let Some(snapshot) = snapshots.next().await {
             let snapshot = snapshot?;

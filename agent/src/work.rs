@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 use surefoot_planner::Plan;
 use surefoot_planner::live::Passage;
-use surefoot_planner::service::plan_from_wire;
+use surefoot_planner::service::{npc_plan_to_wire, plan_from_wire};
 use surefoot_policy::Policy;
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1 as planner;
@@ -129,6 +129,7 @@ impl Session<'_> {
             capacity: self.config.capacity,
             observation_len: OBSERVATION_LEN as u32,
             observation_version: OBSERVATION_VERSION,
+            policy: self.policy.label(),
         };
         let hello = wire::WorkRequest { message: Some(wire::work_request::Message::Hello(hello)) };
         out.send(hello).await.map_err(|_| Status::internal("the request stream closed"))?;
@@ -265,6 +266,8 @@ struct Carried {
     is_planning: bool,
     /// A waypoint that the server has not been told yet.
     new_waypoint: Option<Vec3>,
+    /// A plan that the server has not been told yet.
+    new_plan: Option<wire::NpcPlan>,
     /// What the policy remembers of the attempt.
     memory: Vec<f32>,
 }
@@ -345,6 +348,11 @@ impl WorldTask {
             Some(wire::Waypoint { npc_id: id, position: Some(convert::to_wire(position)) })
         });
         let waypoints = waypoints.collect();
+        let plans = batch.npc_ids.iter().filter_map(|&id| {
+            let plan = self.npcs.get_mut(&id)?.new_plan.take()?;
+            Some(wire::CarriedPlan { npc_id: id, plan: Some(plan) })
+        });
+        let plans = plans.collect();
         let actions = self.act(&batch.npc_ids, observations, batch.tick).await?;
         Some(wire::ActionBatch {
             world_id: self.world_id,
@@ -353,6 +361,7 @@ impl WorldTask {
             actions,
             waypoints,
             gave_up,
+            plans,
         })
     }
 
@@ -369,6 +378,7 @@ impl WorldTask {
             follower: Follower::new(goal, FollowConfig::default()),
             is_planning: false,
             new_waypoint: None,
+            new_plan: None,
             memory: vec![0.0; memory_len],
         };
         let carried = self.npcs.entry(id).or_insert_with(begin);
@@ -464,6 +474,7 @@ impl WorldTask {
             let Some(carried) = self.npcs.get_mut(&id).filter(|carried| carried.attempt == attempt) else { continue };
             carried.is_planning = false;
             if let Some(plan) = plan {
+                carried.new_plan = Some(npc_plan_to_wire(&plan));
                 carried.new_waypoint = Some(carried.follower.take_plan(plan));
             }
         }

@@ -44,6 +44,12 @@ impl Policy {
         &self.manifest
     }
 
+    /// Name and weights for people, ASCII, at most 64 bytes, such as `general-reactive (1a2b3c4d5e6f)`.
+    pub fn label(&self) -> String {
+        let short = |text: &str, most: usize| text.chars().filter(char::is_ascii).take(most).collect::<String>();
+        format!("{} ({})", short(&self.manifest.name, 40), short(&self.manifest.weights_hash, 12))
+    }
+
     /// The network.
     pub fn actor(&self) -> &Actor {
         &self.actor

@@ -1,97 +1,133 @@
 //! The Prometheus text of a server.
 
-use crate::hosted::HostedWorld;
+use crate::hosted::{Counters, Tally};
+use crate::registry::WorkerLoad;
+use crate::sim::Seat;
+use crate::times::TickTimes;
 use std::fmt::Write;
+use std::time::Duration;
 use surefoot_world::End;
 
 /// Figures of one world, copied out of its thread.
 #[derive(Debug, Clone)]
 pub struct WorldFigures {
     id: u64,
-    npcs: usize,
+    tally: Tally,
+    watchers: usize,
     ticks: u64,
-    counters: crate::hosted::Counters,
-    tick_us: Vec<f32>,
+    counters: Counters,
+    times: TickTimes,
 }
 
 impl WorldFigures {
-    /// Copies the figures of `world`.
-    pub fn of(id: u64, world: &HostedWorld) -> Self {
+    /// Copies the figures of a world.
+    pub fn of(Seat { world, snapshots, .. }: &Seat) -> Self {
         Self {
-            id,
-            npcs: world.npc_count(),
+            watchers: snapshots.receiver_count(),
+            id: world.id(),
+            tally: world.tally(),
             ticks: world.tick(),
             counters: world.counters().clone(),
-            tick_us: world.tick_us().to_vec(),
+            times: world.times().clone(),
         }
     }
 }
 
-/// Upper bounds of the tick histogram, s.
-const BUCKETS: [f32; 7] = [0.000_5, 0.001, 0.002, 0.005, 0.01, 0.016_67, 0.05];
+/// Upper bounds of the tick histogram, ms.
+const BOUNDS_MS: [f64; 11] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 12.0, 16.7, 33.3, 100.0];
+
+/// Writes families of samples.
+#[derive(Default)]
+struct Text(String);
+
+impl Text {
+    fn family(&mut self, name: &str, kind: &str, help: &str, samples: impl IntoIterator<Item = (String, f64)>) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.0, "# HELP surefoot_{name} {help}\n# TYPE surefoot_{name} {kind}");
+        for (labels, value) in samples {
+            let _ = writeln!(self.0, "surefoot_{name}{labels} {value}");
+        }
+    }
+}
 
 /// Renders all figures.
-pub fn render(worlds: &[WorldFigures], workers: usize, carried: u32) -> String {
-    let mut text = String::new();
-    let mut family = |name: &str, kind: &str, help: &str, samples: &[(String, f64)]| {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "# HELP surefoot_{name} {help}\n# TYPE surefoot_{name} {kind}");
-        for (labels, value) in samples {
-            let _ = writeln!(text, "surefoot_{name}{labels} {value}");
-        }
+pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad]) -> String {
+    let mut text = Text::default();
+    render_workers(&mut text, workers);
+    let per_world = |value: fn(&WorldFigures) -> f64| {
+        worlds.iter().map(move |world| (format!("{{world=\"{}\"}}", world.id), value(world)))
     };
-    let per_world = |value: &dyn Fn(&WorldFigures) -> f64| -> Vec<(String, f64)> {
-        worlds.iter().map(|world| (format!("{{world=\"{}\"}}", world.id), value(world))).collect()
+    text.family("worlds", "gauge", "Running worlds.", [(String::new(), worlds.len() as f64)]);
+    let by_state = worlds.iter().flat_map(|world| {
+        let Tally { idle, seeking, down, .. } = world.tally;
+        [("idle", idle), ("seeking", seeking), ("down", down)]
+            .map(|(state, count)| (format!("{{world=\"{}\",state=\"{state}\"}}", world.id), f64::from(count)))
+    });
+    text.family("npcs", "gauge", "NPCs by what they do.", by_state);
+    let forgotten = per_world(|world| f64::from(world.tally.without_worker));
+    text.family("npcs_without_worker", "gauge", "NPCs that no worker carries.", forgotten);
+    let watchers = per_world(|world| world.watchers as f64);
+    text.family("watchers", "gauge", "Readers of snapshots.", watchers);
+    text.family("ticks_total", "counter", "Ticks stepped.", per_world(|world| world.ticks as f64));
+    let dropped = per_world(|world| world.counters.ticks_dropped as f64);
+    text.family("ticks_dropped_total", "counter", "Ticks left out after falling behind.", dropped);
+    let late = per_world(|world| world.counters.ticks_late as f64);
+    text.family("ticks_late_total", "counter", "Ticks done after the next one was due.", late);
+    let asked = per_world(|world| world.counters.asked as f64);
+    text.family("decisions_asked_total", "counter", "Decisions asked for.", asked);
+    let answered = per_world(|world| world.counters.answered as f64);
+    text.family("decisions_answered_total", "counter", "Decisions answered in time.", answered);
+    let missed = per_world(|world| world.counters.missed as f64);
+    text.family("decisions_missed_total", "counter", "Decisions not answered in time.", missed);
+    let stale = per_world(|world| world.counters.stale as f64);
+    text.family("answers_stale_total", "counter", "Answers that nobody waited for any more.", stale);
+    let ends = worlds.iter().flat_map(|world| {
+        let counts = End::ALL.iter().zip(world.counters.ends);
+        counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.id, end.name()), count as f64))
+    });
+    text.family("attempts_total", "counter", "Attempts by how they ended.", ends);
+    render_ticks(&mut text, worlds);
+    text.0
+}
+
+fn render_workers(text: &mut Text, workers: &[WorkerLoad]) {
+    let per_worker = |value: fn(&WorkerLoad) -> f64| {
+        workers.iter().map(move |worker| {
+            let labels = format!("{{worker=\"{}\",name=\"{}\"}}", worker.id.0, escaped(&worker.name));
+            (labels, value(worker))
+        })
     };
-    family("workers", "gauge", "Connected NPC workers.", &[(String::new(), workers as f64)]);
-    family("npcs_carried", "gauge", "NPCs that have a worker.", &[(String::new(), f64::from(carried))]);
-    family("npcs", "gauge", "NPCs on each world.", &per_world(&|world| world.npcs as f64));
-    family("ticks_total", "counter", "Ticks stepped.", &per_world(&|world| world.ticks as f64));
-    family(
-        "ticks_dropped_total",
-        "counter",
-        "Ticks dropped to catch up.",
-        &per_world(&|world| world.counters.ticks_dropped as f64),
-    );
-    family(
-        "decisions_asked_total",
-        "counter",
-        "Decisions asked for.",
-        &per_world(&|world| world.counters.asked as f64),
-    );
-    family(
-        "decisions_answered_total",
-        "counter",
-        "Decisions answered in time.",
-        &per_world(&|world| world.counters.answered as f64),
-    );
-    family(
-        "decisions_missed_total",
-        "counter",
-        "Decisions not answered in time.",
-        &per_world(&|world| world.counters.missed as f64),
-    );
-    family(
-        "answers_stale_total",
-        "counter",
-        "Answers that nobody waited for any more.",
-        &per_world(&|world| world.counters.stale as f64),
-    );
-    let mut ends = Vec::new();
+    text.family("workers", "gauge", "Connected NPC workers.", [(String::new(), workers.len() as f64)]);
+    let policies = workers.iter().map(|worker| {
+        let (name, policy) = (escaped(&worker.name), escaped(&worker.policy));
+        (format!("{{worker=\"{}\",name=\"{name}\",policy=\"{policy}\"}}", worker.id.0), 1.0)
+    });
+    text.family("worker_info", "gauge", "Connected NPC workers and what they decide with.", policies);
+    let capacity = per_worker(|worker| f64::from(worker.capacity));
+    text.family("worker_capacity", "gauge", "NPCs that a worker is ready to carry.", capacity);
+    text.family("worker_npcs", "gauge", "NPCs that a worker carries.", per_worker(|worker| f64::from(worker.carried)));
+    let queued = per_worker(|worker| worker.queued as f64);
+    text.family("worker_queue", "gauge", "Messages that wait for a worker to read.", queued);
+}
+
+fn render_ticks(text: &mut Text, worlds: &[WorldFigures]) {
+    let (name, help) = ("tick_seconds", "From when a tick was due until it was done.");
+    text.family(name, "histogram", help, []);
     for world in worlds {
-        for (end, count) in End::ALL.iter().zip(world.counters.ends) {
-            ends.push((format!("{{world=\"{}\",end=\"{}\"}}", world.id, end.name()), count as f64));
+        let mut line = |suffix: &str, labels: String, value: f64| {
+            let _ = writeln!(text.0, "surefoot_{name}_{suffix}{{world=\"{}\"{labels}}} {value}", world.id);
+        };
+        for bound in BOUNDS_MS {
+            let below = world.times.below(Duration::from_secs_f64(bound * 1.0e-3));
+            line("bucket", format!(",le=\"{}\"", bound * 1.0e-3), below as f64);
         }
+        line("bucket", ",le=\"+Inf\"".to_owned(), world.times.count() as f64);
+        line("sum", String::new(), world.times.total().as_secs_f64());
+        line("count", String::new(), world.times.count() as f64);
     }
-    family("attempts_total", "counter", "Attempts by how they ended.", &ends);
-    let mut ticks = Vec::new();
-    for world in worlds {
-        for bound in BUCKETS {
-            let below = world.tick_us.iter().filter(|us| **us <= bound * 1.0e6).count();
-            ticks.push((format!("{{world=\"{}\",le=\"{bound}\"}}", world.id), below as f64));
-        }
-        ticks.push((format!("{{world=\"{}\",le=\"+Inf\"}}", world.id), world.tick_us.len() as f64));
-    }
-    family("recent_tick_seconds", "gauge", "Of the last 600 ticks, how many took at most so long.", &ticks);
-    text
+}
+
+/// A label's value without what would end it.
+fn escaped(value: &str) -> String {
+    value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }

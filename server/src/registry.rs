@@ -1,10 +1,12 @@
 //! NPC workers: who is connected, who carries how many NPCs, and the bounded queues to them.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use surefoot_proto::world::v1::WorkResponse;
+use tokio::sync::Notify;
 use tokio::sync::mpsc::Sender;
 use tonic::Status;
+use tracing::warn;
 
 /// Id of a connected worker on this server; never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -13,11 +15,47 @@ pub struct WorkerId(pub u64);
 /// A message to a worker, or the status that ends its stream.
 pub type ToWorker = Result<WorkResponse, Status>;
 
+/// A worker that has just joined.
+#[derive(Debug)]
+pub struct Joined {
+    /// Its id.
+    pub id: WorkerId,
+    /// Notified when the worker is to be cut off because it does not read.
+    pub cut: Arc<Notify>,
+}
+
+/// A worker, for those who look at the server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WorkerLoad {
+    /// Its id.
+    pub id: WorkerId,
+    /// The name it gave.
+    pub name: String,
+    /// What it decides with.
+    pub policy: String,
+    /// NPCs that it is ready to carry.
+    pub capacity: u32,
+    /// NPCs that it carries.
+    pub carried: u32,
+    /// Messages that wait for it to read.
+    pub queued: usize,
+}
+
 #[derive(Debug)]
 struct Entry {
+    name: String,
+    policy: String,
     capacity: u32,
     carried: u32,
     queue: Sender<ToWorker>,
+    cut: Arc<Notify>,
+}
+
+impl Entry {
+    /// Share of the capacity that `carried` NPCs take.
+    fn share(&self, carried: u32) -> f64 {
+        f64::from(carried) / f64::from(self.capacity)
+    }
 }
 
 /// All connected workers.
@@ -32,18 +70,27 @@ struct Inner {
     workers: BTreeMap<WorkerId, Entry>,
 }
 
+impl Inner {
+    /// The worker with room whose share would be the smallest with one NPC more.
+    fn least_loaded(&self) -> Option<(WorkerId, f64)> {
+        let with_one_more = |entry: &Entry| entry.share(entry.carried + 1);
+        let open = self.workers.iter().filter(|(_, entry)| entry.carried < entry.capacity);
+        open.map(|(&id, entry)| (id, with_one_more(entry))).min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
 impl Registry {
     fn inner(&self) -> std::sync::MutexGuard<'_, Inner> {
         self.inner.lock().expect("no holder of this lock panics")
     }
 
     /// Adds a worker that carries at most `capacity` NPCs.
-    pub fn join(&self, capacity: u32, queue: Sender<ToWorker>) -> WorkerId {
+    pub fn join(&self, name: String, policy: String, capacity: u32, queue: Sender<ToWorker>) -> Joined {
         let mut inner = self.inner();
         inner.last_id += 1;
-        let id = WorkerId(inner.last_id);
-        inner.workers.insert(id, Entry { capacity, carried: 0, queue });
-        id
+        let (id, cut) = (WorkerId(inner.last_id), Arc::new(Notify::new()));
+        inner.workers.insert(id, Entry { name, policy, capacity, carried: 0, queue, cut: cut.clone() });
+        Joined { id, cut }
     }
 
     /// Forgets a worker.
@@ -54,14 +101,29 @@ impl Registry {
     /// Takes a place with the worker that has the smallest share of its capacity in use.
     pub fn assign(&self) -> Option<WorkerId> {
         let mut inner = self.inner();
-        let share = |entry: &Entry| f64::from(entry.carried) / f64::from(entry.capacity);
-        let (&id, entry) = inner
-            .workers
-            .iter_mut()
-            .filter(|(_, entry)| entry.carried < entry.capacity)
-            .min_by(|(_, a), (_, b)| share(a).total_cmp(&share(b)))?;
-        entry.carried += 1;
+        let (id, _) = inner.least_loaded()?;
+        inner.workers.get_mut(&id)?.carried += 1;
         Some(id)
+    }
+
+    /// Takes a place for an NPC of `from` with a worker that stays less loaded than `from` is without it.
+    pub fn relieve(&self, from: WorkerId) -> Option<WorkerId> {
+        let mut inner = self.inner();
+        let (to, share) = inner.least_loaded()?;
+        let entry = inner.workers.get_mut(&from)?;
+        if to == from || share > entry.share(entry.carried.saturating_sub(1)) {
+            return None;
+        }
+        entry.carried -= 1;
+        inner.workers.get_mut(&to)?.carried += 1;
+        Some(to)
+    }
+
+    /// Takes a place again for an NPC that `id` was to be relieved of and is not.
+    pub fn keep(&self, id: WorkerId) {
+        if let Some(entry) = self.inner().workers.get_mut(&id) {
+            entry.carried += 1;
+        }
     }
 
     /// Gives a place back.
@@ -71,15 +133,63 @@ impl Registry {
         }
     }
 
-    /// Queues a message; false if the worker is gone or its queue is full (the message is then lost).
-    pub fn send(&self, id: WorkerId, message: WorkResponse) -> bool {
+    /// Queues observations. If the queue is full they are lost, and their decisions count as missed.
+    pub fn offer(&self, id: WorkerId, message: WorkResponse) {
         let queue = self.inner().workers.get(&id).map(|entry| entry.queue.clone());
-        queue.is_some_and(|queue| queue.try_send(Ok(message)).is_ok())
+        if let Some(queue) = queue {
+            // A worker that is gone has no use for it either.
+            let _ = queue.try_send(Ok(message));
+        }
     }
 
-    /// Connected workers and the NPCs they carry.
-    pub fn load(&self) -> (usize, u32) {
+    /// Queues what a worker must not miss. If the queue is full the worker is cut off: its NPCs go to others.
+    pub fn tell(&self, id: WorkerId, message: WorkResponse) {
         let inner = self.inner();
-        (inner.workers.len(), inner.workers.values().map(|entry| entry.carried).sum())
+        let Some(entry) = inner.workers.get(&id) else { return };
+        if entry.queue.try_send(Ok(message)).is_err() {
+            warn!(worker = id.0, name = entry.name, "worker does not read its messages: cut off");
+            entry.cut.notify_one();
+        }
+    }
+
+    /// Everybody, by id.
+    pub fn load(&self) -> Vec<WorkerLoad> {
+        let load = |(&id, entry): (&WorkerId, &Entry)| WorkerLoad {
+            id,
+            name: entry.name.clone(),
+            policy: entry.policy.clone(),
+            capacity: entry.capacity,
+            carried: entry.carried,
+            queued: entry.queue.max_capacity() - entry.queue.capacity(),
+        };
+        self.inner().workers.iter().map(load).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tokio::sync::mpsc::channel;
+
+    fn carried(registry: &Registry) -> Vec<u32> {
+        registry.load().iter().map(|worker| worker.carried).collect()
+    }
+
+    #[test]
+    fn a_worker_that_joins_takes_its_share_and_no_more() {
+        let registry = Registry::default();
+        let join = |capacity| registry.join(String::new(), String::new(), capacity, channel(1).0).id;
+        let first = join(100);
+        let mut holders: Vec<WorkerId> = (0..90).map(|_| registry.assign().unwrap()).collect();
+        assert_eq!(carried(&registry), [90]);
+        join(50);
+        let moved =
+            holders.iter_mut().filter_map(|holder| registry.relieve(*holder).map(|next| *holder = next)).count();
+        assert_eq!(moved, 30, "a third of the capacity is new");
+        assert_eq!(carried(&registry), [60, 30]);
+        assert!(holders.iter().all(|&holder| registry.relieve(holder).is_none()), "even is even");
+        registry.leave(first);
+        assert_eq!(carried(&registry), [30]);
+        assert_eq!((0..40).filter(|_| registry.assign().is_some()).count(), 20, "full is full");
     }
 }

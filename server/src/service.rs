@@ -1,10 +1,12 @@
 //! The gRPC face of the world server: decode, call, encode.
 
-use crate::ServerConfig;
-use crate::hosted::{Answer, HostedWorld, NpcError, TimeMode, world_of};
+use crate::hosted::{HostedWorld, NpcError, SavedError, SavedWorld, TimeMode, world_of};
 use crate::metrics::{self, WorldFigures};
-use crate::registry::{Registry, ToWorker, WorkerId};
-use crate::sim::{Seat, Sim, SimHandle};
+use crate::quota::{Quota, QuotaError, Ticket};
+use crate::registry::{Joined, Registry, ToWorker, WorkerId};
+use crate::sim::SimHandle;
+use crate::watch::{self, ReaderStream, Region, View};
+use crate::{ServerConfig, checks};
 use std::collections::BTreeMap;
 use std::pin::Pin;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,25 +16,19 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::serving::{Shutdown, going_away};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
-use surefoot_world::character::{ACTION_LEN, Action};
-use surefoot_world::sense::OBSERVATION_VERSION;
-use surefoot_world::{Map, OBSERVATION_LEN};
-use tokio::sync::{mpsc, watch};
+use surefoot_world::Map;
+use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_stream::{Stream, StreamExt};
 use tonic::{Request, Response, Status, Streaming};
 use tracing::{info, warn};
 
-/// Messages waiting for one worker; a batch beyond is lost and its decisions count as missed.
+/// Messages waiting for one worker; observations beyond are lost and their decisions count as missed.
 const WORKER_QUEUE: usize = 256;
-/// Snapshots waiting for one watcher; older ones are skipped.
-const WATCH_QUEUE: usize = 1;
-/// Most NPCs that one worker may offer to carry.
-const MAX_CAPACITY: f64 = 65_536.0;
-/// Longest name of a worker, bytes.
-const MAX_NAME: usize = 64;
 /// How long a new worker may take to say hello.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
+/// Fractions of a period between worlds: consecutive multiples of the golden ratio spread evenly however many there are.
+const GOLDEN: f64 = 0.618_033_988_749_895;
 
 impl From<NpcError> for Status {
     fn from(error: NpcError) -> Self {
@@ -46,12 +42,20 @@ impl From<NpcError> for Status {
     }
 }
 
+impl From<QuotaError> for Status {
+    fn from(error: QuotaError) -> Self {
+        Status::resource_exhausted(error.to_string())
+    }
+}
+
 /// Where a world runs and what never changes about it.
 #[derive(Debug, Clone)]
 struct Directory {
     sim: SimHandle,
     map: Arc<Map>,
     mode: TimeMode,
+    /// Its place in its client's quota.
+    ticket: Arc<Ticket>,
 }
 
 /// The service; clones share everything.
@@ -63,26 +67,24 @@ pub struct WorldApi {
 #[derive(Debug)]
 struct Shared {
     config: ServerConfig,
-    /// Emptied at the end, which ends the simulation threads.
-    sims: RwLock<Vec<SimHandle>>,
     worlds: RwLock<BTreeMap<u64, Directory>>,
     last_world: AtomicU64,
+    world_quota: Arc<Quota>,
+    npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
     shutdown: Shutdown,
 }
 
 impl WorldApi {
-    /// Starts the simulation threads.
-    ///
-    /// # Panics
-    /// If the system refuses a thread.
+    /// A server without worlds.
     pub fn new(config: ServerConfig, shutdown: Shutdown) -> Self {
-        let sims = (0..config.sim_threads.max(1))
-            .map(|idx| SimHandle::start(format!("sim-{idx}")).expect("the system grants a few threads"))
-            .collect();
         let shared = Shared {
+            world_quota: Quota::new(
+                config.max_worlds_per_client,
+                "worlds, the most it may have (--max-worlds-per-client)",
+            ),
+            npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most it may have (--max-npcs-per-client)"),
             config,
-            sims: RwLock::new(sims),
             worlds: RwLock::default(),
             last_world: AtomicU64::new(0),
             registry: Arc::default(),
@@ -91,29 +93,119 @@ impl WorldApi {
         Self { shared: Arc::new(shared) }
     }
 
-    /// Lets the simulation threads end.
+    /// Takes saved worlds up again. One that is damaged is told of and left where it is.
+    ///
+    /// # Errors
+    /// If the folder cannot be read.
+    pub async fn take_up_worlds(&self) -> Result<(), SavedError> {
+        let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
+        for saved in SavedWorld::read_all(&folder)? {
+            let restored = saved.and_then(|saved| {
+                let map = Arc::new(saved.map()?);
+                Ok((saved, map))
+            });
+            let (saved, map) = match restored {
+                Ok(restored) => restored,
+                Err(error) => {
+                    warn!(%error, "a saved world is not taken up");
+                    continue;
+                }
+            };
+            let world = HostedWorld::restore(&saved, map.clone(), self.shared.registry.clone(), &self.shared.npc_quota);
+            info!(world_id = saved.id(), npcs = world.npc_count(), tick = world.tick(), "world taken up");
+            let ticket = self.shared.world_quota.grant(saved.owner());
+            self.shared.last_world.fetch_max(saved.id(), Ordering::Relaxed);
+            if let Err(status) = self.start(saved.id(), world, map, ticket) {
+                warn!(world_id = saved.id(), %status, "a saved world is not taken up");
+            }
+        }
+        Ok(())
+    }
+
+    /// Saves all worlds, where the configuration says so; with `is_last` they end.
+    ///
+    /// # Errors
+    /// If they cannot be saved.
+    pub async fn save_worlds(&self, is_last: bool) -> Result<(), SavedError> {
+        let worlds = self.shared.worlds.read().expect(POISON).clone();
+        let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
+        let mut all = Vec::new();
+        for (_, Directory { sim, ticket, .. }) in worlds {
+            let saved = sim.call(move |seat| {
+                seat.is_over |= is_last;
+                seat.world.save(ticket.client())
+            });
+            // A world that does not answer has just been dropped.
+            all.extend(saved.await.ok().flatten());
+        }
+        let task = tokio::task::spawn_blocking(move || {
+            std::fs::create_dir_all(&folder).map_err(|error| SavedError::Io(folder.clone(), error))?;
+            all.iter().try_for_each(|saved| saved.write(&folder))?;
+            SavedWorld::forget_others(&folder, &all.iter().map(SavedWorld::id).collect())
+        });
+        task.await.unwrap_or(Ok(()))
+    }
+
+    /// Ends all worlds.
     pub fn stop(&self) {
-        self.shared.worlds.write().expect(POISON).clear();
-        self.shared.sims.write().expect(POISON).clear();
+        let worlds = std::mem::take(&mut *self.shared.worlds.write().expect(POISON));
+        for Directory { sim, .. } in worlds.into_values() {
+            // One that is too busy ends with its last handle.
+            let _ = sim.cast(|seat| seat.is_over = true);
+        }
+    }
+
+    /// Saves all worlds again and again until the shutdown.
+    pub async fn keep_saving(self) {
+        let mut due = tokio::time::interval(self.shared.config.save_every);
+        due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        let stopping = self.shared.shutdown.wait();
+        tokio::pin!(stopping);
+        // The first is due at once.
+        due.tick().await;
+        loop {
+            tokio::select! {
+                _ = due.tick() => {}
+                () = &mut stopping => return,
+            }
+            if let Err(error) = self.save_worlds(false).await {
+                warn!(%error, "worlds are not saved");
+            }
+        }
+    }
+
+    /// Starts a world's thread and lists it.
+    fn start(&self, world_id: u64, world: HostedWorld, map: Arc<Map>, ticket: Ticket) -> Result<(), Status> {
+        let limit = self.shared.config.max_worlds;
+        let mode = world.mode();
+        let mut worlds = self.shared.worlds.write().expect(POISON);
+        if worlds.len() >= limit {
+            return Err(too_many_worlds(limit));
+        }
+        let phase = (world_id as f64 * GOLDEN).fract();
+        let sim = SimHandle::start(format!("world-{world_id}"), world, phase)
+            .map_err(|error| Status::resource_exhausted(format!("no thread for another world: {error}")))?;
+        worlds.insert(world_id, Directory { sim, map, mode, ticket: Arc::new(ticket) });
+        Ok(())
+    }
+
+    fn sims(&self) -> Vec<SimHandle> {
+        self.shared.worlds.read().expect(POISON).values().map(|directory| directory.sim.clone()).collect()
     }
 
     /// The Prometheus text.
     pub async fn metrics(&self) -> String {
-        let sims = self.shared.sims.read().expect(POISON).clone();
         let mut worlds = Vec::new();
-        for sim in sims {
-            let figures = sim
-                .call(|sim| sim.seats.iter().map(|(&id, seat)| WorldFigures::of(id, &seat.world)).collect::<Vec<_>>());
-            // A thread that cannot answer is shown by its worlds being absent.
-            worlds.extend(figures.await.unwrap_or_default());
+        for sim in self.sims() {
+            // A world that cannot answer is absent.
+            worlds.extend(sim.call(|seat| WorldFigures::of(seat)).await);
         }
-        let (workers, carried) = self.shared.registry.load();
-        metrics::render(&worlds, workers, carried)
+        metrics::render(&worlds, &self.shared.registry.load())
     }
 
     fn directory(&self, world_id: u64) -> Result<Directory, Status> {
         let worlds = self.shared.worlds.read().expect(POISON);
-        worlds.get(&world_id).cloned().ok_or_else(|| Status::not_found(format!("world {world_id} does not exist")))
+        worlds.get(&world_id).cloned().ok_or_else(|| no_world(world_id))
     }
 
     /// Runs `call` on the world that `npc_id` belongs to.
@@ -124,16 +216,13 @@ impl WorldApi {
     ) -> Result<R, Status> {
         let world_id = world_of(npc_id);
         let directory = self.directory(world_id).map_err(|_| Status::from(NpcError::Unknown(npc_id)))?;
-        let result = directory.sim.call(move |sim| Some(call(&mut sim.seats.get_mut(&world_id)?.world))).await?;
-        Ok(result.ok_or(NpcError::Unknown(npc_id))??)
+        Ok(directory.sim.call(move |seat| call(&mut seat.world)).await??)
     }
 
     async fn describe(&self, world_id: u64) -> Result<wire::World, Status> {
         let directory = self.directory(world_id)?;
-        let counts = directory
-            .sim
-            .call(move |sim| sim.seats.get(&world_id).map(|seat| (seat.world.npc_count() as u32, seat.world.tick())));
-        let (npc_count, tick) = counts.await?.unwrap_or_default();
+        let counts = directory.sim.call(|seat| (seat.world.npc_count() as u32, seat.world.tick()));
+        let (npc_count, tick) = counts.await?;
         Ok(wire::World {
             world_id,
             map: directory.map.spec().map(convert::map_spec_to_wire),
@@ -144,12 +233,12 @@ impl WorldApi {
         })
     }
 
-    /// Runs `call` on every simulation thread; a thread that is too busy is left out.
-    fn cast_all(&self, call: impl Fn(&mut Sim) + Clone + Send + 'static) {
-        for sim in self.shared.sims.read().expect(POISON).iter() {
+    /// Runs `call` on every world; one that is too busy is left out, and looks for workers by itself soon.
+    fn cast_all(&self, call: impl Fn(&mut HostedWorld) + Clone + Send + 'static) {
+        for sim in self.sims() {
             let call = call.clone();
-            if let Err(status) = sim.cast(move |sim| call(sim)) {
-                warn!(%status, "a simulation thread did not take a call");
+            if let Err(status) = sim.cast(move |seat| call(&mut seat.world)) {
+                warn!(%status, "a world did not take a call");
             }
         }
     }
@@ -157,72 +246,33 @@ impl WorldApi {
     fn worker_left(&self, worker: WorkerId) {
         info!(worker = worker.0, "worker left");
         self.shared.registry.leave(worker);
-        self.cast_all(move |sim| {
-            for seat in sim.seats.values_mut() {
-                seat.world.lose_worker(worker);
-            }
-        });
+        self.cast_all(move |world| world.lose_worker(worker));
     }
 
     /// Hands a worker's checked answer to its world.
-    fn take_answer(&self, worker: WorkerId, batch: &wire::ActionBatch) -> Result<(), Status> {
-        let answer = check_answer(batch)?;
+    fn take_answer(&self, worker: WorkerId, batch: wire::ActionBatch) -> Result<(), Status> {
         let world_id = batch.world_id;
+        let answer = checks::answer(batch)?;
         // A world that has just been dropped needs no answers any more.
         let Ok(directory) = self.directory(world_id) else { return Ok(()) };
-        directory.sim.cast(move |sim| {
-            if let Some(seat) = sim.seats.get_mut(&world_id) {
-                seat.world.answer(worker, &answer);
-            }
-        })
+        directory.sim.cast(move |seat| seat.world.answer(worker, answer))
     }
+}
+
+fn no_world(world_id: u64) -> Status {
+    Status::not_found(format!("world {world_id} does not exist"))
+}
+
+fn too_many_worlds(limit: usize) -> Status {
+    Status::resource_exhausted(format!("there are already {limit} worlds, the most allowed (--max-worlds)"))
+}
+
+/// Who calls, as far as quotas are concerned.
+fn client_of<T>(request: &Request<T>) -> String {
+    request.remote_addr().map_or_else(|| "unknown".to_owned(), |address| address.ip().to_string())
 }
 
 const POISON: &str = "no holder of this lock panics";
-
-fn check_answer(batch: &wire::ActionBatch) -> Result<Answer, Status> {
-    let count = batch.npc_ids.len();
-    let values = convert::unpack(&batch.actions, count * ACTION_LEN, "actions.actions")?;
-    let mut seen: Vec<u64> = batch.npc_ids.clone();
-    seen.sort_unstable();
-    if let Some(pair) = seen.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(Status::invalid_argument(format!("actions.npc_ids names npc {} twice", pair[0])));
-    }
-    let actions = values.as_chunks::<ACTION_LEN>().0.iter().enumerate().map(|(idx, row)| {
-        Action::from_array(*row)
-            .map_err(|error| Status::invalid_argument(format!("npc {}: {error}", batch.npc_ids[idx])))
-    });
-    let waypoints = batch.waypoints.iter().map(|waypoint| {
-        Ok((waypoint.npc_id, convert::point(waypoint.position.as_ref(), "actions.waypoints.position")?))
-    });
-    Ok(Answer {
-        tick: batch.tick,
-        npc_ids: batch.npc_ids.clone(),
-        actions: actions.collect::<Result<_, Status>>()?,
-        waypoints: waypoints.collect::<Result<_, FieldError>>()?,
-        gave_up: batch.gave_up.clone(),
-    })
-}
-
-fn check_hello(hello: Option<&wire::WorkRequest>) -> Result<wire::Hello, Status> {
-    let Some(wire::work_request::Message::Hello(hello)) = hello.and_then(|request| request.message.as_ref()) else {
-        return Err(Status::invalid_argument("the first message must be hello"));
-    };
-    convert::in_range(f64::from(hello.capacity), 1.0, MAX_CAPACITY, "hello.capacity")?;
-    if hello.name.len() > MAX_NAME {
-        return Err(Status::invalid_argument(format!(
-            "hello.name is {} bytes long, allowed are {MAX_NAME}",
-            hello.name.len()
-        )));
-    }
-    let (len, version) = (hello.observation_len as usize, hello.observation_version);
-    if (len, version) != (OBSERVATION_LEN, OBSERVATION_VERSION) {
-        return Err(Status::failed_precondition(format!(
-            "hello expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, version {OBSERVATION_VERSION}: update the worker"
-        )));
-    }
-    Ok(hello.clone())
-}
 
 type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
@@ -232,6 +282,7 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::CreateWorldRequest>,
     ) -> Result<Response<wire::CreateWorldResponse>, Status> {
+        let client = client_of(&request);
         let request = request.into_inner();
         let spec = convert::map_spec(request.map.as_ref())?;
         let mode = match wire::TimeMode::try_from(request.mode) {
@@ -240,36 +291,19 @@ impl WorldService for WorldApi {
             Err(_) => return Err(Status::invalid_argument(format!("mode {} is unknown", request.mode))),
         };
         let limit = self.shared.config.max_worlds;
-        let full =
-            || Status::resource_exhausted(format!("there are already {limit} worlds, the most allowed (--max-worlds)"));
         if self.shared.worlds.read().expect(POISON).len() >= limit {
-            return Err(full());
+            return Err(too_many_worlds(limit));
         }
+        let ticket = self.shared.world_quota.take(&client)?;
         let map = tokio::task::spawn_blocking(move || Map::generate(&spec))
             .await
             .map_err(|error| Status::internal(format!("map generation failed: {error}")))?
             .map_err(FieldError::from)?;
         let map = Arc::new(map);
         let world_id = self.shared.last_world.fetch_add(1, Ordering::Relaxed) + 1;
-        let sim = {
-            let sims = self.shared.sims.read().expect(POISON);
-            let sim = sims.get(world_id as usize % sims.len().max(1)).ok_or_else(going_away)?;
-            sim.clone()
-        };
-        {
-            let mut worlds = self.shared.worlds.write().expect(POISON);
-            if worlds.len() >= limit {
-                return Err(full());
-            }
-            worlds.insert(world_id, Directory { sim: sim.clone(), map: map.clone(), mode });
-        }
-        info!(world_id, seed = spec.seed, ?mode, "world created");
-        let world = HostedWorld::new(world_id, map, mode, self.shared.registry.clone());
-        sim.call(move |sim| {
-            let snapshots = watch::Sender::new(world.snapshot());
-            sim.seats.insert(world_id, Seat { world, snapshots });
-        })
-        .await?;
+        let world = HostedWorld::new(world_id, map.clone(), mode, self.shared.registry.clone());
+        self.start(world_id, world, map, ticket)?;
+        info!(world_id, seed = spec.seed, ?mode, client, "world created");
         Ok(Response::new(wire::CreateWorldResponse { world: Some(self.describe(world_id).await?) }))
     }
 
@@ -291,16 +325,10 @@ impl WorldService for WorldApi {
         request: Request<wire::DropWorldRequest>,
     ) -> Result<Response<wire::DropWorldResponse>, Status> {
         let world_id = request.into_inner().world_id;
-        let directory = self.directory(world_id)?;
-        directory
-            .sim
-            .call(move |sim| {
-                if let Some(mut seat) = sim.seats.remove(&world_id) {
-                    seat.world.release_all();
-                }
-            })
-            .await?;
-        self.shared.worlds.write().expect(POISON).remove(&world_id);
+        let dropped = self.shared.worlds.write().expect(POISON).remove(&world_id);
+        let directory = dropped.ok_or_else(|| no_world(world_id))?;
+        directory.sim.call(|seat| seat.is_over = true).await?;
+        info!(world_id, "world dropped");
         Ok(Response::new(wire::DropWorldResponse {}))
     }
 
@@ -321,17 +349,14 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::SpawnNpcRequest>,
     ) -> Result<Response<wire::SpawnNpcResponse>, Status> {
+        let client = client_of(&request);
         let request = request.into_inner();
-        let world_id = request.world_id;
-        let directory = self.directory(world_id)?;
+        let directory = self.directory(request.world_id)?;
         let position = convert::point(request.position.as_ref(), "position")?;
         let yaw = finite(request.yaw, "yaw")?;
         let limit = self.shared.config.max_npcs_per_world;
-        let spawned = directory.sim.call(move |sim| {
-            let seat = sim.seats.get_mut(&world_id)?;
-            Some(seat.world.spawn(position, yaw, limit))
-        });
-        let npc_id = spawned.await?.ok_or_else(|| Status::not_found(format!("world {world_id} does not exist")))??;
+        let ticket = self.shared.npc_quota.take(&client)?;
+        let npc_id = directory.sim.call(move |seat| seat.world.spawn(position, yaw, limit, ticket)).await??;
         Ok(Response::new(wire::SpawnNpcResponse { npc_id }))
     }
 
@@ -371,27 +396,48 @@ impl WorldService for WorldApi {
         Ok(Response::new(wire::GetNpcResponse { npc: Some(npc) }))
     }
 
-    type WatchWorldStream = BoxStream<wire::WatchWorldResponse>;
+    type WatchWorldStream = ReaderStream<wire::WatchWorldResponse>;
 
     async fn watch_world(
         &self,
         request: Request<wire::WatchWorldRequest>,
     ) -> Result<Response<Self::WatchWorldStream>, Status> {
-        let wire::WatchWorldRequest { world_id, rate_hz } = request.into_inner();
+        let wire::WatchWorldRequest { world_id, rate_hz, region, delta } = request.into_inner();
         let directory = self.directory(world_id)?;
-        let rate = if rate_hz == 0.0 { 10.0 } else { convert::in_range(f64::from(rate_hz), 0.1, 60.0, "rate_hz")? };
-        let subscribed = directory.sim.call(move |sim| {
-            let seat = sim.seats.get(&world_id)?;
+        let pause = watch::pause_of(rate_hz)?;
+        let view = View::new(Region::read(region.as_ref())?, delta);
+        let subscribed = directory.sim.call(|seat| {
             let receiver = seat.snapshots.subscribe();
             seat.publish();
-            Some(receiver)
+            receiver
         });
-        let snapshots =
-            subscribed.await?.ok_or_else(|| Status::not_found(format!("world {world_id} does not exist")))?;
-        let (queue, stream) = mpsc::channel(WATCH_QUEUE);
-        let pause = Duration::from_secs_f64(1.0 / rate);
-        tokio::spawn(forward_snapshots(world_id, snapshots, pause, queue, self.shared.shutdown.clone()));
-        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+        let (patience, shutdown) = (self.shared.config.reader_patience, &self.shared.shutdown);
+        Ok(Response::new(watch::watch_world(world_id, subscribed.await?, view, pause, patience, shutdown)))
+    }
+
+    type FollowNpcStream = ReaderStream<wire::FollowNpcResponse>;
+
+    async fn follow_npc(
+        &self,
+        request: Request<wire::FollowNpcRequest>,
+    ) -> Result<Response<Self::FollowNpcStream>, Status> {
+        let wire::FollowNpcRequest { npc_id, rate_hz } = request.into_inner();
+        let pause = watch::pause_of(rate_hz)?;
+        self.with_npc(npc_id, move |world| world.npc(npc_id)).await?;
+        let directory = self.directory(world_of(npc_id))?;
+        let (patience, shutdown) = (self.shared.config.reader_patience, &self.shared.shutdown);
+        Ok(Response::new(watch::follow_npc(npc_id, directory.sim, pause, patience, shutdown)))
+    }
+
+    async fn stall_world(
+        &self,
+        request: Request<wire::StallWorldRequest>,
+    ) -> Result<Response<wire::StallWorldResponse>, Status> {
+        let wire::StallWorldRequest { world_id, milliseconds } = request.into_inner();
+        let directory = self.directory(world_id)?;
+        let stall = convert::in_range(f64::from(milliseconds), 1.0, 1000.0, "milliseconds")?;
+        directory.sim.call(move |_| std::thread::sleep(Duration::from_secs_f64(stall / 1000.0))).await?;
+        Ok(Response::new(wire::StallWorldResponse {}))
     }
 
     type WorkStream = BoxStream<wire::WorkResponse>;
@@ -401,21 +447,17 @@ impl WorldService for WorldApi {
         let first = tokio::time::timeout(HELLO_LIMIT, requests.next())
             .await
             .map_err(|_| Status::deadline_exceeded("no hello within five seconds"))?;
-        let hello = check_hello(first.transpose()?.as_ref())?;
+        let hello = checks::hello(first.transpose()?)?;
         let (queue, responses) = mpsc::channel::<ToWorker>(WORKER_QUEUE);
-        let worker = self.shared.registry.join(hello.capacity, queue.clone());
-        info!(worker = worker.0, name = hello.name, capacity = hello.capacity, "worker joined");
+        info!(name = hello.name, policy = hello.policy, capacity = hello.capacity, "worker joins");
+        let joined = self.shared.registry.join(hello.name, hello.policy, hello.capacity, queue.clone());
         let welcome = wire::WorkResponse {
-            message: Some(wire::work_response::Message::Welcome(wire::Welcome { worker_id: worker.0 })),
+            message: Some(wire::work_response::Message::Welcome(wire::Welcome { worker_id: joined.id.0 })),
         };
         // The queue is new and empty.
         let _ = queue.try_send(Ok(welcome));
-        self.cast_all(|sim| {
-            for seat in sim.seats.values_mut() {
-                seat.world.assign_workers();
-            }
-        });
-        tokio::spawn(self.clone().read_answers(worker, requests, queue));
+        self.cast_all(HostedWorld::rebalance);
+        tokio::spawn(self.clone().read_answers(joined, requests, queue));
         Ok(Response::new(Box::pin(ReceiverStream::new(responses))))
     }
 }
@@ -424,7 +466,7 @@ impl WorldApi {
     /// Reads a worker's stream until it ends, fails, or the server shuts down.
     async fn read_answers(
         self,
-        worker: WorkerId,
+        Joined { id: worker, cut }: Joined,
         mut requests: Streaming<wire::WorkRequest>,
         queue: mpsc::Sender<ToWorker>,
     ) {
@@ -435,11 +477,12 @@ impl WorldApi {
                 request = requests.next() => request,
                 () = &mut shutdown => break Some(going_away()),
                 () = queue.closed() => break None,
+                () = cut.notified() => break Some(Status::aborted("messages were not read: connect again")),
             };
             let taken = match request {
                 None | Some(Err(_)) => break None,
                 Some(Ok(wire::WorkRequest { message: Some(wire::work_request::Message::Actions(batch)) })) => {
-                    self.take_answer(worker, &batch)
+                    self.take_answer(worker, batch)
                 }
                 Some(Ok(_)) => Err(Status::invalid_argument("after hello only actions may be sent")),
             };
@@ -453,34 +496,6 @@ impl WorldApi {
             let _ = queue.try_send(Err(status));
         }
         self.worker_left(worker);
-    }
-}
-
-async fn forward_snapshots(
-    world_id: u64,
-    mut snapshots: watch::Receiver<wire::WatchWorldResponse>,
-    pause: Duration,
-    queue: mpsc::Sender<Result<wire::WatchWorldResponse, Status>>,
-    shutdown: Shutdown,
-) {
-    let stopping = shutdown.wait();
-    tokio::pin!(stopping);
-    snapshots.mark_changed();
-    loop {
-        let message = tokio::select! {
-            changed = snapshots.changed() => match changed {
-                Ok(()) => Ok(snapshots.borrow_and_update().clone()),
-                Err(_) => Err(Status::not_found(format!("world {world_id} was dropped"))),
-            },
-            () = &mut stopping => Err(going_away()),
-            () = queue.closed() => return,
-        };
-        let last = message.is_err();
-        // Waiting here for a slow reader skips the snapshots in between.
-        if queue.send(message).await.is_err() || last {
-            return;
-        }
-        tokio::time::sleep(pause).await;
     }
 }
 

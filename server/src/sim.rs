@@ -1,7 +1,9 @@
-//! A simulation thread: owns several worlds, holds 60 Hz for the realtime ones, steps the others when ready.
+//! A world's thread: steps it at 60 Hz on an absolute schedule, or whenever all answers are in.
+//!
+//! One thread per world (ADR 16): a world that stalls or is slow to step cannot hold another up.
 
 use crate::hosted::{HostedWorld, TimeMode};
-use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 use surefoot_proto::world::v1::WatchWorldResponse;
@@ -9,14 +11,16 @@ use surefoot_world::TICKS_PER_SECOND;
 use tokio::sync::{oneshot, watch};
 use tonic::Status;
 
-/// Calls waiting for a thread; one more is refused with RESOURCE_EXHAUSTED.
+/// Calls waiting for a world; one more is refused with RESOURCE_EXHAUSTED.
 const INBOX: usize = 4096;
 /// Ticks that are made up for after a stall; the rest of the lost time is dropped and counted.
 const MAX_CATCH_UP: u32 = 2;
 /// How long a thread with nothing to do waits for a call.
 const IDLE: Duration = Duration::from_millis(50);
+/// Ticks from one look for NPCs without a worker to the next.
+const ASSIGN_EVERY: u64 = 30;
 
-type Call = Box<dyn FnOnce(&mut Sim) + Send>;
+type Call = Box<dyn FnOnce(&mut Seat) + Send>;
 
 /// A world with the watchers of its snapshots.
 #[derive(Debug)]
@@ -24,30 +28,27 @@ pub struct Seat {
     /// The world.
     pub world: HostedWorld,
     /// Latest snapshot; old ones are overwritten, so slow readers cost nothing.
-    pub snapshots: watch::Sender<WatchWorldResponse>,
+    pub snapshots: watch::Sender<Arc<WatchWorldResponse>>,
+    /// Set to end the thread.
+    pub is_over: bool,
 }
 
-/// What a simulation thread owns.
-#[derive(Debug, Default)]
-pub struct Sim {
-    /// Worlds by id.
-    pub seats: BTreeMap<u64, Seat>,
-}
-
-/// The way to a simulation thread. It ends when all handles are gone.
+/// The way to a world's thread. The thread ends, and gives the NPCs' places back, when told to or when all handles are gone.
 #[derive(Debug, Clone)]
 pub struct SimHandle {
     inbox: SyncSender<Call>,
 }
 
 impl SimHandle {
-    /// Starts a thread.
+    /// Starts the thread of a world. `phase`, in [0, 1), is when within a period its ticks are due: worlds that differ in it do not
+    /// all wake at once.
     ///
     /// # Errors
-    /// If the system refuses one.
-    pub fn start(name: String) -> std::io::Result<Self> {
+    /// If the system refuses a thread.
+    pub fn start(name: String, world: HostedWorld, phase: f64) -> std::io::Result<Self> {
         let (inbox, calls) = sync_channel(INBOX);
-        std::thread::Builder::new().name(name).spawn(move || run(&calls))?;
+        let seat = Seat { world, snapshots: watch::Sender::new(Arc::default()), is_over: false };
+        std::thread::Builder::new().name(name).spawn(move || run(seat, &calls, phase))?;
         Ok(Self { inbox })
     }
 
@@ -55,12 +56,12 @@ impl SimHandle {
     ///
     /// # Errors
     /// RESOURCE_EXHAUSTED if too many calls are waiting, UNAVAILABLE if the thread is gone.
-    pub fn cast(&self, call: impl FnOnce(&mut Sim) + Send + 'static) -> Result<(), Status> {
+    pub fn cast(&self, call: impl FnOnce(&mut Seat) + Send + 'static) -> Result<(), Status> {
         self.inbox.try_send(Box::new(call)).map_err(|error| match error {
             TrySendError::Full(_) => {
-                Status::resource_exhausted(format!("{INBOX} calls are waiting already: try again"))
+                Status::resource_exhausted(format!("{INBOX} calls are waiting for this world already: try again"))
             }
-            TrySendError::Disconnected(_) => Status::unavailable("the simulation has stopped"),
+            TrySendError::Disconnected(_) => Status::unavailable("the world has stopped"),
         })
     }
 
@@ -70,97 +71,82 @@ impl SimHandle {
     /// As [`SimHandle::cast`].
     pub async fn call<R: Send + 'static>(
         &self,
-        call: impl FnOnce(&mut Sim) -> R + Send + 'static,
+        call: impl FnOnce(&mut Seat) -> R + Send + 'static,
     ) -> Result<R, Status> {
         let (reply, result) = oneshot::channel();
-        self.cast(move |sim| {
+        self.cast(move |seat| {
             // Whoever asked may have gone away in the meantime.
-            let _ = reply.send(call(sim));
+            let _ = reply.send(call(seat));
         })?;
-        result.await.map_err(|_| Status::unavailable("the simulation has stopped"))
+        result.await.map_err(|_| Status::unavailable("the world has stopped"))
     }
 }
 
-fn run(calls: &Receiver<Call>) {
+fn run(mut seat: Seat, calls: &Receiver<Call>, phase: f64) {
+    match seat.world.mode() {
+        TimeMode::Realtime => run_realtime(&mut seat, calls, phase),
+        TimeMode::Lockstep => run_lockstep(&mut seat, calls),
+    }
+    seat.world.release_all();
+}
+
+/// Takes calls until `due`; false if the world is over.
+fn take_calls(seat: &mut Seat, calls: &Receiver<Call>, due: Instant) -> bool {
+    while !seat.is_over {
+        let left = due.saturating_duration_since(Instant::now());
+        match calls.recv_timeout(left) {
+            Ok(call) => call(seat),
+            Err(RecvTimeoutError::Timeout) => return true,
+            Err(RecvTimeoutError::Disconnected) => return false,
+        }
+        // A flood of calls must not keep the world from stepping.
+        if due.elapsed() > IDLE {
+            return !seat.is_over;
+        }
+    }
+    false
+}
+
+fn run_realtime(seat: &mut Seat, calls: &Receiver<Call>, phase: f64) {
     let period = Duration::from_secs(1) / TICKS_PER_SECOND;
-    let mut sim = Sim::default();
-    let mut next_tick = Instant::now();
-    loop {
-        for _ in 0..INBOX {
-            match calls.try_recv() {
-                Ok(call) => call(&mut sim),
-                Err(_) => break,
-            }
+    let mut due = Instant::now() + period.mul_f64(phase);
+    while take_calls(seat, calls, due) {
+        let behind = (due.elapsed().as_nanos() / period.as_nanos()) as u32;
+        let dropped = behind.saturating_sub(MAX_CATCH_UP);
+        due += period * dropped;
+        seat.world.note_dropped(u64::from(dropped));
+        if seat.world.tick().is_multiple_of(ASSIGN_EVERY) {
+            seat.world.assign_workers();
         }
-        let now = Instant::now();
-        if !sim.has(TimeMode::Realtime) {
-            next_tick = now + period;
-        } else if now >= next_tick {
-            next_tick += sim.drop_lost_time(now - next_tick, period);
-            sim.step_realtime();
-            next_tick += period;
-            continue;
-        }
-        if sim.step_lockstep() {
-            continue;
-        }
-        let wait = next_tick.saturating_duration_since(Instant::now()).min(IDLE);
-        match calls.recv_timeout(wait) {
-            Ok(call) => call(&mut sim),
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return,
-        }
+        seat.world.step();
+        let took = due.elapsed();
+        seat.world.note_tick(took, took > period);
+        seat.publish();
+        due += period;
     }
 }
 
-impl Sim {
-    fn has(&self, mode: TimeMode) -> bool {
-        self.seats.values().any(|seat| seat.world.mode() == mode)
-    }
-
-    /// How far the schedule moves on because it is `late` by more than can be caught up.
-    fn drop_lost_time(&mut self, late: Duration, period: Duration) -> Duration {
-        let ticks_late = (late.as_nanos() / period.as_nanos()) as u32;
-        let dropped = ticks_late.saturating_sub(MAX_CATCH_UP);
-        if dropped > 0 {
-            for seat in self.seats.values_mut().filter(|seat| seat.world.mode() == TimeMode::Realtime) {
-                seat.world.note_dropped(u64::from(dropped));
-            }
+fn run_lockstep(seat: &mut Seat, calls: &Receiver<Call>) {
+    let mut due = Instant::now();
+    while take_calls(seat, calls, due) {
+        due = Instant::now();
+        if seat.world.is_ready() {
+            seat.world.step();
+            let took = due.elapsed();
+            seat.world.note_tick(took, false);
+            seat.publish();
+        } else {
+            // Nothing but a call can make it ready.
+            due += IDLE;
         }
-        period * dropped
-    }
-
-    fn step_realtime(&mut self) {
-        for seat in self.seats.values_mut().filter(|seat| seat.world.mode() == TimeMode::Realtime) {
-            seat.step();
-        }
-    }
-
-    /// Steps every lockstep world that is ready; false if none was.
-    fn step_lockstep(&mut self) -> bool {
-        let mut stepped = false;
-        for seat in self.seats.values_mut().filter(|seat| seat.world.mode() == TimeMode::Lockstep) {
-            if seat.world.is_ready() {
-                seat.step();
-                stepped = true;
-            }
-        }
-        stepped
     }
 }
 
 impl Seat {
-    fn step(&mut self) {
-        let started = Instant::now();
-        self.world.step();
-        self.world.note_duration(started.elapsed().as_secs_f32() * 1.0e6);
-        self.publish();
-    }
-
     /// Replaces the latest snapshot if anyone watches.
     pub fn publish(&self) {
         if self.snapshots.receiver_count() > 0 {
-            self.snapshots.send_replace(self.world.snapshot());
+            self.snapshots.send_replace(Arc::new(self.world.snapshot()));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::Path;
+use std::time::Duration;
 use surefoot_agent::work::{WorkConfig, WorkError, work};
 use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner::service::{self as planner_service, PlannerConfig};
@@ -13,6 +14,7 @@ use surefoot_proto::world::v1 as world;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
 use tokio::task::JoinHandle;
+use tokio_stream::StreamExt;
 use tonic::transport::Channel;
 
 /// A running service that stops when it is dropped or told to.
@@ -134,7 +136,6 @@ pub async fn ground(client: &mut WorldServiceClient<Channel>, world_id: u64, cou
 
 /// Builds a graph to its end and returns its id and summary.
 pub async fn build_graph(client: &mut PlannerServiceClient<Channel>, seed: u64) -> (String, planner::GraphSummary) {
-    use tokio_stream::StreamExt;
     let request = planner::BuildGraphRequest { map: Some(small_map(seed)), settings: Some(small_graph()) };
     let mut progress = client.build_graph(request).await.expect("valid settings").into_inner();
     while let Some(message) = progress.next().await {
@@ -144,4 +145,75 @@ pub async fn build_graph(client: &mut PlannerServiceClient<Channel>, seed: u64) 
         }
     }
     panic!("the build ended without a graph");
+}
+
+/// Far longer than any of this takes: a hang fails instead of blocking.
+pub const LIMIT: Duration = Duration::from_secs(120);
+
+/// Adds an NPC.
+pub async fn spawn(client: &mut WorldServiceClient<Channel>, world_id: u64, at: world::Vec3) -> u64 {
+    let request = world::SpawnNpcRequest { world_id, position: Some(at), yaw: 0.0 };
+    client.spawn_npc(request).await.unwrap().into_inner().npc_id
+}
+
+/// Sends an NPC to a goal.
+pub async fn set_goal(client: &mut WorldServiceClient<Channel>, npc_id: u64, goal: world::Vec3) {
+    client.set_goal(world::SetGoalRequest { npc_id, goal: Some(goal) }).await.unwrap();
+}
+
+/// Watches until `done` says so, and returns that snapshot.
+pub async fn watch_until(
+    client: &mut WorldServiceClient<Channel>,
+    world_id: u64,
+    done: impl Fn(&world::WatchWorldResponse) -> bool,
+) -> world::WatchWorldResponse {
+    let watching = async {
+        let mut snapshots = watch(client, world_id, 60.0).await;
+        while let Some(snapshot) = snapshots.next().await {
+            let snapshot = snapshot.unwrap();
+            if done(&snapshot) {
+                return snapshot;
+            }
+        }
+        panic!("the stream ended");
+    };
+    tokio::time::timeout(LIMIT, watching).await.expect("in time")
+}
+
+/// Distance between two points, m.
+pub fn distance(a: world::Vec3, b: world::Vec3) -> f32 {
+    ((a.x - b.x).powi(2) + (a.y - b.y).powi(2) + (a.z - b.z).powi(2)).sqrt()
+}
+
+/// Snapshots of a world.
+pub async fn watch(
+    client: &mut WorldServiceClient<Channel>,
+    world_id: u64,
+    rate_hz: f32,
+) -> tonic::Streaming<world::WatchWorldResponse> {
+    let request = world::WatchWorldRequest { world_id, rate_hz, ..Default::default() };
+    client.watch_world(request).await.expect("the world exists").into_inner()
+}
+
+/// What a service says at `GET /metrics`.
+pub async fn metrics(service: &Running) -> String {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    let address = service.uri.trim_start_matches("http://");
+    let mut socket = tokio::net::TcpStream::connect(address).await.expect("the service accepts");
+    let request = format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+    socket.write_all(request.as_bytes()).await.expect("the service reads");
+    let mut text = String::new();
+    socket.read_to_string(&mut text).await.expect("the service answers");
+    assert!(text.starts_with("HTTP/1.1 200"), "{text}");
+    text
+}
+
+/// Waits until `GET /metrics` has this line.
+pub async fn until_metrics_say(service: &Running, line: &str) {
+    let waiting = async {
+        while !metrics(service).await.lines().any(|found| found == line) {
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(LIMIT, waiting).await.unwrap_or_else(|_| panic!("the metrics never said `{line}`"));
 }

@@ -27,7 +27,7 @@ fn at(x: f32, y: f32, z: f32) -> Option<wire::Vec3> {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_world_server_refuses_what_it_cannot_use() {
-    let server = start_server(ServerConfig { max_worlds: 2, max_npcs_per_world: 3, sim_threads: 2 });
+    let server = start_server(ServerConfig { max_worlds: 2, max_npcs_per_world: 3, ..ServerConfig::default() });
     let mut client = world_client(&server).await;
     let create = |map: Option<wire::MapSpec>, mode: i32| wire::CreateWorldRequest { map, mode };
     let size = |width, height, depth| {
@@ -100,7 +100,7 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     );
     refused(client.get_npc(wire::GetNpcRequest { npc_id: u64::MAX }).await, Code::NotFound, "does not exist");
     refused(client.despawn_npc(wire::DespawnNpcRequest { npc_id: 77 }).await, Code::NotFound, "npc 77");
-    let watch = |world_id, rate_hz| wire::WatchWorldRequest { world_id, rate_hz };
+    let watch = |world_id, rate_hz| wire::WatchWorldRequest { world_id, rate_hz, ..Default::default() };
     refused(client.watch_world(watch(99, 1.0)).await, Code::NotFound, "world 99");
     refused(client.watch_world(watch(world_id, 1000.0)).await, Code::InvalidArgument, "rate_hz");
     refused(client.watch_world(watch(world_id, f32::NAN)).await, Code::InvalidArgument, "rate_hz");
@@ -123,6 +123,7 @@ fn good_hello() -> wire::Hello {
         capacity: 8,
         observation_len: surefoot_world::OBSERVATION_LEN as u32,
         observation_version: surefoot_world::sense::OBSERVATION_VERSION,
+        policy: "none".to_owned(),
     }
 }
 

@@ -1,11 +1,10 @@
 //! Health, reflection, metrics and the drain.
 
-use e2e::{create_world, planner_client, start_planner, start_server, world_client};
+use e2e::{create_world, metrics, planner_client, start_planner, start_server, world_client};
 use std::time::Duration;
 use surefoot_planner::service::PlannerConfig;
 use surefoot_proto::world::v1 as wire;
 use surefoot_server::ServerConfig;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_stream::StreamExt;
 use tonic::Code;
 use tonic_health::pb::health_check_response::ServingStatus;
@@ -36,18 +35,10 @@ async fn metrics_name_every_world() {
     let server = start_server(ServerConfig::default());
     let mut client = world_client(&server).await;
     let world = create_world(&mut client, 3, wire::TimeMode::Realtime).await;
-    let address = server.uri.trim_start_matches("http://").to_owned();
-    let mut socket = tokio::net::TcpStream::connect(&address).await.unwrap();
-    socket
-        .write_all(format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").as_bytes())
-        .await
-        .unwrap();
-    let mut text = String::new();
-    socket.read_to_string(&mut text).await.unwrap();
-    assert!(text.starts_with("HTTP/1.1 200"), "{text}");
+    let text = metrics(&server).await;
     for line in [
         "surefoot_workers 0".to_owned(),
-        format!("surefoot_npcs{{world=\"{}\"}} 0", world.world_id),
+        format!("surefoot_npcs{{world=\"{}\",state=\"idle\"}} 0", world.world_id),
         "# TYPE surefoot_ticks_total counter".to_owned(),
     ] {
         assert!(text.contains(&line), "no `{line}` in {text}");
@@ -61,7 +52,7 @@ async fn a_drain_ends_streams_and_does_not_wait_for_silent_peers() {
     let mut client = world_client(&server).await;
     let world = create_world(&mut client, 4, wire::TimeMode::Realtime).await;
     let mut snapshots = client
-        .watch_world(wire::WatchWorldRequest { world_id: world.world_id, rate_hz: 30.0 })
+        .watch_world(wire::WatchWorldRequest { world_id: world.world_id, rate_hz: 30.0, ..Default::default() })
         .await
         .unwrap()
         .into_inner();

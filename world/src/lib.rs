@@ -19,6 +19,7 @@ pub mod navigable;
 mod parallel;
 pub mod reach;
 pub mod replay;
+pub mod sealed;
 pub mod sense;
 pub mod task;
 mod world;

@@ -5,6 +5,7 @@
 
 use crate::character::{Action, CharacterProfile};
 use crate::map::{Map, MapHash, MapSpec};
+use crate::sealed::{self, SealError};
 use crate::world::{NpcSlot, ProfileIdx, World, WorldConfig, WorldState};
 use crate::{TaskConfig, Vec3};
 use serde::{Deserialize, Serialize};
@@ -185,13 +186,7 @@ impl Recording {
 
     /// As bytes: magic, version, checksum, content.
     pub fn encode(&self) -> Vec<u8> {
-        let content = postcard::to_stdvec(self).expect("plain data");
-        let mut bytes = Vec::with_capacity(content.len() + 44);
-        bytes.extend(MAGIC);
-        bytes.extend(REPLAY_VERSION.to_le_bytes());
-        bytes.extend(blake3::hash(&content).as_bytes());
-        bytes.extend(content);
-        bytes
+        sealed::seal(MAGIC, REPLAY_VERSION, &postcard::to_stdvec(self).expect("plain data"))
     }
 
     /// Reads what [`Recording::encode`] wrote.
@@ -199,16 +194,11 @@ impl Recording {
     /// # Errors
     /// If it is something else, of another version, or damaged.
     pub fn decode(bytes: &[u8]) -> Result<Self, ReplayError> {
-        let rest = bytes.strip_prefix(MAGIC).ok_or(ReplayError::Magic)?;
-        let (version, rest) = rest.split_first_chunk::<4>().ok_or(ReplayError::Damaged)?;
-        let version = u32::from_le_bytes(*version);
-        if version != REPLAY_VERSION {
-            return Err(ReplayError::Version(version));
-        }
-        let (checksum, content) = rest.split_first_chunk::<32>().ok_or(ReplayError::Damaged)?;
-        if blake3::hash(content).as_bytes() != checksum {
-            return Err(ReplayError::Damaged);
-        }
+        let content = sealed::open(MAGIC, REPLAY_VERSION, bytes).map_err(|error| match error {
+            SealError::Magic => ReplayError::Magic,
+            SealError::Version(version) => ReplayError::Version(version),
+            SealError::Damaged => ReplayError::Damaged,
+        })?;
         postcard::from_bytes(content).map_err(|_| ReplayError::Damaged)
     }
 }

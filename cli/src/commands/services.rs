@@ -32,17 +32,46 @@ pub struct ServerLimits {
     /// Most worlds at a time
     #[arg(long, default_value_t = ServerConfig::default().max_worlds, value_name = "N")]
     max_worlds: usize,
+    /// Most worlds of one client
+    #[arg(long, default_value_t = ServerConfig::default().max_worlds_per_client, value_name = "N")]
+    max_worlds_per_client: usize,
     /// Most NPCs on one world
     #[arg(long, default_value_t = ServerConfig::default().max_npcs_per_world, value_name = "N")]
     max_npcs: usize,
-    /// Threads that step worlds
-    #[arg(long, default_value_t = ServerConfig::default().sim_threads, value_name = "N")]
-    sim_threads: usize,
+    /// Most NPCs of one client
+    #[arg(long, default_value_t = ServerConfig::default().max_npcs_per_client, value_name = "N")]
+    max_npcs_per_client: usize,
+    /// Most environments of remote trainers
+    #[arg(long, default_value_t = ServerConfig::default().max_envs, value_name = "N")]
+    max_envs: usize,
+    /// Seconds that the reader of a stream may leave everything unread until it is cut off
+    #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
+    reader_patience: f64,
+    /// Folder where worlds are saved when the server stops, and taken up again from when it starts
+    #[arg(long, value_name = "FOLDER")]
+    state: Option<PathBuf>,
+    /// Seconds from saving them to saving them again, while it runs
+    #[arg(long, default_value_t = ServerConfig::default().save_every.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
+    save_every: f64,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.001..=86_400.0).contains(&seconds) { Ok(seconds) } else { Err("allowed are 0.001 to 86400".to_owned()) }
 }
 
 impl ServerLimits {
     pub fn config(&self) -> ServerConfig {
-        ServerConfig { max_worlds: self.max_worlds, max_npcs_per_world: self.max_npcs, sim_threads: self.sim_threads }
+        ServerConfig {
+            max_worlds: self.max_worlds,
+            max_worlds_per_client: self.max_worlds_per_client,
+            max_npcs_per_world: self.max_npcs,
+            max_npcs_per_client: self.max_npcs_per_client,
+            max_envs: self.max_envs,
+            reader_patience: std::time::Duration::from_secs_f64(self.reader_patience),
+            state: self.state.clone(),
+            save_every: std::time::Duration::from_secs_f64(self.save_every),
+        }
     }
 }
 
@@ -92,9 +121,11 @@ pub struct CacheArgs {
 impl CacheArgs {
     /// The folder chosen, or `surefoot` in the user's cache folder.
     pub fn folder(&self) -> anyhow::Result<PathBuf> {
-        if let Some(folder) = &self.cache {
-            return Ok(folder.clone());
-        }
+        self.cache.clone().map_or_else(Self::default_folder, Ok)
+    }
+
+    /// `surefoot` in the user's cache folder.
+    pub fn default_folder() -> anyhow::Result<PathBuf> {
         let base = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
         let base = base.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
         Ok(base.context("neither XDG_CACHE_HOME nor HOME is set: choose a folder with --cache")?.join("surefoot"))

@@ -152,7 +152,7 @@ async fn watch_scene(
 }
 
 fn stats(watching: &watch::Receiver<WatchWorldResponse>) -> WorldStats {
-    watching.borrow().stats.unwrap_or_default()
+    watching.borrow().stats.clone().unwrap_or_default()
 }
 
 fn attempts(stats: &WorldStats) -> u64 {

@@ -7,7 +7,7 @@
 mod hosted;
 mod wire_form;
 
-pub use wire_form::{plan_from_wire, plan_to_wire, settings_to_wire};
+pub use wire_form::{npc_plan_to_wire, plan_from_wire, plan_to_wire, settings_to_wire};
 
 use crate::build::{BuildError, BuildSettings, Built, GraphId, Progress, build};
 use crate::cache::{GraphStore, LevelId, StoreError};

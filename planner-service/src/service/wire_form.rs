@@ -10,6 +10,7 @@ use crate::prove::Probing;
 use crate::search::{self, NoPath, Plan};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
+use surefoot_proto::world::v1 as world;
 use tonic::Status;
 
 pub(super) fn settings_from_wire(
@@ -85,26 +86,47 @@ pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
 
 fn ability_to_wire(ability: Ability) -> i32 {
     match ability {
-        Ability::Walk => wire::Ability::Walk,
-        Ability::Jump => wire::Ability::Jump,
-        Ability::DoubleJump => wire::Ability::DoubleJump,
-        Ability::Pad => wire::Ability::Pad,
-        Ability::ZipLine => wire::Ability::ZipLine,
-        Ability::Teleporter => wire::Ability::Teleporter,
-        Ability::Jetpack => wire::Ability::Jetpack,
+        Ability::Walk => world::Ability::Walk,
+        Ability::Jump => world::Ability::Jump,
+        Ability::DoubleJump => world::Ability::DoubleJump,
+        Ability::Pad => world::Ability::Pad,
+        Ability::ZipLine => world::Ability::ZipLine,
+        Ability::Teleporter => world::Ability::Teleporter,
+        Ability::Jetpack => world::Ability::Jetpack,
     }
     .into()
 }
 
 fn ability_from_wire(ability: i32) -> Ability {
-    match wire::Ability::try_from(ability) {
-        Ok(wire::Ability::Jump) => Ability::Jump,
-        Ok(wire::Ability::DoubleJump) => Ability::DoubleJump,
-        Ok(wire::Ability::Pad) => Ability::Pad,
-        Ok(wire::Ability::ZipLine) => Ability::ZipLine,
-        Ok(wire::Ability::Teleporter) => Ability::Teleporter,
-        Ok(wire::Ability::Jetpack) => Ability::Jetpack,
-        Ok(wire::Ability::Walk | wire::Ability::Unspecified) | Err(_) => Ability::Walk,
+    match world::Ability::try_from(ability) {
+        Ok(world::Ability::Jump) => Ability::Jump,
+        Ok(world::Ability::DoubleJump) => Ability::DoubleJump,
+        Ok(world::Ability::Pad) => Ability::Pad,
+        Ok(world::Ability::ZipLine) => Ability::ZipLine,
+        Ok(world::Ability::Teleporter) => Ability::Teleporter,
+        Ok(world::Ability::Jetpack) => Ability::Jetpack,
+        Ok(world::Ability::Walk | world::Ability::Unspecified) | Err(_) => Ability::Walk,
+    }
+}
+
+/// A plan as a worker tells the world server of it.
+pub fn npc_plan_to_wire(plan: &Plan) -> world::NpcPlan {
+    let legs = plan.legs.iter().map(|leg| world::PlanLeg {
+        ability: ability_to_wire(leg.ability),
+        seconds: leg.seconds,
+        chance: leg.chance,
+    });
+    let no_path = match plan.no_path {
+        None => "",
+        Some(NoPath::StartOffGraph) => "no proved edge leaves near the start",
+        Some(NoPath::GoalOffGraph) => "no proved edge arrives near the goal",
+        Some(NoPath::DifferentIslands) => "start and goal lie on different islands",
+        Some(NoPath::OneWay) => "the goal leads to the start, but not back",
+    };
+    world::NpcPlan {
+        waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),
+        legs: legs.collect(),
+        no_path: no_path.to_owned(),
     }
 }
 

@@ -3,6 +3,7 @@
 mod learn;
 mod plan;
 mod reference;
+mod serve;
 mod world;
 
 use crate::terminal::print_json;
@@ -11,11 +12,16 @@ use std::time::Instant;
 
 /// Measure speed.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan")]
+#[command(
+    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1"
+)]
 pub struct Args {
-    /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries
-    #[arg(value_parser = ["world", "learn", "plan"])]
+    /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load
+    #[arg(value_parser = ["world", "learn", "plan", "serve"])]
     what: String,
+    /// serve: how long 1024 NPCs are watched
+    #[arg(long, default_value_t = 10.0, value_name = "MINUTES")]
+    minutes: f64,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -53,6 +59,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let figures = match args.what.as_str() {
         "world" => world::figures()?,
         "learn" => learn::figures()?,
+        "serve" => serve::figures(args)?,
         _ => plan::figures()?,
     };
     if args.json {

@@ -1,0 +1,363 @@
+//! The world server under load: separate processes for server, planner and two workers, realtime worlds, a crowd that is never done.
+
+use super::{Args, Figure};
+use anyhow::{Context, bail};
+use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use surefoot_agent::crowd::Crowd;
+use surefoot_proto::convert::map_spec_to_wire;
+use surefoot_proto::serving::MAX_MESSAGE_BYTES;
+use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_proto::world::v1::{self as wire, WatchWorldResponse, WorldStats};
+use surefoot_server::env::{Env, actions_of};
+use surefoot_server::times::TickTimes;
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::{Map, MapSpec};
+use tokio::sync::{mpsc, watch};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{Channel, Endpoint};
+
+/// Worlds, on maps that are in none of the splits.
+const WORLDS: u64 = 8;
+const FIRST_SEED: u64 = 6000;
+const WORKERS: usize = 2;
+/// NPCs of the figures; the search for the most that hold goes on from here.
+const NPCS: usize = 1024;
+/// What must hold.
+const TARGET_P99_MS: f64 = 12.0;
+const TARGET_LATE_SHARE: f64 = 0.001;
+const TARGET_ON_TIME: f64 = 0.999;
+/// Counts that the search tries, one after the other until one does not hold.
+const LADDER: [usize; 8] = [256, 512, 1024, 1536, 2048, 2560, 3072, 4096];
+/// How long each of them runs, after a warm-up.
+const RUNG: Duration = Duration::from_secs(20);
+const WARM_UP: Duration = Duration::from_secs(10);
+/// Stalls that are injected into one world, ms.
+const STALLS_MS: [u32; 3] = [5, 50, 500];
+const STALLS_EACH: usize = 20;
+/// NPCs of the lockstep figures, and steps timed.
+const ENV_NPCS: usize = 256;
+const ENV_STEPS: usize = 100;
+
+/// A service in a process of its own, ended when dropped.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start(args: &[&str]) -> anyhow::Result<Process> {
+    let program = std::env::current_exe()?;
+    let child = Command::new(program)
+        .args(args)
+        .env("RUST_LOG", "warn")
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::inherit())
+        .spawn()
+        .with_context(|| format!("cannot start surefoot {}", args[0]))?;
+    Ok(Process(child))
+}
+
+/// A port that was free a moment ago.
+fn free_address() -> anyhow::Result<SocketAddr> {
+    Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?)
+}
+
+async fn connect(uri: &str) -> anyhow::Result<Channel> {
+    let endpoint = Endpoint::from_shared(uri.to_owned())?.tcp_nodelay(true);
+    let since = Instant::now();
+    loop {
+        match endpoint.connect().await {
+            Ok(channel) => return Ok(channel),
+            Err(error) if since.elapsed() > Duration::from_secs(20) => {
+                bail!("no answer from {uri}: {error}");
+            }
+            Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
+        }
+    }
+}
+
+/// All processes, and the crowds on the worlds.
+struct Scene {
+    _processes: Vec<Process>,
+    channel: Channel,
+    worlds: Vec<Watched>,
+}
+
+struct Watched {
+    world_id: u64,
+    latest: watch::Receiver<WatchWorldResponse>,
+    crowd: tokio::task::JoinHandle<Result<(), tonic::Status>>,
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        self.crowd.abort();
+    }
+}
+
+impl Scene {
+    /// Starts server, planner and workers, and `npcs` NPCs in all; waits until every world has its graph.
+    async fn start(npcs: usize, cache: &Path) -> anyhow::Result<Self> {
+        let (server, planner) = (free_address()?.to_string(), free_address()?.to_string());
+        let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
+        let folder = cache.to_str().context("the cache folder has a name that is not UTF-8")?;
+        let limit = npcs.to_string();
+        let mut processes = vec![
+            start(&["serve", "--listen", &server, "--max-npcs-per-client", &limit])?,
+            start(&["plan", "--listen", &planner, "--cache", folder])?,
+        ];
+        let channel = connect(&server_uri).await?;
+        connect(&planner_uri).await?;
+        for _ in 0..WORKERS {
+            let work = ["work", "--server", &server_uri, "--planner", &planner_uri, "--npcs", &limit];
+            processes.push(start(&work)?);
+        }
+        let mut worlds = Vec::new();
+        for idx in 0..WORLDS {
+            let share = npcs / WORLDS as usize + usize::from((idx as usize) < npcs % WORLDS as usize);
+            let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
+            let crowd = Crowd::start(channel.clone(), map, share, idx).await.context("cannot populate a world")?;
+            let world_id = crowd.world().world_id;
+            let (sender, latest) = watch::channel(WatchWorldResponse::default());
+            worlds.push(Watched { world_id, latest, crowd: tokio::spawn(crowd.keep_busy(sender)) });
+        }
+        let mut scene = Self { _processes: processes, channel, worlds };
+        scene.wait_for_plans().await?;
+        Ok(scene)
+    }
+
+    /// Waits until NPCs of every world follow plans.
+    async fn wait_for_plans(&mut self) -> anyhow::Result<()> {
+        for world in &mut self.worlds {
+            let planned = world.latest.wait_for(|it| it.npcs.iter().any(|npc| npc.waypoint.is_some()));
+            match tokio::time::timeout(Duration::from_secs(300), planned).await {
+                Ok(Ok(_)) => {}
+                Ok(Err(_)) => bail!("the crowd of world {} stopped", world.world_id),
+                Err(_) => bail!("no NPC of world {} follows a plan after 300 s", world.world_id),
+            }
+        }
+        Ok(())
+    }
+
+    fn stats(&self) -> Vec<WorldStats> {
+        self.worlds.iter().map(|world| world.latest.borrow().stats.clone().unwrap_or_default()).collect()
+    }
+
+    /// What happens in `span`.
+    async fn measure(&self, span: Duration) -> anyhow::Result<Measured> {
+        let before = self.stats();
+        tokio::time::sleep(span).await;
+        if let Some(world) = self.worlds.iter().find(|world| world.crowd.is_finished()) {
+            bail!("the crowd of world {} stopped", world.world_id);
+        }
+        Ok(Measured::between(&before, &self.stats()))
+    }
+}
+
+/// Figures of all worlds over some time.
+#[derive(Debug, Default, Clone)]
+struct Measured {
+    times: Vec<TickTimes>,
+    late: u64,
+    dropped: u64,
+    answered: u64,
+    missed: u64,
+}
+
+impl Measured {
+    fn between(before: &[WorldStats], after: &[WorldStats]) -> Self {
+        let sum = |value: fn(&WorldStats) -> u64| {
+            after.iter().map(value).sum::<u64>().saturating_sub(before.iter().map(value).sum())
+        };
+        let times = |stats: &WorldStats| TickTimes::from_counts(&stats.tick_histogram);
+        Self {
+            times: after.iter().zip(before).map(|(after, before)| times(after).since(&times(before))).collect(),
+            late: sum(|stats| stats.ticks_late),
+            dropped: sum(|stats| stats.ticks_dropped),
+            answered: sum(|stats| stats.decisions_answered),
+            missed: sum(|stats| stats.decisions_missed),
+        }
+    }
+
+    fn ticks(&self) -> u64 {
+        self.times.iter().map(TickTimes::count).sum()
+    }
+
+    /// The worst of the worlds.
+    fn p99_ms(&self) -> f64 {
+        self.times.iter().map(|times| f64::from(times.quantile_us(0.99))).fold(0.0, f64::max) / 1000.0
+    }
+
+    fn p50_ms(&self) -> f64 {
+        self.times.iter().map(|times| f64::from(times.quantile_us(0.5))).fold(0.0, f64::max) / 1000.0
+    }
+
+    /// Dropped ticks were late too.
+    fn late_share(&self) -> f64 {
+        (self.late + self.dropped) as f64 / (self.ticks() + self.dropped).max(1) as f64
+    }
+
+    fn on_time_share(&self) -> f64 {
+        self.answered as f64 / (self.answered + self.missed).max(1) as f64
+    }
+
+    fn holds(&self) -> bool {
+        self.ticks() > 0
+            && self.answered > 0
+            && self.p99_ms() <= TARGET_P99_MS
+            && self.late_share() <= TARGET_LATE_SHARE
+            && self.on_time_share() >= TARGET_ON_TIME
+    }
+
+    fn print(&self, npcs: usize) {
+        eprintln!(
+            "{npcs:>5} NPCs: tick p50 {:.2} ms, p99 {:.2} ms, {:.3} % of {} late, {} dropped, {:.3} % of {} decisions on time: {}",
+            self.p50_ms(),
+            self.p99_ms(),
+            100.0 * self.late_share(),
+            self.ticks(),
+            self.dropped,
+            100.0 * self.on_time_share(),
+            self.answered + self.missed,
+            if self.holds() { "holds" } else { "does not hold" }
+        );
+    }
+}
+
+pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let cache = super::super::services::CacheArgs::default_folder()?.join("bench-serve");
+    runtime.block_on(async {
+        let mut figures = lockstep().await?;
+        let scene = Scene::start(NPCS, &cache).await?;
+        scene.measure(WARM_UP).await?;
+        let held = scene.measure(Duration::from_secs_f64(args.minutes * 60.0)).await?;
+        held.print(NPCS);
+        figures.extend([
+            Figure::new("tick_p50_ms", held.p50_ms(), "ms"),
+            Figure::new("tick_p99_ms", held.p99_ms(), "ms").target(TARGET_P99_MS),
+            Figure::new("ticks_late_share", held.late_share(), "").target(TARGET_LATE_SHARE),
+            Figure::new("decisions_on_time_share", held.on_time_share(), "").target(TARGET_ON_TIME),
+            Figure::new("decisions_s", held.answered as f64 / (args.minutes * 60.0), "decisions/s"),
+        ]);
+        figures.extend(overruns(&scene).await?);
+        drop(scene);
+        figures.extend(ladder(&cache).await?);
+        Ok(figures)
+    })
+}
+
+/// Stalls one world and looks at it and at the others.
+async fn overruns(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
+    let mut client = WorldServiceClient::new(scene.channel.clone());
+    let span = Duration::from_secs(20);
+    let calm = scene.measure(span).await?;
+    let mut figures = Vec::new();
+    let world_id = scene.worlds[0].world_id;
+    for (milliseconds, name) in STALLS_MS.into_iter().zip(["5", "50", "500"]) {
+        let stalling = async {
+            for _ in 0..STALLS_EACH {
+                client.stall_world(wire::StallWorldRequest { world_id, milliseconds }).await?;
+                tokio::time::sleep(
+                    (span / STALLS_EACH as u32).saturating_sub(Duration::from_millis(milliseconds.into())),
+                )
+                .await;
+            }
+            Ok::<(), tonic::Status>(())
+        };
+        let (stalled, measured) = tokio::join!(stalling, scene.measure(span));
+        stalled?;
+        let measured = measured?;
+        let others = |measured: &Measured| {
+            let sum = measured.times[1..].iter().map(|times| f64::from(times.quantile_us(0.99))).sum::<f64>();
+            sum / (measured.times.len() - 1) as f64
+        };
+        let (moved, dropped) = (others(&measured) / others(&calm), measured.dropped as f64 / STALLS_EACH as f64);
+        eprintln!("stalls of {name} ms: {dropped:.2} ticks dropped each, other worlds' p99 x {moved:.3}");
+        figures.push(match milliseconds {
+            5 => Figure::new("stall_5_others_p99_ratio", moved, "").target(1.1),
+            50 => Figure::new("stall_50_others_p99_ratio", moved, "").target(1.1),
+            _ => Figure::new("stall_500_others_p99_ratio", moved, "").target(1.1),
+        });
+        figures.push(match milliseconds {
+            5 => Figure::new("stall_5_ticks_dropped", dropped, "ticks"),
+            50 => Figure::new("stall_50_ticks_dropped", dropped, "ticks"),
+            _ => Figure::new("stall_500_ticks_dropped", dropped, "ticks"),
+        });
+    }
+    Ok(figures)
+}
+
+/// More and more NPCs until they do not hold.
+async fn ladder(cache: &Path) -> anyhow::Result<Vec<Figure>> {
+    let mut most = 0;
+    for npcs in LADDER {
+        let scene = Scene::start(npcs, cache).await?;
+        scene.measure(WARM_UP).await?;
+        let measured = scene.measure(RUNG).await?;
+        measured.print(npcs);
+        if !measured.holds() {
+            break;
+        }
+        most = npcs;
+    }
+    Ok(vec![Figure::new("npcs_held", most as f64, "NPCs").target(4096.0)])
+}
+
+/// A remote trainer's decisions a second, by call and by stream, beside the same environment in process.
+async fn lockstep() -> anyhow::Result<Vec<Figure>> {
+    let address = free_address()?.to_string();
+    let _server = start(&["serve", "--listen", &address])?;
+    let mut client = EnvServiceClient::new(connect(&format!("http://{address}")).await?)
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let spec = MapSpec::new(FIRST_SEED);
+    let request = wire::CreateEnvRequest {
+        map: Some(map_spec_to_wire(&spec)),
+        npc_count: ENV_NPCS as u32,
+        goal_max_m: 40.0,
+        ..Default::default()
+    };
+    let env_id = client.create_env(request).await?.into_inner().env_id;
+    // A trainer's actions, changing from step to step.
+    let values = |step: usize| (0..ENV_NPCS * ACTION_LEN).map(move |idx| ((idx * 7 + step * 13) as f32 * 0.37).sin());
+    let actions = |step: usize| Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)) });
+    let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
+
+    let mut env = Env::new(Map::generate(&spec)?.into(), ENV_NPCS, (0.0, 40.0), 0)?;
+    let started = Instant::now();
+    for step in 0..ENV_STEPS {
+        let actions = actions_of(&values(step).collect::<Vec<f32>>(), |idx| idx as u64).map_err(anyhow::Error::msg)?;
+        std::hint::black_box(env.step(&actions));
+    }
+    let in_process = rate(started);
+
+    let started = Instant::now();
+    for step in 0..ENV_STEPS {
+        client.step_env(wire::StepEnvRequest { env_id, actions: actions(step) }).await?;
+    }
+    let by_call = rate(started);
+
+    let (requests, stream) = mpsc::channel(1);
+    let mut results = client.stream_env(ReceiverStream::new(stream)).await?.into_inner();
+    let started = Instant::now();
+    for step in 0..ENV_STEPS {
+        requests.send(wire::StreamEnvRequest { env_id, actions: actions(step) }).await?;
+        results.message().await?.context("the server ended the stream")?;
+    }
+    let by_stream = rate(started);
+    let beside = |figure: Figure| figure.against("in process", in_process, true);
+    Ok(vec![
+        beside(Figure::new("lockstep_decisions_s", by_stream, "decisions/s").target(0.5 * in_process)),
+        beside(Figure::new("lockstep_unary_decisions_s", by_call, "decisions/s")),
+    ])
+}

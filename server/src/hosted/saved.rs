@@ -1,0 +1,183 @@
+//! What of a world outlives the process.
+
+use super::{Counters, HostedWorld, Record, TimeMode};
+use crate::quota::Quota;
+use crate::registry::Registry;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use surefoot_world::sealed::{self, SealError};
+use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
+
+const MAGIC: &[u8; 8] = b"SFWORLD\n";
+/// Changed whenever [`SavedWorld`] or anything inside it is.
+const VERSION: u32 = 1;
+const SUFFIX: &str = "world";
+
+/// A world as it was when the server stopped.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SavedWorld {
+    id: u64,
+    owner: String,
+    map: MapHash,
+    spec: MapSpec,
+    mode: TimeMode,
+    state: WorldState,
+    npcs: Vec<SavedNpc>,
+    last_serial: u32,
+    counters: Counters,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct SavedNpc {
+    id: u64,
+    slot: NpcSlot,
+    owner: String,
+    goal: Option<Vec3>,
+    last_outcome: Option<End>,
+    attempts: u32,
+}
+
+/// A saved world that cannot be taken up again.
+#[derive(Debug, thiserror::Error)]
+pub enum SavedError {
+    /// The file cannot be read or written.
+    #[error("{0}: {1}")]
+    Io(PathBuf, std::io::Error),
+    /// It was written by another version.
+    #[error("{0} has version {1}, this program reads version {VERSION}")]
+    Version(PathBuf, u32),
+    /// It is something else, or cut off or changed.
+    #[error("{0} is damaged")]
+    Damaged(PathBuf),
+    /// This program generates another map from the spec than the one that saved it.
+    #[error("world {0} stood on another map: this version generates it differently")]
+    OtherMap(u64),
+    /// The map cannot be generated.
+    #[error("world {0}: {1}")]
+    Spec(u64, surefoot_world::SpecError),
+}
+
+impl SavedWorld {
+    /// Its id on the server.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// The client that it belongs to.
+    pub fn owner(&self) -> &str {
+        &self.owner
+    }
+
+    /// Generates its map.
+    ///
+    /// # Errors
+    /// If it is not the one that the world stood on.
+    pub fn map(&self) -> Result<Map, SavedError> {
+        let map = Map::generate(&self.spec).map_err(|error| SavedError::Spec(self.id, error))?;
+        if map.hash() == self.map { Ok(map) } else { Err(SavedError::OtherMap(self.id)) }
+    }
+
+    /// Puts it into `folder`, in place of what was there of it before, whole or not at all.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), SavedError> {
+        let bytes = sealed::seal(MAGIC, VERSION, &postcard::to_stdvec(self).expect("plain data"));
+        let path = folder.join(format!("{}.{SUFFIX}", self.id));
+        let aside = path.with_extension("tmp");
+        let written = std::fs::write(&aside, bytes).and_then(|()| std::fs::rename(&aside, &path));
+        written.map_err(|error| SavedError::Io(path, error))
+    }
+
+    fn read(path: &Path) -> Result<Self, SavedError> {
+        let bytes = std::fs::read(path).map_err(|error| SavedError::Io(path.to_owned(), error))?;
+        let damaged = || SavedError::Damaged(path.to_owned());
+        let content = sealed::open(MAGIC, VERSION, &bytes).map_err(|error| match error {
+            SealError::Version(version) => SavedError::Version(path.to_owned(), version),
+            SealError::Magic | SealError::Damaged => damaged(),
+        })?;
+        postcard::from_bytes(content).map_err(|_| damaged())
+    }
+
+    /// Reads all worlds of `folder`, by id, each or what is wrong with it. A folder that does not exist has none.
+    ///
+    /// # Errors
+    /// If the folder cannot be read.
+    pub fn read_all(folder: &Path) -> Result<Vec<Result<Self, SavedError>>, SavedError> {
+        let fail = |error| SavedError::Io(folder.to_owned(), error);
+        let entries = match std::fs::read_dir(folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(fail(error)),
+        };
+        let mut paths = BTreeSet::new();
+        for entry in entries {
+            paths.insert(entry.map_err(fail)?.path());
+        }
+        let mut worlds: Vec<_> = paths
+            .iter()
+            .filter(|path| path.extension().is_some_and(|suffix| suffix == SUFFIX))
+            .map(|path| Self::read(path))
+            .collect();
+        worlds.sort_by_key(|world| world.as_ref().map_or(u64::MAX, |world| world.id));
+        Ok(worlds)
+    }
+
+    /// Forgets the worlds of `folder` whose ids are not in `kept`.
+    ///
+    /// # Errors
+    /// If a file cannot be removed.
+    pub fn forget_others(folder: &Path, kept: &BTreeSet<u64>) -> Result<(), SavedError> {
+        for world in Self::read_all(folder)?.into_iter().flatten().filter(|world| !kept.contains(&world.id)) {
+            let path = folder.join(format!("{}.{SUFFIX}", world.id));
+            std::fs::remove_file(&path).map_err(|error| SavedError::Io(path, error))?;
+        }
+        Ok(())
+    }
+}
+
+impl HostedWorld {
+    /// A copy of what must not be lost; `None` on a map without a spec.
+    pub fn save(&self, owner: &str) -> Option<SavedWorld> {
+        let npcs = self.records.iter().map(|(&id, record)| SavedNpc {
+            id,
+            slot: record.slot,
+            owner: record.ticket.client().to_owned(),
+            goal: record.goal,
+            last_outcome: record.last_outcome,
+            attempts: record.attempts,
+        });
+        Some(SavedWorld {
+            id: self.id,
+            owner: owner.to_owned(),
+            map: self.world.map().hash(),
+            spec: *self.world.map().spec()?,
+            mode: self.mode,
+            state: self.world.save(),
+            npcs: npcs.collect(),
+            last_serial: self.last_serial,
+            counters: self.counters.clone(),
+        })
+    }
+
+    /// Takes a saved world up on its map. NPCs go on to their goals once workers carry them.
+    pub fn restore(saved: &SavedWorld, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
+        let mut world = Self::new(saved.id, map, saved.mode, registry);
+        world.world.restore(saved.state.clone());
+        world.last_serial = saved.last_serial;
+        world.counters = saved.counters.clone();
+        for npc in &saved.npcs {
+            let mut record = Record::new(npc.slot, npc_quota.grant(&npc.owner));
+            (record.goal, record.last_outcome, record.attempts) = (npc.goal, npc.last_outcome, npc.attempts);
+            world.records.insert(npc.id, record);
+            if let Some(goal) = npc.goal {
+                // It may have headed for a waypoint of a plan that is gone.
+                world.world.set_goal(npc.slot, goal);
+            }
+        }
+        world.assign_workers();
+        world
+    }
+}

@@ -1,0 +1,319 @@
+//! What game clients and remote trainers see and may do.
+
+use e2e::{
+    LIMIT, build_graph, create_world, ground, planner_client, set_goal, small_map, spawn, start_planner, start_server,
+    start_worker, until_metrics_say, watch, watch_until, world_client,
+};
+use std::time::Duration;
+use surefoot_planner::service::PlannerConfig;
+use surefoot_proto::convert::pack;
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_server::ServerConfig;
+use surefoot_world::OBSERVATION_LEN;
+use tokio_stream::StreamExt;
+use tonic::Code;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_reader_gets_its_region_and_then_only_changes() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 10, wire::TimeMode::Realtime).await.world_id;
+    let mut points = ground(&mut client, world_id, 40).await;
+    points.sort_by(|a, b| a.x.total_cmp(&b.x));
+    let mut npcs = Vec::new();
+    for point in &points[..20] {
+        npcs.push(spawn(&mut client, world_id, *point).await);
+    }
+    // NPCs come to rest where they were put, so nothing changes by itself.
+    let border = 0.5 * (points[9].x + points[10].x);
+    let corner = |x, y, z| Some(wire::Vec3 { x, y, z });
+    let region = wire::Region { low: corner(-1.0, -100.0, -1.0), high: corner(border, 1000.0, 1000.0) };
+    let request = wire::WatchWorldRequest { world_id, rate_hz: 60.0, region: Some(region), delta: true };
+    let mut snapshots = client.watch_world(request).await.unwrap().into_inner();
+    let first = snapshots.next().await.unwrap().unwrap();
+    assert!(!first.is_delta && first.npcs.iter().map(|npc| npc.npc_id).eq(npcs[..10].iter().copied()));
+    // One leaves the region, one is removed, one comes in.
+    let teleport = |npc_id, position| wire::TeleportNpcRequest { npc_id, position: Some(position), yaw: 0.0 };
+    client.teleport_npc(teleport(npcs[0], points[39])).await.unwrap();
+    client.despawn_npc(wire::DespawnNpcRequest { npc_id: npcs[1] }).await.unwrap();
+    client.teleport_npc(teleport(npcs[19], points[2])).await.unwrap();
+    let (mut gone, mut came) = (Vec::new(), Vec::new());
+    let changes = async {
+        while gone.len() < 2 || came.is_empty() {
+            let change = snapshots.next().await.unwrap().unwrap();
+            assert!(change.is_delta);
+            gone.extend(change.gone_npc_ids);
+            came.extend(change.npcs.iter().map(|npc| npc.npc_id).filter(|id| *id == npcs[19]));
+            assert!(change.npcs.iter().all(|npc| npcs[..10].contains(&npc.npc_id) || npc.npc_id == npcs[19]));
+        }
+    };
+    tokio::time::timeout(LIMIT, changes).await.expect("the changes are sent");
+    gone.sort_unstable();
+    assert_eq!(gone, npcs[..2]);
+
+    let upside_down = wire::Region { low: corner(0.0, 10.0, 0.0), high: corner(10.0, 0.0, 10.0) };
+    let request = wire::WatchWorldRequest { world_id, region: Some(upside_down), ..Default::default() };
+    let refusal = client.watch_world(request).await.unwrap_err();
+    assert!(refusal.code() == Code::InvalidArgument && refusal.message().contains("region.high.y"), "{refusal}");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_follows_an_npc_and_its_plan() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    build_graph(&mut planner_client(&planner).await, 1000).await;
+    let worker = start_worker(&server, Some(&planner), 8);
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await.world_id;
+    let points = ground(&mut client, world_id, 2).await;
+    let npc_id = spawn(&mut client, world_id, points[0]).await;
+    let mut steps = client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0 }).await.unwrap().into_inner();
+    let first = steps.next().await.unwrap().unwrap();
+    assert_eq!(first.plan.expect("told at first").waypoints, [], "an idle NPC has no plan");
+    set_goal(&mut client, npc_id, points[1]).await;
+    let following = async {
+        loop {
+            let step = steps.next().await.unwrap().unwrap();
+            if let Some(plan) = step.plan.filter(|plan| !plan.waypoints.is_empty()) {
+                return plan;
+            }
+        }
+    };
+    let plan = tokio::time::timeout(LIMIT, following).await.expect("a plan is told");
+    assert_eq!(plan.waypoints.last(), Some(&points[1]), "a plan ends at the goal");
+    assert_eq!(plan.legs.len(), plan.waypoints.len());
+    assert!(plan.legs.iter().all(|leg| leg.seconds > 0.0 && (0.0..=1.0).contains(&leg.chance)));
+    client.despawn_npc(wire::DespawnNpcRequest { npc_id }).await.unwrap();
+    let end = loop {
+        match tokio::time::timeout(LIMIT, steps.next()).await.expect("the stream ends").unwrap() {
+            Ok(_) => {}
+            Err(status) => break status,
+        }
+    };
+    assert_eq!(end.code(), Code::NotFound);
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_reader_that_does_not_read_is_cut_off_and_others_go_on() {
+    let server = start_server(ServerConfig { reader_patience: Duration::from_millis(50), ..ServerConfig::default() });
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 11, wire::TimeMode::Realtime).await.world_id;
+    let start = ground(&mut client, world_id, 1).await[0];
+    // Snapshots larger than what the connection takes without the reader's leave.
+    for _ in 0..1500 {
+        spawn(&mut client, world_id, start).await;
+    }
+    let channel = tonic::transport::Endpoint::from_shared(server.uri.clone())
+        .unwrap()
+        .initial_stream_window_size(65_535)
+        .initial_connection_window_size(65_535)
+        .connect()
+        .await
+        .unwrap();
+    let mut idle = WorldServiceClient::new(channel);
+    let mut unread = watch(&mut idle, world_id, 60.0).await;
+    let mut read = watch(&mut client, world_id, 60.0).await;
+    until_metrics_say(&server, &format!("surefoot_watchers{{world=\"{world_id}\"}} 1")).await;
+    let end = loop {
+        match tokio::time::timeout(LIMIT, unread.next()).await.expect("the stream ends").unwrap() {
+            Ok(snapshot) => assert_eq!(snapshot.npcs.len(), 1500),
+            Err(status) => break status,
+        }
+    };
+    assert_eq!(end.code(), Code::Aborted, "{end}");
+    let before = read.next().await.unwrap().unwrap().tick;
+    assert!(read.next().await.unwrap().unwrap().tick > before, "the other reader goes on");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_has_its_quotas_and_gets_room_back() {
+    let config = ServerConfig { max_worlds_per_client: 1, max_npcs_per_client: 2, ..ServerConfig::default() };
+    let server = start_server(config);
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 12, wire::TimeMode::Realtime).await.world_id;
+    let create = wire::CreateWorldRequest { map: Some(small_map(13)), mode: 0 };
+    let refusal = client.create_world(create).await.unwrap_err();
+    assert!(refusal.code() == Code::ResourceExhausted && refusal.message().contains("--max-worlds-per-client"));
+    let start = ground(&mut client, world_id, 1).await[0];
+    let npcs = [spawn(&mut client, world_id, start).await, spawn(&mut client, world_id, start).await];
+    let one_more = wire::SpawnNpcRequest { world_id, position: Some(start), yaw: 0.0 };
+    let refusal = client.spawn_npc(one_more).await.unwrap_err();
+    assert!(refusal.code() == Code::ResourceExhausted && refusal.message().contains("--max-npcs-per-client"));
+    client.despawn_npc(wire::DespawnNpcRequest { npc_id: npcs[0] }).await.unwrap();
+    spawn(&mut client, world_id, start).await;
+    client.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
+    until_metrics_say(&server, "surefoot_worlds 0").await;
+    let world_id = create_world(&mut client, 13, wire::TimeMode::Realtime).await.world_id;
+    let start = ground(&mut client, world_id, 1).await[0];
+    spawn(&mut client, world_id, start).await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_joins_takes_npcs_over_without_a_missed_decision() {
+    let server = start_server(ServerConfig::default());
+    let first = start_worker(&server, None, 64);
+    let mut client = world_client(&server).await;
+    // Lockstep waits for every answer: a decision that fell between two workers would stop it for good.
+    let world_id = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await.world_id;
+    let points = ground(&mut client, world_id, 24).await;
+    for idx in 0..12 {
+        let npc_id = spawn(&mut client, world_id, points[idx]).await;
+        set_goal(&mut client, npc_id, points[12 + idx]).await;
+    }
+    let shared_by = |count: usize| {
+        move |snapshot: &wire::WatchWorldResponse| {
+            let workers: std::collections::BTreeSet<u64> = snapshot.npcs.iter().map(|npc| npc.worker_id).collect();
+            !workers.contains(&0) && workers.len() == count
+        }
+    };
+    watch_until(&mut client, world_id, shared_by(1)).await;
+    let second = start_worker(&server, None, 64);
+    let shared = watch_until(&mut client, world_id, shared_by(2)).await;
+    let with_second = shared.npcs.iter().filter(|npc| npc.worker_id == 2).count();
+    assert_eq!(with_second, 6, "half of them");
+    let end =
+        watch_until(&mut client, world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)).await;
+    let stats = end.stats.unwrap();
+    assert_eq!((stats.decisions_missed, stats.npcs_without_worker), (0, 0));
+    first.stop().await;
+    second.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn worlds_outlive_the_server() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = ServerConfig { state: Some(folder.path().join("worlds")), ..ServerConfig::default() };
+    let server = start_server(config.clone());
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await.world_id;
+    let dropped = create_world(&mut client, 14, wire::TimeMode::Realtime).await.world_id;
+    let points = ground(&mut client, world_id, 3).await;
+    let seeker = spawn(&mut client, world_id, points[0]).await;
+    let idler = spawn(&mut client, world_id, points[1]).await;
+    set_goal(&mut client, seeker, points[2]).await;
+    client.drop_world(wire::DropWorldRequest { world_id: dropped }).await.unwrap();
+    server.stop().await;
+    std::fs::write(folder.path().join("worlds/77.world"), b"SFWORLD\nnot a world").unwrap();
+
+    let server = start_server(config);
+    let mut client = world_client(&server).await;
+    let worlds = client.list_worlds(wire::ListWorldsRequest {}).await.unwrap().into_inner().worlds;
+    assert_eq!(worlds.len(), 1, "the dropped one stays dropped, the damaged one is left out");
+    assert_eq!((worlds[0].world_id, worlds[0].npc_count), (world_id, 2));
+    let npc = client.get_npc(wire::GetNpcRequest { npc_id: seeker }).await.unwrap().into_inner().npc.unwrap();
+    assert_eq!((npc.goal, npc.attempts, npc.status()), (Some(points[2]), 1, wire::NpcStatus::Seeking));
+    let other = create_world(&mut client, 15, wire::TimeMode::Realtime).await.world_id;
+    assert!(other > world_id, "ids are not used twice");
+    let worker = start_worker(&server, None, 8);
+    watch_until(&mut client, world_id, |snapshot| {
+        snapshot.npcs.iter().any(|npc| npc.npc_id == seeker && npc.last_outcome != 0)
+    })
+    .await;
+    assert!(client.get_npc(wire::GetNpcRequest { npc_id: idler }).await.is_ok());
+    worker.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
+    const NPCS: usize = 6;
+    let server = start_server(ServerConfig { max_envs: 2, ..ServerConfig::default() });
+    let mut client = EnvServiceClient::connect(server.uri.clone()).await.unwrap();
+    let request = wire::CreateEnvRequest {
+        map: Some(small_map(20)),
+        npc_count: NPCS as u32,
+        seed: 5,
+        goal_min_m: 2.0,
+        goal_max_m: 6.0,
+    };
+    let one = client.create_env(request.clone()).await.unwrap().into_inner();
+    let two = client.create_env(request.clone()).await.unwrap().into_inner();
+    assert_eq!(one.observations, two.observations, "same seed, same start");
+    assert_eq!(one.observations.len(), NPCS * OBSERVATION_LEN * 4);
+    let full = client.create_env(request.clone()).await.unwrap_err();
+    assert!(full.code() == Code::ResourceExhausted && full.message().contains("--max-envs"), "{full}");
+
+    let actions = |step: usize| {
+        let values = (0..NPCS * 4).map(move |idx| ((idx * 5 + step) as f32 * 0.7).sin());
+        Some(wire::EnvActions { actions: pack(values) })
+    };
+    let (requests, stream) = tokio::sync::mpsc::channel(1);
+    let requests_in = tokio_stream::wrappers::ReceiverStream::new(stream);
+    let mut results = client.stream_env(requests_in).await.unwrap().into_inner();
+    let mut ends = 0;
+    for step in 0..320 {
+        let by_call = client.step_env(wire::StepEnvRequest { env_id: one.env_id, actions: actions(step) });
+        let by_call = by_call.await.unwrap().into_inner().results.unwrap();
+        requests.send(wire::StreamEnvRequest { env_id: two.env_id, actions: actions(step) }).await.unwrap();
+        let by_stream = results.next().await.unwrap().unwrap().results.unwrap();
+        assert_eq!(by_call, by_stream, "step {step}");
+        assert_eq!(by_call.rewards.len(), NPCS * 4);
+        assert!(by_call.ends.iter().all(|end| end.final_observation.len() == OBSERVATION_LEN * 4));
+        ends += by_call.ends.len();
+    }
+    assert!(ends > 0, "with patience for 300 decisions some episode ends in 320");
+
+    let step = |env_id, actions| wire::StepEnvRequest { env_id, actions };
+    for (request, code, words) in [
+        (step(99, actions(0)), Code::NotFound, "environment 99"),
+        (step(one.env_id, None), Code::InvalidArgument, "actions is missing"),
+        (step(one.env_id, Some(wire::EnvActions { actions: vec![0; 7] })), Code::InvalidArgument, "7 bytes"),
+        (
+            step(one.env_id, Some(wire::EnvActions { actions: pack([f32::NAN; NPCS * 4]) })),
+            Code::InvalidArgument,
+            "npc 0: action[0] is NaN",
+        ),
+    ] {
+        let refusal = client.step_env(request).await.unwrap_err();
+        assert!(refusal.code() == code && refusal.message().contains(words), "{refusal}");
+    }
+    for (changed, words) in [
+        (wire::CreateEnvRequest { npc_count: 0, ..request.clone() }, "npc_count"),
+        (wire::CreateEnvRequest { goal_max_m: f32::NAN, ..request.clone() }, "goal_max_m"),
+        (wire::CreateEnvRequest { goal_min_m: 9.0, ..request.clone() }, "goal_max_m"),
+        (wire::CreateEnvRequest { map: None, ..request.clone() }, "map is missing"),
+    ] {
+        let refusal = client.create_env(changed).await.unwrap_err();
+        assert!(refusal.code() == Code::InvalidArgument && refusal.message().contains(words), "{refusal}");
+    }
+    client.close_env(wire::CloseEnvRequest { env_id: one.env_id }).await.unwrap();
+    assert_eq!(
+        client.close_env(wire::CloseEnvRequest { env_id: one.env_id }).await.unwrap_err().code(),
+        Code::NotFound
+    );
+    client.create_env(request).await.expect("there is room again");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stalled_world_drops_time_and_leaves_others_alone() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let stalled = create_world(&mut client, 16, wire::TimeMode::Realtime).await.world_id;
+    let other = create_world(&mut client, 17, wire::TimeMode::Realtime).await.world_id;
+    let mut watching = watch(&mut client, other, 60.0).await;
+    let before = watching.next().await.unwrap().unwrap();
+    client.stall_world(wire::StallWorldRequest { world_id: stalled, milliseconds: 500 }).await.unwrap();
+    // 500 ms are 30 ticks: two are made up for.
+    let dropped = |snapshot: &wire::WatchWorldResponse| snapshot.stats.as_ref().unwrap().ticks_dropped;
+    let after = watch_until(&mut client, stalled, |snapshot| dropped(snapshot) > 0).await;
+    assert!((26..=40).contains(&dropped(&after)), "{} dropped", dropped(&after));
+    let there = watch_until(&mut client, other, |snapshot| snapshot.tick > before.tick + 20).await;
+    let stats = there.stats.unwrap();
+    assert_eq!(stats.tick_histogram.iter().sum::<u64>(), there.tick, "every tick is timed");
+    for milliseconds in [0, 1001] {
+        let request = wire::StallWorldRequest { world_id: stalled, milliseconds };
+        assert_eq!(client.stall_world(request).await.unwrap_err().code(), Code::InvalidArgument);
+    }
+    server.stop().await;
+}
