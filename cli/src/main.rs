@@ -6,7 +6,7 @@ mod render;
 mod terminal;
 
 use clap::{Parser, Subcommand};
-use commands::{bench, eval, export, graph, health, map, services, train, up};
+use commands::{bench, eval, export, graph, health, map, services, top, train, up};
 
 /// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
 #[derive(Parser)]
@@ -41,6 +41,8 @@ enum Command {
     Bench(bench::Args),
     /// Ask a service whether it is serving.
     Health(health::Args),
+    /// Watch a running world server.
+    Top(top::Args),
     /// Look at maps.
     #[command(subcommand)]
     Map(map::Command),
@@ -63,6 +65,7 @@ fn main() -> std::process::ExitCode {
         Command::Graph(command) => graph::run(&command),
         Command::Bench(args) => bench::run(&args),
         Command::Health(args) => health::run(&args),
+        Command::Top(args) => top::run(&args),
         Command::Map(command) => map::run(&command),
     };
     match result {

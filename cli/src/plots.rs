@@ -26,22 +26,58 @@ const COLOURS: [RGBColor; 11] = [
 /// the upper end, bins of fewer than 30 goals are left out.
 pub fn success_by_distance(rows: &[(&str, &[(f32, Rate)])], middle_m: f32, path: &Path) -> anyhow::Result<()> {
     const FEWEST: usize = 30;
-    let lines: Vec<(&str, Vec<(f32, f64)>)> = rows
+    let lines: Vec<Line<'_>> = rows
         .iter()
         .map(|(name, bins)| {
             let points = bins.iter().filter(|(_, rate)| rate.n >= FEWEST);
-            (*name, points.map(|(far, rate)| (far - middle_m, 100.0 * rate.rate)).collect())
+            (*name, points.map(|(far, rate)| (f64::from(far - middle_m), 100.0 * rate.rate)).collect())
         })
         .collect();
-    let farthest = lines.iter().flat_map(|(_, points)| points).map(|point| point.0).fold(25.0, f32::max);
+    let farthest = farthest_of(&lines).max(25.0);
+    let axes = Axes { x: "straight-line distance, m", y: "success, %", x_end: farthest, y_end: 100.0 };
+    draw_lines("Success by distance of the goal", axes, SeriesLabelPosition::LowerLeft, &lines, path)
+}
+
+/// Lines of tick times, ms, by NPCs, with the limit that they should stay below.
+pub fn tick_times(mut lines: Vec<Line<'_>>, limit_ms: f64, path: &Path) -> anyhow::Result<()> {
+    let most = 1.05 * farthest_of(&lines);
+    let longest = lines.iter().flat_map(|(_, points)| points).map(|point| point.1).fold(limit_ms, f64::max);
+    lines.push(("limit", vec![(0.0, limit_ms), (most, limit_ms)]));
+    let axes = Axes { x: "NPCs", y: "ms", x_end: most, y_end: 1.1 * longest };
+    let caption = "From when a tick is due until it is done, worst of the worlds";
+    draw_lines(caption, axes, SeriesLabelPosition::UpperLeft, &lines, path)
+}
+
+/// A name and points.
+pub type Line<'a> = (&'a str, Vec<(f64, f64)>);
+
+/// What the axes show, and where they end.
+struct Axes {
+    x: &'static str,
+    y: &'static str,
+    x_end: f64,
+    y_end: f64,
+}
+
+fn farthest_of(lines: &[Line<'_>]) -> f64 {
+    lines.iter().flat_map(|(_, points)| points).map(|point| point.0).fold(0.0, f64::max)
+}
+
+fn draw_lines(
+    caption: &str,
+    axes: Axes,
+    legend: SeriesLabelPosition,
+    lines: &[Line<'_>],
+    path: &Path,
+) -> anyhow::Result<()> {
     draw(path, |area| {
         let mut chart = ChartBuilder::on(area)
-            .caption("Success by distance of the goal", ("sans-serif", 20))
+            .caption(caption, ("sans-serif", 20))
             .margin(12)
             .x_label_area_size(40)
             .y_label_area_size(48)
-            .build_cartesian_2d(0.0..farthest, 0.0..100.0)?;
-        chart.configure_mesh().x_desc("straight-line distance, m").y_desc("success, %").draw()?;
+            .build_cartesian_2d(0.0..axes.x_end, 0.0..axes.y_end)?;
+        chart.configure_mesh().x_desc(axes.x).y_desc(axes.y).draw()?;
         for ((name, points), colour) in lines.iter().zip(COLOURS.iter().cycle()) {
             let style = colour.stroke_width(2);
             chart
@@ -49,8 +85,7 @@ pub fn success_by_distance(rows: &[(&str, &[(f32, Rate)])], middle_m: f32, path:
                 .label(*name)
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
         }
-        let position = SeriesLabelPosition::LowerLeft;
-        chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
+        chart.configure_series_labels().position(legend).background_style(WHITE).border_style(BLACK).draw()?;
         Ok(())
     })
 }

@@ -7,6 +7,7 @@ pub mod graph;
 pub mod health;
 pub mod map;
 pub mod services;
+pub mod top;
 pub mod train;
 pub mod up;
 

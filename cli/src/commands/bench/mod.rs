@@ -19,9 +19,15 @@ pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load
     #[arg(value_parser = ["world", "learn", "plan", "serve"])]
     what: String,
-    /// serve: how long 1024 NPCs are watched
+    /// serve: NPCs that are watched, on 8 worlds
+    #[arg(long, default_value_t = 1024, value_name = "N")]
+    npcs: usize,
+    /// serve: for how long
     #[arg(long, default_value_t = 10.0, value_name = "MINUTES")]
     minutes: f64,
+    /// serve: folder for the curve of tick time against NPCs
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<std::path::PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,

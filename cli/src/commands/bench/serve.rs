@@ -1,6 +1,7 @@
 //! The world server under load: separate processes for server, planner and two workers, realtime worlds, a crowd that is never done.
 
 use super::{Args, Figure};
+use crate::plots;
 use anyhow::{Context, bail};
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
@@ -24,8 +25,6 @@ use tonic::transport::{Channel, Endpoint};
 const WORLDS: u64 = 8;
 const FIRST_SEED: u64 = 6000;
 const WORKERS: usize = 2;
-/// NPCs of the figures; the search for the most that hold goes on from here.
-const NPCS: usize = 1024;
 /// What must hold.
 const TARGET_P99_MS: f64 = 12.0;
 const TARGET_LATE_SHARE: f64 = 0.001;
@@ -38,6 +37,8 @@ const WARM_UP: Duration = Duration::from_secs(10);
 /// Stalls that are injected into one world, ms.
 const STALLS_MS: [u32; 3] = [5, 50, 500];
 const STALLS_EACH: usize = 20;
+/// Readers that never read.
+const SLOW_READERS: usize = 50;
 /// NPCs of the lockstep figures, and steps timed.
 const ENV_NPCS: usize = 256;
 const ENV_STEPS: usize = 100;
@@ -57,7 +58,8 @@ fn start(args: &[&str]) -> anyhow::Result<Process> {
     let program = std::env::current_exe()?;
     let child = Command::new(program)
         .args(args)
-        .env("RUST_LOG", "warn")
+        // Workers complain when the server of a scene goes; that is no news.
+        .env("RUST_LOG", "error")
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::inherit())
@@ -87,7 +89,9 @@ async fn connect(uri: &str) -> anyhow::Result<Channel> {
 
 /// All processes, and the crowds on the worlds.
 struct Scene {
-    _processes: Vec<Process>,
+    /// The server first.
+    processes: Vec<Process>,
+    server_uri: String,
     channel: Channel,
     worlds: Vec<Watched>,
 }
@@ -101,6 +105,14 @@ struct Watched {
 impl Drop for Watched {
     fn drop(&mut self) {
         self.crowd.abort();
+    }
+}
+
+impl Drop for Scene {
+    fn drop(&mut self) {
+        self.worlds.clear();
+        // Workers before what they work for.
+        while self.processes.pop().is_some() {}
     }
 }
 
@@ -130,7 +142,7 @@ impl Scene {
             let (sender, latest) = watch::channel(WatchWorldResponse::default());
             worlds.push(Watched { world_id, latest, crowd: tokio::spawn(crowd.keep_busy(sender)) });
         }
-        let mut scene = Self { _processes: processes, channel, worlds };
+        let mut scene = Self { processes, server_uri, channel, worlds };
         scene.wait_for_plans().await?;
         Ok(scene)
     }
@@ -146,6 +158,13 @@ impl Scene {
             }
         }
         Ok(())
+    }
+
+    /// Memory of the server's process, MiB.
+    fn server_mib(&self) -> anyhow::Result<f64> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.processes[0].0.id()))?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).context("the system tells no VmRSS")?;
+        Ok(line.trim().trim_end_matches(" kB").parse::<f64>()? / 1024.0)
     }
 
     fn stats(&self) -> Vec<WorldStats> {
@@ -238,10 +257,10 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     let cache = super::super::services::CacheArgs::default_folder()?.join("bench-serve");
     runtime.block_on(async {
         let mut figures = lockstep().await?;
-        let scene = Scene::start(NPCS, &cache).await?;
+        let scene = Scene::start(args.npcs, &cache).await?;
         scene.measure(WARM_UP).await?;
         let held = scene.measure(Duration::from_secs_f64(args.minutes * 60.0)).await?;
-        held.print(NPCS);
+        held.print(args.npcs);
         figures.extend([
             Figure::new("tick_p50_ms", held.p50_ms(), "ms"),
             Figure::new("tick_p99_ms", held.p99_ms(), "ms").target(TARGET_P99_MS),
@@ -250,8 +269,19 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
             Figure::new("decisions_s", held.answered as f64 / (args.minutes * 60.0), "decisions/s"),
         ]);
         figures.extend(overruns(&scene).await?);
+        figures.extend(slow_readers(&scene).await?);
         drop(scene);
-        figures.extend(ladder(&cache).await?);
+        let curve = ladder(&cache).await?;
+        let most = curve.iter().take_while(|(_, measured)| measured.holds()).last().map_or(0, |(npcs, _)| *npcs);
+        figures.push(Figure::new("npcs_held", most as f64, "NPCs").target(4096.0));
+        if let Some(folder) = &args.out {
+            let lines = vec![
+                ("median", curve.iter().map(|(npcs, measured)| (*npcs as f64, measured.p50_ms())).collect()),
+                ("99th percentile", curve.iter().map(|(npcs, measured)| (*npcs as f64, measured.p99_ms())).collect()),
+            ];
+            std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+            plots::tick_times(lines, TARGET_P99_MS, &folder.join("tick-time.svg"))?;
+        }
         Ok(figures)
     })
 }
@@ -297,20 +327,46 @@ async fn overruns(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
+/// Readers that ask for everything and read nothing: what they cost the server, and the worlds.
+async fn slow_readers(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
+    let span = Duration::from_secs(20);
+    let calm = scene.measure(span).await?;
+    let before = scene.server_mib()?;
+    let mut readers = Vec::new();
+    for idx in 0..SLOW_READERS {
+        let world_id = scene.worlds[idx % scene.worlds.len()].world_id;
+        let mut client = WorldServiceClient::new(connect(&scene.server_uri).await?);
+        let request = wire::WatchWorldRequest { world_id, rate_hz: 60.0, ..Default::default() };
+        readers.push(client.watch_world(request).await?.into_inner());
+    }
+    let measured = scene.measure(span).await?;
+    let cost = scene.server_mib()? - before;
+    drop(readers);
+    eprintln!(
+        "{SLOW_READERS} readers that never read: {cost:.1} MiB, tick p99 x {:.3}",
+        measured.p99_ms() / calm.p99_ms()
+    );
+    Ok(vec![
+        Figure::new("slow_readers_mib", cost, "MiB").target(64.0),
+        Figure::new("slow_readers_p99_ratio", measured.p99_ms() / calm.p99_ms(), ""),
+    ])
+}
+
 /// More and more NPCs until they do not hold.
-async fn ladder(cache: &Path) -> anyhow::Result<Vec<Figure>> {
-    let mut most = 0;
+async fn ladder(cache: &Path) -> anyhow::Result<Vec<(usize, Measured)>> {
+    let mut curve = Vec::new();
     for npcs in LADDER {
         let scene = Scene::start(npcs, cache).await?;
         scene.measure(WARM_UP).await?;
         let measured = scene.measure(RUNG).await?;
         measured.print(npcs);
-        if !measured.holds() {
+        let holds = measured.holds();
+        curve.push((npcs, measured));
+        if !holds {
             break;
         }
-        most = npcs;
     }
-    Ok(vec![Figure::new("npcs_held", most as f64, "NPCs").target(4096.0)])
+    Ok(curve)
 }
 
 /// A remote trainer's decisions a second, by call and by stream, beside the same environment in process.

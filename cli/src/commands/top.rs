@@ -1,0 +1,127 @@
+//! `surefoot top`: a running server in the terminal.
+
+use crate::terminal::is_interactive;
+use anyhow::Context;
+use std::fmt::Write;
+use std::time::Duration;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_proto::world::v1::{self as wire, NpcStatus, WorldStats};
+use surefoot_server::times::TickTimes;
+use tonic::transport::Channel;
+
+/// Watch a running world server.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  surefoot top\n  surefoot top http://server:7600 --every 5\n  surefoot top --count 1   # once, for scripts"
+)]
+pub struct Args {
+    /// The world server
+    #[arg(default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]
+    server: String,
+    /// Seconds from one look to the next
+    #[arg(long, default_value_t = 1.0, value_name = "SECONDS")]
+    every: f64,
+    /// End after so many looks
+    #[arg(long, value_name = "N")]
+    count: Option<u64>,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let pause = Duration::try_from_secs_f64(args.every).context("--every")?.max(Duration::from_millis(100));
+    tokio::runtime::Builder::new_current_thread().enable_all().build()?.block_on(async {
+        let channel = tonic::transport::Endpoint::from_shared(args.server.clone())
+            .with_context(|| format!("{} is not a URI such as http://127.0.0.1:7600", args.server))?
+            .connect()
+            .await
+            .with_context(|| format!("cannot connect to {}", args.server))?;
+        let mut client = WorldServiceClient::new(channel);
+        let mut before = look(&mut client).await?;
+        for _ in 0..args.count.unwrap_or(u64::MAX) {
+            tokio::time::sleep(pause).await;
+            let now = look(&mut client).await?;
+            // Home and clear, so that the table stays in place.
+            let clear = if is_interactive() { "\x1b[H\x1b[2J" } else { "" };
+            println!("{clear}{}", table(&args.server, &before, &now, pause));
+            before = now;
+        }
+        Ok(())
+    })
+}
+
+/// A world at one moment.
+struct Look {
+    world: wire::World,
+    snapshot: wire::WatchWorldResponse,
+}
+
+async fn look(client: &mut WorldServiceClient<Channel>) -> anyhow::Result<Vec<Look>> {
+    let worlds = client.list_worlds(wire::ListWorldsRequest {}).await.context("the server went away")?;
+    let mut looks = Vec::new();
+    for world in worlds.into_inner().worlds {
+        let request = wire::WatchWorldRequest { world_id: world.world_id, ..Default::default() };
+        // A world may be dropped between the two calls.
+        let Ok(stream) = client.watch_world(request).await else { continue };
+        if let Ok(Some(snapshot)) = stream.into_inner().message().await {
+            looks.push(Look { world, snapshot });
+        }
+    }
+    Ok(looks)
+}
+
+fn table(server: &str, before: &[Look], now: &[Look], span: Duration) -> String {
+    let mut text = format!(
+        "{server}   {} worlds, {} NPCs\n\n{:>6} {:>10} {:>6} {:>6} {:>6} {:>6} {:>7} {:>9} {:>9} {:>7} {:>8} {:>9} {:>8} {:>8}\n",
+        now.len(),
+        now.iter().map(|look| look.snapshot.npcs.len()).sum::<usize>(),
+        "world",
+        "seed",
+        "idle",
+        "seek",
+        "down",
+        "alone",
+        "ticks/s",
+        "p50 ms",
+        "p99 ms",
+        "late",
+        "dropped",
+        "decide/s",
+        "missed",
+        "success"
+    );
+    for look in now {
+        let old = before.iter().find(|old| old.world.world_id == look.world.world_id);
+        row(&mut text, look, old, span);
+    }
+    text
+}
+
+fn row(text: &mut String, look: &Look, old: Option<&Look>, span: Duration) {
+    let stats = look.snapshot.stats.clone().unwrap_or_default();
+    let past = old.and_then(|old| old.snapshot.stats.clone()).unwrap_or_default();
+    let since = |value: fn(&WorldStats) -> u64| value(&stats).saturating_sub(value(&past));
+    let rate = |count: u64| count as f64 / span.as_secs_f64();
+    let times = |stats: &WorldStats| TickTimes::from_counts(&stats.tick_histogram);
+    let recent = times(&stats).since(&times(&past));
+    let count = |status: NpcStatus| look.snapshot.npcs.iter().filter(|npc| npc.status() == status).count();
+    let ends = |stats: &WorldStats| stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress;
+    let percent = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{:>6} {:>10} {:>6} {:>6} {:>6} {:>6} {:>7.1} {:>9.2} {:>9.2} {:>7} {:>8} {:>9.0} {:>7.2}% {:>7.1}%",
+        look.world.world_id,
+        look.world.map.as_ref().map_or(0, |map| map.seed),
+        count(NpcStatus::Idle),
+        count(NpcStatus::Seeking),
+        count(NpcStatus::Down),
+        stats.npcs_without_worker,
+        rate(recent.count()),
+        recent.quantile_us(0.5) / 1000.0,
+        recent.quantile_us(0.99) / 1000.0,
+        since(|stats| stats.ticks_late),
+        since(|stats| stats.ticks_dropped),
+        rate(since(|stats| stats.decisions_answered)),
+        percent(since(|stats| stats.decisions_missed), since(|stats| stats.decisions_asked)),
+        percent(stats.reached, ends(&stats)),
+    );
+}

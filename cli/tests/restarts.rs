@@ -1,0 +1,163 @@
+//! Services that are killed and come back, as real processes: no NPC stays behind.
+
+use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_proto::world::v1::{self as wire, NpcStatus};
+use tonic::transport::{Channel, Endpoint};
+
+/// Far longer than any of this takes: a hang fails instead of blocking.
+const LIMIT: Duration = Duration::from_secs(180);
+const NPCS: usize = 6;
+
+/// A service that is started again with the same arguments.
+struct Service {
+    args: Vec<String>,
+    child: Child,
+}
+
+impl Service {
+    fn start(args: &[&str]) -> Self {
+        let args: Vec<String> = args.iter().map(|arg| (*arg).to_owned()).collect();
+        Self { child: launch(&args), args }
+    }
+
+    /// As a crash would: no time to tidy up.
+    fn kill_and_restart(&mut self) {
+        self.child.kill().expect("it runs");
+        self.child.wait().expect("it ends");
+        self.child = launch(&self.args);
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn launch(args: &[String]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_surefoot"))
+        .args(args)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts")
+}
+
+fn free_address() -> SocketAddr {
+    TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr().expect("an address")
+}
+
+async fn connect(address: &str) -> WorldServiceClient<Channel> {
+    let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("a URI");
+    let since = Instant::now();
+    loop {
+        match endpoint.connect().await {
+            Ok(channel) => return WorldServiceClient::new(channel),
+            Err(error) => assert!(since.elapsed() < LIMIT, "no server: {error}"),
+        }
+    }
+}
+
+/// The services, and the world that outlives them.
+struct Scene {
+    address: String,
+    services: [Service; 3],
+    world_id: u64,
+    points: Vec<wire::Vec3>,
+}
+
+impl Scene {
+    async fn start(folder: &Path) -> Self {
+        let (address, planner) = (free_address().to_string(), free_address().to_string());
+        let (server_uri, planner_uri) = (format!("http://{address}"), format!("http://{planner}"));
+        let path = |name: &str| folder.join(name).to_str().expect("a plain name").to_owned();
+        let (state, cache) = (path("state"), path("cache"));
+        let services = [
+            Service::start(&["serve", "--listen", &address, "--state", &state, "--save-every", "0.1"]),
+            Service::start(&["plan", "--listen", &planner, "--cache", &cache, "--threads", "2"]),
+            Service::start(&["work", "--server", &server_uri, "--planner", &planner_uri, "--vertices", "40"]),
+        ];
+        let mut client = connect(&address).await;
+        let map = wire::MapSpec {
+            seed: 1000,
+            size: Some(wire::MapSize { width: 60, height: 40, depth: 60 }),
+            features: None,
+        };
+        let request = wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into() };
+        let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
+        let request = wire::SampleGroundRequest { world_id, count: 100, seed: 3 };
+        let points = client.sample_ground(request).await.unwrap().into_inner().points;
+        for point in &points[..NPCS] {
+            let request = wire::SpawnNpcRequest { world_id, position: Some(*point), yaw: 0.0 };
+            client.spawn_npc(request).await.unwrap();
+        }
+        Self { address, services, world_id, points }
+    }
+
+    /// A goal near a place: what is to be seen is that NPCs are carried, not how far they get.
+    fn goal_near(&self, from: wire::Vec3) -> wire::Vec3 {
+        let distance = |a: &wire::Vec3| (a.x - from.x).hypot(a.z - from.z) + 3.0 * (a.y - from.y).abs();
+        let others = self.points.iter().filter(|point| distance(point) > 2.0);
+        *others.min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("several points")
+    }
+
+    /// Sends every NPC to a goal and waits until every attempt has ended. The connection is new each time, since the
+    /// server may be.
+    async fn everybody_gets_an_end(&self) {
+        let mut client = connect(&self.address).await;
+        let mut wanted: Vec<(u64, u32)> = Vec::new();
+        for npc in self.npcs(&mut client).await {
+            if npc.status() == NpcStatus::Down {
+                let request = wire::TeleportNpcRequest { npc_id: npc.npc_id, position: Some(self.points[0]), yaw: 0.0 };
+                client.teleport_npc(request).await.unwrap();
+            }
+            let goal = self.goal_near(npc.position.unwrap());
+            client.set_goal(wire::SetGoalRequest { npc_id: npc.npc_id, goal: Some(goal) }).await.unwrap();
+            wanted.push((npc.npc_id, npc.attempts + 1));
+        }
+        assert_eq!(wanted.len(), NPCS, "all of them are still there");
+        let since = Instant::now();
+        loop {
+            let npcs = self.npcs(&mut client).await;
+            let is_done = |npc: &wire::Npc| npc.status() != NpcStatus::Seeking && npc.worker_id != 0;
+            if npcs.len() == NPCS && npcs.iter().all(is_done) {
+                return;
+            }
+            assert!(since.elapsed() < LIMIT, "stuck: {npcs:?}");
+        }
+    }
+
+    /// All NPCs, from the next snapshot.
+    async fn npcs(&self, client: &mut WorldServiceClient<Channel>) -> Vec<wire::Npc> {
+        let request = wire::WatchWorldRequest { world_id: self.world_id, ..Default::default() };
+        let mut snapshots = client.watch_world(request).await.expect("the world is there").into_inner();
+        snapshots.message().await.expect("a snapshot").expect("a snapshot").npcs
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn services_that_are_killed_in_any_order_leave_no_npc_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = Scene::start(folder.path()).await;
+    scene.everybody_gets_an_end().await;
+    for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+        // The world must have been saved with its NPCs before the server goes.
+        let saved = || std::fs::read_dir(folder.path().join("state")).is_ok_and(|mut files| files.next().is_some());
+        let since = Instant::now();
+        while !saved() {
+            assert!(since.elapsed() < LIMIT, "nothing is saved");
+            tokio::task::yield_now().await;
+        }
+        for idx in order {
+            scene.services[idx].kill_and_restart();
+        }
+        scene.everybody_gets_an_end().await;
+    }
+}
