@@ -1,11 +1,12 @@
 //! The `surefoot` command: argument parsing and wiring only.
 
 mod commands;
+mod config;
 mod plots;
 mod render;
 mod terminal;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{bench, eval, export, graph, health, map, services, train, up};
 
 /// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
@@ -47,11 +48,20 @@ enum Command {
 }
 
 fn main() -> std::process::ExitCode {
+    match run() {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            std::process::ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> anyhow::Result<()> {
+    let Some(matches) = config::read(Cli::command())? else { return Ok(()) };
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     terminal::start_logging();
-    // Without a subcommand: `up` with its defaults.
-    let command =
-        Cli::parse().command.unwrap_or_else(|| Cli::parse_from(["surefoot", "up"]).command.expect("a subcommand"));
-    let result = match command {
+    match cli.command.expect("without a subcommand it is `up`") {
         Command::Up(args) => up::run(&args),
         Command::Serve(args) => services::serve(&args),
         Command::Plan(args) => services::plan(&args),
@@ -64,12 +74,5 @@ fn main() -> std::process::ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Health(args) => health::run(&args),
         Command::Map(command) => map::run(&command),
-    };
-    match result {
-        Ok(()) => std::process::ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            std::process::ExitCode::FAILURE
-        }
     }
 }
