@@ -45,7 +45,7 @@ pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown)
     };
     let mut routes = tonic::service::Routes::builder();
     let grpc = WorldServiceServer::new(service.clone())
-        .max_decoding_message_size(surefoot_proto::serving::MAX_MESSAGE_BYTES)
+        .max_decoding_message_size(endpoint.limits().max_message_bytes)
         .max_encoding_message_size(surefoot_proto::serving::MAX_MESSAGE_BYTES);
     routes.add_service(surefoot_proto::serving::with_grpc_web(grpc));
     let result = endpoint.serve(routes, &[SERVICE_NAME], metrics, shutdown).await;

@@ -6,9 +6,10 @@ use surefoot_agent::work::{WorkConfig, WorkError, work};
 use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner::service::{self as planner_service, PlannerConfig};
 use surefoot_policy::Policy;
+use surefoot_proto::client::Credentials;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_proto::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_proto::world::v1 as world;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
@@ -38,9 +39,13 @@ fn free_port() -> SocketAddr {
 
 /// Starts a world server.
 pub fn start_server(config: ServerConfig) -> Running {
-    let (endpoint, shutdown) = (Endpoint::bind(free_port()).expect("a free port"), Shutdown::default());
-    let stop = shutdown.clone();
-    let uri = format!("http://{}", endpoint.address());
+    start_server_at(EndpointConfig::default(), config)
+}
+
+/// Starts a world server whose endpoint is kept in some way.
+pub fn start_server_at(endpoint: EndpointConfig, config: ServerConfig) -> Running {
+    let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
+    let (stop, uri) = (shutdown.clone(), endpoint.uri());
     let task =
         tokio::spawn(async move { surefoot_server::serve(endpoint, config, stop).await.expect("the server serves") });
     Running { uri, shutdown, task }
@@ -48,10 +53,15 @@ pub fn start_server(config: ServerConfig) -> Running {
 
 /// Starts a planner with its cache in `folder`.
 pub fn start_planner(folder: &Path, config: PlannerConfig) -> Running {
-    let (endpoint, shutdown) = (Endpoint::bind(free_port()).expect("a free port"), Shutdown::default());
+    start_planner_at(EndpointConfig::default(), folder, config)
+}
+
+/// Starts a planner whose endpoint is kept in some way.
+pub fn start_planner_at(endpoint: EndpointConfig, folder: &Path, config: PlannerConfig) -> Running {
+    let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
     let store = DiskStore::open(folder, DEFAULT_LIMIT_BYTES).expect("a cache folder");
     let (policy, stop) = (Policy::shipped().expect("shipped weights"), shutdown.clone());
-    let uri = format!("http://{}", endpoint.address());
+    let uri = endpoint.uri();
     let task = tokio::spawn(async move {
         planner_service::serve(endpoint, config, policy, Box::new(store), stop).await.expect("the planner serves");
     });
@@ -91,6 +101,7 @@ pub fn start_worker_with(policy: Policy, server: &Running, planner: Option<&Runn
     let config = WorkConfig {
         server: server.uri.clone(),
         planner: planner.map(|planner| planner.uri.clone()),
+        credentials: Credentials::default(),
         capacity,
         name: "e2e".to_owned(),
         graph: small_graph(),

@@ -150,7 +150,7 @@ pub async fn serve(
     };
     let mut routes = tonic::service::Routes::builder();
     let grpc = PlannerServiceServer::new(api.clone())
-        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_decoding_message_size(endpoint.limits().max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     routes.add_service(with_grpc_web(grpc));
     let result = endpoint.serve(routes, &[SERVICE_NAME], metrics, shutdown).await;
