@@ -2,6 +2,8 @@
 
 mod commands;
 mod config;
+#[cfg(feature = "otel")]
+mod otel;
 mod plots;
 mod render;
 mod terminal;
@@ -15,6 +17,8 @@ use commands::{bench, eval, export, graph, health, map, services, train, up};
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
+    #[command(flatten)]
+    log: terminal::LogArgs,
 }
 
 #[derive(Subcommand)]
@@ -60,8 +64,14 @@ fn main() -> std::process::ExitCode {
 fn run() -> anyhow::Result<()> {
     let Some(matches) = config::read(Cli::command())? else { return Ok(()) };
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    terminal::start_logging();
-    match cli.command.expect("without a subcommand it is `up`") {
+    let logging = terminal::Logging::start(&cli.log)?;
+    let result = execute(cli.command.expect("without a subcommand it is `up`"));
+    logging.finish();
+    result
+}
+
+fn execute(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Up(args) => up::run(&args),
         Command::Serve(args) => services::serve(&args),
         Command::Plan(args) => services::plan(&args),

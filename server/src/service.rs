@@ -12,6 +12,7 @@ use std::sync::{Arc, RwLock};
 use std::time::Duration;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::serving::{Shutdown, going_away};
+use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use surefoot_world::character::{ACTION_LEN, Action};
@@ -38,9 +39,9 @@ impl From<NpcError> for Status {
     fn from(error: NpcError) -> Self {
         let message = error.to_string();
         match error {
-            NpcError::Unknown(_) => Status::not_found(message),
-            NpcError::Full { .. } => Status::resource_exhausted(message),
-            NpcError::Outside { .. } => Status::invalid_argument(message),
+            NpcError::Unknown(npc_id) => status::not_found("npc", npc_id.to_string(), message),
+            NpcError::Full { .. } => status::exhausted(message),
+            NpcError::Outside { field, .. } => status::invalid(field, message),
             NpcError::Down(_) | NpcError::NoGround(_) => Status::failed_precondition(message),
         }
     }

@@ -26,6 +26,16 @@ pub struct Running {
 }
 
 impl Running {
+    /// Begins to stop; [`Running::stop`] waits for the end.
+    pub fn begin_stop(&self) {
+        self.shutdown.trigger();
+    }
+
+    /// The address without a scheme, for plain sockets.
+    pub fn address(&self) -> &str {
+        self.uri.rsplit('/').next().expect("a URI")
+    }
+
     /// Stops gracefully and waits for the end.
     pub async fn stop(self) {
         self.shutdown.trigger();
@@ -68,6 +78,17 @@ pub fn start_planner_at(endpoint: EndpointConfig, folder: &Path, config: Planner
     Running { uri, shutdown, task }
 }
 
+/// The answer to `GET /metrics`, headers included.
+pub async fn metrics(server: &Running, headers: &str) -> String {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    let mut socket = tokio::net::TcpStream::connect(server.address()).await.expect("the server accepts");
+    let request = format!("GET /metrics HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n{headers}\r\n", server.address());
+    socket.write_all(request.as_bytes()).await.expect("a request");
+    let mut text = String::new();
+    socket.read_to_string(&mut text).await.expect("an answer");
+    text
+}
+
 /// A running worker.
 #[derive(Debug)]
 pub struct Worker {
@@ -97,11 +118,22 @@ pub fn start_worker(server: &Running, planner: Option<&Running>, capacity: u32) 
 
 /// Starts a worker with some policy.
 pub fn start_worker_with(policy: Policy, server: &Running, planner: Option<&Running>, capacity: u32) -> Worker {
+    start_worker_as(Credentials::default(), policy, server, planner, capacity)
+}
+
+/// Starts a worker that has to show something to be let in.
+pub fn start_worker_as(
+    credentials: Credentials,
+    policy: Policy,
+    server: &Running,
+    planner: Option<&Running>,
+    capacity: u32,
+) -> Worker {
     let shutdown = Shutdown::default();
     let config = WorkConfig {
         server: server.uri.clone(),
         planner: planner.map(|planner| planner.uri.clone()),
-        credentials: Credentials::default(),
+        credentials,
         capacity,
         name: "e2e".to_owned(),
         graph: small_graph(),

@@ -91,22 +91,22 @@ impl EndpointArgs {
 #[command(next_help_heading = "Credentials")]
 pub struct CredentialArgs {
     /// Secret of a token; the variable or --token-file keep it out of the list of processes
-    #[arg(long, value_name = "SECRET", value_parser = parse_secret)]
+    #[arg(long, value_name = "SECRET", value_parser = parse_secret, env = "SUREFOOT_TOKEN", hide_env_values = true)]
     token: Option<Secret>,
     /// File that holds the secret of a token
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TOKEN_FILE")]
     token_file: Option<PathBuf>,
     /// Authority that services at https:// must have their certificate of, PEM; default: those that the system trusts
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CA")]
     tls_ca: Option<PathBuf>,
     /// Certificate to show to services that ask for one, PEM
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_CERT")]
     tls_client_cert: Option<PathBuf>,
     /// Its private key, PEM
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_KEY")]
     tls_client_key: Option<PathBuf>,
     /// Name that the certificate of services must be for; default: the host of their URI
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", env = "SUREFOOT_TLS_SERVER_NAME")]
     tls_server_name: Option<String>,
 }
 

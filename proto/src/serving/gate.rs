@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tonic::Status;
 use tonic::transport::server::{TcpConnectInfo, TlsConnectInfo};
+use tracing::{Instrument, info_span};
 
 /// Who makes a request: an extension of every request.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -35,12 +36,15 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
         Err(status) if request.uri().path() == "/metrics" => return refuse_page(&status),
         Err(status) => return refuse(status, web_kind),
     };
+    let span = info_span!("rpc", method = request.uri().path(), caller = &*caller.name);
     request.extensions_mut().insert(caller);
-    // tonic itself heeds the deadline of a client that has one.
-    if request.headers().contains_key("grpc-timeout") {
-        return next.run(request).await;
+    let has_deadline = request.headers().contains_key("grpc-timeout");
+    let answer = next.run(request).instrument(span);
+    if has_deadline {
+        // tonic itself heeds it.
+        return answer.await;
     }
-    match tokio::time::timeout(gate.default_deadline, next.run(request)).await {
+    match tokio::time::timeout(gate.default_deadline, answer).await {
         Ok(response) => response,
         Err(_) => {
             let limit = gate.default_deadline.as_secs_f64();
