@@ -69,7 +69,7 @@ fn flags_win_over_variables_over_the_file_over_defaults() {
 fn what_is_printed_can_be_fed_back() {
     let folder = tempfile::tempdir().unwrap();
     for (command, flags) in [
-        ("serve", vec!["--max-npcs", "77"]),
+        ("serve", vec!["--max-npcs", "77", "--log-format", "json", "--idle-timeout", "7.5"]),
         ("plan", vec!["--cache", "/some/where", "--threads", "3"]),
         ("work", vec!["--name", "says \"hi\" \\ ", "--threshold", "0.25", "--no-planner"]),
         ("up", vec!["--for", "1.5", "--json", "--model", "12"]),
@@ -127,6 +127,8 @@ fn a_faulty_file_is_refused_with_what_and_where() {
         ("[work]\nnpcs = 0", &["[work] npcs", "1..=65536"]),
         ("[plan]\nthreads = [1, 2]", &["[plan] threads must be a text, a number, true or false"]),
         ("[up]\njson = 3", &["[up] json"]),
+        ("[common]\nlog_format = \"xml\"", &["[common] log_format", "known are text, json"]),
+        ("[serve]\nidle_timeout = 0", &["[serve] idle_timeout", "0.001 to 1000000 seconds"]),
         ("[serve]\nmax_npcs 1", &["is not TOML: line 2"]),
     ] {
         let file = write(folder.path(), text);

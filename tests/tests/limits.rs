@@ -172,7 +172,8 @@ async fn who_falls_silent_is_cut_off_and_who_answers_pings_is_not() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn who_does_not_answer_pings_is_cut_off() {
-    let server = server_with(|limits| (limits.keepalive_interval, limits.keepalive_timeout) = (SHORT, Duration::from_secs(1)));
+    let server =
+        server_with(|limits| (limits.keepalive_interval, limits.keepalive_timeout) = (SHORT, Duration::from_secs(1)));
     let mut client = world_client(&server).await;
     let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
     let mut stream = watch(&mut client, world_id).await;
