@@ -202,9 +202,9 @@ where
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let result = runtime.block_on(async {
         let shutdown = Shutdown::default();
-        let trigger = shutdown.clone();
+        let (signal, trigger) = (shutdown_signal(), shutdown.clone());
         tokio::spawn(async move {
-            shutdown_signal().await;
+            signal.await;
             info!("stopping");
             trigger.trigger();
         });
