@@ -16,4 +16,4 @@ ENV SUREFOOT_CACHE=/var/lib/surefoot
 VOLUME /var/lib/surefoot
 EXPOSE 7600 7601
 ENTRYPOINT ["surefoot"]
-CMD ["up", "--listen", "0.0.0.0:7600", "--planner-listen", "0.0.0.0:7601"]
+CMD ["up", "--listen", "0.0.0.0:7600", "--planner-listen", "0.0.0.0:7601", "--insecure"]

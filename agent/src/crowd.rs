@@ -2,12 +2,12 @@
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+use surefoot_proto::client::Link;
 use surefoot_proto::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, NpcStatus};
 use tokio::sync::watch;
 use tokio_stream::StreamExt;
-use tonic::transport::Channel;
 use tonic::{Code, Status};
 
 /// Places that goals are drawn from.
@@ -18,7 +18,7 @@ const RATE_HZ: f32 = 4.0;
 /// A crowd on one world.
 #[derive(Debug)]
 pub struct Crowd {
-    client: WorldServiceClient<Channel>,
+    client: WorldServiceClient<Link>,
     world: wire::World,
     points: Vec<wire::Vec3>,
     rng: ChaCha8Rng,
@@ -29,8 +29,8 @@ impl Crowd {
     ///
     /// # Errors
     /// Whatever the server answers.
-    pub async fn start(channel: Channel, map: wire::MapSpec, npc_count: usize, seed: u64) -> Result<Self, Status> {
-        let mut client = WorldServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE_BYTES);
+    pub async fn start(link: impl Into<Link>, map: wire::MapSpec, npc_count: usize, seed: u64) -> Result<Self, Status> {
+        let mut client = WorldServiceClient::new(link.into()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let request = wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into() };
         let created = client.create_world(request).await?.into_inner();
         let world = created.world.ok_or_else(|| Status::internal("the server described no world"))?;

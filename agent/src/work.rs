@@ -13,6 +13,7 @@ use surefoot_planner::Plan;
 use surefoot_planner::live::Passage;
 use surefoot_planner::service::{npc_plan_to_wire, plan_from_wire};
 use surefoot_policy::Policy;
+use surefoot_proto::client::{Credentials, Dialer, Link, LinkError};
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
@@ -24,7 +25,6 @@ use surefoot_world::{OBSERVATION_LEN, Vec3};
 use tokio::sync::{mpsc, watch};
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status};
 use tracing::{info, warn};
 
@@ -35,6 +35,8 @@ pub struct WorkConfig {
     pub server: String,
     /// URI of the planner; without one NPCs head straight for their goals.
     pub planner: Option<String>,
+    /// What both let this worker in for.
+    pub credentials: Credentials,
     /// NPCs to carry at most.
     pub capacity: u32,
     /// Name shown by the server.
@@ -48,9 +50,9 @@ pub struct WorkConfig {
 /// A worker that cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkError {
-    /// An address is not a URI.
-    #[error("{0} is not a URI such as http://127.0.0.1:7600")]
-    Uri(String),
+    /// No connection can be made as configured.
+    #[error(transparent)]
+    Link(#[from] LinkError),
     /// The server will not have this worker.
     #[error("the server refuses this worker: {0}")]
     Refused(Status),
@@ -72,14 +74,11 @@ const PLAN_LIMIT: Duration = Duration::from_secs(5);
 /// Carries NPCs until `shutdown`, through any number of connections.
 ///
 /// # Errors
-/// If an address is not a URI or the server refuses the worker for good.
+/// If an address or credentials cannot be used, or the server refuses the worker for good.
 pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Result<(), WorkError> {
-    let endpoint = |uri: &str| Endpoint::from_shared(uri.to_owned()).map_err(|_| WorkError::Uri(uri.to_owned()));
-    let server = endpoint(&config.server)?.connect_timeout(Duration::from_secs(3)).tcp_nodelay(true);
-    let planner = match &config.planner {
-        Some(uri) => Some(endpoint(uri)?.connect_timeout(Duration::from_secs(3)).tcp_nodelay(true).connect_lazy()),
-        None => None,
-    };
+    let server = config.credentials.dial(&config.server)?;
+    let planner = config.planner.as_ref().map(|uri| config.credentials.dial(uri)).transpose()?;
+    let planner = planner.map(|dialer| dialer.connect_lazy());
     let mut pause = MIN_PAUSE;
     while !shutdown.is_triggered() {
         let session = Session { config: &config, policy: &policy, planner: planner.clone() };
@@ -89,9 +88,7 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
         };
         match result {
             Ok(()) => pause = MIN_PAUSE,
-            Err(status) if matches!(status.code(), Code::FailedPrecondition | Code::InvalidArgument) => {
-                return Err(WorkError::Refused(status));
-            }
+            Err(status) if is_final(status.code()) => return Err(WorkError::Refused(status)),
             Err(status) => {
                 warn!(server = config.server, %status, pause_ms = pause.as_millis(), "no connection to the server: trying again")
             }
@@ -105,11 +102,17 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
     Ok(())
 }
 
+/// Whether trying again with the same worker is no use.
+fn is_final(code: Code) -> bool {
+    use Code::{FailedPrecondition, InvalidArgument, PermissionDenied, Unauthenticated};
+    matches!(code, FailedPrecondition | InvalidArgument | PermissionDenied | Unauthenticated)
+}
+
 /// One connection to the server.
 struct Session<'a> {
     config: &'a WorkConfig,
     policy: &'a Policy,
-    planner: Option<Channel>,
+    planner: Option<Link>,
 }
 
 /// What a world's task is told.
@@ -120,7 +123,7 @@ enum WorldMessage {
 }
 
 impl Session<'_> {
-    async fn run(&self, server: &Endpoint) -> Result<(), Status> {
+    async fn run(&self, server: &Dialer) -> Result<(), Status> {
         let channel = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
         let mut client = WorldServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (out, requests) = mpsc::channel(OUT_QUEUE);
@@ -204,7 +207,7 @@ fn forward(world: &mpsc::Sender<WorldMessage>, message: WorldMessage) {
 
 /// Builds the graph of a world's map, again whenever that fails, and says when it is ready.
 async fn keep_graph(
-    mut client: PlannerServiceClient<Channel>,
+    mut client: PlannerServiceClient<Link>,
     request: planner::BuildGraphRequest,
     ready: watch::Sender<String>,
 ) {
@@ -230,7 +233,7 @@ async fn keep_graph(
 }
 
 async fn build_graph(
-    client: &mut PlannerServiceClient<Channel>,
+    client: &mut PlannerServiceClient<Link>,
     request: planner::BuildGraphRequest,
 ) -> Result<String, Status> {
     let mut progress = client.build_graph(request).await?.into_inner();
@@ -245,7 +248,7 @@ async fn build_graph(
 
 /// The planner's graph of one map.
 struct Graph {
-    client: PlannerServiceClient<Channel>,
+    client: PlannerServiceClient<Link>,
     ready: watch::Sender<String>,
     /// Empty until it is built.
     graph_id: watch::Receiver<String>,
@@ -500,7 +503,7 @@ impl WorldTask {
 }
 
 async fn find_paths(
-    mut client: PlannerServiceClient<Channel>,
+    mut client: PlannerServiceClient<Link>,
     request: planner::FindPathsRequest,
     asked: Vec<(u64, u32)>,
     graph_ready: &watch::Sender<String>,

@@ -1,11 +1,14 @@
 //! The `surefoot` command: argument parsing and wiring only.
 
 mod commands;
+mod config;
+#[cfg(feature = "otel")]
+mod otel;
 mod plots;
 mod render;
 mod terminal;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{bench, eval, export, graph, health, map, services, top, train, up};
 
 /// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
@@ -14,6 +17,8 @@ use commands::{bench, eval, export, graph, health, map, services, top, train, up
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
+    #[command(flatten)]
+    log: terminal::LogArgs,
 }
 
 #[derive(Subcommand)]
@@ -49,11 +54,26 @@ enum Command {
 }
 
 fn main() -> std::process::ExitCode {
-    terminal::start_logging();
-    // Without a subcommand: `up` with its defaults.
-    let command =
-        Cli::parse().command.unwrap_or_else(|| Cli::parse_from(["surefoot", "up"]).command.expect("a subcommand"));
-    let result = match command {
+    match run() {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            std::process::ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> anyhow::Result<()> {
+    let Some(matches) = config::read(Cli::command())? else { return Ok(()) };
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let logging = terminal::Logging::start(&cli.log)?;
+    let result = execute(cli.command.expect("without a subcommand it is `up`"));
+    logging.finish();
+    result
+}
+
+fn execute(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Up(args) => up::run(&args),
         Command::Serve(args) => services::serve(&args),
         Command::Plan(args) => services::plan(&args),
@@ -67,12 +87,5 @@ fn main() -> std::process::ExitCode {
         Command::Health(args) => health::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Map(command) => map::run(&command),
-    };
-    match result {
-        Ok(()) => std::process::ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            std::process::ExitCode::FAILURE
-        }
     }
 }

@@ -2,17 +2,70 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{IsTerminal, Write};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
-/// Sends logs to stderr; `RUST_LOG` chooses which, default `info`.
-pub fn start_logging() {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .init();
+/// How logs look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// For people
+    Text,
+    /// One JSON object a line, for programs
+    Json,
+}
+
+/// Flags about logs, of every subcommand.
+#[derive(clap::Args)]
+pub struct LogArgs {
+    /// How logs look on stderr; RUST_LOG chooses which, default info
+    #[arg(long, global = true, value_name = "FORMAT", default_value = "text")]
+    log_format: LogFormat,
+    /// Collector that gets tracing spans over OTLP (gRPC), such as http://127.0.0.1:4317
+    #[cfg(feature = "otel")]
+    #[arg(long, global = true, value_name = "URI")]
+    otlp: Option<String>,
+}
+
+/// Keeps what logging needs for as long as the process runs; dropping it sends what has not been sent.
+pub struct Logging {
+    #[cfg(feature = "otel")]
+    spans: Option<crate::otel::Spans>,
+}
+
+impl Logging {
+    /// Sends logs to stderr; `RUST_LOG` chooses which, default `info`.
+    ///
+    /// # Errors
+    /// If spans cannot be exported as asked.
+    pub fn start(args: &LogArgs) -> anyhow::Result<Self> {
+        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+        let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);
+        let lines = match args.log_format {
+            LogFormat::Text => lines.with_ansi(std::io::stderr().is_terminal()).boxed(),
+            LogFormat::Json => lines.json().flatten_event(true).boxed(),
+        };
+        let registry = tracing_subscriber::registry().with(lines.with_filter(filter));
+        #[cfg(feature = "otel")]
+        {
+            let spans = args.otlp.as_deref().map(crate::otel::Spans::start).transpose()?;
+            registry.with(spans.as_ref().map(crate::otel::Spans::layer)).init();
+            Ok(Self { spans })
+        }
+        #[cfg(not(feature = "otel"))]
+        {
+            registry.init();
+            Ok(Self {})
+        }
+    }
+
+    /// Sends what has not been sent yet.
+    pub fn finish(self) {
+        #[cfg(feature = "otel")]
+        if let Some(spans) = self.spans {
+            spans.finish();
+        }
+    }
 }
 
 /// A progress bar that is drawn only on a terminal.

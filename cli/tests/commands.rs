@@ -45,7 +45,7 @@ fn eval_prints_the_agreed_document() {
 
 #[test]
 fn bad_input_ends_with_one_clear_line() {
-    let cases: [(&[&str], &str); 7] = [
+    let cases: [(&[&str], &str); 13] = [
         (&["eval", "--maps", "nowhere"], "--maps takes training, validation, test"),
         (&["eval", "--distance", "9..3"], "expected MIN..MAX"),
         (&["eval", "--goals", "0"], "--goals is 0"),
@@ -53,6 +53,12 @@ fn bad_input_ends_with_one_clear_line() {
         (&["eval", "--vertices", "1"], "settings.vertices is 1"),
         (&["map", "show", "1", "--size", "20"], "size.width is 20"),
         (&["health", "http://127.0.0.1:1"], "cannot connect"),
+        (&["serve", "--listen", "0.0.0.0:0"], "give --tls-cert and --tls-key, or --insecure"),
+        (&["plan", "--listen", "0.0.0.0:0"], "give --tls-cert and --tls-key, or --insecure"),
+        (&["up", "--listen", "127.0.0.1:0", "--planner-listen", "0.0.0.0:0"], "or --insecure"),
+        (&["serve", "--tls-cert", "/no/cert.pem"], "--tls-cert and --tls-key belong together"),
+        (&["serve", "--tokens", "/no/tokens.toml"], "cannot read /no/tokens.toml"),
+        (&["work", "--token-file", "/no/secret"], "cannot read /no/secret"),
     ];
     for (args, words) in cases {
         let output = surefoot(args);
@@ -101,6 +107,77 @@ fn a_server_ends_cleanly_on_sigterm() {
     // Reads until the process closes its end, so that it never blocks on a full pipe.
     std::io::Read::read_to_string(&mut log, &mut line).expect("the rest of the log");
     assert!(server.wait().expect("the server ends").success(), "{line}");
+}
+
+#[cfg(unix)]
+#[test]
+fn secrets_never_reach_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let tokens =
+        file("tokens.toml", "[[token]]\nname = \"qa\"\nrole = \"worker\"\nsecret = \"hunter2-hunter2-hunter2\"");
+    let secret = file("secret", "hunter2-hunter2-hunter2\n");
+    let mut server = Command::new(env!("CARGO_BIN_EXE_surefoot"))
+        .args(["serve", "--listen", "127.0.0.1:0", "--tokens", &tokens, "--log-format", "json"])
+        .env("RUST_LOG", "trace")
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the server starts");
+    let mut log = std::io::BufReader::new(server.stderr.take().expect("piped"));
+    let mut server_log = String::new();
+    let ready = loop {
+        let mut line = String::new();
+        std::io::BufRead::read_line(&mut log, &mut line).expect("a log line");
+        server_log += &line;
+        let event: serde_json::Value = serde_json::from_str(&line).expect("a JSON object a line");
+        if event["message"] == "world server ready" {
+            break event;
+        }
+    };
+    let reading = std::thread::spawn(move || {
+        std::io::Read::read_to_string(&mut log, &mut server_log).expect("the rest of the log");
+        server_log
+    });
+    let uri = format!("http://{}", ready["address"].as_str().unwrap());
+    let mut worker = Command::new(env!("CARGO_BIN_EXE_surefoot"))
+        .args(["work", "--server", &uri, "--no-planner", "--token-file", &secret])
+        .env("RUST_LOG", "trace")
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the worker starts");
+    let mut log = std::io::BufReader::new(worker.stderr.take().expect("piped"));
+    let mut worker_log = String::new();
+    while !worker_log.contains("carrying NPCs") {
+        assert!(std::io::BufRead::read_line(&mut log, &mut worker_log).expect("a log line") > 0, "{worker_log}");
+    }
+    for process in [&worker, &server] {
+        let killed = Command::new("kill").args(["-TERM", &process.id().to_string()]).status().expect("kill runs");
+        assert!(killed.success());
+    }
+    std::io::Read::read_to_string(&mut log, &mut worker_log).expect("the rest of the log");
+    assert!(worker.wait().unwrap().success() && server.wait().unwrap().success());
+    let server_log = reading.join().unwrap();
+    for (log, words) in [(&server_log, "\"caller\":\"qa\""), (&worker_log, "carrying NPCs")] {
+        assert!(log.contains(words), "no {words} in {log}");
+        assert!(!log.contains("hunter2"), "a secret is in {log}");
+    }
+    let shown = Command::new(env!("CARGO_BIN_EXE_surefoot"))
+        .args(["work", "--print-config"])
+        .env("SUREFOOT_TOKEN", "hunter2-hunter2-hunter2")
+        .output()
+        .unwrap();
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("# token = \"***\"") && !shown.contains("hunter2"), "{shown}");
+    let help = Command::new(env!("CARGO_BIN_EXE_surefoot"))
+        .args(["work", "--help"])
+        .env("SUREFOOT_TOKEN", "hunter2-hunter2-hunter2")
+        .output()
+        .unwrap();
+    assert!(!String::from_utf8_lossy(&help.stdout).contains("hunter2"));
 }
 
 #[test]

@@ -40,9 +40,20 @@ pub enum FieldError {
     },
 }
 
+impl FieldError {
+    /// Path of the field.
+    pub fn field(&self) -> String {
+        match self {
+            FieldError::Missing(field) | FieldError::NotFinite(field) => (*field).to_owned(),
+            FieldError::Spec(SpecError { field, .. }) => format!("map.{field}"),
+            FieldError::Range { field, .. } | FieldError::Length { field, .. } => (*field).to_owned(),
+        }
+    }
+}
+
 impl From<FieldError> for tonic::Status {
     fn from(error: FieldError) -> Self {
-        tonic::Status::invalid_argument(error.to_string())
+        crate::status::invalid(error.field(), error.to_string())
     }
 }
 

@@ -1,10 +1,14 @@
 //! The gRPC contracts of Surefoot: generated code, file descriptors and conversions to checked types.
 //!
 //! Shapes, units, ranges and errors are documented in the `.proto` files beside this crate. [`convert`] is the
-//! only place where wire types become the world's own; [`serving`] is what every endpoint has in common.
+//! only place where wire types become the world's own; [`serving`] is what every endpoint has in common, [`client`] the
+//! other end of its connections.
 
+pub mod client;
 pub mod convert;
+pub mod secret;
 pub mod serving;
+pub mod status;
 
 /// Generated code of `surefoot.world.v1`.
 pub mod world {

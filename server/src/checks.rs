@@ -3,6 +3,7 @@
 use crate::env::actions_of;
 use crate::hosted::Answer;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
@@ -26,9 +27,11 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
     let mut seen: Vec<u64> = batch.npc_ids.clone();
     seen.sort_unstable();
     if let Some(pair) = seen.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(Status::invalid_argument(format!("actions.npc_ids names npc {} twice", pair[0])));
+        let message = format!("actions.npc_ids names npc {} twice", pair[0]);
+        return Err(status::invalid("actions.npc_ids", message));
     }
-    let actions = actions_of(&values, |idx| batch.npc_ids[idx]).map_err(Status::invalid_argument)?;
+    let actions =
+        actions_of(&values, |idx| batch.npc_ids[idx]).map_err(|message| status::invalid("actions.actions", message))?;
     let waypoints = batch.waypoints.iter().map(|waypoint| {
         Ok((waypoint.npc_id, convert::point(waypoint.position.as_ref(), "actions.waypoints.position")?))
     });
@@ -70,10 +73,8 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<wire::Hello, Status> {
     convert::in_range(f64::from(hello.capacity), 1.0, MAX_CAPACITY, "hello.capacity")?;
     for (text, field) in [(&hello.name, "hello.name"), (&hello.policy, "hello.policy")] {
         if text.len() > MAX_NAME {
-            return Err(Status::invalid_argument(format!(
-                "{field} is {} bytes long, allowed are {MAX_NAME}",
-                text.len()
-            )));
+            let message = format!("{field} is {} bytes long, allowed are {MAX_NAME}", text.len());
+            return Err(status::invalid(field, message));
         }
     }
     let (len, version) = (hello.observation_len as usize, hello.observation_version);

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::serving::{Shutdown, going_away};
+use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_server::EnvService;
 use surefoot_world::character::ACTION_LEN;
@@ -66,7 +67,7 @@ impl EnvApi {
 
     fn find(&self, env_id: u64) -> Result<Arc<Kept>, Status> {
         let kept = self.envs().by_id.get(&env_id).cloned();
-        let kept = kept.ok_or_else(|| Status::not_found(format!("environment {env_id} does not exist")))?;
+        let kept = kept.ok_or_else(|| no_env(env_id))?;
         *kept.used.lock().expect(POISON) = Instant::now();
         Ok(kept)
     }
@@ -77,7 +78,7 @@ impl EnvApi {
         envs.by_id.retain(|_, kept| kept.used.lock().expect(POISON).elapsed() < IDLE_LIMIT);
         if envs.by_id.len() + envs.pending >= self.shared.limit {
             let limit = self.shared.limit;
-            return Err(Status::resource_exhausted(format!(
+            return Err(status::exhausted(format!(
                 "{limit} environments exist already, the most allowed (--max-envs): close one"
             )));
         }
@@ -94,11 +95,18 @@ impl EnvApi {
                 .try_lock()
                 .map_err(|_| Status::aborted(format!("another step of environment {env_id} is under way")))?;
             let values = convert::unpack(&bytes, env.npc_count() * ACTION_LEN, "actions.actions")?;
-            let ended = env.step(&actions_of(&values, |idx| idx as u64).map_err(Status::invalid_argument)?);
+            let ended = env.step(
+                &actions_of(&values, |idx| idx as u64)
+                    .map_err(|message| status::invalid("actions.actions", message))?,
+            );
             Ok(results_of(&env, &ended))
         });
         task.await.map_err(|error| Status::internal(format!("the step failed: {error}")))?
     }
+}
+
+fn no_env(env_id: u64) -> Status {
+    status::not_found("environment", env_id.to_string(), format!("environment {env_id} does not exist"))
 }
 
 /// A place for an environment that is being created.
@@ -218,6 +226,6 @@ impl EnvService for EnvApi {
             .by_id
             .remove(&env_id)
             .map(|_| Response::new(wire::CloseEnvResponse {}))
-            .ok_or_else(|| Status::not_found(format!("environment {env_id} does not exist")))
+            .ok_or_else(|| no_env(env_id))
     }
 }

@@ -77,10 +77,10 @@ pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown)
     };
     let mut routes = tonic::service::Routes::builder();
     let worlds = WorldServiceServer::new(service.clone())
-        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_decoding_message_size(endpoint.limits().max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let envs = EnvServiceServer::new(env_service::EnvApi::new(config.max_envs, shutdown.clone()))
-        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_decoding_message_size(endpoint.limits().max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     routes.add_service(with_grpc_web(worlds)).add_service(with_grpc_web(envs));
     let result = endpoint.serve(routes, &[WORLD_SERVICE, ENV_SERVICE], metrics, shutdown).await;
@@ -101,15 +101,18 @@ pub enum ServerError {
     Saved(#[from] hosted::SavedError),
 }
 
-/// Resolves at Ctrl-C or SIGTERM.
+/// Resolves at Ctrl-C or SIGTERM. Both are caught from this call on, whether the future is polled yet or not.
 ///
 /// # Panics
 /// If the system refuses to install a signal handler.
-pub async fn shutdown_signal() {
+pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     use tokio::signal::unix::{SignalKind, signal};
     let mut terminate = signal(SignalKind::terminate()).expect("SIGTERM can be handled");
-    tokio::select! {
-        _ = tokio::signal::ctrl_c() => {}
-        _ = terminate.recv() => {}
+    let mut interrupt = signal(SignalKind::interrupt()).expect("SIGINT can be handled");
+    async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
     }
 }

@@ -13,7 +13,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
 use std::time::Duration;
 use surefoot_proto::convert::{self, FieldError};
-use surefoot_proto::serving::{Shutdown, going_away};
+use surefoot_proto::serving::{Caller, Shutdown, going_away};
+use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use surefoot_world::Map;
@@ -34,9 +35,9 @@ impl From<NpcError> for Status {
     fn from(error: NpcError) -> Self {
         let message = error.to_string();
         match error {
-            NpcError::Unknown(_) => Status::not_found(message),
-            NpcError::Full { .. } => Status::resource_exhausted(message),
-            NpcError::Outside { .. } => Status::invalid_argument(message),
+            NpcError::Unknown(npc_id) => status::not_found("npc", npc_id.to_string(), message),
+            NpcError::Full { .. } => status::exhausted(message),
+            NpcError::Outside { field, .. } => status::invalid(field, message),
             NpcError::Down(_) | NpcError::NoGround(_) => Status::failed_precondition(message),
         }
     }
@@ -44,7 +45,7 @@ impl From<NpcError> for Status {
 
 impl From<QuotaError> for Status {
     fn from(error: QuotaError) -> Self {
-        Status::resource_exhausted(error.to_string())
+        status::exhausted(error.to_string())
     }
 }
 
@@ -184,7 +185,7 @@ impl WorldApi {
         }
         let phase = (world_id as f64 * GOLDEN).fract();
         let sim = SimHandle::start(format!("world-{world_id}"), world, phase)
-            .map_err(|error| Status::resource_exhausted(format!("no thread for another world: {error}")))?;
+            .map_err(|error| status::exhausted(format!("no thread for another world: {error}")))?;
         worlds.insert(world_id, Directory { sim, map, mode, ticket: Arc::new(ticket) });
         Ok(())
     }
@@ -260,16 +261,16 @@ impl WorldApi {
 }
 
 fn no_world(world_id: u64) -> Status {
-    Status::not_found(format!("world {world_id} does not exist"))
+    status::not_found("world", world_id.to_string(), format!("world {world_id} does not exist"))
 }
 
 fn too_many_worlds(limit: usize) -> Status {
-    Status::resource_exhausted(format!("there are already {limit} worlds, the most allowed (--max-worlds)"))
+    status::exhausted(format!("there are already {limit} worlds, the most allowed (--max-worlds)"))
 }
 
 /// Who calls, as far as quotas are concerned.
-fn client_of<T>(request: &Request<T>) -> String {
-    request.remote_addr().map_or_else(|| "unknown".to_owned(), |address| address.ip().to_string())
+fn client_of<T>(request: &Request<T>) -> Arc<str> {
+    request.extensions().get::<Caller>().map_or_else(|| "unknown".into(), |caller| caller.name.clone())
 }
 
 const POISON: &str = "no holder of this lock panics";
@@ -303,7 +304,7 @@ impl WorldService for WorldApi {
         let world_id = self.shared.last_world.fetch_add(1, Ordering::Relaxed) + 1;
         let world = HostedWorld::new(world_id, map.clone(), mode, self.shared.registry.clone());
         self.start(world_id, world, map, ticket)?;
-        info!(world_id, seed = spec.seed, ?mode, client, "world created");
+        info!(world_id, seed = spec.seed, ?mode, %client, "world created");
         Ok(Response::new(wire::CreateWorldResponse { world: Some(self.describe(world_id).await?) }))
     }
 

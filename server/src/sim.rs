@@ -6,6 +6,7 @@ use crate::hosted::{HostedWorld, TimeMode};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
+use surefoot_proto::status;
 use surefoot_proto::world::v1::WatchWorldResponse;
 use surefoot_world::TICKS_PER_SECOND;
 use tokio::sync::{oneshot, watch};
@@ -59,9 +60,9 @@ impl SimHandle {
     pub fn cast(&self, call: impl FnOnce(&mut Seat) + Send + 'static) -> Result<(), Status> {
         self.inbox.try_send(Box::new(call)).map_err(|error| match error {
             TrySendError::Full(_) => {
-                Status::resource_exhausted(format!("{INBOX} calls are waiting for this world already: try again"))
+                status::exhausted(format!("{INBOX} calls are waiting for this world already: try again"))
             }
-            TrySendError::Disconnected(_) => Status::unavailable("the world has stopped"),
+            TrySendError::Disconnected(_) => status::unavailable("the world has stopped"),
         })
     }
 
@@ -78,7 +79,7 @@ impl SimHandle {
             // Whoever asked may have gone away in the meantime.
             let _ = reply.send(call(seat));
         })?;
-        result.await.map_err(|_| Status::unavailable("the world has stopped"))
+        result.await.map_err(|_| status::unavailable("the world has stopped"))
     }
 }
 

@@ -10,6 +10,7 @@ use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::serving::{Shutdown, going_away};
+use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::Vec3;
 use tokio::sync::{mpsc, watch};
@@ -180,7 +181,10 @@ pub fn watch_world(
             let snapshot = tokio::select! {
                 changed = snapshots.changed() => match changed {
                     Ok(()) => snapshots.borrow_and_update().clone(),
-                    Err(_) => return reader.close(Status::not_found(format!("world {world_id} was dropped"))),
+                    Err(_) => {
+                        let (id, message) = (world_id.to_string(), format!("world {world_id} was dropped"));
+                        return reader.close(status::not_found("world", id, message));
+                    }
                 },
                 () = &mut stopping => return reader.close(going_away()),
                 () = reader.queue.closed() => return,
@@ -217,7 +221,7 @@ pub fn follow_npc(
             let (tick, npc, plan) = match look.await {
                 Ok(Ok(look)) => look,
                 Ok(Err(error)) => return reader.close(error.into()),
-                Err(_) => return reader.close(Status::not_found(format!("npc {npc_id} does not exist any more"))),
+                Err(_) => return reader.close(crate::hosted::NpcError::Unknown(npc_id).into()),
             };
             let same = |a: &Option<Arc<wire::NpcPlan>>, b: &Option<Arc<wire::NpcPlan>>| match (a, b) {
                 (Some(a), Some(b)) => Arc::ptr_eq(a, b),

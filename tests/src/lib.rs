@@ -7,9 +7,10 @@ use surefoot_agent::work::{WorkConfig, WorkError, work};
 use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner::service::{self as planner_service, PlannerConfig};
 use surefoot_policy::Policy;
+use surefoot_proto::client::Credentials;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_proto::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_proto::world::v1 as world;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
@@ -27,6 +28,16 @@ pub struct Running {
 }
 
 impl Running {
+    /// Begins to stop; [`Running::stop`] waits for the end.
+    pub fn begin_stop(&self) {
+        self.shutdown.trigger();
+    }
+
+    /// The address without a scheme, for plain sockets.
+    pub fn address(&self) -> &str {
+        self.uri.rsplit('/').next().expect("a URI")
+    }
+
     /// Stops gracefully and waits for the end.
     pub async fn stop(self) {
         self.shutdown.trigger();
@@ -40,9 +51,13 @@ fn free_port() -> SocketAddr {
 
 /// Starts a world server.
 pub fn start_server(config: ServerConfig) -> Running {
-    let (endpoint, shutdown) = (Endpoint::bind(free_port()).expect("a free port"), Shutdown::default());
-    let stop = shutdown.clone();
-    let uri = format!("http://{}", endpoint.address());
+    start_server_at(EndpointConfig::default(), config)
+}
+
+/// Starts a world server whose endpoint is kept in some way.
+pub fn start_server_at(endpoint: EndpointConfig, config: ServerConfig) -> Running {
+    let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
+    let (stop, uri) = (shutdown.clone(), endpoint.uri());
     let task =
         tokio::spawn(async move { surefoot_server::serve(endpoint, config, stop).await.expect("the server serves") });
     Running { uri, shutdown, task }
@@ -50,14 +65,30 @@ pub fn start_server(config: ServerConfig) -> Running {
 
 /// Starts a planner with its cache in `folder`.
 pub fn start_planner(folder: &Path, config: PlannerConfig) -> Running {
-    let (endpoint, shutdown) = (Endpoint::bind(free_port()).expect("a free port"), Shutdown::default());
+    start_planner_at(EndpointConfig::default(), folder, config)
+}
+
+/// Starts a planner whose endpoint is kept in some way.
+pub fn start_planner_at(endpoint: EndpointConfig, folder: &Path, config: PlannerConfig) -> Running {
+    let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
     let store = DiskStore::open(folder, DEFAULT_LIMIT_BYTES).expect("a cache folder");
     let (policy, stop) = (Policy::shipped().expect("shipped weights"), shutdown.clone());
-    let uri = format!("http://{}", endpoint.address());
+    let uri = endpoint.uri();
     let task = tokio::spawn(async move {
         planner_service::serve(endpoint, config, policy, Box::new(store), stop).await.expect("the planner serves");
     });
     Running { uri, shutdown, task }
+}
+
+/// The answer to `GET /metrics`, headers included.
+pub async fn metrics(server: &Running, headers: &str) -> String {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    let mut socket = tokio::net::TcpStream::connect(server.address()).await.expect("the server accepts");
+    let request = format!("GET /metrics HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n{headers}\r\n", server.address());
+    socket.write_all(request.as_bytes()).await.expect("a request");
+    let mut text = String::new();
+    socket.read_to_string(&mut text).await.expect("an answer");
+    text
 }
 
 /// A running worker.
@@ -89,10 +120,22 @@ pub fn start_worker(server: &Running, planner: Option<&Running>, capacity: u32) 
 
 /// Starts a worker with some policy.
 pub fn start_worker_with(policy: Policy, server: &Running, planner: Option<&Running>, capacity: u32) -> Worker {
+    start_worker_as(Credentials::default(), policy, server, planner, capacity)
+}
+
+/// Starts a worker that has to show something to be let in.
+pub fn start_worker_as(
+    credentials: Credentials,
+    policy: Policy,
+    server: &Running,
+    planner: Option<&Running>,
+    capacity: u32,
+) -> Worker {
     let shutdown = Shutdown::default();
     let config = WorkConfig {
         server: server.uri.clone(),
         planner: planner.map(|planner| planner.uri.clone()),
+        credentials,
         capacity,
         name: "e2e".to_owned(),
         graph: small_graph(),
@@ -195,23 +238,10 @@ pub async fn watch(
     client.watch_world(request).await.expect("the world exists").into_inner()
 }
 
-/// What a service says at `GET /metrics`.
-pub async fn metrics(service: &Running) -> String {
-    use tokio::io::{AsyncReadExt, AsyncWriteExt};
-    let address = service.uri.trim_start_matches("http://");
-    let mut socket = tokio::net::TcpStream::connect(address).await.expect("the service accepts");
-    let request = format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
-    socket.write_all(request.as_bytes()).await.expect("the service reads");
-    let mut text = String::new();
-    socket.read_to_string(&mut text).await.expect("the service answers");
-    assert!(text.starts_with("HTTP/1.1 200"), "{text}");
-    text
-}
-
 /// Waits until `GET /metrics` has this line.
 pub async fn until_metrics_say(service: &Running, line: &str) {
     let waiting = async {
-        while !metrics(service).await.lines().any(|found| found == line) {
+        while !metrics(service, "").await.lines().any(|found| found == line) {
             tokio::task::yield_now().await;
         }
     };

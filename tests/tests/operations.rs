@@ -5,6 +5,7 @@ use std::time::Duration;
 use surefoot_planner::service::PlannerConfig;
 use surefoot_proto::world::v1 as wire;
 use surefoot_server::ServerConfig;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_stream::StreamExt;
 use tonic::Code;
 use tonic_health::pb::health_check_response::ServingStatus;
@@ -35,7 +36,7 @@ async fn metrics_name_every_world() {
     let server = start_server(ServerConfig::default());
     let mut client = world_client(&server).await;
     let world = create_world(&mut client, 3, wire::TimeMode::Realtime).await;
-    let text = metrics(&server).await;
+    let text = metrics(&server, "").await;
     for line in [
         "surefoot_workers 0".to_owned(),
         format!("surefoot_npcs{{world=\"{}\",state=\"idle\"}} 0", world.world_id),
@@ -69,4 +70,53 @@ async fn a_drain_ends_streams_and_does_not_wait_for_silent_peers() {
     assert_eq!(end.code(), Code::Unavailable);
     tokio::time::timeout(Duration::from_secs(10), stopping).await.expect("the drain has a deadline").unwrap();
     drop(silent);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_says_at_once_that_a_service_goes_away() {
+    let mut fastest = Duration::MAX;
+    for name in ["", "surefoot.world.v1.WorldService", ""] {
+        let server = start_server(ServerConfig::default());
+        let channel = tonic::transport::Endpoint::from_shared(server.uri.clone()).unwrap().connect().await.unwrap();
+        let mut health = HealthClient::new(channel);
+        let request = tonic_health::pb::HealthCheckRequest { service: name.to_owned() };
+        let mut watch = health.watch(request.clone()).await.unwrap().into_inner();
+        assert_eq!(watch.next().await.unwrap().unwrap().status(), ServingStatus::Serving);
+        let begun = std::time::Instant::now();
+        server.begin_stop();
+        assert_eq!(watch.next().await.unwrap().unwrap().status(), ServingStatus::NotServing, "`{name}`");
+        fastest = fastest.min(begun.elapsed());
+        // Watching does not hold up the end, and the stream ends without an error.
+        assert!(watch.next().await.is_none());
+        tokio::time::timeout(Duration::from_secs(10), server.stop()).await.expect("the drain has a deadline");
+    }
+    // The best of three, since other tests may keep the machine busy.
+    assert!(fastest < Duration::from_millis(100), "{fastest:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_checks_are_answered_while_a_service_goes_away() {
+    let server = start_server(ServerConfig::default());
+    let endpoint = tonic::transport::Endpoint::from_shared(server.uri.clone()).unwrap();
+    let mut health = HealthClient::new(endpoint.connect().await.unwrap());
+    let request = tonic_health::pb::HealthCheckRequest::default();
+    let mut watch = health.watch(request.clone()).await.unwrap().into_inner();
+    watch.next().await.unwrap().unwrap();
+    server.begin_stop();
+    watch.next().await.unwrap().unwrap();
+    assert_eq!(health.check(request).await.unwrap().into_inner().status(), ServingStatus::NotServing);
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn connections_that_outlast_a_drain_are_broken() {
+    let server = start_server(ServerConfig::default());
+    let mut silent = tokio::net::TcpStream::connect(server.address()).await.unwrap();
+    silent.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").await.unwrap();
+    silent.read_exact(&mut [0; 9]).await.unwrap();
+    server.stop().await;
+    let mut rest = Vec::new();
+    let closing = tokio::time::timeout(Duration::from_secs(10), silent.read_to_end(&mut rest)).await;
+    // Closed or reset, as long as it is over.
+    let _ = closing.expect("the connection is broken");
 }

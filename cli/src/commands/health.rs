@@ -1,5 +1,6 @@
 //! `surefoot health`.
 
+use super::endpoint::CredentialArgs;
 use anyhow::{Context, bail};
 use std::time::Duration;
 use tonic_health::pb::health_check_response::ServingStatus;
@@ -12,17 +13,18 @@ pub struct Args {
     /// The service
     #[arg(default_value = "http://127.0.0.1:7600")]
     uri: String,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
-        let endpoint = tonic::transport::Endpoint::from_shared(args.uri.clone())
-            .context("not a URI such as http://127.0.0.1:7600")?;
+        let dialer = args.credentials.credentials()?.dial(&args.uri)?;
         let check = async {
-            let channel = endpoint.connect().await.with_context(|| format!("cannot connect to {}", args.uri))?;
+            let link = dialer.connect().await.with_context(|| format!("cannot connect to {}", args.uri))?;
             let request = tonic_health::pb::HealthCheckRequest::default();
-            anyhow::Ok(HealthClient::new(channel).check(request).await?.into_inner().status())
+            anyhow::Ok(HealthClient::new(link).check(request).await?.into_inner().status())
         };
         let status =
             tokio::time::timeout(Duration::from_secs(2), check).await.context("no answer within two seconds")??;

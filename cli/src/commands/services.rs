@@ -1,5 +1,6 @@
 //! `surefoot serve`, `surefoot plan` and `surefoot work`: the three services of a deployment.
 
+use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::{core_count, load_policy};
 use anyhow::Context;
 use std::net::SocketAddr;
@@ -16,7 +17,7 @@ use tracing::info;
 /// Run the world server until Ctrl-C or SIGTERM.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --max-npcs 4096\n  curl http://127.0.0.1:7600/metrics"
+    after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  surefoot serve --config surefoot.toml\n  curl http://127.0.0.1:7600/metrics"
 )]
 pub struct ServeArgs {
     /// Address for gRPC, gRPC-Web and GET /metrics
@@ -24,6 +25,8 @@ pub struct ServeArgs {
     listen: SocketAddr,
     #[command(flatten)]
     limits: ServerLimits,
+    #[command(flatten)]
+    endpoint: EndpointArgs,
 }
 
 /// Limits of a world server.
@@ -77,7 +80,9 @@ impl ServerLimits {
 
 /// Run the planner service until Ctrl-C or SIGTERM.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot plan\n  surefoot plan --listen 0.0.0.0:7601 --cache /var/lib/surefoot")]
+#[command(
+    after_help = "Examples:\n  surefoot plan\n  surefoot plan --listen 0.0.0.0:7601 --insecure --cache /var/lib/surefoot"
+)]
 pub struct PlanArgs {
     /// Address for gRPC, gRPC-Web and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7601", env = "SUREFOOT_LISTEN")]
@@ -105,6 +110,8 @@ pub struct PlanArgs {
     /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair
     #[arg(long, default_value_t = PlannerConfig::default().table_vertices, value_name = "N")]
     table_vertices: usize,
+    #[command(flatten)]
+    endpoint: EndpointArgs,
 }
 
 /// Where graphs are kept.
@@ -163,6 +170,8 @@ pub struct WorkArgs {
     model: Option<PathBuf>,
     #[command(flatten)]
     graph: GraphArgs,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 /// How graphs are built.
@@ -224,9 +233,9 @@ where
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let result = runtime.block_on(async {
         let shutdown = Shutdown::default();
-        let trigger = shutdown.clone();
+        let (signal, trigger) = (shutdown_signal(), shutdown.clone());
         tokio::spawn(async move {
-            shutdown_signal().await;
+            signal.await;
             info!("stopping");
             trigger.trigger();
         });
@@ -238,14 +247,16 @@ where
 }
 
 pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
+    let config = args.endpoint.config()?;
     run_until_signal(|shutdown| async move {
-        let endpoint = Endpoint::bind(args.listen)?;
+        let endpoint = Endpoint::open(args.listen, config)?;
         info!(address = %endpoint.address(), "world server ready");
         Ok(surefoot_server::serve(endpoint, args.limits.config(), shutdown).await?)
     })
 }
 
 pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
+    let endpoint_config = args.endpoint.config()?;
     let policy = load_policy(args.model.as_deref())?;
     let folder = args.cache.folder()?;
     let store = args.cache.open()?;
@@ -258,7 +269,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         table_vertices: args.table_vertices,
     };
     run_until_signal(|shutdown| async move {
-        let endpoint = Endpoint::bind(args.listen)?;
+        let endpoint = Endpoint::open(args.listen, endpoint_config)?;
         info!(address = %endpoint.address(), cache = %folder.display(), "planner ready");
         Ok(planner::serve(endpoint, config, policy, Box::new(store), shutdown).await?)
     })
@@ -269,6 +280,7 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
     let config = WorkConfig {
         server: args.server.clone(),
         planner: (!args.no_planner).then(|| args.planner.clone()),
+        credentials: args.credentials.credentials()?,
         capacity: args.npcs,
         name: args.name.clone().unwrap_or_else(|| format!("surefoot-{}", std::process::id())),
         graph: args.graph.to_wire(),

@@ -1,5 +1,6 @@
 //! `surefoot up`: everything in one process, with a crowd to look at.
 
+use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::services::{CacheArgs, GraphArgs, ServerLimits, run_until_signal};
 use super::{core_count, load_policy};
 use crate::terminal::{is_interactive, print_json};
@@ -10,8 +11,9 @@ use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_agent::work::{WorkConfig, work};
 use surefoot_planner::service::{self as planner, PlannerConfig};
+use surefoot_proto::client::Credentials;
 use surefoot_proto::convert::map_spec_to_wire;
-use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_proto::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_proto::world::v1::{WatchWorldResponse, WorldStats};
 use surefoot_world::MapSpec;
 use tokio::sync::watch;
@@ -51,6 +53,10 @@ pub struct Args {
     graph: GraphArgs,
     #[command(flatten)]
     limits: ServerLimits,
+    #[command(flatten)]
+    endpoint: EndpointArgs,
+    #[command(flatten)]
+    credentials: CredentialArgs,
     /// Print the summary as one JSON document
     #[arg(long)]
     json: bool,
@@ -60,15 +66,26 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.maps == 0 || args.npcs == 0 || args.workers == 0 {
         bail!("--maps, --npcs and --workers must be at least 1");
     }
-    run_until_signal(|shutdown| scene(args, shutdown))
+    let endpoints = args.endpoint.config()?;
+    if endpoints.security.tokens.is_some() && !args.credentials.has_token() {
+        bail!("with --tokens the workers and the crowd of `up` need --token or --token-file, an admin's");
+    }
+    let credentials = args.credentials.credentials()?;
+    run_until_signal(|shutdown| scene(args, endpoints, credentials, shutdown))
 }
 
-async fn scene(args: &Args, shutdown: Shutdown) -> anyhow::Result<()> {
+async fn scene(
+    args: &Args,
+    endpoints: EndpointConfig,
+    credentials: Credentials,
+    shutdown: Shutdown,
+) -> anyhow::Result<()> {
     let started = Instant::now();
+    let server = Endpoint::open(args.listen, endpoints.clone())?;
+    let plans = Endpoint::open(args.planner_listen, endpoints)?;
+    let (server_uri, planner_uri) = (server.uri(), plans.uri());
     let policy = load_policy(args.model.as_deref())?;
     let store = args.cache.open()?;
-    let (server, plans) = (Endpoint::bind(args.listen)?, Endpoint::bind(args.planner_listen)?);
-    let (server_uri, planner_uri) = (format!("http://{}", server.address()), format!("http://{}", plans.address()));
     eprintln!("world server  {server_uri}  (gRPC, gRPC-Web, GET /metrics)");
     eprintln!("planner       {planner_uri}");
     let mut parts: JoinSet<anyhow::Result<()>> = JoinSet::new();
@@ -81,6 +98,7 @@ async fn scene(args: &Args, shutdown: Shutdown) -> anyhow::Result<()> {
         let config = WorkConfig {
             server: server_uri.clone(),
             planner: Some(planner_uri.clone()),
+            credentials: credentials.clone(),
             capacity: (args.npcs as u32).max(1),
             name: format!("up-{idx}"),
             graph: args.graph.to_wire(),
@@ -89,16 +107,13 @@ async fn scene(args: &Args, shutdown: Shutdown) -> anyhow::Result<()> {
         let (policy, stop) = (policy.clone(), shutdown.clone());
         parts.spawn(async move { Ok(work(config, policy, stop).await?) });
     }
-    let channel = tonic::transport::Endpoint::from_shared(server_uri)?
-        .connect()
-        .await
-        .context("cannot connect to the world server")?;
+    let link = credentials.dial(&server_uri)?.connect().await.context("cannot connect to the world server")?;
     let mut watches = Vec::new();
     for idx in 0..args.maps {
         let share = args.npcs / args.maps as usize + usize::from((idx as usize) < args.npcs % args.maps as usize);
         let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
         let crowd =
-            Crowd::start(channel.clone(), map, share, FIRST_SEED + idx).await.context("cannot populate a world")?;
+            Crowd::start(link.clone(), map, share, FIRST_SEED + idx).await.context("cannot populate a world")?;
         let (latest, watching) = watch::channel(WatchWorldResponse::default());
         watches.push((crowd.world().world_id, watching));
         let stop = shutdown.clone();

@@ -26,6 +26,7 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::{PlannerService, PlannerServiceServer, SERVICE_NAME};
 use surefoot_proto::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, going_away, with_grpc_web};
+use surefoot_proto::status;
 use surefoot_world::{CharacterProfile, Map, MapSpec};
 use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
@@ -150,7 +151,7 @@ pub async fn serve(
     };
     let mut routes = tonic::service::Routes::builder();
     let grpc = PlannerServiceServer::new(api.clone())
-        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_decoding_message_size(endpoint.limits().max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     routes.add_service(with_grpc_web(grpc));
     let result = endpoint.serve(routes, &[SERVICE_NAME], metrics, shutdown).await;
@@ -163,7 +164,7 @@ impl From<BuildError> for Status {
     fn from(error: BuildError) -> Self {
         let message = error.to_string();
         match error {
-            BuildError::Setting { .. } => Status::invalid_argument(message),
+            BuildError::Setting { field, .. } => status::invalid(format!("settings.{field}"), message),
             BuildError::NoGround(_) => Status::failed_precondition(message),
             BuildError::Cancelled => Status::cancelled(message),
         }
@@ -220,13 +221,12 @@ impl PlannerApi {
 
     fn ready(&self, graph_id: &str) -> Result<Arc<Hosted>, Status> {
         let id = GraphId::parse(graph_id)
-            .ok_or_else(|| Status::invalid_argument("graph_id is not 64 hexadecimal digits"))?;
+            .ok_or_else(|| status::invalid("graph_id", "graph_id is not 64 hexadecimal digits"))?;
         if let Some(ready) = self.recall(&id) {
             return Ok(ready);
         }
-        Err(Status::not_found(format!(
-            "graph {graph_id} is not loaded: call BuildGraph first (a cached graph loads at once)"
-        )))
+        let message = format!("graph {graph_id} is not loaded: call BuildGraph first (a cached graph loads at once)");
+        Err(status::not_found("graph", graph_id, message))
     }
 
     fn recall(&self, id: &GraphId) -> Option<Arc<Hosted>> {
@@ -257,7 +257,7 @@ impl PlannerApi {
         }
         let limit = self.shared.config.max_builds;
         if jobs.len() >= limit {
-            return Err(Status::resource_exhausted(format!(
+            return Err(status::exhausted(format!(
                 "{limit} builds run or wait already, the most allowed (--max-builds)"
             )));
         }
@@ -400,10 +400,8 @@ impl PlannerApi {
 
     fn plan(&self, hosted: &Hosted, query: &wire::PathQuery) -> Result<wire::Plan, Status> {
         if query.avoid.len() > MAX_AVOID {
-            return Err(Status::invalid_argument(format!(
-                "query.avoid has {} legs, allowed are {MAX_AVOID}",
-                query.avoid.len()
-            )));
+            let message = format!("query.avoid has {} legs, allowed are {MAX_AVOID}", query.avoid.len());
+            return Err(status::invalid("query.avoid", message));
         }
         let query = Query {
             start: convert::point(query.start.as_ref(), "query.start")?,
@@ -467,10 +465,9 @@ impl PlannerService for PlannerApi {
         let ready = self.ready(&request.graph_id)?;
         let limit = self.shared.config.max_queries;
         if request.queries.len() > limit {
-            return Err(Status::resource_exhausted(format!(
-                "{} queries, at most {limit} are allowed in one batch (--max-queries)",
-                request.queries.len()
-            )));
+            let count = request.queries.len();
+            let message = format!("{count} queries, at most {limit} are allowed in one batch (--max-queries)");
+            return Err(status::too_much("queries", message));
         }
         let api = self.clone();
         let plans = tokio::task::spawn_blocking(move || {
@@ -487,10 +484,9 @@ impl PlannerService for PlannerApi {
         let request = request.into_inner();
         let hosted = self.ready(&request.graph_id)?;
         if request.traversals.len() > MAX_PASSAGES {
-            return Err(Status::resource_exhausted(format!(
-                "{} traversals, at most {MAX_PASSAGES} are allowed in one report",
-                request.traversals.len()
-            )));
+            let count = request.traversals.len();
+            let message = format!("{count} traversals, at most {MAX_PASSAGES} are allowed in one report");
+            return Err(status::too_much("traversals", message));
         }
         let passages = request.traversals.iter().map(passage_from_wire).collect::<Result<Vec<_>, _>>()?;
         let accepted = hosted.report(&passages);
@@ -541,11 +537,12 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::UndoEditsResponse>, Status> {
         let wire::UndoEditsRequest { graph_id, layer: name, count } = request.into_inner();
         if count == 0 {
-            return Err(Status::invalid_argument("count is 0, at least 1 edit can be taken back"));
+            return Err(status::invalid("count", "count is 0, at least 1 edit can be taken back"));
         }
         let undo = move |layers: &mut Vec<Layer>| {
             let layer = layers.iter().find(|layer| layer.name == name);
-            let mut layer = layer.cloned().ok_or_else(|| Status::not_found(format!("there is no layer `{name}`")))?;
+            let missing = || status::not_found("layer", &name, format!("there is no layer `{name}`"));
+            let mut layer = layer.cloned().ok_or_else(missing)?;
             layer.edits.truncate(layer.edits.len().saturating_sub(count as usize));
             Ok(layer)
         };
@@ -559,7 +556,7 @@ struct LayerProblem(LayerError);
 
 impl From<LayerProblem> for Status {
     fn from(LayerProblem(error): LayerProblem) -> Self {
-        Status::invalid_argument(format!("layer: {error}"))
+        status::invalid("layer", format!("layer: {error}"))
     }
 }
 

@@ -10,6 +10,7 @@ use crate::prove::Probing;
 use crate::search::{self, NoPath, Plan};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
+use surefoot_proto::status;
 use surefoot_proto::world::v1 as world;
 use tonic::Status;
 
@@ -20,7 +21,9 @@ pub(super) fn settings_from_wire(
     let defaults = BuildSettings::default();
     let Some(settings) = settings else { return Ok(defaults) };
     let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
-    let unknown = |field: &str, value: i32| Status::invalid_argument(format!("settings.{field} {value} is unknown"));
+    let unknown = |field: &str, value: i32| {
+        status::invalid(format!("settings.{field}"), format!("settings.{field} {value} is unknown"))
+    };
     let placement = match wire::Placement::try_from(settings.placement) {
         Ok(wire::Placement::Unspecified | wire::Placement::Spaced) => Placement::Spaced,
         Ok(wire::Placement::Random) => Placement::Random,
@@ -48,10 +51,9 @@ pub(super) fn settings_from_wire(
     };
     let limit = config.max_vertices.min(MAX_VERTICES);
     if checked.vertices > limit {
-        return Err(Status::resource_exhausted(format!(
-            "settings.vertices is {}, at most {limit} are allowed (--max-vertices)",
-            checked.vertices
-        )));
+        let message =
+            format!("settings.vertices is {}, at most {limit} are allowed (--max-vertices)", checked.vertices);
+        return Err(status::too_much("settings.vertices", message));
     }
     checked.validate()?;
     Ok(checked)

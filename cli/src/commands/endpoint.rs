@@ -1,0 +1,164 @@
+//! Flags of both ends of a connection: limits and protection of a service, credentials of a client.
+
+use anyhow::{Context, bail};
+use std::path::PathBuf;
+use std::time::Duration;
+use surefoot_proto::client::{ClientTlsFiles, Credentials};
+use surefoot_proto::secret::Secret;
+use surefoot_proto::serving::security::ServerTls;
+use surefoot_proto::serving::tokens::Tokens;
+use surefoot_proto::serving::{EndpointConfig, Limits, Security};
+
+/// Limits and protection of a service.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Limits and security")]
+pub struct EndpointArgs {
+    /// Largest request
+    #[arg(long, default_value_t = Limits::default().max_message_bytes, value_name = "BYTES")]
+    max_message_bytes: usize,
+    /// Largest request that carries a level
+    #[arg(long, default_value_t = Limits::default().max_import_bytes, value_name = "BYTES")]
+    max_import_bytes: usize,
+    /// Streams that one connection may have open
+    #[arg(long, default_value_t = Limits::default().max_streams, value_name = "N")]
+    max_streams: u32,
+    /// Connections at a time; further ones are closed at once
+    #[arg(long, default_value_t = Limits::default().max_connections, value_name = "N")]
+    max_connections: usize,
+    /// A new connection that has not begun to talk by then is closed
+    #[arg(long, default_value_t = Seconds(Limits::default().handshake_timeout), value_name = "SECONDS")]
+    handshake_timeout: Seconds,
+    /// A connection without a byte in either direction for so long is closed
+    #[arg(long, default_value_t = Seconds(Limits::default().idle_timeout), value_name = "SECONDS")]
+    idle_timeout: Seconds,
+    /// Longest wait for an answer, unless the client sets a deadline; streams may last longer
+    #[arg(long, default_value_t = Seconds(Limits::default().default_deadline), value_name = "SECONDS")]
+    default_deadline: Seconds,
+    /// Time between two pings to a peer
+    #[arg(long, default_value_t = Seconds(Limits::default().keepalive_interval), value_name = "SECONDS")]
+    keepalive_interval: Seconds,
+    /// A connection whose peer does not answer a ping for so long is closed
+    #[arg(long, default_value_t = Seconds(Limits::default().keepalive_timeout), value_name = "SECONDS")]
+    keepalive_timeout: Seconds,
+    /// Certificate chain to serve TLS with, PEM
+    #[arg(long, value_name = "FILE")]
+    tls_cert: Option<PathBuf>,
+    /// Its private key, PEM
+    #[arg(long, value_name = "FILE")]
+    tls_key: Option<PathBuf>,
+    /// Authority that every client must show a certificate of, PEM
+    #[arg(long, value_name = "FILE")]
+    tls_client_ca: Option<PathBuf>,
+    /// Serve other machines without TLS
+    #[arg(long)]
+    insecure: bool,
+    /// TOML file of [[token]] entries with name, role (client, worker, designer or admin) and secret; every call then needs
+    /// one
+    #[arg(long, value_name = "FILE")]
+    tokens: Option<PathBuf>,
+}
+
+impl EndpointArgs {
+    /// Reads the files.
+    pub fn config(&self) -> anyhow::Result<EndpointConfig> {
+        if self.max_connections == 0 || self.max_streams == 0 {
+            bail!("--max-connections and --max-streams must be at least 1");
+        }
+        let limits = Limits {
+            max_message_bytes: self.max_message_bytes,
+            max_import_bytes: self.max_import_bytes,
+            max_streams: self.max_streams,
+            max_connections: self.max_connections,
+            handshake_timeout: self.handshake_timeout.0,
+            idle_timeout: self.idle_timeout.0,
+            default_deadline: self.default_deadline.0,
+            keepalive_interval: self.keepalive_interval.0,
+            keepalive_timeout: self.keepalive_timeout.0,
+        };
+        let tls = match (&self.tls_cert, &self.tls_key) {
+            (Some(certificate), Some(key)) => Some(ServerTls::load(certificate, key, self.tls_client_ca.as_deref())?),
+            (None, None) if self.tls_client_ca.is_some() => bail!("--tls-client-ca needs --tls-cert and --tls-key"),
+            (None, None) => None,
+            _ => bail!("--tls-cert and --tls-key belong together"),
+        };
+        let tokens = self.tokens.as_deref().map(Tokens::load).transpose()?;
+        Ok(EndpointConfig { limits, security: Security { tls, tokens, insecure: self.insecure } })
+    }
+}
+
+/// What a client shows to services, and which of them it trusts.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Credentials")]
+pub struct CredentialArgs {
+    /// Secret of a token; the variable or --token-file keep it out of the list of processes
+    #[arg(long, value_name = "SECRET", value_parser = parse_secret, env = "SUREFOOT_TOKEN", hide_env_values = true)]
+    token: Option<Secret>,
+    /// File that holds the secret of a token
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TOKEN_FILE")]
+    token_file: Option<PathBuf>,
+    /// Authority that services at https:// must have their certificate of, PEM; default: those that the system trusts
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CA")]
+    tls_ca: Option<PathBuf>,
+    /// Certificate to show to services that ask for one, PEM
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_CERT")]
+    tls_client_cert: Option<PathBuf>,
+    /// Its private key, PEM
+    #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_KEY")]
+    tls_client_key: Option<PathBuf>,
+    /// Name that the certificate of services must be for; default: the host of their URI
+    #[arg(long, value_name = "NAME", env = "SUREFOOT_TLS_SERVER_NAME")]
+    tls_server_name: Option<String>,
+}
+
+fn parse_secret(text: &str) -> Result<Secret, std::convert::Infallible> {
+    Ok(Secret::new(text))
+}
+
+impl CredentialArgs {
+    /// Reads the files.
+    pub fn credentials(&self) -> anyhow::Result<Credentials> {
+        let identity = match (&self.tls_client_cert, &self.tls_client_key) {
+            (Some(certificate), Some(key)) => Some((certificate.clone(), key.clone())),
+            (None, None) => None,
+            _ => bail!("--tls-client-cert and --tls-client-key belong together"),
+        };
+        let token = match (&self.token, &self.token_file) {
+            (Some(_), Some(_)) => bail!("--token and --token-file exclude each other"),
+            (token, None) => token.clone(),
+            (None, Some(path)) => {
+                let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+                Some(Secret::new(text.trim()))
+            }
+        };
+        let files =
+            ClientTlsFiles { authority: self.tls_ca.clone(), identity, server_name: self.tls_server_name.clone() };
+        Ok(Credentials::load(token.as_ref(), &files)?)
+    }
+
+    /// Whether there is a token.
+    pub fn has_token(&self) -> bool {
+        self.token.is_some() || self.token_file.is_some()
+    }
+}
+
+/// A time in seconds on the command line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Seconds(Duration);
+
+impl std::fmt::Display for Seconds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.0.as_secs_f64())
+    }
+}
+
+impl std::str::FromStr for Seconds {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let seconds: f64 = text.parse().map_err(|_| "not a number of seconds".to_owned())?;
+        if !(0.001..=1.0e6).contains(&seconds) {
+            return Err("allowed are 0.001 to 1000000 seconds".to_owned());
+        }
+        Ok(Self(Duration::from_secs_f64(seconds)))
+    }
+}

@@ -1,0 +1,94 @@
+//! Who may call what: one table for all services. What stands in it is the whole policy.
+
+use Role::{Admin, Client, Designer, Worker};
+
+/// What the holder of a token is there for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// A game: worlds, NPCs, plans.
+    Client,
+    /// An NPC worker.
+    Worker,
+    /// A level designer: what a client may, and edits.
+    Designer,
+    /// Everything.
+    Admin,
+}
+
+impl Role {
+    /// All roles.
+    pub const ALL: [Role; 4] = [Client, Worker, Designer, Admin];
+
+    /// As it stands in a file of tokens.
+    pub fn name(self) -> &'static str {
+        match self {
+            Client => "client",
+            Worker => "worker",
+            Designer => "designer",
+            Admin => "admin",
+        }
+    }
+}
+
+const EVERYBODY: &[Role] = &Role::ALL;
+const GAMES: &[Role] = &[Client, Designer, Admin];
+const WORKERS: &[Role] = &[Worker, Admin];
+const DESIGNERS: &[Role] = &[Designer, Admin];
+
+/// Methods by their full names, and who may call them. A method that is missing here is refused to everybody.
+const METHODS: &[(&str, &[Role])] = &[
+    ("surefoot.world.v1.WorldService/CreateWorld", GAMES),
+    ("surefoot.world.v1.WorldService/ListWorlds", GAMES),
+    ("surefoot.world.v1.WorldService/DropWorld", GAMES),
+    ("surefoot.world.v1.WorldService/SampleGround", GAMES),
+    ("surefoot.world.v1.WorldService/SpawnNpc", GAMES),
+    ("surefoot.world.v1.WorldService/DespawnNpc", GAMES),
+    ("surefoot.world.v1.WorldService/SetGoal", GAMES),
+    ("surefoot.world.v1.WorldService/TeleportNpc", GAMES),
+    ("surefoot.world.v1.WorldService/GetNpc", GAMES),
+    ("surefoot.world.v1.WorldService/WatchWorld", GAMES),
+    ("surefoot.world.v1.WorldService/FollowNpc", GAMES),
+    ("surefoot.world.v1.WorldService/StallWorld", &[Admin]),
+    ("surefoot.world.v1.WorldService/Work", WORKERS),
+    ("surefoot.world.v1.EnvService/CreateEnv", GAMES),
+    ("surefoot.world.v1.EnvService/StepEnv", GAMES),
+    ("surefoot.world.v1.EnvService/StreamEnv", GAMES),
+    ("surefoot.world.v1.EnvService/CloseEnv", GAMES),
+    ("surefoot.planner.v1.PlannerService/BuildGraph", EVERYBODY),
+    ("surefoot.planner.v1.PlannerService/GetGraph", EVERYBODY),
+    ("surefoot.planner.v1.PlannerService/FindPath", EVERYBODY),
+    ("surefoot.planner.v1.PlannerService/FindPaths", EVERYBODY),
+    ("surefoot.planner.v1.PlannerService/ReportTraversals", &[Client, Worker, Admin]),
+    ("surefoot.planner.v1.PlannerService/GetLayers", GAMES),
+    ("surefoot.planner.v1.PlannerService/PutLayer", DESIGNERS),
+    ("surefoot.planner.v1.PlannerService/AppendEdits", DESIGNERS),
+    ("surefoot.planner.v1.PlannerService/UndoEdits", DESIGNERS),
+];
+
+/// What it takes to be answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Access {
+    /// Nothing.
+    Open,
+    /// Any valid token.
+    AnyToken,
+    /// A token of one of these roles; nobody's, if there are none.
+    Roles(&'static [Role]),
+}
+
+/// What it takes to be answered at a path, such as `/surefoot.world.v1.WorldService/Work`.
+pub(super) fn access(path: &str) -> Access {
+    let path = path.trim_start_matches('/');
+    match path.split_once('/') {
+        Some(("grpc.health.v1.Health", _)) => Access::Open,
+        Some(("grpc.reflection.v1.ServerReflection", _)) => Access::AnyToken,
+        _ if path == "metrics" => Access::AnyToken,
+        _ => Access::Roles(roles(path).unwrap_or_default()),
+    }
+}
+
+/// The roles that may call a method, by its full name such as `surefoot.world.v1.WorldService/Work`; `None` if the table
+/// lacks it.
+pub fn roles(method: &str) -> Option<&'static [Role]> {
+    METHODS.iter().find(|(name, _)| *name == method).map(|(_, roles)| *roles)
+}

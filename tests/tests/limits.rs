@@ -1,0 +1,207 @@
+//! Every limit of an endpoint, exceeded on purpose; whoever keeps within them goes on.
+
+use e2e::{Running, create_world, metrics, planner_client, small_map, start_planner, start_server_at, world_client};
+use std::io::ErrorKind;
+use std::time::Duration;
+use surefoot_planner::service::PlannerConfig;
+use surefoot_proto::planner::v1 as plan;
+use surefoot_proto::serving::{EndpointConfig, Limits};
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_server::ServerConfig;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio_stream::StreamExt;
+use tonic::transport::Channel;
+use tonic::{Code, Request, Streaming};
+
+/// The HTTP/2 preface and empty settings.
+const GREETING: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\x00\x00\x00\x04\x00\x00\x00\x00\x00";
+const SHORT: Duration = Duration::from_millis(200);
+
+fn server_with(change: impl FnOnce(&mut Limits)) -> Running {
+    let mut limits = Limits::default();
+    change(&mut limits);
+    start_server_at(EndpointConfig { limits, ..Default::default() }, ServerConfig::default())
+}
+
+/// Resolves when the peer has closed the connection.
+async fn closed(socket: &mut TcpStream) {
+    let reading = async {
+        let mut bytes = [0; 1024];
+        loop {
+            match socket.read(&mut bytes).await {
+                Ok(0) => return,
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::ConnectionReset => return,
+                Err(error) => panic!("{error}"),
+            }
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(20), reading).await.expect("the server closes the connection");
+}
+
+async fn connect(server: &Running) -> TcpStream {
+    TcpStream::connect(server.address()).await.unwrap()
+}
+
+async fn watch(client: &mut WorldServiceClient<Channel>, world_id: u64) -> Streaming<wire::WatchWorldResponse> {
+    let request = wire::WatchWorldRequest { world_id, rate_hz: 30.0 };
+    let mut stream = client.watch_world(request).await.unwrap().into_inner();
+    stream.next().await.unwrap().unwrap();
+    stream
+}
+
+/// A figure of the metrics page.
+async fn figure(server: &Running, name: &str) -> u64 {
+    let page = metrics(server, "").await;
+    let line = page.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    line.unwrap_or_else(|| panic!("no {name} in {page}")).parse().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_control_message_may_have_one_mebibyte() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let of_len = |len: usize| plan::GetGraphRequest { graph_id: "x".repeat(len) };
+    let refused = client.get_graph(of_len((1 << 20) + 1)).await.unwrap_err();
+    assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
+    // The same connection goes on, and what is just small enough is read.
+    let read = client.get_graph(of_len((1 << 20) - 16)).await.unwrap_err();
+    assert_eq!(read.code(), Code::InvalidArgument, "{read}");
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_too_many_waits_and_other_connections_go_on() {
+    let server = server_with(|limits| limits.max_streams = 2);
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
+    let first = watch(&mut client, world_id).await;
+    let mut second = watch(&mut client, world_id).await;
+    let mut third_client = client.clone();
+    let third = tokio::spawn(async move { third_client.list_worlds(wire::ListWorldsRequest {}).await });
+    let mut other = world_client(&server).await;
+    for _ in 0..20 {
+        other.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+        second.next().await.unwrap().unwrap();
+    }
+    assert!(!third.is_finished(), "a third stream was let in");
+    drop(first);
+    third.await.unwrap().unwrap();
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_connection_too_many_is_closed_at_once_and_counted() {
+    let server = server_with(|limits| limits.max_connections = 2);
+    let mut client = world_client(&server).await;
+    client.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+    let second = connect(&server).await;
+    let mut third = connect(&server).await;
+    closed(&mut third).await;
+    client.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+    drop(second);
+    // The place is free once the server has seen the second go.
+    let mut newcomer = loop {
+        let Ok(mut newcomer) = WorldServiceClient::connect(server.uri.clone()).await else { continue };
+        if newcomer.list_worlds(wire::ListWorldsRequest {}).await.is_ok() {
+            break newcomer;
+        }
+    };
+    drop(client);
+    newcomer.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+    let refused = loop {
+        // The page too needs a place, which the first client leaves.
+        let page = metrics_or_nothing(&server).await;
+        if let Some(refused) = page.lines().find_map(|line| line.strip_prefix("surefoot_connections_refused_total ")) {
+            break refused.parse::<u64>().unwrap();
+        }
+    };
+    assert!(refused >= 1);
+    server.stop().await;
+}
+
+/// The metrics page, or what there was of it before the connection was closed.
+async fn metrics_or_nothing(server: &Running) -> String {
+    let mut text = String::new();
+    if let Ok(mut socket) = TcpStream::connect(server.address()).await {
+        // A connection that is closed at once ends either of these with an error.
+        let _ = socket.write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n").await;
+        let _ = socket.read_to_string(&mut text).await;
+    }
+    text
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_does_not_begin_to_talk_is_cut_off() {
+    let server = server_with(|limits| limits.handshake_timeout = Duration::from_secs(1));
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
+    let mut stream = watch(&mut client, world_id).await;
+    let mut silent = connect(&server).await;
+    let mut hesitant = connect(&server).await;
+    hesitant.write_all(&GREETING[..10]).await.unwrap();
+    closed(&mut silent).await;
+    closed(&mut hesitant).await;
+    stream.next().await.unwrap().unwrap();
+    assert_eq!(figure(&server, "surefoot_connections_cut_total").await, 2);
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_falls_silent_is_cut_off_and_who_answers_pings_is_not() {
+    let server = server_with(|limits| {
+        limits.idle_timeout = Duration::from_secs(2);
+        limits.keepalive_interval = SHORT;
+    });
+    let mut client = world_client(&server).await;
+    // Nothing is sent on the watch of a lockstep world that nobody works on.
+    let world_id = create_world(&mut client, 1, wire::TimeMode::Lockstep).await.world_id;
+    let mut quiet = watch(&mut client, world_id).await;
+    let mut silent = connect(&server).await;
+    silent.write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n").await.unwrap();
+    closed(&mut silent).await;
+    assert_eq!(figure(&server, "surefoot_connections_cut_total").await, 1);
+    // The quiet stream has outlasted the limit: its end still comes.
+    world_client(&server).await.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
+    assert_eq!(quiet.next().await.unwrap().unwrap_err().code(), Code::NotFound);
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_does_not_answer_pings_is_cut_off() {
+    let server =
+        server_with(|limits| (limits.keepalive_interval, limits.keepalive_timeout) = (SHORT, Duration::from_secs(1)));
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
+    let mut stream = watch(&mut client, world_id).await;
+    let mut deaf = connect(&server).await;
+    deaf.write_all(GREETING).await.unwrap();
+    closed(&mut deaf).await;
+    stream.next().await.unwrap().unwrap();
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_call_without_a_deadline_gets_one_and_streams_last() {
+    let server = server_with(|limits| limits.default_deadline = Duration::from_millis(500));
+    let mut client = world_client(&server).await;
+    let mut create = Request::new(wire::CreateWorldRequest { map: Some(small_map(1)), mode: 0 });
+    create.set_timeout(Duration::from_secs(60));
+    let world_id = client.create_world(create).await.unwrap().into_inner().world.unwrap().world_id;
+    let stream = watch(&mut client, world_id).await;
+    // A worker that does not say hello is not answered.
+    let overdue = client.work(tokio_stream::pending()).await.unwrap_err();
+    assert_eq!(overdue.code(), Code::DeadlineExceeded);
+    assert!(overdue.message().contains("--default-deadline"), "{overdue}");
+    // With a deadline of its own it is that one.
+    let mut patient = Request::new(tokio_stream::pending());
+    patient.set_timeout(Duration::from_secs(1));
+    let overdue = client.work(patient).await.unwrap_err();
+    assert!(!overdue.message().contains("--default-deadline"), "{overdue}");
+    // 30 snapshots a second: far beyond the deadline.
+    assert_eq!(stream.take(30).filter(Result::is_ok).collect::<Vec<_>>().await.len(), 30);
+    server.stop().await;
+}

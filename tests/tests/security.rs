@@ -1,0 +1,385 @@
+//! TLS, certificates of clients, tokens and roles, over real sockets.
+
+use e2e::{Running, metrics, start_planner_at, start_server_at, start_worker_as};
+use prost::Message;
+use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
+use std::convert::Infallible;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::task::{Context, Poll};
+use std::time::Duration;
+use surefoot_agent::work::WorkError;
+use surefoot_planner::service::PlannerConfig;
+use surefoot_policy::Policy;
+use surefoot_proto::client::{ClientTlsFiles, Credentials, Link};
+use surefoot_proto::secret::Secret;
+use surefoot_proto::serving::access::{Role, roles};
+use surefoot_proto::serving::security::ServerTls;
+use surefoot_proto::serving::tokens::{TokenError, Tokens};
+use surefoot_proto::serving::{Caller, Endpoint, EndpointConfig, Security, ServeError, Shutdown};
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_proto::world::v1::{GetNpcRequest, ListWorldsRequest};
+use surefoot_server::ServerConfig;
+use tonic::body::Body;
+use tonic::codegen::tokio_stream::StreamExt;
+use tonic::{Code, Request, Status};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_client::HealthClient;
+
+fn secret_of(role: Role) -> String {
+    format!("the-secret-of-a-{}", role.name())
+}
+
+/// One token for every role, each named as its role.
+fn tokens() -> Tokens {
+    let entry = |role: Role| {
+        format!("[[token]]\nname = \"{0}\"\nrole = \"{0}\"\nsecret = \"{1}\"\n", role.name(), secret_of(role))
+    };
+    Tokens::parse(&Role::ALL.map(entry).concat()).unwrap()
+}
+
+fn guarded() -> EndpointConfig {
+    EndpointConfig { security: Security { tokens: Some(tokens()), ..Default::default() }, ..Default::default() }
+}
+
+fn with_token(token: &str) -> Credentials {
+    Credentials::load(Some(&Secret::new(token)), &ClientTlsFiles::default()).unwrap()
+}
+
+fn holder(role: Role) -> Credentials {
+    with_token(&secret_of(role))
+}
+
+async fn link(server: &Running, credentials: &Credentials) -> Link {
+    credentials.dial(&server.uri).unwrap().connect().await.unwrap()
+}
+
+/// Calls a method, by its full name, with an empty message.
+async fn call(link: &Link, method: &str) -> Result<(), Status> {
+    let mut grpc = tonic::client::Grpc::new(link.clone());
+    grpc.ready().await.map_err(|error| Status::unavailable(error.to_string()))?;
+    let path = http::uri::PathAndQuery::try_from(format!("/{method}")).unwrap();
+    let codec = tonic_prost::ProstCodec::<(), ()>::default();
+    let mut answers = grpc.server_streaming(Request::new(()), path, codec).await?.into_inner();
+    match answers.next().await {
+        None | Some(Ok(())) => Ok(()),
+        Some(Err(status)) => Err(status),
+    }
+}
+
+/// Full names of all methods of our own contracts.
+fn methods() -> Vec<String> {
+    let files = prost_types::FileDescriptorSet::decode(surefoot_proto::FILE_DESCRIPTOR_SET).unwrap().file;
+    let services = files.iter().flat_map(|file| file.service.iter().map(move |service| (file.package(), service)));
+    services
+        .flat_map(|(package, service)| {
+            service.method.iter().map(move |method| format!("{package}.{}/{}", service.name(), method.name()))
+        })
+        .collect()
+}
+
+#[test]
+fn every_method_has_its_row_in_the_table_of_roles() {
+    let methods = methods();
+    assert!(methods.len() >= 20);
+    for method in &methods {
+        let roles = roles(method).unwrap_or_else(|| panic!("{method} is missing in METHODS of serving/access.rs"));
+        assert!(roles.contains(&Role::Admin), "{method} is closed to admins");
+    }
+    for (method, allowed, refused) in [
+        ("surefoot.world.v1.WorldService/Work", Role::Worker, Role::Client),
+        ("surefoot.world.v1.WorldService/CreateWorld", Role::Client, Role::Worker),
+        ("surefoot.planner.v1.PlannerService/PutLayer", Role::Designer, Role::Client),
+        ("surefoot.planner.v1.PlannerService/ReportTraversals", Role::Worker, Role::Designer),
+    ] {
+        let roles = roles(method).unwrap();
+        assert!(roles.contains(&allowed) && !roles.contains(&refused), "{method}: {roles:?}");
+    }
+    assert_eq!(roles("surefoot.world.v1.WorldService/Unheard"), None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_method_needs_a_token_of_a_role_that_may_call_it() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server_at(guarded(), ServerConfig::default());
+    let planner = start_planner_at(guarded(), cache.path(), PlannerConfig::default());
+    let service_of = |method: &str| if method.starts_with("surefoot.planner") { &planner } else { &server };
+    for method in methods().iter().map(String::as_str).chain(["surefoot.world.v1.WorldService/Unheard"]) {
+        let service = service_of(method);
+        for credentials in [Credentials::default(), with_token("the-secret-of-nobody"), with_token("")] {
+            let status = call(&link(service, &credentials).await, method).await.unwrap_err();
+            assert_eq!(status.code(), Code::Unauthenticated, "{method}: {status}");
+        }
+        for role in Role::ALL {
+            let result = call(&link(service, &holder(role)).await, method).await;
+            let code = result.map_or_else(|status| status.code(), |()| Code::Ok);
+            let may = roles(method).is_some_and(|roles| roles.contains(&role));
+            assert_eq!(code == Code::PermissionDenied, !may, "{method} by {role:?} is {code:?}");
+            assert_ne!(code, Code::Unauthenticated, "{method} by {role:?}");
+        }
+    }
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_is_open_but_reflection_and_metrics_are_not() {
+    let server = start_server_at(guarded(), ServerConfig::default());
+    let stranger = link(&server, &Credentials::default()).await;
+    HealthClient::new(stranger.clone()).check(HealthCheckRequest::default()).await.unwrap();
+    let reflection = "grpc.reflection.v1.ServerReflection/ServerReflectionInfo";
+    assert_eq!(call(&stranger, reflection).await.unwrap_err().code(), Code::Unauthenticated);
+    let known = call(&link(&server, &holder(Role::Worker)).await, reflection).await;
+    assert!(!known.is_err_and(|status| matches!(status.code(), Code::Unauthenticated | Code::PermissionDenied)));
+    let page = metrics(&server, "").await;
+    assert!(page.starts_with("HTTP/1.1 401") && page.to_lowercase().contains("www-authenticate: bearer"), "{page}");
+    let header = format!("Authorization: Bearer {}\r\n", secret_of(Role::Client));
+    let page = metrics(&server, &header).await;
+    assert!(page.starts_with("HTTP/1.1 200") && page.contains("surefoot_workers 0"), "{page}");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_shows_its_token() {
+    let server = start_server_at(guarded(), ServerConfig::default());
+    let policy = Policy::shipped().unwrap();
+    let wrong = start_worker_as(holder(Role::Client), policy.clone(), &server, None, 8);
+    let end = tokio::time::timeout(Duration::from_secs(20), wrong.task).await.unwrap().unwrap();
+    assert!(matches!(end, Err(WorkError::Refused(status)) if status.code() == Code::PermissionDenied));
+    let right = start_worker_as(holder(Role::Worker), policy, &server, None, 8);
+    let header = format!("Authorization: Bearer {}\r\n", secret_of(Role::Admin));
+    while !metrics(&server, &header).await.contains("surefoot_workers 1") {
+        assert!(!right.task.is_finished(), "the worker gave up");
+    }
+    right.stop().await;
+    server.stop().await;
+}
+
+/// An authority and certificates of it, as files.
+struct Certificates {
+    folder: tempfile::TempDir,
+    issuer: Issuer<'static, KeyPair>,
+}
+
+impl Certificates {
+    fn new() -> Self {
+        let mut params = CertificateParams::new(Vec::new()).unwrap();
+        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+        let key = KeyPair::generate().unwrap();
+        let authority = params.self_signed(&key).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("ca.pem"), authority.pem()).unwrap();
+        Self { folder, issuer: Issuer::new(params, key) }
+    }
+
+    fn authority(&self) -> PathBuf {
+        self.folder.path().join("ca.pem")
+    }
+
+    /// A certificate for a name or address, and its key.
+    fn issue(&self, name: &str) -> (PathBuf, PathBuf) {
+        let key = KeyPair::generate().unwrap();
+        let params = CertificateParams::new(vec![name.to_owned()]).unwrap();
+        let certificate = params.signed_by(&key, &self.issuer).unwrap();
+        let path = |kind: &str| self.folder.path().join(format!("{name}.{kind}"));
+        std::fs::write(path("pem"), certificate.pem()).unwrap();
+        std::fs::write(path("key"), key.serialize_pem()).unwrap();
+        (path("pem"), path("key"))
+    }
+}
+
+fn start_tls_server(certificates: &Certificates, name: &str, client_authority: Option<&Path>) -> Running {
+    let (certificate, key) = certificates.issue(name);
+    let tls = Some(ServerTls::load(&certificate, &key, client_authority).unwrap());
+    let security = Security { tls, tokens: Some(tokens()), insecure: false };
+    start_server_at(EndpointConfig { security, ..Default::default() }, ServerConfig::default())
+}
+
+/// Lists worlds as an admin, with these files.
+async fn list_worlds(uri: &str, files: ClientTlsFiles) -> Result<(), String> {
+    let credentials = Credentials::load(Some(&Secret::new(secret_of(Role::Admin))), &files).unwrap();
+    let link = credentials.dial(uri).unwrap().connect().await.map_err(|error| format!("{error:?}"))?;
+    let listed = WorldServiceClient::new(link).list_worlds(ListWorldsRequest {}).await;
+    listed.map(drop).map_err(|status| format!("{status:?}"))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn clients_trust_the_authority_they_are_given_and_no_other() {
+    let (certificates, others) = (Certificates::new(), Certificates::new());
+    let server = start_tls_server(&certificates, "127.0.0.1", None);
+    assert!(server.uri.starts_with("https://"));
+    let trusting = |authority: PathBuf| ClientTlsFiles { authority: Some(authority), ..Default::default() };
+    list_worlds(&server.uri, trusting(certificates.authority())).await.unwrap();
+    list_worlds(&server.uri, trusting(others.authority())).await.unwrap_err();
+    list_worlds(&server.uri.replace("https", "http"), ClientTlsFiles::default()).await.unwrap_err();
+    list_worlds(&server.uri, trusting(certificates.authority())).await.unwrap();
+    server.stop().await;
+
+    // A certificate for another name is none, unless the client expects that name.
+    let server = start_tls_server(&certificates, "worlds.example", None);
+    list_worlds(&server.uri, trusting(certificates.authority())).await.unwrap_err();
+    let named = ClientTlsFiles {
+        authority: Some(certificates.authority()),
+        server_name: Some("worlds.example".to_owned()),
+        ..Default::default()
+    };
+    list_worlds(&server.uri, named).await.unwrap();
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn with_a_client_authority_only_its_clients_are_let_in() {
+    let (certificates, others) = (Certificates::new(), Certificates::new());
+    let server = start_tls_server(&certificates, "127.0.0.1", Some(&certificates.authority()));
+    let showing = |identity| ClientTlsFiles { authority: Some(certificates.authority()), identity, server_name: None };
+    list_worlds(&server.uri, showing(None)).await.unwrap_err();
+    list_worlds(&server.uri, showing(Some(others.issue("stranger")))).await.unwrap_err();
+    list_worlds(&server.uri, showing(Some(certificates.issue("friend")))).await.unwrap();
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_peer_that_does_not_finish_tls_is_cut_off() {
+    use tokio::io::AsyncReadExt;
+    let certificates = Certificates::new();
+    let (certificate, key) = certificates.issue("127.0.0.1");
+    let mut config = EndpointConfig::default();
+    config.security.tls = Some(ServerTls::load(&certificate, &key, None).unwrap());
+    config.limits.handshake_timeout = Duration::from_secs(1);
+    let server = start_server_at(config, ServerConfig::default());
+    let mut hesitant = tokio::net::TcpStream::connect(server.address()).await.unwrap();
+    // The beginning of a TLS record that never comes, longer than any preface.
+    let begun = [&[0x16, 0x03, 0x01, 0x3f, 0xff, 0x01][..], &[0; 100]].concat();
+    tokio::io::AsyncWriteExt::write_all(&mut hesitant, &begun).await.unwrap();
+    let mut rest = Vec::new();
+    let closing = tokio::time::timeout(Duration::from_secs(20), hesitant.read_to_end(&mut rest)).await;
+    // Closed or reset, as long as it is over.
+    let _ = closing.expect("the server closes the connection");
+    let files = ClientTlsFiles { authority: Some(certificates.authority()), ..Default::default() };
+    list_worlds(&server.uri, files).await.unwrap();
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn other_machines_are_served_with_tls_or_openly_without() {
+    let everywhere = SocketAddr::from(([0, 0, 0, 0], 0));
+    let refused = Endpoint::open(everywhere, EndpointConfig::default()).unwrap_err();
+    assert!(matches!(refused, ServeError::Exposed(address) if address == everywhere));
+    for words in ["0.0.0.0", "--tls-cert", "--tls-key", "--insecure"] {
+        assert!(refused.to_string().contains(words), "{refused}");
+    }
+    // Tokens in clear text do not protect anything.
+    assert!(Endpoint::open(everywhere, guarded()).is_err());
+    assert!(Endpoint::open("[::ffff:127.0.0.1]:0".parse().unwrap(), EndpointConfig::default()).is_ok());
+    let mut config = EndpointConfig::default();
+    config.security.insecure = true;
+    Endpoint::open(everywhere, config).unwrap();
+    let certificates = Certificates::new();
+    let (certificate, key) = certificates.issue("127.0.0.1");
+    let mut config = EndpointConfig::default();
+    config.security.tls = Some(ServerTls::load(&certificate, &key, None).unwrap());
+    Endpoint::open(everywhere, config).unwrap();
+    assert!(ServerTls::load(&key, &certificate, None).is_err());
+    let missing = ServerTls::load(&certificate, Path::new("/no/key.pem"), None).unwrap_err();
+    assert!(missing.to_string().contains("/no/key.pem"), "{missing}");
+}
+
+/// Answers every call with the name of its caller.
+#[derive(Clone)]
+struct Echo;
+
+impl tonic::server::NamedService for Echo {
+    const NAME: &'static str = "surefoot.world.v1.WorldService";
+}
+
+impl tower_service::Service<http::Request<Body>> for Echo {
+    type Response = http::Response<Body>;
+    type Error = Infallible;
+    type Future = std::future::Ready<Result<Self::Response, Infallible>>;
+
+    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
+        let caller = request.extensions().get::<Caller>().map_or("nobody".to_owned(), |caller| caller.name.to_string());
+        std::future::ready(Ok(Status::aborted(caller).into_http()))
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn services_know_who_calls() {
+    for (config, credentials, name) in [
+        (guarded(), holder(Role::Designer), "designer"),
+        (EndpointConfig::default(), Credentials::default(), "127.0.0.1"),
+        // Without tokens nobody is who he says.
+        (EndpointConfig::default(), holder(Role::Designer), "127.0.0.1"),
+    ] {
+        let endpoint = Endpoint::open(SocketAddr::from(([127, 0, 0, 1], 0)), config).unwrap();
+        let (uri, shutdown) = (endpoint.uri(), Shutdown::default());
+        let mut routes = tonic::service::Routes::builder();
+        routes.add_service(Echo);
+        let stop = shutdown.clone();
+        let serving =
+            tokio::spawn(async move { endpoint.serve(routes, &[], || async { String::new() }, stop).await.unwrap() });
+        let link = credentials.dial(&uri).unwrap().connect().await.unwrap();
+        let answer = WorldServiceClient::new(link).get_npc(GetNpcRequest { npc_id: 1 }).await.unwrap_err();
+        assert_eq!((answer.code(), answer.message()), (Code::Aborted, name));
+        shutdown.trigger();
+        serving.await.unwrap();
+    }
+}
+
+#[test]
+fn a_faulty_file_of_tokens_is_refused_without_showing_a_secret() {
+    let secret = "hunter2-hunter2-hunter2";
+    let entry = |name: &str, role: &str, secret: &str| {
+        format!("[[token]]\nname = \"{name}\"\nrole = \"{role}\"\nsecret = \"{secret}\"\n")
+    };
+    let good = entry("a", "client", secret);
+    Tokens::parse(&good).unwrap();
+    for (text, expected) in [
+        (String::new(), TokenError::Empty),
+        ("token = []".to_owned(), TokenError::Empty),
+        (format!("{good}secret \"{secret}\""), TokenError::Syntax { line: 5 }),
+        (format!("{good}sekret = \"{secret}\""), TokenError::UnknownKey("sekret".to_owned())),
+        (format!("tokens = \"{secret}\""), TokenError::UnknownKey("tokens".to_owned())),
+        (entry("a", "king", secret), TokenError::Role("a".to_owned())),
+        (entry("a", "client", &secret[..15]), TokenError::Short("a".to_owned())),
+        (entry("a", "client", &format!("{secret} ")), TokenError::Unsendable("a".to_owned())),
+        (entry("", "client", secret), TokenError::Missing { position: 1, key: "name" }),
+        (
+            good.replace(&format!("\"{secret}\""), "1234567890123456"),
+            TokenError::Missing { position: 1, key: "secret" },
+        ),
+        (good.clone() + &entry("b", "client", secret), TokenError::Duplicate("a".to_owned(), "b".to_owned())),
+        (
+            good.clone() + &entry("a", "worker", "another-secret-of-mine"),
+            TokenError::Duplicate("a".to_owned(), "a".to_owned()),
+        ),
+    ] {
+        let error = Tokens::parse(&text).unwrap_err();
+        assert_eq!(error, expected, "{text}");
+        assert!(!error.to_string().contains("hunter2") && !error.to_string().contains("1234567890"), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn debug_output_shows_no_secret() {
+    let certificates = Certificates::new();
+    let (certificate, key) = certificates.issue("127.0.0.1");
+    let server = Security {
+        tls: Some(ServerTls::load(&certificate, &key, None).unwrap()),
+        tokens: Some(tokens()),
+        insecure: false,
+    };
+    let credentials = holder(Role::Admin);
+    let dialer = credentials.dial("http://127.0.0.1:1").unwrap();
+    let shown =
+        format!("{server:?} {credentials:?} {dialer:?} {:?} {:?}", dialer.connect_lazy(), Secret::new("the-secret-of"));
+    assert!(shown.contains("\"admin\""), "{shown}");
+    assert!(!shown.contains("the-secret-of"), "{shown}");
+    let key = std::fs::read_to_string(&key).unwrap();
+    let bytes = format!("{:?}", key.as_bytes()[40..60].to_vec());
+    assert!(!shown.contains(&key[40..60]) && !shown.contains(bytes.trim_matches(['[', ']'])), "{shown}");
+}
