@@ -239,11 +239,11 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
         goal_min_m: 2.0,
         goal_max_m: 6.0,
     };
-    let one = client.create_env(request.clone()).await.unwrap().into_inner();
-    let two = client.create_env(request.clone()).await.unwrap().into_inner();
+    let one = client.create_env(request).await.unwrap().into_inner();
+    let two = client.create_env(request).await.unwrap().into_inner();
     assert_eq!(one.observations, two.observations, "same seed, same start");
     assert_eq!(one.observations.len(), NPCS * OBSERVATION_LEN * 4);
-    let full = client.create_env(request.clone()).await.unwrap_err();
+    let full = client.create_env(request).await.unwrap_err();
     assert!(full.code() == Code::ResourceExhausted && full.message().contains("--max-envs"), "{full}");
 
     let actions = |step: usize| {
@@ -281,10 +281,10 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
         assert!(refusal.code() == code && refusal.message().contains(words), "{refusal}");
     }
     for (changed, words) in [
-        (wire::CreateEnvRequest { npc_count: 0, ..request.clone() }, "npc_count"),
-        (wire::CreateEnvRequest { goal_max_m: f32::NAN, ..request.clone() }, "goal_max_m"),
-        (wire::CreateEnvRequest { goal_min_m: 9.0, ..request.clone() }, "goal_max_m"),
-        (wire::CreateEnvRequest { map: None, ..request.clone() }, "map is missing"),
+        (wire::CreateEnvRequest { npc_count: 0, ..request }, "npc_count"),
+        (wire::CreateEnvRequest { goal_max_m: f32::NAN, ..request }, "goal_max_m"),
+        (wire::CreateEnvRequest { goal_min_m: 9.0, ..request }, "goal_max_m"),
+        (wire::CreateEnvRequest { map: None, ..request }, "map is missing"),
     ] {
         let refusal = client.create_env(changed).await.unwrap_err();
         assert!(refusal.code() == Code::InvalidArgument && refusal.message().contains(words), "{refusal}");

@@ -46,7 +46,7 @@ async fn connect(server: &Running) -> TcpStream {
 }
 
 async fn watch(client: &mut WorldServiceClient<Channel>, world_id: u64) -> Streaming<wire::WatchWorldResponse> {
-    let request = wire::WatchWorldRequest { world_id, rate_hz: 30.0 };
+    let request = wire::WatchWorldRequest { world_id, rate_hz: 30.0, ..Default::default() };
     let mut stream = client.watch_world(request).await.unwrap().into_inner();
     stream.next().await.unwrap().unwrap();
     stream
