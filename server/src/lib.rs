@@ -104,7 +104,7 @@ pub enum ServerError {
 /// Resolves at Ctrl-C or SIGTERM. Both are caught from this call on, whether the future is polled yet or not.
 ///
 /// # Panics
-/// If the system refuses to install a signal handler.
+/// If the system refuses to install a signal handler, or outside a tokio runtime.
 pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     use tokio::signal::unix::{SignalKind, signal};
     let mut terminate = signal(SignalKind::terminate()).expect("SIGTERM can be handled");

@@ -82,8 +82,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 /// Sets `stop` at the first Ctrl-C or SIGTERM.
 fn stop_on_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let signal = {
+        let _inside = runtime.enter();
+        surefoot_server::shutdown_signal()
+    };
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        runtime.block_on(surefoot_server::shutdown_signal());
+        runtime.block_on(signal);
         stop.store(true, Ordering::Relaxed);
     })?;
     Ok(())
