@@ -24,7 +24,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Run everything in one process, with a crowd to look at (the default).
-    Up(up::Args),
+    Up(Box<up::Args>),
     /// Run the world server.
     Serve(services::ServeArgs),
     /// Run the planner service.

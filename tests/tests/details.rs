@@ -56,7 +56,7 @@ async fn the_world_server_gives_details() {
     let gone = client.get_npc(wire::GetNpcRequest { npc_id: 77 }).await.unwrap_err();
     assert_eq!(resource(&gone), ("npc".to_owned(), "77".to_owned()));
 
-    let watch = wire::WatchWorldRequest { world_id, rate_hz: 30.0 };
+    let watch = wire::WatchWorldRequest { world_id, rate_hz: 30.0, ..Default::default() };
     let snapshots = client.watch_world(watch).await.unwrap().into_inner();
     server.begin_stop();
     let end = snapshots.filter_map(Result::err).next().await.expect("the stream ends with a status");
