@@ -57,12 +57,14 @@ fn with_own_flags(command: Command) -> Command {
             .long("config")
             .value_name("FILE")
             .env(FILE_VARIABLE)
+            .help_heading("Configuration")
             .value_parser(value_parser!(PathBuf))
             .help("TOML file with values for flags; variables and flags override it")
     };
     let print = Arg::new("print_config")
         .long("print-config")
         .action(ArgAction::SetTrue)
+        .help_heading("Configuration")
         .help("Print the values that hold as a file for --config, and end");
     let mut command = command.mut_args(with_variable).arg(file());
     for name in CONFIGURED {

@@ -5,11 +5,15 @@ use opentelemetry::trace::TracerProvider;
 use opentelemetry_otlp::{SpanExporter, WithExportConfig};
 use opentelemetry_sdk::Resource;
 use opentelemetry_sdk::trace::SdkTracerProvider;
+use std::time::Duration;
 use tokio::runtime::Runtime;
 use tracing::Subscriber;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::registry::LookupSpan;
 use tracing_subscriber::{EnvFilter, Layer};
+
+/// Longest wait for the collector at the end.
+const FINISH_LIMIT: Duration = Duration::from_secs(2);
 
 /// Exports spans in batches until it is finished.
 pub struct Spans {
@@ -43,9 +47,9 @@ impl Spans {
         tracing_opentelemetry::layer().with_tracer(self.provider.tracer("surefoot")).with_filter(filter)
     }
 
-    /// Sends what has not been sent yet; a collector that is away is waited for five seconds at most.
+    /// Sends what has not been sent yet; a collector that does not answer must not hold the process for long.
     pub fn finish(self) {
-        if let Err(error) = self.provider.shutdown() {
+        if let Err(error) = self.provider.shutdown_with_timeout(FINISH_LIMIT) {
             tracing::warn!(%error, "some spans were not sent");
         }
         self.runtime.shutdown_background();

@@ -85,7 +85,17 @@ fn a_scene_ends_with_arrivals_and_leaves_its_graphs_in_the_cache() {
     let folder = cache.path().to_str().unwrap();
     let size = ["--maps", "1", "--npcs", "48", "--vertices", "60", "--neighbours", "6", "--repeats", "1"];
     let addresses = ["--listen", "127.0.0.1:0", "--planner-listen", "127.0.0.1:0", "--cache", folder];
-    let summary = json(&surefoot(&[&["up", "--for", "25", "--json"], &size[..], &addresses[..]].concat()));
+    // Behind tokens, as everybody else would be.
+    let file = |name: &str, text: &str| {
+        let path = cache.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let tokens = file("tokens.toml", "[[token]]\nname = \"qa\"\nrole = \"admin\"\nsecret = \"0123456789abcdef\"\n");
+    let secret = file("secret", "0123456789abcdef\n");
+    let protection = ["--tokens", &tokens, "--token-file", &secret];
+    let summary =
+        json(&surefoot(&[&["up", "--for", "25", "--json"], &size[..], &addresses[..], &protection[..]].concat()));
     assert!(summary["arrivals"].as_u64().unwrap() > 0, "{summary}");
     assert!(cache.path().join("graphs.redb").exists());
 }

@@ -53,13 +53,13 @@ pub struct Args {
     graph: GraphArgs,
     #[command(flatten)]
     limits: ServerLimits,
+    /// Print the summary as one JSON document
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     endpoint: EndpointArgs,
     #[command(flatten)]
     credentials: CredentialArgs,
-    /// Print the summary as one JSON document
-    #[arg(long)]
-    json: bool,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
