@@ -35,24 +35,24 @@ fn flags_win_over_variables_over_the_file_over_defaults() {
     let folder = tempfile::tempdir().unwrap();
     let file = write(
         folder.path(),
-        "[common]\nmax_npcs = 10\nsim_threads = 5\n[serve]\nmax_npcs = 11\nmax_worlds = 12\nlisten = \"127.0.0.1:1\"\n\
+        "[common]\nmax_npcs = 10\nmax_envs = 5\n[serve]\nmax_npcs = 11\nmax_worlds = 12\nlisten = \"127.0.0.1:1\"\n\
          [work]\nno_planner = true\n",
     );
     let serve = ["serve", "--print-config", "--config", &file];
     let defaults = printed(&["serve", "--print-config"], &[]);
     assert_eq!(
-        ["max_npcs", "max_worlds", "listen", "sim_threads"].map(|key| shown(&defaults, key)),
-        ["1024", "16", "\"127.0.0.1:7600\"", "1"]
+        ["max_npcs", "max_worlds", "listen", "max_envs"].map(|key| shown(&defaults, key)),
+        ["4096", "64", "\"127.0.0.1:7600\"", "16"]
     );
     let from_file = printed(&serve, &[]);
     assert_eq!(
-        ["max_npcs", "max_worlds", "listen", "sim_threads"].map(|key| shown(&from_file, key)),
+        ["max_npcs", "max_worlds", "listen", "max_envs"].map(|key| shown(&from_file, key)),
         ["11", "12", "\"127.0.0.1:1\"", "5"]
     );
     let variables = [("SUREFOOT_MAX_WORLDS", "13"), ("SUREFOOT_MAX_NPCS", "13"), ("SUREFOOT_LISTEN", "127.0.0.1:2")];
     let all = printed(&[&serve[..], &["--max-npcs", "14"]].concat(), &variables);
     assert_eq!(
-        ["max_npcs", "max_worlds", "listen", "sim_threads"].map(|key| shown(&all, key)),
+        ["max_npcs", "max_worlds", "listen", "max_envs"].map(|key| shown(&all, key)),
         ["14", "13", "\"127.0.0.1:2\"", "5"]
     );
     // The file may be named by a variable and stand before the subcommand; a table counts for its subcommand only.
