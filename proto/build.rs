@@ -3,7 +3,12 @@
 use std::path::PathBuf;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let files = ["surefoot/world/v1/world.proto", "surefoot/world/v1/env.proto", "surefoot/planner/v1/planner.proto"];
+    let files = [
+        "surefoot/world/v1/world.proto",
+        "surefoot/world/v1/env.proto",
+        "surefoot/world/v1/maps.proto",
+        "surefoot/planner/v1/planner.proto",
+    ];
     for file in files.iter().chain(&["surefoot/world/v1/map.proto"]) {
         println!("cargo::rerun-if-changed={file}");
     }

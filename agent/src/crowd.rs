@@ -31,7 +31,8 @@ impl Crowd {
     /// Whatever the server answers.
     pub async fn start(link: impl Into<Link>, map: wire::MapSpec, npc_count: usize, seed: u64) -> Result<Self, Status> {
         let mut client = WorldServiceClient::new(link.into()).max_decoding_message_size(MAX_MESSAGE_BYTES);
-        let request = wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into() };
+        let request =
+            wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into(), ..Default::default() };
         let created = client.create_world(request).await?.into_inner();
         let world = created.world.ok_or_else(|| Status::internal("the server described no world"))?;
         let request = wire::SampleGroundRequest { world_id: world.world_id, count: GROUND_POINTS, seed };

@@ -90,9 +90,17 @@ fn with_a_stream_that_nobody_reads() {
         let size = Some(wire::MapSize { width: 60, height: 40, depth: 60 });
         let map = Some(wire::MapSpec { seed: 1, size, features: None });
         // Answers too are longer than the window, so the client reads those.
-        let created = client.create_world(wire::CreateWorldRequest { map, mode: 0 }).await.unwrap().into_inner();
+        let created = client
+            .create_world(wire::CreateWorldRequest { map, mode: 0, ..Default::default() })
+            .await
+            .unwrap()
+            .into_inner();
         let world_id = created.world.unwrap().world_id;
-        client.watch_world(wire::WatchWorldRequest { world_id, rate_hz: 60.0, ..Default::default() }).await.unwrap().into_inner()
+        client
+            .watch_world(wire::WatchWorldRequest { world_id, rate_hz: 60.0, ..Default::default() })
+            .await
+            .unwrap()
+            .into_inner()
     });
     assert!(server.stop().contains("stopped serving"));
     drop(stream);

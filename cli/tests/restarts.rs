@@ -90,7 +90,8 @@ impl Scene {
             size: Some(wire::MapSize { width: 60, height: 40, depth: 60 }),
             features: None,
         };
-        let request = wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into() };
+        let request =
+            wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into(), ..Default::default() };
         let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
         let request = wire::SampleGroundRequest { world_id, count: 100, seed: 3 };
         let points = client.sample_ground(request).await.unwrap().into_inner().points;

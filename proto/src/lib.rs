@@ -6,6 +6,7 @@
 
 pub mod client;
 pub mod convert;
+pub mod maps;
 pub mod secret;
 pub mod serving;
 pub mod status;

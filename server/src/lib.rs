@@ -18,8 +18,10 @@ pub mod watch;
 
 use std::path::PathBuf;
 use std::time::Duration;
+use surefoot_proto::maps::DEFAULT_MAX_MAPS;
 use surefoot_proto::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
+use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 use surefoot_proto::world::v1::world_service_server::{SERVICE_NAME as WORLD_SERVICE, WorldServiceServer};
 
 /// Limits and sizes of a server.
@@ -35,6 +37,8 @@ pub struct ServerConfig {
     pub max_npcs_per_client: usize,
     /// Most environments of remote trainers (`--max-envs`).
     pub max_envs: usize,
+    /// Most imported maps that are kept (`--max-maps`).
+    pub max_maps: usize,
     /// How long a reader of a stream may leave everything unread until it is cut off (`--reader-patience`).
     pub reader_patience: Duration,
     /// Where worlds are saved when the server stops and taken up again when it starts (`--state`).
@@ -51,6 +55,7 @@ impl Default for ServerConfig {
             max_npcs_per_world: 4096,
             max_npcs_per_client: 8192,
             max_envs: 16,
+            max_maps: DEFAULT_MAX_MAPS,
             reader_patience: Duration::from_secs(5),
             state: None,
             save_every: Duration::from_secs(30),
@@ -82,8 +87,11 @@ pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown)
     let envs = EnvServiceServer::new(env_service::EnvApi::new(config.max_envs, shutdown.clone()))
         .max_decoding_message_size(endpoint.limits().max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    routes.add_service(with_grpc_web(worlds)).add_service(with_grpc_web(envs));
-    let result = endpoint.serve(routes, &[WORLD_SERVICE, ENV_SERVICE], metrics, shutdown).await;
+    let maps = MapServiceServer::new(service.maps())
+        .max_decoding_message_size(endpoint.limits().max_import_bytes)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    routes.add_service(with_grpc_web(worlds)).add_service(with_grpc_web(envs)).add_service(with_grpc_web(maps));
+    let result = endpoint.serve(routes, &[WORLD_SERVICE, ENV_SERVICE, MAP_SERVICE], metrics, shutdown).await;
     let saved = service.save_worlds(true).await;
     service.stop();
     result?;

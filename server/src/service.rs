@@ -1,6 +1,6 @@
 //! The gRPC face of the world server: decode, call, encode.
 
-use crate::hosted::{HostedWorld, NpcError, SavedError, SavedWorld, TimeMode, world_of};
+use crate::hosted::{HostedWorld, NpcError, SavedError, SavedMap, SavedWorld, TimeMode, world_of};
 use crate::metrics::{self, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry, ToWorker, WorkerId};
@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
 use std::time::Duration;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::maps::MapShelf;
 use surefoot_proto::serving::{Caller, Shutdown, going_away};
 use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
@@ -73,6 +74,7 @@ struct Shared {
     world_quota: Arc<Quota>,
     npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
+    maps: MapShelf,
     shutdown: Shutdown,
 }
 
@@ -85,6 +87,7 @@ impl WorldApi {
                 "worlds, the most it may have (--max-worlds-per-client)",
             ),
             npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most it may have (--max-npcs-per-client)"),
+            maps: MapShelf::new(config.max_maps),
             config,
             worlds: RwLock::default(),
             last_world: AtomicU64::new(0),
@@ -92,6 +95,11 @@ impl WorldApi {
             shutdown,
         };
         Self { shared: Arc::new(shared) }
+    }
+
+    /// Maps that clients imported.
+    pub fn maps(&self) -> MapShelf {
+        self.shared.maps.clone()
     }
 
     /// Takes saved worlds up again. One that is damaged is told of and left where it is.
@@ -102,7 +110,7 @@ impl WorldApi {
         let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
         for saved in SavedWorld::read_all(&folder)? {
             let restored = saved.and_then(|saved| {
-                let map = Arc::new(saved.map()?);
+                let map = saved.map()?;
                 Ok((saved, map))
             });
             let (saved, map) = match restored {
@@ -115,6 +123,11 @@ impl WorldApi {
             let world = HostedWorld::restore(&saved, map.clone(), self.shared.registry.clone(), &self.shared.npc_quota);
             info!(world_id = saved.id(), npcs = world.npc_count(), tick = world.tick(), "world taken up");
             let ticket = self.shared.world_quota.grant(saved.owner());
+            if map.spec().is_none()
+                && let Err(status) = self.shared.maps.put(saved.level().to_owned(), map.clone())
+            {
+                warn!(world_id = saved.id(), %status, "no planner will get its map");
+            }
             self.shared.last_world.fetch_max(saved.id(), Ordering::Relaxed);
             if let Err(status) = self.start(saved.id(), world, map, ticket) {
                 warn!(world_id = saved.id(), %status, "a saved world is not taken up");
@@ -128,16 +141,19 @@ impl WorldApi {
     /// # Errors
     /// If they cannot be saved.
     pub async fn save_worlds(&self, is_last: bool) -> Result<(), SavedError> {
-        let worlds = self.shared.worlds.read().expect(POISON).clone();
         let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
+        let worlds = self.shared.worlds.read().expect(POISON).clone();
         let mut all = Vec::new();
-        for (_, Directory { sim, ticket, .. }) in worlds {
+        for Directory { sim, ticket, map, .. } in worlds.into_values() {
+            let level = self.shared.maps.name_of(&map).unwrap_or_default();
+            let source = tokio::task::spawn_blocking(move || SavedMap::of(&map, level));
+            let Ok(source) = source.await else { continue };
             let saved = sim.call(move |seat| {
                 seat.is_over |= is_last;
-                seat.world.save(ticket.client())
+                seat.world.save(ticket.client(), source)
             });
             // A world that does not answer has just been dropped.
-            all.extend(saved.await.ok().flatten());
+            all.extend(saved.await.ok());
         }
         let task = tokio::task::spawn_blocking(move || {
             std::fs::create_dir_all(&folder).map_err(|error| SavedError::Io(folder.clone(), error))?;
@@ -285,7 +301,7 @@ impl WorldService for WorldApi {
     ) -> Result<Response<wire::CreateWorldResponse>, Status> {
         let client = client_of(&request);
         let request = request.into_inner();
-        let spec = convert::map_spec(request.map.as_ref())?;
+        let source = self.shared.maps.source(request.map.as_ref(), &request.map_hash)?;
         let mode = match wire::TimeMode::try_from(request.mode) {
             Ok(wire::TimeMode::Unspecified | wire::TimeMode::Realtime) => TimeMode::Realtime,
             Ok(wire::TimeMode::Lockstep) => TimeMode::Lockstep,
@@ -296,15 +312,14 @@ impl WorldService for WorldApi {
             return Err(too_many_worlds(limit));
         }
         let ticket = self.shared.world_quota.take(&client)?;
-        let map = tokio::task::spawn_blocking(move || Map::generate(&spec))
+        let map = tokio::task::spawn_blocking(move || source.map())
             .await
-            .map_err(|error| Status::internal(format!("map generation failed: {error}")))?
-            .map_err(FieldError::from)?;
-        let map = Arc::new(map);
+            .map_err(|error| Status::internal(format!("map generation failed: {error}")))??;
         let world_id = self.shared.last_world.fetch_add(1, Ordering::Relaxed) + 1;
+        let map_hash = map.hash();
         let world = HostedWorld::new(world_id, map.clone(), mode, self.shared.registry.clone());
         self.start(world_id, world, map, ticket)?;
-        info!(world_id, seed = spec.seed, ?mode, %client, "world created");
+        info!(world_id, map = %map_hash, ?mode, %client, "world created");
         Ok(Response::new(wire::CreateWorldResponse { world: Some(self.describe(world_id).await?) }))
     }
 

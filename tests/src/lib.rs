@@ -167,7 +167,7 @@ pub async fn planner_client(planner: &Running) -> PlannerServiceClient<Channel> 
 
 /// Creates a world and returns it.
 pub async fn create_world(client: &mut WorldServiceClient<Channel>, seed: u64, mode: world::TimeMode) -> world::World {
-    let request = world::CreateWorldRequest { map: Some(small_map(seed)), mode: mode.into() };
+    let request = world::CreateWorldRequest { map: Some(small_map(seed)), mode: mode.into(), ..Default::default() };
     client.create_world(request).await.expect("a valid spec").into_inner().world.expect("a description")
 }
 
@@ -179,7 +179,8 @@ pub async fn ground(client: &mut WorldServiceClient<Channel>, world_id: u64, cou
 
 /// Builds a graph to its end and returns its id and summary.
 pub async fn build_graph(client: &mut PlannerServiceClient<Channel>, seed: u64) -> (String, planner::GraphSummary) {
-    let request = planner::BuildGraphRequest { map: Some(small_map(seed)), settings: Some(small_graph()) };
+    let request =
+        planner::BuildGraphRequest { map: Some(small_map(seed)), settings: Some(small_graph()), ..Default::default() };
     let mut progress = client.build_graph(request).await.expect("valid settings").into_inner();
     while let Some(message) = progress.next().await {
         let message = message.expect("the build goes on");

@@ -29,7 +29,7 @@ fn at(x: f32, y: f32, z: f32) -> Option<wire::Vec3> {
 async fn the_world_server_refuses_what_it_cannot_use() {
     let server = start_server(ServerConfig { max_worlds: 2, max_npcs_per_world: 3, ..ServerConfig::default() });
     let mut client = world_client(&server).await;
-    let create = |map: Option<wire::MapSpec>, mode: i32| wire::CreateWorldRequest { map, mode };
+    let create = |map: Option<wire::MapSpec>, mode: i32| wire::CreateWorldRequest { map, mode, ..Default::default() };
     let size = |width, height, depth| {
         Some(wire::MapSpec { seed: 1, size: Some(wire::MapSize { width, height, depth }), features: None })
     };
@@ -187,10 +187,13 @@ async fn the_planner_refuses_what_it_cannot_use() {
     let planner =
         start_planner(cache.path(), PlannerConfig { max_vertices: 100, max_queries: 3, ..PlannerConfig::default() });
     let mut client = planner_client(&planner).await;
-    let build =
-        |settings: plan::BuildSettings| plan::BuildGraphRequest { map: Some(small_map(1)), settings: Some(settings) };
+    let build = |settings: plan::BuildSettings| plan::BuildGraphRequest {
+        map: Some(small_map(1)),
+        settings: Some(settings),
+        ..Default::default()
+    };
     refused(
-        client.build_graph(plan::BuildGraphRequest { map: None, settings: None }).await,
+        client.build_graph(plan::BuildGraphRequest { map: None, settings: None, ..Default::default() }).await,
         Code::InvalidArgument,
         "map is missing",
     );

@@ -139,7 +139,7 @@ async fn a_client_has_its_quotas_and_gets_room_back() {
     let server = start_server(config);
     let mut client = world_client(&server).await;
     let world_id = create_world(&mut client, 12, wire::TimeMode::Realtime).await.world_id;
-    let create = wire::CreateWorldRequest { map: Some(small_map(13)), mode: 0 };
+    let create = wire::CreateWorldRequest { map: Some(small_map(13)), mode: 0, ..Default::default() };
     let refusal = client.create_world(create).await.unwrap_err();
     assert!(refusal.code() == Code::ResourceExhausted && refusal.message().contains("--max-worlds-per-client"));
     let start = ground(&mut client, world_id, 1).await[0];

@@ -38,10 +38,15 @@ fn says_when_to_retry(status: &Status) -> bool {
 async fn the_world_server_gives_details() {
     let server = start_server(ServerConfig { max_npcs_per_world: 1, ..ServerConfig::default() });
     let mut client = world_client(&server).await;
-    let none = client.create_world(wire::CreateWorldRequest { map: None, mode: 0 }).await.unwrap_err();
+    let none =
+        client.create_world(wire::CreateWorldRequest { map: None, mode: 0, ..Default::default() }).await.unwrap_err();
     assert_eq!(fields(&none), ["map"]);
     let size = Some(wire::MapSize { width: 10, height: 80, depth: 100 });
-    let small = wire::CreateWorldRequest { map: Some(wire::MapSpec { seed: 1, size, features: None }), mode: 0 };
+    let small = wire::CreateWorldRequest {
+        map: Some(wire::MapSpec { seed: 1, size, features: None }),
+        mode: 0,
+        ..Default::default()
+    };
     assert_eq!(fields(&client.create_world(small).await.unwrap_err()), ["map.size.width"]);
     let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
     let many = wire::SampleGroundRequest { world_id, count: 0, seed: 0 };
@@ -74,7 +79,8 @@ async fn the_planner_gives_details() {
         (plan::BuildSettings { vertices: 1, ..small_graph() }, Code::InvalidArgument),
         (plan::BuildSettings { vertices: 101, ..small_graph() }, Code::ResourceExhausted),
     ] {
-        let request = plan::BuildGraphRequest { map: Some(small_map(1)), settings: Some(settings) };
+        let request =
+            plan::BuildGraphRequest { map: Some(small_map(1)), settings: Some(settings), ..Default::default() };
         let refused = client.build_graph(request).await.unwrap_err();
         assert_eq!((refused.code(), fields(&refused)), (code, vec!["settings.vertices".to_owned()]));
     }

@@ -188,7 +188,7 @@ async fn who_does_not_answer_pings_is_cut_off() {
 async fn a_call_without_a_deadline_gets_one_and_streams_last() {
     let server = server_with(|limits| limits.default_deadline = Duration::from_millis(500));
     let mut client = world_client(&server).await;
-    let mut create = Request::new(wire::CreateWorldRequest { map: Some(small_map(1)), mode: 0 });
+    let mut create = Request::new(wire::CreateWorldRequest { map: Some(small_map(1)), mode: 0, ..Default::default() });
     create.set_timeout(Duration::from_secs(60));
     let world_id = client.create_world(create).await.unwrap().into_inner().world.unwrap().world_id;
     let stream = watch(&mut client, world_id).await;

@@ -145,10 +145,11 @@ async fn a_build_that_nobody_waits_for_any_more_makes_room() {
     let mut client = planner_client(&planner).await;
     // Minutes of probing, left after the first sign of life.
     let settings = wire::BuildSettings { vertices: 2000, neighbours: 64, repeats: 32, ..Default::default() };
-    let request = wire::BuildGraphRequest { map: Some(small_map(9)), settings: Some(settings) };
+    let request = wire::BuildGraphRequest { map: Some(small_map(9)), settings: Some(settings), ..Default::default() };
     let mut progress = client.build_graph(request).await.unwrap().into_inner();
     assert!(progress.message().await.unwrap().unwrap().summary.is_none());
-    let other = wire::BuildGraphRequest { map: Some(small_map(MAP)), settings: Some(small_graph()) };
+    let other =
+        wire::BuildGraphRequest { map: Some(small_map(MAP)), settings: Some(small_graph()), ..Default::default() };
     let refused = client.build_graph(other).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted);
     drop(progress);

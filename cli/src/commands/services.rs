@@ -47,6 +47,9 @@ pub struct ServerLimits {
     /// Most environments of remote trainers
     #[arg(long, default_value_t = ServerConfig::default().max_envs, value_name = "N")]
     max_envs: usize,
+    /// Most imported maps that are kept
+    #[arg(long, default_value_t = ServerConfig::default().max_maps, value_name = "N")]
+    max_maps: usize,
     /// Seconds that the reader of a stream may leave everything unread until it is cut off
     #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
     reader_patience: f64,
@@ -71,6 +74,7 @@ impl ServerLimits {
             max_npcs_per_world: self.max_npcs,
             max_npcs_per_client: self.max_npcs_per_client,
             max_envs: self.max_envs,
+            max_maps: self.max_maps,
             reader_patience: std::time::Duration::from_secs_f64(self.reader_patience),
             state: self.state.clone(),
             save_every: std::time::Duration::from_secs_f64(self.save_every),
@@ -110,6 +114,9 @@ pub struct PlanArgs {
     /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair
     #[arg(long, default_value_t = PlannerConfig::default().table_vertices, value_name = "N")]
     table_vertices: usize,
+    /// Most imported maps that are kept
+    #[arg(long, default_value_t = PlannerConfig::default().max_maps, value_name = "N")]
+    max_maps: usize,
     #[command(flatten)]
     endpoint: EndpointArgs,
 }
@@ -267,6 +274,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         graphs_in_memory: args.graphs_in_memory,
         threads: args.threads.unwrap_or_else(core_count),
         table_vertices: args.table_vertices,
+        max_maps: args.max_maps,
     };
     run_until_signal(|shutdown| async move {
         let endpoint = Endpoint::open(args.listen, endpoint_config)?;

@@ -12,14 +12,15 @@ use crate::search::{Plan, Query, Repriced, Router};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use surefoot_policy::Policy;
+use surefoot_proto::maps::MapSource;
 use surefoot_proto::planner::v1 as wire;
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
+use surefoot_world::{CharacterProfile, Vec3};
 
 /// What decides how a hosted graph is edited and searched.
 #[derive(Debug, Clone)]
 pub(super) struct Origin {
     pub id: GraphId,
-    pub spec: MapSpec,
+    pub source: MapSource,
     pub settings: BuildSettings,
     pub map_hash: String,
     pub policy: Policy,
@@ -74,7 +75,7 @@ impl Hosted {
     }
 
     pub fn level(&self) -> LevelId {
-        LevelId::of_spec(&self.origin.spec)
+        self.origin.level()
     }
 
     fn view(&self) -> Arc<View> {
@@ -181,6 +182,14 @@ impl View {
 }
 
 impl Origin {
+    /// What layers belong to: a generated map's spec, or the name of a level, which outlives changes of it.
+    pub fn level(&self) -> LevelId {
+        match &self.source {
+            MapSource::Spec(spec) => LevelId::of_spec(spec),
+            MapSource::Level(level) => LevelId::of(level.name.as_bytes()),
+        }
+    }
+
     fn router(&self, graph: NavGraph) -> Router {
         Router::new(graph, self.table_limit, self.thread_count)
     }
@@ -195,8 +204,8 @@ struct LazyTerrain<'a> {
 impl LazyTerrain<'_> {
     fn terrain(&self) -> &MapTerrain {
         self.terrain.get_or_init(|| {
-            let Origin { spec, policy, settings, thread_count, .. } = self.origin;
-            let map = Arc::new(Map::generate(spec).expect("the graph's map was generated from this spec"));
+            let Origin { source, policy, settings, thread_count, .. } = self.origin;
+            let map = source.map().expect("the graph's map came from there");
             let context = ProbeContext { map, profile: CharacterProfile::default(), policy: policy.clone() };
             MapTerrain { context, settings: *settings, thread_count: *thread_count }
         })

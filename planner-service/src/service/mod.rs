@@ -10,7 +10,7 @@ mod wire_form;
 pub use wire_form::{npc_plan_to_wire, plan_from_wire, plan_to_wire, settings_to_wire};
 
 use crate::build::{BuildError, BuildSettings, Built, GraphId, Progress, build};
-use crate::cache::{GraphStore, LevelId, StoreError};
+use crate::cache::{GraphStore, StoreError};
 use crate::edits::{Layer, LayerError};
 use crate::live::LiveEvidence;
 use crate::probe::ProbeContext;
@@ -23,11 +23,13 @@ use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
 use surefoot_policy::Policy;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::maps::{DEFAULT_MAX_MAPS, MapShelf, MapSource};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::{PlannerService, PlannerServiceServer, SERVICE_NAME};
 use surefoot_proto::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, going_away, with_grpc_web};
 use surefoot_proto::status;
-use surefoot_world::{CharacterProfile, Map, MapSpec};
+use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
+use surefoot_world::CharacterProfile;
 use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
@@ -52,6 +54,8 @@ pub struct PlannerConfig {
     pub threads: usize,
     /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair (`--table-vertices`).
     pub table_vertices: usize,
+    /// Most imported maps that are kept (`--max-maps`).
+    pub max_maps: usize,
 }
 
 impl Default for PlannerConfig {
@@ -64,6 +68,7 @@ impl Default for PlannerConfig {
             graphs_in_memory: 32,
             threads,
             table_vertices: DEFAULT_TABLE_LIMIT,
+            max_maps: DEFAULT_MAX_MAPS,
         }
     }
 }
@@ -118,9 +123,10 @@ struct Shared {
     config: PlannerConfig,
     policy: Policy,
     store: Box<dyn GraphStore>,
+    maps: MapShelf,
     /// Most recently used last.
     ready: Mutex<VecDeque<Arc<Hosted>>>,
-    /// By spec and settings, since the map's hash is not known before it is generated.
+    /// By source and settings, since the hash of a generated map is not known before.
     jobs: Mutex<BTreeMap<String, Listed>>,
     /// One build at a time: each uses all cores.
     turn: Semaphore,
@@ -153,8 +159,11 @@ pub async fn serve(
     let grpc = PlannerServiceServer::new(api.clone())
         .max_decoding_message_size(endpoint.limits().max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    routes.add_service(with_grpc_web(grpc));
-    let result = endpoint.serve(routes, &[SERVICE_NAME], metrics, shutdown).await;
+    let maps = MapServiceServer::new(api.shared.maps.clone())
+        .max_decoding_message_size(endpoint.limits().max_import_bytes)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    routes.add_service(with_grpc_web(grpc)).add_service(with_grpc_web(maps));
+    let result = endpoint.serve(routes, &[SERVICE_NAME, MAP_SERVICE], metrics, shutdown).await;
     api.cancel_builds();
     api.remember_reports();
     result
@@ -178,6 +187,7 @@ impl PlannerApi {
             config,
             policy,
             store,
+            maps: MapShelf::new(config.max_maps),
             ready: Mutex::default(),
             jobs: Mutex::default(),
             turn: Semaphore::new(1),
@@ -247,8 +257,8 @@ impl PlannerApi {
     }
 
     /// Joins the build of this graph, starting it if nobody has.
-    fn join(&self, spec: MapSpec, settings: BuildSettings) -> Result<Job, Status> {
-        let key = format!("{spec:?} {settings:?}");
+    fn join(&self, source: MapSource, settings: BuildSettings) -> Result<Job, Status> {
+        let key = format!("{} {settings:?}", source.key());
         let mut jobs = self.shared.jobs.lock().expect(POISON);
         if let Some(Listed { interest, state, .. }) = jobs.get(&key)
             && let Some(interest) = interest.upgrade()
@@ -269,7 +279,7 @@ impl PlannerApi {
         jobs.insert(key.clone(), listed);
         let api = self.clone();
         tokio::spawn(async move {
-            let result = api.run_build(spec, settings, progress.clone()).await;
+            let result = api.run_build(source, settings, progress.clone()).await;
             let mut jobs = api.shared.jobs.lock().expect(POISON);
             if jobs.get(&key).is_some_and(|listed| Arc::ptr_eq(&listed.progress, &progress)) {
                 jobs.remove(&key);
@@ -283,7 +293,7 @@ impl PlannerApi {
 
     async fn run_build(
         &self,
-        spec: MapSpec,
+        source: MapSource,
         settings: BuildSettings,
         progress: Arc<Progress>,
     ) -> Result<Arc<Hosted>, Status> {
@@ -292,7 +302,7 @@ impl PlannerApi {
             return Err(BuildError::Cancelled.into());
         }
         let api = self.clone();
-        let task = tokio::task::spawn_blocking(move || api.build_or_load(&spec, &settings, &progress));
+        let task = tokio::task::spawn_blocking(move || api.build_or_load(&source, &settings, &progress));
         let ready = task.await.map_err(|error| Status::internal(format!("the build failed: {error}")))??;
         self.remember(ready.clone());
         Ok(ready)
@@ -300,11 +310,11 @@ impl PlannerApi {
 
     fn build_or_load(
         &self,
-        spec: &MapSpec,
+        source: &MapSource,
         settings: &BuildSettings,
         progress: &Progress,
     ) -> Result<Arc<Hosted>, Status> {
-        let map = Arc::new(Map::generate(spec).map_err(FieldError::from)?);
+        let map = source.map()?;
         let map_hash = map.hash().to_hex();
         let context = ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() };
         let id = GraphId::of(&context, settings);
@@ -313,7 +323,7 @@ impl PlannerApi {
         }
         let origin = Origin {
             id,
-            spec: *spec,
+            source: source.clone(),
             settings: *settings,
             map_hash,
             policy: self.shared.policy.clone(),
@@ -339,7 +349,7 @@ impl PlannerApi {
             }
         };
         let live = if cached { or_nothing(store.live(&id)) } else { LiveEvidence::default() };
-        let layers = or_nothing(store.layers(&LevelId::of_spec(spec)));
+        let layers = or_nothing(store.layers(&origin.level()));
         Ok(Arc::new(Hosted::new(origin, graph, stats, cached, live, layers)))
     }
 
@@ -424,9 +434,9 @@ impl PlannerService for PlannerApi {
         request: Request<wire::BuildGraphRequest>,
     ) -> Result<Response<Self::BuildGraphStream>, Status> {
         let request = request.into_inner();
-        let spec = convert::map_spec(request.map.as_ref())?;
+        let source = self.shared.maps.source(request.map.as_ref(), &request.map_hash)?;
         let settings = settings_from_wire(request.settings.as_ref(), &self.shared.config)?;
-        let job = self.join(spec, settings)?;
+        let job = self.join(source, settings)?;
         let (queue, stream) = mpsc::channel(4);
         tokio::spawn(report(job, queue, self.shared.shutdown.clone()));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))

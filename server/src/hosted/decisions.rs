@@ -110,6 +110,7 @@ impl HostedWorld {
                     map: self.world.map().spec().map(convert::map_spec_to_wire),
                     npc_ids: assigned,
                     mode: self.mode.to_wire().into(),
+                    map_hash: self.world.map().hash().to_hex(),
                 };
                 self.tell(worker, Message::Assignment(assignment));
             }

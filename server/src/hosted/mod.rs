@@ -7,7 +7,7 @@ mod decisions;
 mod saved;
 
 pub use decisions::Answer;
-pub use saved::{SavedError, SavedWorld};
+pub use saved::{SavedError, SavedMap, SavedWorld};
 
 use crate::quota::Ticket;
 use crate::registry::{Registry, WorkerId};

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_world::exchange;
 use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
 
@@ -21,12 +22,28 @@ pub struct SavedWorld {
     id: u64,
     owner: String,
     map: MapHash,
-    spec: MapSpec,
+    source: SavedMap,
     mode: TimeMode,
     state: WorldState,
     npcs: Vec<SavedNpc>,
     last_serial: u32,
     counters: Counters,
+}
+
+/// Where a saved world's map comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum SavedMap {
+    /// It is generated.
+    Spec(MapSpec),
+    /// It was imported: the name of its level, and the map as a file.
+    File(String, Vec<u8>),
+}
+
+impl SavedMap {
+    /// What it takes to have `map` again; `level` names an imported one. Turning that into a file takes a while.
+    pub fn of(map: &Map, level: String) -> Self {
+        map.spec().map_or_else(|| SavedMap::File(level, exchange::encode(map)), |spec| SavedMap::Spec(*spec))
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,6 +74,9 @@ pub enum SavedError {
     /// The map cannot be generated.
     #[error("world {0}: {1}")]
     Spec(u64, surefoot_world::SpecError),
+    /// Its imported map cannot be read.
+    #[error("world {0}: {1}")]
+    File(u64, surefoot_world::exchange::FileError),
 }
 
 impl SavedWorld {
@@ -70,13 +90,24 @@ impl SavedWorld {
         &self.owner
     }
 
-    /// Generates its map.
+    /// Name of its level, where its map was imported.
+    pub fn level(&self) -> &str {
+        match &self.source {
+            SavedMap::Spec(_) => "",
+            SavedMap::File(name, _) => name,
+        }
+    }
+
+    /// Generates or reads its map.
     ///
     /// # Errors
     /// If it is not the one that the world stood on.
-    pub fn map(&self) -> Result<Map, SavedError> {
-        let map = Map::generate(&self.spec).map_err(|error| SavedError::Spec(self.id, error))?;
-        if map.hash() == self.map { Ok(map) } else { Err(SavedError::OtherMap(self.id)) }
+    pub fn map(&self) -> Result<Arc<Map>, SavedError> {
+        let map = match &self.source {
+            SavedMap::Spec(spec) => Map::generate(spec).map_err(|error| SavedError::Spec(self.id, error))?,
+            SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
+        };
+        if map.hash() == self.map { Ok(Arc::new(map)) } else { Err(SavedError::OtherMap(self.id)) }
     }
 
     /// Puts it into `folder`, in place of what was there of it before, whole or not at all.
@@ -139,8 +170,8 @@ impl SavedWorld {
 }
 
 impl HostedWorld {
-    /// A copy of what must not be lost; `None` on a map without a spec.
-    pub fn save(&self, owner: &str) -> Option<SavedWorld> {
+    /// A copy of what must not be lost; `source` is where its map comes from.
+    pub fn save(&self, owner: &str, source: SavedMap) -> SavedWorld {
         let npcs = self.records.iter().map(|(&id, record)| SavedNpc {
             id,
             slot: record.slot,
@@ -149,17 +180,17 @@ impl HostedWorld {
             last_outcome: record.last_outcome,
             attempts: record.attempts,
         });
-        Some(SavedWorld {
+        SavedWorld {
             id: self.id,
             owner: owner.to_owned(),
             map: self.world.map().hash(),
-            spec: *self.world.map().spec()?,
+            source,
             mode: self.mode,
             state: self.world.save(),
             npcs: npcs.collect(),
             last_serial: self.last_serial,
             counters: self.counters.clone(),
-        })
+        }
     }
 
     /// Takes a saved world up on its map. NPCs go on to their goals once workers carry them.

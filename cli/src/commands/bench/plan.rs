@@ -171,6 +171,7 @@ async fn over_grpc(
     let request = wire::BuildGraphRequest {
         map: Some(convert::map_spec_to_wire(spec)),
         settings: Some(settings_to_wire(settings)),
+        ..Default::default()
     };
     let mut progress = client.build_graph(request).await?.into_inner();
     let mut graph_id = String::new();

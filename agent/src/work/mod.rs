@@ -4,7 +4,10 @@
 //! the ones that move messages. A lost server is looked for again with growing pauses; without a planner (or
 //! while it is away) NPCs head straight for their goals.
 
+mod graph;
+
 use crate::follow::{FollowConfig, Follower, Step};
+use graph::Graph;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -125,7 +128,7 @@ enum WorldMessage {
 impl Session<'_> {
     async fn run(&self, server: &Dialer) -> Result<(), Status> {
         let channel = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
-        let mut client = WorldServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE_BYTES);
+        let mut client = WorldServiceClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (out, requests) = mpsc::channel(OUT_QUEUE);
         let hello = wire::Hello {
             name: self.config.name.clone(),
@@ -144,7 +147,9 @@ impl Session<'_> {
                     info!(worker = welcome.worker_id, server = self.config.server, "carrying NPCs");
                 }
                 Some(wire::work_response::Message::Assignment(assignment)) => {
-                    worlds.entry(assignment.world_id).or_insert_with(|| self.start_world(&assignment, out.clone()));
+                    worlds
+                        .entry(assignment.world_id)
+                        .or_insert_with(|| self.start_world(channel.clone(), &assignment, out.clone()));
                 }
                 Some(wire::work_response::Message::Release(release)) => {
                     if let Some(world) = worlds.get(&release.world_id) {
@@ -169,17 +174,12 @@ impl Session<'_> {
 
     fn start_world(
         &self,
+        server: Link,
         assignment: &wire::Assignment,
         out: mpsc::Sender<wire::WorkRequest>,
     ) -> mpsc::Sender<WorldMessage> {
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
-        let graph = self.planner.clone().map(|channel| {
-            let client = PlannerServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE_BYTES);
-            let (ready, graph_id) = watch::channel(String::new());
-            let request = planner::BuildGraphRequest { map: assignment.map, settings: Some(self.config.graph) };
-            let build = tokio::spawn(keep_graph(client.clone(), request, ready.clone()));
-            Graph { client, ready, graph_id, build }
-        });
+        let graph = self.planner.clone().map(|planner| Graph::keep(server, planner, assignment, self.config.graph));
         let (planned, plans) = mpsc::channel(WORLD_QUEUE);
         let world = WorldTask {
             world_id: assignment.world_id,
@@ -202,62 +202,6 @@ impl Session<'_> {
 fn forward(world: &mpsc::Sender<WorldMessage>, message: WorldMessage) {
     if world.try_send(message).is_err() {
         warn!("a world's queue is full: a message is dropped");
-    }
-}
-
-/// Builds the graph of a world's map, again whenever that fails, and says when it is ready.
-async fn keep_graph(
-    mut client: PlannerServiceClient<Link>,
-    request: planner::BuildGraphRequest,
-    ready: watch::Sender<String>,
-) {
-    let mut pause = MIN_PAUSE;
-    loop {
-        match build_graph(&mut client, request).await {
-            Ok(graph_id) => {
-                info!(graph_id, "graph ready");
-                ready.send_replace(graph_id);
-                // A query to which the planner no longer knows the graph clears it; then it is built again.
-                if ready.subscribe().wait_for(String::is_empty).await.is_err() {
-                    return;
-                }
-                pause = MIN_PAUSE;
-            }
-            Err(status) => {
-                warn!(%status, "no graph yet: NPCs head straight for their goals");
-                tokio::time::sleep(pause).await;
-                pause = (pause * 2).min(MAX_PAUSE);
-            }
-        }
-    }
-}
-
-async fn build_graph(
-    client: &mut PlannerServiceClient<Link>,
-    request: planner::BuildGraphRequest,
-) -> Result<String, Status> {
-    let mut progress = client.build_graph(request).await?.into_inner();
-    while let Some(message) = progress.next().await {
-        let message = message?;
-        if message.summary.is_some() {
-            return Ok(message.graph_id);
-        }
-    }
-    Err(Status::unavailable("the planner ended the build without a graph"))
-}
-
-/// The planner's graph of one map.
-struct Graph {
-    client: PlannerServiceClient<Link>,
-    ready: watch::Sender<String>,
-    /// Empty until it is built.
-    graph_id: watch::Receiver<String>,
-    build: tokio::task::JoinHandle<()>,
-}
-
-impl Drop for Graph {
-    fn drop(&mut self) {
-        self.build.abort();
     }
 }
 
@@ -415,7 +359,7 @@ impl WorldTask {
         let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.passages.len() >= REPORT_LEN) else {
             return;
         };
-        let graph_id = graph.graph_id.borrow().clone();
+        let graph_id = graph.id.borrow().clone();
         let traversals = std::mem::take(&mut self.passages).into_iter().map(|passage| {
             let Passage { from, to, reached, decisions } = passage;
             planner::Traversal { from, to, reached, decisions }
@@ -439,10 +383,10 @@ impl WorldTask {
         if queries.is_empty() {
             return;
         }
-        if self.is_lockstep && graph.graph_id.wait_for(|id| !id.is_empty()).await.is_err() {
+        if self.is_lockstep && graph.id.wait_for(|id| !id.is_empty()).await.is_err() {
             return;
         }
-        let graph_id = graph.graph_id.borrow().clone();
+        let graph_id = graph.id.borrow().clone();
         if graph_id.is_empty() {
             return;
         }

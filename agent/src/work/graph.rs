@@ -1,0 +1,128 @@
+//! The planner's graph of a world's map: built, kept, and built again when the planner has lost it.
+
+use super::{MAX_PAUSE, MIN_PAUSE};
+use std::time::Duration;
+use surefoot_proto::client::Link;
+use surefoot_proto::planner::v1 as planner;
+use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::serving::MAX_MESSAGE_BYTES;
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use tokio::sync::watch;
+use tokio_stream::StreamExt;
+use tonic::{Code, Status};
+use tracing::{info, warn};
+
+/// Longest wait for an imported map to be fetched or taken.
+const IMPORT_LIMIT: Duration = Duration::from_secs(60);
+
+/// The planner's graph of one map.
+pub(super) struct Graph {
+    pub client: PlannerServiceClient<Link>,
+    /// Empty until it is built, and again when the planner no longer knows it.
+    pub id: watch::Receiver<String>,
+    /// Where that is said.
+    pub ready: watch::Sender<String>,
+    build: tokio::task::JoinHandle<()>,
+}
+
+impl Graph {
+    /// Has the graph of an assignment's map built by `planner`; a map that was imported is fetched from `server`.
+    pub fn keep(server: Link, planner: Link, assignment: &wire::Assignment, settings: planner::BuildSettings) -> Self {
+        let client = PlannerServiceClient::new(planner.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
+        let (ready, id) = watch::channel(String::new());
+        let maps = |link| {
+            MapServiceClient::new(link)
+                .max_decoding_message_size(MAX_MESSAGE_BYTES)
+                .max_encoding_message_size(MAX_MESSAGE_BYTES)
+        };
+        let is_imported = assignment.map.is_none();
+        let builder = Builder {
+            client: client.clone(),
+            request: planner::BuildGraphRequest {
+                map: assignment.map,
+                map_hash: if is_imported { assignment.map_hash.clone() } else { String::new() },
+                settings: Some(settings),
+            },
+            from: maps(server),
+            to: maps(planner),
+        };
+        Self { client, id, ready: ready.clone(), build: tokio::spawn(builder.run(ready)) }
+    }
+}
+
+impl Drop for Graph {
+    fn drop(&mut self) {
+        self.build.abort();
+    }
+}
+
+struct Builder {
+    client: PlannerServiceClient<Link>,
+    request: planner::BuildGraphRequest,
+    /// The server's maps, and the planner's.
+    from: MapServiceClient<Link>,
+    to: MapServiceClient<Link>,
+}
+
+impl Builder {
+    /// Builds the graph, again whenever that fails, and says when it is ready.
+    async fn run(mut self, ready: watch::Sender<String>) {
+        let mut pause = MIN_PAUSE;
+        loop {
+            match self.build().await {
+                Ok(graph_id) => {
+                    info!(graph_id, "graph ready");
+                    ready.send_replace(graph_id);
+                    // A query to which the planner no longer knows the graph clears it; then it is built again.
+                    if ready.subscribe().wait_for(String::is_empty).await.is_err() {
+                        return;
+                    }
+                    pause = MIN_PAUSE;
+                }
+                Err(status) => {
+                    warn!(%status, "no graph yet: NPCs head straight for their goals");
+                    tokio::time::sleep(pause).await;
+                    pause = (pause * 2).min(MAX_PAUSE);
+                }
+            }
+        }
+    }
+
+    async fn build(&mut self) -> Result<String, Status> {
+        match self.build_known().await {
+            Err(status) if status.code() == Code::NotFound && !self.request.map_hash.is_empty() => {
+                self.hand_map_on().await?;
+                self.build_known().await
+            }
+            result => result,
+        }
+    }
+
+    async fn build_known(&mut self) -> Result<String, Status> {
+        let mut progress = self.client.build_graph(self.request.clone()).await?.into_inner();
+        while let Some(message) = progress.next().await {
+            let message = message?;
+            if message.summary.is_some() {
+                return Ok(message.graph_id);
+            }
+        }
+        Err(Status::unavailable("the planner ended the build without a graph"))
+    }
+
+    /// Gives the planner the map that the server was given.
+    async fn hand_map_on(&mut self) -> Result<(), Status> {
+        let mut get = tonic::Request::new(wire::GetMapRequest { map_hash: self.request.map_hash.clone() });
+        get.set_timeout(IMPORT_LIMIT);
+        let wire::GetMapResponse { map, file } = self.from.get_map(get).await?.into_inner();
+        let import = wire::ImportMapRequest {
+            name: map.unwrap_or_default().name,
+            format: wire::MapFormat::Saved.into(),
+            file,
+            sidecar: String::new(),
+        };
+        let mut import = tonic::Request::new(import);
+        import.set_timeout(IMPORT_LIMIT);
+        self.to.import_map(import).await.map(drop)
+    }
+}

@@ -1,0 +1,142 @@
+//! Levels made elsewhere, from their file to NPCs that follow plans on them.
+
+use e2e::{
+    LIMIT, ground, planner_client, set_goal, small_graph, small_map, spawn, start_planner, start_planner_at,
+    start_server, start_worker, watch_until, world_client,
+};
+use surefoot_planner::service::PlannerConfig;
+use surefoot_proto::convert::map_spec;
+use surefoot_proto::planner::v1 as plan;
+use surefoot_proto::serving::{EndpointConfig, Limits};
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use surefoot_server::ServerConfig;
+use surefoot_world::{Map, exchange};
+use tokio_stream::StreamExt;
+use tonic::Code;
+use tonic::transport::Channel;
+
+/// A map as a file that remembers no spec.
+fn level() -> Vec<u8> {
+    exchange::export_glb(&Map::generate(&map_spec(Some(&small_map(1000))).unwrap()).unwrap())
+}
+
+async fn maps(uri: &str) -> MapServiceClient<Channel> {
+    let client = MapServiceClient::connect(uri.to_owned()).await.expect("the service accepts");
+    client.max_decoding_message_size(64 << 20).max_encoding_message_size(64 << 20)
+}
+
+fn import(format: wire::MapFormat, file: Vec<u8>) -> wire::ImportMapRequest {
+    wire::ImportMapRequest { name: "arena.glb".to_owned(), format: format.into(), file, sidecar: String::new() }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
+    let (cache, state) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let config = ServerConfig { state: Some(state.path().to_owned()), ..ServerConfig::default() };
+    let server = start_server(config.clone());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let kept = maps(&server.uri).await.import_map(import(wire::MapFormat::Gltf, level())).await.unwrap();
+    let map_hash = kept.into_inner().map.unwrap().map_hash;
+    let mut client = world_client(&server).await;
+    let request = wire::CreateWorldRequest { map_hash: map_hash.clone(), mode: 2, ..Default::default() };
+    let world = client.create_world(request).await.unwrap().into_inner().world.unwrap();
+    assert_eq!((&world.map, &world.map_hash), (&None, &map_hash));
+    let points = ground(&mut client, world.world_id, 2).await;
+    let npc_id = spawn(&mut client, world.world_id, points[0]).await;
+    server.stop().await;
+
+    // The planner was never given the level: the worker hands it on.
+    let server = start_server(config);
+    let worker = start_worker(&server, Some(&planner), 8);
+    let mut client = world_client(&server).await;
+    let mut steps = client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0 }).await.unwrap().into_inner();
+    set_goal(&mut client, npc_id, points[1]).await;
+    let planned =
+        async { while !steps.next().await.unwrap().unwrap().plan.is_some_and(|plan| !plan.waypoints.is_empty()) {} };
+    tokio::time::timeout(LIMIT, planned).await.expect("a plan on the imported level");
+    watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)).await;
+    let handed_on = maps(&planner.uri).await.list_maps(wire::ListMapsRequest {}).await.unwrap().into_inner().maps;
+    assert_eq!(handed_on.len(), 1);
+    assert_eq!((&handed_on[0].map_hash, handed_on[0].name.as_str()), (&map_hash, "arena.glb"));
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn edits_of_a_level_outlive_its_changes() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let mut graphs = Vec::new();
+    for seed in [7, 8] {
+        // Two versions of a level are two maps of one name.
+        let map = Map::generate(&map_spec(Some(&small_map(seed))).unwrap()).unwrap();
+        let request = import(wire::MapFormat::Saved, exchange::encode(&map));
+        let kept = maps(&planner.uri).await.import_map(request).await;
+        let map_hash = kept.unwrap().into_inner().map.unwrap().map_hash;
+        let request = plan::BuildGraphRequest { map_hash, settings: Some(small_graph()), map: None };
+        let mut progress = client.build_graph(request).await.unwrap().into_inner();
+        let last = loop {
+            let message = progress.next().await.unwrap().unwrap();
+            if let Some(summary) = message.summary {
+                break (message.graph_id, summary);
+            }
+        };
+        if graphs.is_empty() {
+            let at = Some(wire::Vec3 { x: 50.0, y: 0.0, z: 50.0 });
+            let edit = plan::edit::Edit::RemoveVertex(plan::VertexEdit { at });
+            let layer = plan::Layer { name: "night".to_owned(), edits: vec![plan::Edit { edit: Some(edit) }] };
+            let request = plan::PutLayerRequest { graph_id: last.0.clone(), layer: Some(layer) };
+            client.put_layer(request).await.unwrap();
+        }
+        graphs.push(last);
+    }
+    assert_ne!(graphs[0].0, graphs[1].0);
+    assert_eq!((graphs[0].1.edits, graphs[1].1.edits), (0, 1), "the second version has the first one's edit");
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
+    let cache = tempfile::tempdir().unwrap();
+    let limits = Limits { max_import_bytes: 4 << 20, ..Limits::default() };
+    let endpoint = EndpointConfig { limits, ..EndpointConfig::default() };
+    let config = PlannerConfig { max_maps: 1, ..PlannerConfig::default() };
+    let planner = start_planner_at(endpoint, cache.path(), config);
+    let mut client = maps(&planner.uri).await;
+    let file = level();
+    let kept = client.import_map(import(wire::MapFormat::Gltf, file.clone())).await.unwrap().into_inner().map.unwrap();
+    let again = client.import_map(import(wire::MapFormat::Gltf, file.clone())).await.unwrap().into_inner().map.unwrap();
+    assert_eq!(kept, again, "the same level is kept once");
+    let cut_off = file[..file.len() / 2].to_vec();
+    let nameless = wire::ImportMapRequest { name: String::new(), ..import(wire::MapFormat::Gltf, file.clone()) };
+    for (request, code, words) in [
+        (import(wire::MapFormat::Gltf, cut_off), Code::InvalidArgument, ""),
+        (import(wire::MapFormat::Saved, file.clone()), Code::InvalidArgument, "saved map"),
+        (import(wire::MapFormat::Obj, b"not a level".to_vec()), Code::InvalidArgument, ""),
+        (import(wire::MapFormat::Unspecified, file.clone()), Code::InvalidArgument, "format is not set"),
+        (nameless, Code::InvalidArgument, "name"),
+        (import(wire::MapFormat::Saved, vec![0; 5 << 20]), Code::OutOfRange, "4194304"),
+    ] {
+        let refusal = client.import_map(request).await.unwrap_err();
+        assert!(refusal.code() == code && refusal.message().contains(words), "{refusal}");
+    }
+    let back = client.get_map(wire::GetMapRequest { map_hash: kept.map_hash.clone() }).await.unwrap().into_inner();
+    assert_eq!(exchange::decode(&back.file).unwrap().hash().to_hex(), kept.map_hash);
+    let unknown = client.get_map(wire::GetMapRequest { map_hash: "0".repeat(64) }).await.unwrap_err();
+    assert!(unknown.code() == Code::NotFound && unknown.message().contains("ImportMap"), "{unknown}");
+
+    let mut graphs = planner_client(&planner).await;
+    let both = plan::BuildGraphRequest { map: Some(small_map(1)), map_hash: kept.map_hash.clone(), settings: None };
+    assert!(graphs.build_graph(both).await.unwrap_err().message().contains("both set"));
+    let neither = plan::BuildGraphRequest { map: None, map_hash: String::new(), settings: None };
+    assert!(graphs.build_graph(neither).await.unwrap_err().message().contains("map is missing"));
+
+    // There is room for one: nothing stands on the first, so it goes.
+    let other = exchange::encode(&Map::generate(&map_spec(Some(&small_map(3))).unwrap()).unwrap());
+    client.import_map(import(wire::MapFormat::Saved, other)).await.unwrap();
+    assert_eq!(client.list_maps(wire::ListMapsRequest {}).await.unwrap().into_inner().maps.len(), 1);
+    planner.stop().await;
+}
