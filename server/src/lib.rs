@@ -4,6 +4,7 @@
 //! absolute 60 Hz schedule, [`registry`] the workers, [`service`] decode, call, encode. Simulation never runs
 //! on tokio's threads, and nothing below [`service`] awaits.
 
+pub mod checks;
 pub mod hosted;
 pub mod metrics;
 pub mod registry;

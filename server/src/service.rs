@@ -1,7 +1,8 @@
 //! The gRPC face of the world server: decode, call, encode.
 
 use crate::ServerConfig;
-use crate::hosted::{Answer, HostedWorld, NpcError, TimeMode, world_of};
+use crate::checks::{check_answer, check_hello};
+use crate::hosted::{HostedWorld, NpcError, TimeMode, world_of};
 use crate::metrics::{self, WorldFigures};
 use crate::registry::{Registry, ToWorker, WorkerId};
 use crate::sim::{Seat, Sim, SimHandle};
@@ -14,9 +15,7 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::serving::{Shutdown, going_away};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
-use surefoot_world::character::{ACTION_LEN, Action};
-use surefoot_world::sense::OBSERVATION_VERSION;
-use surefoot_world::{Map, OBSERVATION_LEN};
+use surefoot_world::Map;
 use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_stream::{Stream, StreamExt};
@@ -27,10 +26,6 @@ use tracing::{info, warn};
 const WORKER_QUEUE: usize = 256;
 /// Snapshots waiting for one watcher; older ones are skipped.
 const WATCH_QUEUE: usize = 1;
-/// Most NPCs that one worker may offer to carry.
-const MAX_CAPACITY: f64 = 65_536.0;
-/// Longest name of a worker, bytes.
-const MAX_NAME: usize = 64;
 /// How long a new worker may take to say hello.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 
@@ -179,50 +174,6 @@ impl WorldApi {
 }
 
 const POISON: &str = "no holder of this lock panics";
-
-fn check_answer(batch: &wire::ActionBatch) -> Result<Answer, Status> {
-    let count = batch.npc_ids.len();
-    let values = convert::unpack(&batch.actions, count * ACTION_LEN, "actions.actions")?;
-    let mut seen: Vec<u64> = batch.npc_ids.clone();
-    seen.sort_unstable();
-    if let Some(pair) = seen.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(Status::invalid_argument(format!("actions.npc_ids names npc {} twice", pair[0])));
-    }
-    let actions = values.as_chunks::<ACTION_LEN>().0.iter().enumerate().map(|(idx, row)| {
-        Action::from_array(*row)
-            .map_err(|error| Status::invalid_argument(format!("npc {}: {error}", batch.npc_ids[idx])))
-    });
-    let waypoints = batch.waypoints.iter().map(|waypoint| {
-        Ok((waypoint.npc_id, convert::point(waypoint.position.as_ref(), "actions.waypoints.position")?))
-    });
-    Ok(Answer {
-        tick: batch.tick,
-        npc_ids: batch.npc_ids.clone(),
-        actions: actions.collect::<Result<_, Status>>()?,
-        waypoints: waypoints.collect::<Result<_, FieldError>>()?,
-        gave_up: batch.gave_up.clone(),
-    })
-}
-
-fn check_hello(hello: Option<&wire::WorkRequest>) -> Result<wire::Hello, Status> {
-    let Some(wire::work_request::Message::Hello(hello)) = hello.and_then(|request| request.message.as_ref()) else {
-        return Err(Status::invalid_argument("the first message must be hello"));
-    };
-    convert::in_range(f64::from(hello.capacity), 1.0, MAX_CAPACITY, "hello.capacity")?;
-    if hello.name.len() > MAX_NAME {
-        return Err(Status::invalid_argument(format!(
-            "hello.name is {} bytes long, allowed are {MAX_NAME}",
-            hello.name.len()
-        )));
-    }
-    let (len, version) = (hello.observation_len as usize, hello.observation_version);
-    if (len, version) != (OBSERVATION_LEN, OBSERVATION_VERSION) {
-        return Err(Status::failed_precondition(format!(
-            "hello expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, version {OBSERVATION_VERSION}: update the worker"
-        )));
-    }
-    Ok(hello.clone())
-}
 
 type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
