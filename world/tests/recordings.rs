@@ -13,6 +13,9 @@ fn floor() -> Arc<Map> {
     Arc::new(Map::from_parts(MapSize { width: 20, height: 10, depth: 20 }, triangles, Placed::default()))
 }
 
+/// Makes a recording's parts impossible, with a place on the map.
+type Spoil = fn(&mut Parts, Vec3);
+
 /// What a recording's file holds, field by field, to be spoilt before it is sealed.
 struct Parts {
     profiles: Vec<CharacterProfile>,
@@ -62,7 +65,7 @@ fn what_cannot_have_happened_is_refused() {
     let map = floor();
     assert_eq!(Parts::new(&map).replay(&map), Ok(()));
     let at = Vec3::new(10.0, 1.0, 10.0);
-    let cases: [(&str, fn(&mut Parts, Vec3)); 17] = [
+    let cases: [(&str, Spoil); 17] = [
         ("profile is out of range", |parts, _| parts.profiles.clear()),
         ("profile is out of range", |parts, _| parts.profiles[0].forward_speed = f32::INFINITY),
         ("profile is out of range", |parts, _| parts.profiles = vec![CharacterProfile::default(); 257]),
