@@ -99,6 +99,51 @@ struct Entry {
     stats: BuildStats,
 }
 
+/// A graph as the bytes of an entry.
+pub fn encode_entry(built: &Built) -> Vec<u8> {
+    seal(&Entry { graph: built.graph.to_data(), stats: built.stats })
+}
+
+/// The graph that [`encode_entry`] turned into `bytes`.
+///
+/// # Errors
+/// Says why they are not a whole, undamaged entry with a graph that makes sense.
+pub fn decode_entry(bytes: &[u8]) -> Result<Built, String> {
+    let Entry { graph, stats } = unseal(bytes)?;
+    let graph = NavGraph::check(graph).map_err(|error| error.to_string())?;
+    Ok(Built { graph, stats })
+}
+
+/// What was reported of a graph's edges as the bytes of an entry.
+pub fn encode_live(live: &LiveEvidence) -> Vec<u8> {
+    seal(live)
+}
+
+/// The evidence that [`encode_live`] turned into `bytes`.
+///
+/// # Errors
+/// Says why they are not whole, undamaged evidence.
+pub fn decode_live(bytes: &[u8]) -> Result<LiveEvidence, String> {
+    let live: LiveEvidence = unseal(bytes)?;
+    if live.is_sound() { Ok(live) } else { Err("its evidence contradicts itself".to_owned()) }
+}
+
+/// A layer as the bytes of an entry.
+pub fn encode_layer(layer: &Layer) -> Vec<u8> {
+    seal_bytes(serde_json::to_vec(layer).expect("a layer is plain data"))
+}
+
+/// The layer that [`encode_layer`] turned into `bytes`.
+///
+/// # Errors
+/// Says why they are not a whole, undamaged layer with sensible edits.
+pub fn decode_layer(bytes: &[u8]) -> Result<Layer, String> {
+    // Layers are stored as JSON, whose edits postcard cannot tell apart.
+    let layer: Layer = serde_json::from_slice(content(bytes)?).map_err(|error| error.to_string())?;
+    layer.validate().map_err(|error| error.to_string())?;
+    Ok(layer)
+}
+
 /// The embedded store: one redb file.
 #[derive(Debug)]
 pub struct DiskStore {
@@ -147,7 +192,14 @@ impl DiskStore {
         }
     }
 
-    fn read<T: DeserializeOwned>(&self, table: Blobs, key: &[u8], what: &str) -> Result<Option<T>, StoreError> {
+    /// An entry as `decode` reads it; a damaged one is named and reads as absent.
+    fn read<T>(
+        &self,
+        table: Blobs,
+        key: &[u8],
+        what: &str,
+        decode: impl Fn(&[u8]) -> Result<T, String>,
+    ) -> Result<Option<T>, StoreError> {
         let bytes = self.guarded(|| {
             let transaction = self.database.begin_read()?;
             match transaction.open_table(table) {
@@ -156,7 +208,7 @@ impl DiskStore {
                 Err(error) => Err(error.into()),
             }
         })?;
-        Ok(bytes.and_then(|bytes| match unseal(&bytes) {
+        Ok(bytes.and_then(|bytes| match decode(&bytes) {
             Ok(value) => Some(value),
             Err(reason) => {
                 warn!(path = %self.path.display(), what, reason, "an entry of the graph cache is damaged: it is passed over");
@@ -205,22 +257,15 @@ fn next_use(uses: &impl ReadableTable<&'static [u8], (u64, u64)>) -> Result<u64,
 
 impl GraphStore for DiskStore {
     fn get(&self, id: &GraphId) -> Result<Option<Built>, StoreError> {
-        let Some(entry) = self.read::<Entry>(GRAPHS, &id.0, "graph")? else { return Ok(None) };
-        let graph = match NavGraph::check(entry.graph) {
-            Ok(graph) => graph,
-            Err(error) => {
-                warn!(path = %self.path.display(), %id, %error, "a cached graph makes no sense: it will be built again");
-                return Ok(None);
-            }
-        };
+        let Some(built) = self.read(GRAPHS, &id.0, "graph", decode_entry)? else { return Ok(None) };
         if let Err(error) = self.note_use(id) {
             warn!(%error, "a use is not noted");
         }
-        Ok(Some(Built { graph, stats: entry.stats }))
+        Ok(Some(built))
     }
 
     fn put(&self, id: &GraphId, built: &Built) -> Result<(), StoreError> {
-        let bytes = seal(&Entry { graph: built.graph.to_data(), stats: built.stats });
+        let bytes = encode_entry(built);
         self.guarded(|| {
             let transaction = self.database.begin_write()?;
             {
@@ -254,11 +299,11 @@ impl GraphStore for DiskStore {
     }
 
     fn live(&self, id: &GraphId) -> Result<LiveEvidence, StoreError> {
-        Ok(self.read(LIVE, &id.0, "live evidence")?.unwrap_or_default())
+        Ok(self.read(LIVE, &id.0, "live evidence", decode_live)?.unwrap_or_default())
     }
 
     fn put_live(&self, id: &GraphId, live: &LiveEvidence) -> Result<(), StoreError> {
-        self.write(LIVE, &id.0, &seal(live))
+        self.write(LIVE, &id.0, &encode_live(live))
     }
 
     fn layers(&self, level: &LevelId) -> Result<Vec<Layer>, StoreError> {
@@ -281,7 +326,7 @@ impl GraphStore for DiskStore {
         })?;
         let mut layers = Vec::new();
         for bytes in found {
-            match unseal_text::<Layer>(&bytes) {
+            match decode_layer(&bytes) {
                 Ok(layer) => layers.push(layer),
                 Err(reason) => {
                     warn!(path = %self.path.display(), reason, "a layer of edits is damaged: it is left out")
@@ -301,7 +346,7 @@ impl GraphStore for DiskStore {
                 Ok(())
             });
         }
-        self.write(LAYERS, &key, &seal_bytes(serde_json::to_vec(layer).expect("a layer is plain data")))
+        self.write(LAYERS, &key, &encode_layer(layer))
     }
 }
 
@@ -326,11 +371,6 @@ fn content(bytes: &[u8]) -> Result<&[u8], String> {
 
 fn unseal<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     postcard::from_bytes(content(bytes)?).map_err(|error| error.to_string())
-}
-
-/// Layers are stored as JSON, whose edits postcard cannot tell apart.
-fn unseal_text<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
-    serde_json::from_slice(content(bytes)?).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use crate::candidates::Candidate;
 use crate::legs::LegModel;
 use crate::probe::Outcome;
 use petgraph::Direction;
-use petgraph::algo::tarjan_scc;
+use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
@@ -124,8 +124,8 @@ impl Evidence {
     /// These tries and others of the same edge; ability and prior stay.
     pub fn and(&self, other: &Evidence) -> Self {
         Self {
-            tries: self.tries + other.tries,
-            successes: self.successes + other.successes,
+            tries: self.tries.saturating_add(other.tries),
+            successes: self.successes.saturating_add(other.successes),
             decisions_sum: self.decisions_sum + other.decisions_sum,
             decisions_squared: self.decisions_squared + other.decisions_squared,
             ..*self
@@ -181,16 +181,20 @@ impl Evidence {
         (self.decisions_squared / f64::from(self.successes.max(1)) - mean * mean).max(0.0).sqrt()
     }
 
-    /// Whether its numbers can have come from probes.
+    /// Whether its numbers can have come from probes that prove an edge.
     pub fn is_sound(&self) -> bool {
+        self.successes > 0 && self.is_consistent()
+    }
+
+    /// Whether its numbers can have come from probes at all.
+    pub fn is_consistent(&self) -> bool {
         self.successes <= self.tries
-            && self.successes > 0
-            && self.decisions_sum.is_finite()
-            && self.decisions_sum >= 0.0
-            && self.decisions_squared.is_finite()
+            && (0.0..=f64::MAX).contains(&self.decisions_sum)
+            && (0.0..=f64::MAX).contains(&self.decisions_squared)
             && (0.0..=1.0).contains(&self.prior)
             && self.price_factor > 0.0
             && self.price_factor.is_finite()
+            && self.bounds.iter().all(|corner| corner.is_finite())
     }
 
     /// Evidence of a leg that somebody vouches for: one success that took `decisions`.
@@ -317,7 +321,8 @@ impl NavGraph {
         if !data.legs.is_finite() {
             return Err(GraphError::BadLegs);
         }
-        let components = tarjan_scc(&graph);
+        // Not Tarjan's: petgraph has it recursive, and a long row of vertices would exhaust the stack.
+        let components = kosaraju_scc(&graph);
         let mut islands = vec![0; graph.node_count()];
         for (island, members) in components.iter().enumerate() {
             for member in members {

@@ -48,10 +48,17 @@ impl LiveEvidence {
         let mut data = graph.to_data();
         for edge in &mut data.edges {
             if let Some(live) = self.edges.get(&(edge.from, edge.to)) {
-                edge.evidence = edge.evidence.and(live);
+                // Only sums beyond all numbers make no sense; the proof alone stands then.
+                let both = edge.evidence.and(live);
+                edge.evidence = if both.is_sound() { both } else { edge.evidence };
             }
         }
-        NavGraph::check(data).expect("evidence was only added")
+        NavGraph::check(data).expect("sound evidence was added to a checked graph")
+    }
+
+    /// Whether its numbers can have come from passages.
+    pub fn is_sound(&self) -> bool {
+        self.edges.values().all(|evidence| evidence.tries < MEMORY && evidence.is_consistent())
     }
 
     /// Forgets edges that touch vertices from number `count` on.

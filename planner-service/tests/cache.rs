@@ -1,8 +1,9 @@
 //! The cache on disk: torn and flipped files, eviction, layers and live evidence.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use surefoot_planner::build::{BuildStats, GraphId};
-use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore, GraphStore, LevelId};
+use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore, GraphStore, LevelId, decode_layer, decode_live};
 use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::graph::{Evidence, GraphData};
 use surefoot_planner::legs::LegModel;
@@ -122,4 +123,37 @@ fn layers_and_live_evidence_are_remembered() {
     store.put_layer(&level, &Layer { edits: Vec::new(), ..layer("day") }).unwrap();
     assert_eq!(store.layers(&level).unwrap(), [layer("night")]);
     assert_eq!(store.layers(&LevelId::of(b"three")).unwrap(), []);
+}
+
+#[test]
+fn evidence_and_layers_that_cannot_be_are_damage() {
+    #[derive(serde::Serialize)]
+    struct Stored(BTreeMap<(u32, u32), Evidence>);
+    let sealed = |content: Vec<u8>| [blake3::hash(&content).as_bytes().as_slice(), &content].concat();
+    let entry = |change: fn(&mut Evidence)| {
+        let mut evidence = Evidence::vouched(7.0);
+        change(&mut evidence);
+        sealed(postcard::to_stdvec(&Stored(BTreeMap::from([((0, 1), evidence)]))).unwrap())
+    };
+    // More tries than are remembered of an edge once overflowed when they were added to its proof.
+    assert!(decode_live(&entry(|_| {})).is_ok());
+    assert!(decode_live(&entry(|evidence| evidence.tries = u32::MAX)).is_err());
+    assert!(decode_live(&entry(|evidence| evidence.successes = 2)).is_err());
+    assert!(decode_live(&entry(|evidence| evidence.prior = f32::NAN)).is_err());
+    let layer = |edit: &str| decode_layer(&sealed(format!(r#"{{"name":"night","edits":[{edit}]}}"#).into_bytes()));
+    assert!(layer(r#"{"edit":"add_vertex","at":[1,2,3]}"#).is_ok());
+    // Beyond all floats: once an infinite place.
+    assert!(layer(r#"{"edit":"add_vertex","at":[1e39,2,3]}"#).is_err());
+    assert!(layer(r#"{"edit":"price_edge","from":[1,2,3],"to":[4,5,6],"factor":-1}"#).is_err());
+}
+
+#[test]
+fn a_proof_of_very_many_tries_takes_live_evidence_all_the_same() {
+    let mut data = built(2).graph.to_data();
+    let evidence = &mut data.edges[0].evidence;
+    (evidence.tries, evidence.successes) = (u32::MAX, u32::MAX);
+    let graph = NavGraph::check(data).unwrap();
+    let mut live = LiveEvidence::default();
+    live.note(&graph, &Passage { from: 0, to: 1, reached: true, decisions: 9 }).unwrap();
+    assert_eq!(live.lay_over(&graph).edge(0, 1).unwrap().evidence.tries, u32::MAX);
 }

@@ -201,3 +201,11 @@ fn edges_that_make_no_sense_are_refused() {
         .is_err()
     );
 }
+
+#[test]
+fn a_row_of_very_many_vertices_is_checked_without_deep_recursion() {
+    let count = 200_000;
+    let edges = (1..count).map(|to| edge(to - 1, to, 1, 1, 1)).collect();
+    let graph = graph(vec![Vec3::ZERO; count as usize], edges);
+    assert_eq!(graph.island_count(), count);
+}

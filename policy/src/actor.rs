@@ -5,13 +5,14 @@
 //! Gaussian (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). Linear layers stand where
 //! the paper has a small CNN: on this backend they learn several times faster (docs/adr/0003-linear-ray-encoder.md).
 
-use crate::lstm::Recall;
-use crate::network::{Dense, Encoding, Past, Trunk};
+use crate::lstm::{GATES, Recall};
+use crate::network::{Dense, Encoding, Past, RAY_LEN, Trunk};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use surefoot_world::character::ACTION_LEN;
+use surefoot_world::sense::STATE_LEN;
 
 /// Bounds of the log standard deviation.
 pub(crate) const LOG_STD_RANGE: (f32, f32) = (-5.0, 2.0);
@@ -32,6 +33,31 @@ pub struct ActorConfig {
 impl Default for ActorConfig {
     fn default() -> Self {
         Self { ray_features: 128, hidden: 256, memory: 0 }
+    }
+}
+
+/// Widest layer that a file may ask for.
+const MAX_WIDTH: usize = 4096;
+
+impl ActorConfig {
+    /// Whether a network can have these sizes.
+    pub fn is_sound(&self) -> bool {
+        let widths = 1..=MAX_WIDTH;
+        widths.contains(&self.ray_features) && widths.contains(&self.hidden) && self.memory <= MAX_WIDTH
+    }
+
+    /// Parameters of an actor of these sizes, which must be sound: what its weights' file must hold before room is made
+    /// for them.
+    pub fn parameter_count(&self) -> usize {
+        let &Self { ray_features, hidden, memory } = self;
+        let dense = |inputs: usize, outputs: usize| (inputs + 1) * outputs;
+        let sensed = ray_features + STATE_LEN;
+        let lstm = if memory > 0 { dense(sensed, GATES * memory) + memory * GATES * memory } else { 0 };
+        dense(RAY_LEN, ray_features)
+            + lstm
+            + dense(sensed + memory, hidden)
+            + dense(hidden, hidden)
+            + dense(hidden, 2 * ACTION_LEN)
     }
 }
 

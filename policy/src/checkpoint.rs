@@ -72,6 +72,9 @@ pub enum CheckpointError {
         /// Value in this program.
         expected: String,
     },
+    /// The manifest describes a network that cannot be.
+    #[error("the manifest describes a network of sizes that are not allowed (1 to 4096, memory from 0): {0:?}")]
+    Sizes(ActorConfig),
     /// The weights file could not be decoded into the network.
     #[error("weights cannot be loaded into the network: {0}")]
     Decode(String),
@@ -128,7 +131,11 @@ impl Policy {
         Self::from_bytes(Manifest::load(folder)?, &read(&folder.join(WEIGHTS_FILE))?)
     }
 
-    fn from_bytes(manifest: Manifest, weights: &[u8]) -> Result<Self, CheckpointError> {
+    /// Takes the contents of a model's files.
+    ///
+    /// # Errors
+    /// If the weights are not those that the manifest describes, or do not fit this program's network or observation.
+    pub fn from_bytes(manifest: Manifest, weights: &[u8]) -> Result<Self, CheckpointError> {
         manifest.check(weights)?;
         let device = Device::flex();
         let actor = load_module(Actor::new(&manifest.actor, &device, &mut ChaCha8Rng::seed_from_u64(0)), weights)?;
@@ -176,6 +183,16 @@ impl Manifest {
         let same = |field, found: String, expected: String| {
             if found == expected { Ok(()) } else { Err(CheckpointError::Mismatch { field, found, expected }) }
         };
+        if !self.actor.is_sound() {
+            return Err(CheckpointError::Sizes(self.actor));
+        }
+        // Room is made for a network before its weights are read, so a manifest must not ask for more than there are.
+        let (needed, found) = (self.actor.parameter_count() * size_of::<f32>(), weights.len());
+        if found < needed {
+            return Err(CheckpointError::Decode(format!(
+                "the network that the manifest describes has {needed} bytes of weights, the file is {found} bytes long"
+            )));
+        }
         same("kind", self.kind.clone(), kind(&self.actor).to_owned())?;
         same("observation_len", self.observation_len.to_string(), OBSERVATION_LEN.to_string())?;
         same("observation_version", self.observation_version.to_string(), OBSERVATION_VERSION.to_string())

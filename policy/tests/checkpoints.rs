@@ -89,3 +89,29 @@ fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
     let refusal = Policy::load(folder.path()).unwrap_err().to_string();
     assert!(refusal.contains("manifest.json"), "{refusal}");
 }
+
+#[test]
+fn a_manifest_cannot_ask_for_room_that_the_weights_do_not_fill() {
+    let config = ActorConfig { ray_features: 2, hidden: 3, memory: 0 };
+    let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(3));
+    let weights = module_bytes(&actor).unwrap();
+    let refusal = |actor| {
+        let manifest = Manifest::new("greedy", actor, &weights, serde_json::Value::Null);
+        Policy::from_bytes(manifest, &weights).unwrap_err().to_string()
+    };
+    let sound = Manifest::new("sound", config, &weights, serde_json::Value::Null);
+    assert!(Policy::from_bytes(sound, &weights).is_ok());
+    // Each of these once took its memory, or the whole program, before the weights were looked at.
+    for actor in [
+        ActorConfig { hidden: 1 << 40, ..config },
+        ActorConfig { ray_features: usize::MAX, ..config },
+        ActorConfig { memory: 1 << 20, ..config },
+        ActorConfig { hidden: 0, ..config },
+        ActorConfig { ray_features: 0, ..config },
+    ] {
+        let message = refusal(actor);
+        assert!(message.contains("sizes that are not allowed"), "{message}");
+    }
+    let message = refusal(ActorConfig { ray_features: 4096, hidden: 4096, memory: 4096 });
+    assert!(message.contains("bytes of weights"), "{message}");
+}

@@ -4,6 +4,7 @@ use burn::tensor::Device;
 use prost::Message;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
+use safetensors::tensor::{Dtype, TensorView};
 use std::collections::HashMap;
 use surefoot_policy::checkpoint::module_bytes;
 use surefoot_policy::exchange::{from_safetensors, to_onnx, to_safetensors};
@@ -100,6 +101,32 @@ fn foreign_safetensors_are_refused_with_what_differs() {
     for bytes in [&b""[..], &[255; 40], &to_safetensors(policy(0).actor(), policy(0).manifest()).unwrap()[..900]] {
         assert!(matches!(from_safetensors(bytes), Err(CheckpointError::Decode(_))));
     }
+}
+
+#[test]
+fn shapes_cannot_ask_for_room_that_the_values_do_not_fill() {
+    // All parameters are there, but nearly without rows: 30 kB that once took a gigabyte before they were refused.
+    let shapes: [(&str, &[usize]); 11] = [
+        ("head.bias", &[8]),
+        ("head.weight", &[1, 8]),
+        ("trunk.first.bias", &[1]),
+        ("trunk.first.weight", &[1, 1]),
+        ("trunk.memory.input.bias", &[1]),
+        ("trunk.memory.input.weight", &[1, 1]),
+        ("trunk.memory.recurrent", &[0, 16384]),
+        ("trunk.rays.bias", &[1]),
+        ("trunk.rays.weight", &[0, 4096]),
+        ("trunk.second.bias", &[1]),
+        ("trunk.second.weight", &[1, 4096]),
+    ];
+    let values = vec![0u8; 4 * 4096];
+    let views = shapes.map(|(name, shape)| {
+        let len = 4 * shape.iter().product::<usize>();
+        (name, TensorView::new(Dtype::F32, shape.to_vec(), &values[..len]).unwrap())
+    });
+    let bytes = safetensors::serialize(views, None).unwrap();
+    let message = from_safetensors(&bytes).unwrap_err().to_string();
+    assert!(message.contains("values, as ActorConfig"), "{message}");
 }
 
 #[test]

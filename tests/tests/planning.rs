@@ -150,11 +150,11 @@ async fn a_build_that_nobody_waits_for_any_more_makes_room() {
     assert!(progress.message().await.unwrap().unwrap().summary.is_none());
     let other =
         wire::BuildGraphRequest { map: Some(small_map(MAP)), settings: Some(small_graph()), ..Default::default() };
-    let refused = client.build_graph(other).await.unwrap_err();
+    let refused = client.build_graph(other.clone()).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted);
     drop(progress);
     let accepted = async {
-        while client.build_graph(other).await.is_err() {
+        while client.build_graph(other.clone()).await.is_err() {
             tokio::task::yield_now().await;
         }
     };

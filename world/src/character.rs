@@ -27,6 +27,10 @@ const WADING_DEPTH_M: f32 = 0.25;
 /// Share of the walking speed that is left in water.
 const WADING_SPEED: f32 = 0.5;
 
+/// No body is further from the origin, m, or faster, m/s: even pads cannot throw it so.
+const FARTHEST_M: f32 = 1.0e6;
+const FASTEST: f32 = 2.0e4;
+
 /// Share of the speed that is kept when a zip line is let go.
 const ZIP_RELEASE_SHARE: f32 = 0.4;
 
@@ -277,6 +281,16 @@ impl Body {
     /// A resting body.
     pub fn at(feet: Vec3, yaw: f32) -> Self {
         Self { feet, yaw, ..Self::default() }
+    }
+
+    /// Whether a stored body can have moved on a map with so many zip lines: what a tick takes for granted.
+    pub(crate) fn is_sound(&self, zip_line_count: usize) -> bool {
+        let lies_within = |vector: Vec3, most: f32| vector.abs().max_element() <= most && vector.is_finite();
+        lies_within(self.feet, FARTHEST_M)
+            && lies_within(self.velocity, FASTEST)
+            && lies_within(self.steep_out, 1.0)
+            && self.yaw.is_finite()
+            && self.ride.is_none_or(|ride| (ride.line_idx as usize) < zip_line_count && ride.distance.is_finite())
     }
 
     /// Whether it stands on ground that can be walked.

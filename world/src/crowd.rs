@@ -41,7 +41,7 @@ impl CrowdScratch {
             let npc = npcs[slot as usize].as_ref().expect("listed above");
             for dx in -1..=1 {
                 for dz in -1..=1 {
-                    let near = (cell.0 + dx, cell.1 + dz);
+                    let near = (cell.0.saturating_add(dx), cell.1.saturating_add(dz));
                     let start = self.cells.partition_point(|(other, _)| *other < near);
                     for &(_, other) in self.cells[start..].iter().take_while(|(other, _)| *other == near) {
                         if other != slot {

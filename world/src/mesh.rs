@@ -17,6 +17,9 @@ const STRETCH_SLACK_M: f32 = 1.0e-3;
 /// Longest empty-space skip that is stored, in cells.
 const MAX_SKIP: u8 = 15;
 
+/// Cells below which starting threads takes longer than the work.
+const CELLS_WORTH_THREADS: usize = 1 << 16;
+
 /// What a triangle is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -387,7 +390,7 @@ impl Mesh {
     /// by row so that the inner loops run over consecutive bytes.
     fn empty_space_skips(&self, triangle_counts: &[u32]) -> Vec<u8> {
         let [nx, ny, nz] = self.counts.map(|count| count as usize);
-        let threads = parallel::core_count();
+        let threads = if triangle_counts.len() < CELLS_WORTH_THREADS { 1 } else { parallel::core_count() };
         let slab_len = nx * ny;
         let mut along_x = vec![0u8; triangle_counts.len()];
         parallel::for_each_slab(&mut along_x, nx, threads, |row_idx, row| {

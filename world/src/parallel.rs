@@ -9,6 +9,10 @@ pub(crate) fn for_each_slab<T: Send>(
 ) {
     let slab_count = values.len() / slab_len;
     let slabs_per_thread = slab_count.div_ceil(thread_count.max(1)).max(1);
+    if slabs_per_thread >= slab_count {
+        values.chunks_mut(slab_len).enumerate().for_each(|(slab_idx, slab)| fill(slab_idx, slab));
+        return;
+    }
     std::thread::scope(|scope| {
         for (thread_idx, chunk) in values.chunks_mut(slabs_per_thread * slab_len).enumerate() {
             let fill = &fill;

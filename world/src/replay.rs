@@ -76,6 +76,9 @@ pub enum ReplayError {
     /// Cut off or changed.
     #[error("the recording is damaged: its checksum does not fit; copy it again")]
     Damaged,
+    /// Undamaged, but no world can have run like that.
+    #[error("the recording makes no sense ({0}): record it anew")]
+    Senseless(&'static str),
     /// The map at hand is another one.
     #[error("the recording was made on map {expected}, this is map {found}")]
     OtherMap {
@@ -148,10 +151,14 @@ impl Recording {
     /// saves the world at that tick and goes on in a fresh one restored from it.
     ///
     /// # Errors
-    /// If the map is another one or a state differs.
+    /// If the map is another one, a state differs, or something happens that cannot.
     pub fn replay(&self, map: Arc<Map>, restore_at: Option<u64>) -> Result<WorldState, ReplayError> {
         if map.hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.hash() });
+        }
+        let zip_line_count = map.placed().zip_lines.len();
+        if !self.start.fits(self.profiles.len(), zip_line_count) {
+            return Err(ReplayError::Senseless("an NPC hangs on a zip line that the map does not have"));
         }
         let config =
             WorldConfig { profiles: self.profiles.clone(), task: self.task.clone(), npc_collision: self.npc_collision };
@@ -163,7 +170,7 @@ impl Recording {
             let tick = world.current_tick();
             loop {
                 let made = inputs.peek().map_or(self.inputs.len() as u64, |(nth, _)| *nth);
-                if let Some(check) = checks.next_if(|check| check.tick == tick && check.input_count == made) {
+                while let Some(check) = checks.next_if(|check| check.tick == tick && check.input_count == made) {
                     if world.save().hash() != check.hash {
                         return Err(ReplayError::Diverged { tick, agreed });
                     }
@@ -173,7 +180,9 @@ impl Recording {
                 apply(&mut world, tick, *input)?;
             }
             if tick >= self.end_tick {
-                return Ok(world.save());
+                // What is left names a tick that has passed, or a state after inputs that were not made.
+                let is_done = inputs.peek().is_none() && checks.peek().is_none();
+                return if is_done { Ok(world.save()) } else { Err(ReplayError::Diverged { tick, agreed }) };
             }
             if restore_at == Some(tick) {
                 let state = world.save();
@@ -192,14 +201,49 @@ impl Recording {
     /// Reads what [`Recording::encode`] wrote.
     ///
     /// # Errors
-    /// If it is something else, of another version, or damaged.
+    /// If it is something else, of another version, damaged, or no world can have run like that.
     pub fn decode(bytes: &[u8]) -> Result<Self, ReplayError> {
         let content = sealed::open(MAGIC, REPLAY_VERSION, bytes).map_err(|error| match error {
             SealError::Magic => ReplayError::Magic,
             SealError::Version(version) => ReplayError::Version(version),
             SealError::Damaged => ReplayError::Damaged,
         })?;
-        postcard::from_bytes(content).map_err(|_| ReplayError::Damaged)
+        let recording: Self = postcard::from_bytes(content).map_err(|_| ReplayError::Damaged)?;
+        recording.check()?;
+        Ok(recording)
+    }
+
+    /// Whether a world can have run like that: what replaying relies on, and no more ticks than its checks bear out.
+    fn check(&self) -> Result<(), ReplayError> {
+        let senseless = |what| Err(ReplayError::Senseless(what));
+        let profile_count = self.profiles.len();
+        if !(1..=256).contains(&profile_count) || self.profiles.iter().any(|profile| profile.validate().is_err()) {
+            return senseless("a character profile is out of range");
+        }
+        if !self.start.fits(profile_count, usize::MAX) {
+            return senseless("the state that it begins with is out of range");
+        }
+        let spawns_unknown =
+            |input: &Input| matches!(input, Input::Spawn(profile, ..) if usize::from(profile.0) >= profile_count);
+        if self.inputs.iter().any(|(_, input)| spawns_unknown(input)) {
+            return senseless("an NPC has a profile that does not exist");
+        }
+        let span = self.start.tick()..=self.end_tick;
+        let in_order = self.inputs.is_sorted_by_key(|(tick, _)| tick)
+            && self.checks.is_sorted_by_key(|check| (check.tick, check.input_count))
+            && self
+                .inputs
+                .iter()
+                .map(|(tick, _)| tick)
+                .chain(self.checks.iter().map(|check| &check.tick))
+                .all(|tick| span.contains(tick));
+        if span.is_empty() || !in_order {
+            return senseless("its ticks are not in order");
+        }
+        if (self.end_tick - self.start.tick()) / CHECK_EVERY_TICKS >= self.checks.len() as u64 {
+            return senseless("it has too few states for its length");
+        }
+        Ok(())
     }
 }
 

@@ -57,6 +57,9 @@ pub struct DecisionOutcome {
     pub end: Option<End>,
 }
 
+/// Beyond this a counted tick or decision of a stored NPC cannot be, and counting on might overflow.
+const MAX_COUNT: u32 = 1 << 30;
+
 /// Everything about a world that changes while it is stepped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorldState {
@@ -68,6 +71,25 @@ impl WorldState {
     /// Ticks stepped when it was saved.
     pub fn tick(&self) -> u64 {
         self.tick
+    }
+
+    /// Whether a world with so many profiles, on a map with so many zip lines, can have been in it.
+    pub fn fits(&self, profile_count: usize, zip_line_count: usize) -> bool {
+        self.npcs.iter().flatten().all(|npc| {
+            let counts = [
+                Some(npc.last.ticks_in_water),
+                npc.episode.map(|episode| episode.decisions),
+                npc.episode.map(|episode| episode.stalled_decisions),
+            ];
+            usize::from(npc.profile.0) < profile_count
+                && npc.body.is_sound(zip_line_count)
+                && counts.into_iter().flatten().all(|count| count <= MAX_COUNT)
+        })
+    }
+
+    /// Slots that NPCs stand in, in order.
+    pub fn slots(&self) -> impl Iterator<Item = NpcSlot> {
+        (0..).zip(&self.npcs).filter(|(_, npc)| npc.is_some()).map(|(slot, _)| NpcSlot(slot))
     }
 
     /// Hash of every bit of it.

@@ -5,7 +5,7 @@
 //! table follows within seconds.
 
 mod hosted;
-mod wire_form;
+pub mod wire_form;
 
 pub use wire_form::{npc_plan_to_wire, plan_from_wire, plan_to_wire, settings_to_wire};
 

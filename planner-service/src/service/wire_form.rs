@@ -14,7 +14,11 @@ use surefoot_proto::status;
 use surefoot_proto::world::v1 as world;
 use tonic::Status;
 
-pub(super) fn settings_from_wire(
+/// Settings from the wire, defaults filled in.
+///
+/// # Errors
+/// If an enum value is unknown or a number out of range.
+pub fn settings_from_wire(
     settings: Option<&wire::BuildSettings>,
     config: &PlannerConfig,
 ) -> Result<BuildSettings, Status> {
@@ -195,7 +199,7 @@ pub fn plan_from_wire(plan: &wire::Plan) -> Result<Plan, FieldError> {
 }
 
 /// An edge on the wire.
-pub(super) fn edge_to_wire(edge: &Edge) -> wire::Edge {
+pub fn edge_to_wire(edge: &Edge) -> wire::Edge {
     wire::Edge {
         from: edge.from,
         to: edge.to,
@@ -211,7 +215,10 @@ pub(super) fn edge_to_wire(edge: &Edge) -> wire::Edge {
 const MAX_DECISIONS: u32 = 10_000;
 
 /// A passage from the wire.
-pub(super) fn passage_from_wire(traversal: &wire::Traversal) -> Result<Passage, FieldError> {
+///
+/// # Errors
+/// If it is said to have taken too many decisions.
+pub fn passage_from_wire(traversal: &wire::Traversal) -> Result<Passage, FieldError> {
     let &wire::Traversal { from, to, reached, decisions } = traversal;
     if decisions > MAX_DECISIONS {
         let (value, max) = (f64::from(decisions), f64::from(MAX_DECISIONS));
@@ -221,13 +228,19 @@ pub(super) fn passage_from_wire(traversal: &wire::Traversal) -> Result<Passage, 
 }
 
 /// A layer from the wire; its numbers are checked by the layer itself.
-pub(super) fn layer_from_wire(layer: Option<&wire::Layer>) -> Result<Layer, Status> {
+///
+/// # Errors
+/// If it, one of its edits or a place is missing, or a place is not finite.
+pub fn layer_from_wire(layer: Option<&wire::Layer>) -> Result<Layer, Status> {
     let layer = layer.ok_or(FieldError::Missing("layer"))?;
     Ok(Layer { name: layer.name.clone(), edits: edits_from_wire(&layer.edits)? })
 }
 
 /// Edits from the wire.
-pub(super) fn edits_from_wire(edits: &[wire::Edit]) -> Result<Vec<Edit>, Status> {
+///
+/// # Errors
+/// If one is empty, or a place is missing or not finite.
+pub fn edits_from_wire(edits: &[wire::Edit]) -> Result<Vec<Edit>, Status> {
     edits.iter().map(edit_from_wire).collect::<Result<_, FieldError>>().map_err(Status::from)
 }
 
@@ -250,7 +263,7 @@ fn edit_from_wire(edit: &wire::Edit) -> Result<Edit, FieldError> {
 }
 
 /// A layer on the wire.
-pub(super) fn layer_to_wire(layer: &Layer) -> wire::Layer {
+pub fn layer_to_wire(layer: &Layer) -> wire::Layer {
     wire::Layer { name: layer.name.clone(), edits: layer.edits.iter().map(edit_to_wire).collect() }
 }
 
@@ -276,7 +289,7 @@ fn edit_to_wire(edit: &Edit) -> wire::Edit {
 }
 
 /// What does not fit, on the wire.
-pub(super) fn unfit_to_wire(unfit: &[Unfit]) -> Vec<wire::UnfitEdit> {
+pub fn unfit_to_wire(unfit: &[Unfit]) -> Vec<wire::UnfitEdit> {
     unfit
         .iter()
         .map(|unfit| wire::UnfitEdit {

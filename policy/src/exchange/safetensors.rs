@@ -69,6 +69,7 @@ pub fn from_safetensors(bytes: &[u8]) -> Result<(Actor, ActorConfig, Option<Mani
         }
     }
     let config = sizes(&found)?;
+    check_count(&config, &found)?;
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(0));
     check(&named_weights(&actor), &found)?;
     let mut fill = Fill { path: Vec::new(), found };
@@ -82,12 +83,30 @@ fn mismatch(found: String, expected: String) -> CheckpointError {
 /// The layer sizes that the shapes tell.
 fn sizes(found: &BTreeMap<String, Weights>) -> Result<ActorConfig, CheckpointError> {
     let width = |name: &str| match found.get(name).map(|weights| weights.shape.as_slice()) {
-        Some(&[_, width]) if (1..=4096).contains(&width) => Ok(width),
-        Some(shape) => Err(mismatch(format!("{name}: {shape:?}"), format!("{name}: a matrix up to 4096 wide"))),
+        Some(&[_, width]) => Ok(width),
+        Some(shape) => Err(mismatch(format!("{name}: {shape:?}"), format!("{name}: a matrix"))),
         None => Err(mismatch("no ".to_owned() + name, name.to_owned())),
     };
     let memory = if found.contains_key("trunk.memory.recurrent") { width("trunk.memory.recurrent")? / 4 } else { 0 };
-    Ok(ActorConfig { ray_features: width("trunk.rays.weight")?, hidden: width("trunk.second.weight")?, memory })
+    let config =
+        ActorConfig { ray_features: width("trunk.rays.weight")?, hidden: width("trunk.second.weight")?, memory };
+    if config.is_sound() { Ok(config) } else { Err(CheckpointError::Sizes(config)) }
+}
+
+/// Whether there are as many values as a network of these sizes has, before room is made for it: a few bytes of shapes
+/// can call for gigabytes. Names come first, as a missing parameter is the likelier fault.
+fn check_count(config: &ActorConfig, found: &BTreeMap<String, Weights>) -> Result<(), CheckpointError> {
+    let smallest = ActorConfig { ray_features: 1, hidden: 1, memory: config.memory.min(1) };
+    let named = named_weights(&Actor::new(&smallest, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(0)));
+    if let Some(name) = named.keys().find(|name| !found.contains_key(*name)) {
+        return Err(mismatch(format!("no {name}"), name.clone()));
+    }
+    let (count, expected) =
+        (found.values().map(|weights| weights.values.len()).sum::<usize>(), config.parameter_count());
+    if count < expected {
+        return Err(mismatch(format!("{count} values"), format!("{expected} values, as {config:?} has")));
+    }
+    Ok(())
 }
 
 /// Whether names and shapes are those of `expected`.

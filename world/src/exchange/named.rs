@@ -8,6 +8,7 @@
 use super::faults::ImportError;
 use super::import::{Frame, Node, node_label};
 use crate::Vec3;
+use crate::map::spec::MAX_HEIGHT_M;
 use crate::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features};
 use serde::Deserialize;
 use serde_json::Value;
@@ -85,7 +86,8 @@ impl FoundPool {
     fn place(&self, shift: Vec3, extent: Vec3) -> Option<Pool> {
         let Bounds { low, high } = self.bounds;
         let (low, high) = (low + shift, high + shift);
-        let depth = high.y - low.y;
+        // The bottom need not lie on the map, but no map is deeper.
+        let depth = (high.y - low.y).min(MAX_HEIGHT_M as f32);
         let (low, high) = match self.radius {
             Some(_) => (low, high),
             None => (

@@ -1,0 +1,367 @@
+//! What every decoder is put through: one function for each, from bytes to a checked value and back.
+//!
+//! The fuzz targets call these functions, and so do the tests in `tests/tests/untrusted.rs`, which include this file. Each
+//! takes any bytes at all. An answer may be a value or an error with a message; a panic is a bug, and so is a
+//! value that does not come back the same when it is written and read again. Checksums are no obstacle: bytes behind one are
+//! also tried with the right one before them.
+
+use prost::Message;
+use std::fmt::Display;
+use std::sync::{Arc, LazyLock};
+use surefoot_planner::edits::Layer;
+use surefoot_planner::export::{Format, export, import_json};
+use surefoot_planner::service::{PlannerConfig, plan_from_wire, plan_to_wire, wire_form};
+use surefoot_planner::{Built, NavGraph, Query, Router, cache};
+use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
+use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
+use surefoot_server::checks;
+use surefoot_server::hosted::{HostedWorld, TimeMode};
+use surefoot_server::quota::Quota;
+use surefoot_server::registry::{Registry, ToWorker, WorkerId};
+use surefoot_world::exchange::{self, ImportError, ImportOptions, Imported};
+use surefoot_world::map::{MapSize, Outline, Placed, Pool};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::replay::Recording;
+use surefoot_world::{Map, MapSpec, Vec3};
+use tokio::sync::mpsc;
+
+/// A decoder's trial.
+pub type Trial = fn(&[u8]);
+
+/// All trials by name; the kept inputs of each lie in `fuzz/corpus/NAME`.
+pub const TRIALS: [(&str, Trial); 9] = [
+    ("world_messages", world_messages),
+    ("planner_messages", planner_messages),
+    ("map_file", map_file),
+    ("gltf", gltf),
+    ("obj", obj),
+    ("recording", recording),
+    ("checkpoint", checkpoint),
+    ("cache_entry", cache_entry),
+    ("graph_json", graph_json),
+];
+
+/// Maps beyond this are left alone: what is allowed to be large only takes long.
+const MAX_VOLUME_M3: u64 = 200_000;
+/// Longest recording that is replayed, in ticks.
+const MAX_TICKS: u64 = 3000;
+/// The first NPC of the world that answers are given to.
+pub const FIRST_NPC: u64 = 1 << 32 | 1;
+/// Sizes of the network that is to be filled.
+pub const NETWORK: ActorConfig = ActorConfig { ray_features: 1, hidden: 2, memory: 1 };
+
+/// The value, or nothing and the certainty that the error says something.
+fn answered<T, E: Display>(result: Result<T, E>) -> Option<T> {
+    result.map_err(|error| assert!(!error.to_string().is_empty(), "an error without a message")).ok()
+}
+
+/// A message that comes back the same, if the bytes are one.
+fn message<M: Message + Default>(bytes: &[u8]) -> Option<M> {
+    let message = answered(M::decode(bytes))?;
+    let again = M::decode(message.encode_to_vec().as_slice()).expect("what was just written");
+    assert_eq!(again.encode_to_vec(), message.encode_to_vec());
+    Some(message)
+}
+
+/// A floor of 20 x 20 m with a pool, for worlds and replays.
+pub static FLOOR: LazyLock<Arc<Map>> = LazyLock::new(|| {
+    let [a, b, c, d] = [[0.0, 0.0], [0.0, 20.0], [20.0, 20.0], [20.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
+    let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
+    let pool = Pool {
+        centre: Vec3::new(4.0, 1.0, 4.0),
+        outline: Outline::Round { radius: 2.0 },
+        depth: 0.5,
+        liquid: surefoot_world::map::Liquid::Water,
+    };
+    let placed = Placed { pools: vec![pool], ..Placed::default() };
+    Arc::new(Map::from_parts(MapSize { width: 20, height: 10, depth: 20 }, triangles, placed))
+});
+
+/// What a world server is sent, and what a worker reads.
+pub fn world_messages(bytes: &[u8]) {
+    if let Some(request) = message::<wire::CreateWorldRequest>(bytes)
+        && let Some(spec) = answered(convert::map_spec(request.map.as_ref()))
+    {
+        assert_eq!(convert::map_spec(Some(&convert::map_spec_to_wire(&spec))), Ok(spec));
+    }
+    if let Some(request) = message::<wire::SpawnNpcRequest>(bytes) {
+        let _ = answered(convert::point(request.position.as_ref(), "position"));
+    }
+    if let Some(request) = message::<wire::SetGoalRequest>(bytes) {
+        let _ = answered(convert::point(request.goal.as_ref(), "goal"));
+    }
+    if let Some(request) = message::<wire::WatchWorldRequest>(bytes) {
+        let _ = answered(convert::in_range(f64::from(request.rate_hz), 0.0, 60.0, "rate_hz"));
+    }
+    if let Some(request) = message::<wire::WorkRequest>(bytes) {
+        let _ = answered(checks::hello(Some(request.clone())));
+        if let Some(wire::work_request::Message::Actions(batch)) = request.message {
+            answer(&batch);
+        }
+    }
+    if let Some(wire::WorkResponse { message: Some(wire::work_response::Message::Observations(batch)) }) =
+        message(bytes)
+    {
+        let count = batch.npc_ids.len();
+        let _ = answered(convert::unpack(&batch.observations, count * surefoot_world::OBSERVATION_LEN, "observations"));
+        let _ = answered(convert::unpack(&batch.positions, count * 3, "positions"));
+    }
+}
+
+/// A world with three NPCs on their way: one worker carries the first two, another the third. What they are sent waits in
+/// the queues.
+fn served() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
+    let (registry, quota) = (Arc::new(Registry::default()), Quota::new(3, "NPCs"));
+    let mut world = HostedWorld::new(1, FLOOR.clone(), TimeMode::Lockstep, registry.clone());
+    let mut queues = Vec::new();
+    for capacity in [2, 1] {
+        let (queue, reader) = mpsc::channel(64);
+        queues.push(reader);
+        registry.join(String::new(), String::new(), capacity, queue);
+        for _ in 0..capacity {
+            let id = world.spawn(Vec3::new(10.0, 1.0, 10.0), 0.0, 3, quota.grant("fuzz")).expect("a place on the map");
+            world.set_goal(id, Vec3::new(18.0, 1.0, 18.0)).expect("a place on the map");
+        }
+    }
+    assert!(!world.is_ready() && world.counters().asked == 3, "all three are asked");
+    (world, queues)
+}
+
+/// An answer of the first worker, checked and, if nothing is wrong with it, taken; whatever it is, the second worker's NPC
+/// goes on. NPCs are numbered from [`FIRST_NPC`], the third is the second worker's.
+pub fn answer(batch: &wire::ActionBatch) -> bool {
+    let Some(checked) = answered(checks::answer(batch.clone())) else { return false };
+    assert_eq!(checked.npc_ids.len(), checked.actions.len());
+    let (mut world, _queues) = served();
+    world.answer(WorkerId(1), checked);
+    let other = FIRST_NPC + 2;
+    let mut own = surefoot_server::hosted::Answer { npc_ids: vec![other], ..Default::default() };
+    own.actions.push(surefoot_world::Action { forward: 1.0, ..Default::default() });
+    world.answer(WorkerId(2), own);
+    let before = world.npc(other).expect("it was spawned");
+    for _ in 0..10 {
+        world.step();
+    }
+    let after = world.npc(other).expect("it is still there");
+    assert_eq!(after.status, i32::from(wire::NpcStatus::Seeking));
+    assert_ne!(before.position, after.position, "it walks as it was told");
+    for npc in world.snapshot().npcs {
+        assert!(convert::point(npc.position.as_ref(), "position").is_ok());
+        assert!(convert::point(npc.velocity.as_ref(), "velocity").is_ok());
+    }
+    true
+}
+
+/// What a planner is sent, and what those who ask it read.
+pub fn planner_messages(bytes: &[u8]) {
+    if let Some(request) = message::<plan::BuildGraphRequest>(bytes) {
+        let _ = answered(convert::map_spec(request.map.as_ref()));
+        if let Some(settings) =
+            answered(wire_form::settings_from_wire(request.settings.as_ref(), &PlannerConfig::default()))
+        {
+            settings.validate().expect("settings from the wire are checked");
+            let back = wire_form::settings_to_wire(&settings);
+            let again = wire_form::settings_from_wire(Some(&back), &PlannerConfig::default());
+            assert_eq!(wire_form::settings_to_wire(&again.expect("what was just written")), back);
+        }
+    }
+    if let Some(request) = message::<plan::FindPathsRequest>(bytes) {
+        for query in &request.queries {
+            let _ = answered(convert::point(query.start.as_ref(), "query.start"));
+            let _ = answered(convert::point(query.goal.as_ref(), "query.goal"));
+        }
+    }
+    if let Some(plan) = message::<plan::FindPathResponse>(bytes).and_then(|response| response.plan)
+        && let Some(plan) = answered(plan_from_wire(&plan))
+    {
+        assert_eq!(plan.waypoints.len(), plan.legs.len());
+        let again = plan_from_wire(&plan_to_wire(&plan)).expect("what was just written");
+        assert_eq!(format!("{again:?}"), format!("{plan:?}"));
+    }
+    if let Some(request) = message::<plan::ReportTraversalsRequest>(bytes) {
+        for traversal in &request.traversals {
+            let _ = answered(wire_form::passage_from_wire(traversal));
+        }
+    }
+    if let Some(request) = message::<plan::PutLayerRequest>(bytes)
+        && let Some(layer) = answered(wire_form::layer_from_wire(request.layer.as_ref()))
+    {
+        layer_comes_back(&layer);
+    }
+    if let Some(request) = message::<plan::AppendEditsRequest>(bytes)
+        && let Some(edits) = answered(wire_form::edits_from_wire(&request.edits))
+    {
+        layer_comes_back(&Layer { name: request.layer, edits });
+    }
+}
+
+fn layer_comes_back(layer: &Layer) {
+    if answered(layer.validate()).is_some() {
+        assert_eq!(wire_form::layer_from_wire(Some(&wire_form::layer_to_wire(layer))).expect("just written"), *layer);
+        assert_eq!(cache::decode_layer(&cache::encode_layer(layer)).expect("just written"), *layer);
+    }
+}
+
+/// A saved map.
+pub fn map_file(bytes: &[u8]) {
+    const CHECKSUM_AT: usize = 8 + 4 + 8;
+    const HEADER_LEN: usize = CHECKSUM_AT + 32;
+    let decode = |bytes: &[u8]| {
+        if let Some(map) = answered(exchange::decode(bytes)) {
+            map_comes_back(&map);
+        }
+    };
+    decode(bytes);
+    let Some((header, payload)) = bytes.split_at_checked(HEADER_LEN) else { return };
+    let description = payload.get(36..).unwrap_or_default();
+    let size = postcard::take_from_bytes::<(Option<MapSpec>, MapSize)>(description);
+    if size.is_ok_and(|((_, size), _)| volume(size) > MAX_VOLUME_M3) {
+        return;
+    }
+    let mut sealed = header.to_vec();
+    sealed[12..CHECKSUM_AT].copy_from_slice(&(payload.len() as u64).to_le_bytes());
+    sealed[CHECKSUM_AT..].copy_from_slice(blake3::hash(payload).as_bytes());
+    sealed.extend(payload);
+    decode(&sealed);
+}
+
+fn volume(MapSize { width, height, depth }: MapSize) -> u64 {
+    [width, height, depth].into_iter().map(u64::from).fold(1, u64::saturating_mul)
+}
+
+fn map_comes_back(map: &Map) {
+    let again = exchange::decode(&exchange::encode(map)).expect("what was just written");
+    assert_eq!(again.hash(), map.hash());
+    assert_eq!((again.spec(), again.size(), again.placed()), (map.spec(), map.size(), map.placed()));
+}
+
+/// A level as glTF, or as a sidecar of one.
+pub fn gltf(bytes: &[u8]) {
+    import_comes_back(exchange::import_gltf(bytes, None, &ImportOptions::default()));
+    if let Ok(sidecar) = std::str::from_utf8(bytes) {
+        static LEVEL: LazyLock<Vec<u8>> = LazyLock::new(|| exchange::export_glb(&FLOOR));
+        import_comes_back(exchange::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default()));
+    }
+}
+
+/// A level as OBJ, in metres and upright, and otherwise.
+pub fn obj(bytes: &[u8]) {
+    import_comes_back(exchange::import_obj(bytes, None, &ImportOptions::default()));
+    let options = ImportOptions { scale: 0.01, up: exchange::UpAxis::Z };
+    import_comes_back(exchange::import_obj(bytes, None, &options));
+}
+
+fn import_comes_back(result: Result<Imported, ImportError>) {
+    let Some(Imported { map, warnings }) = answered(result) else { return };
+    assert!(warnings.iter().all(|warning| !warning.to_string().is_empty()));
+    if volume(map.size()) <= MAX_VOLUME_M3 {
+        map_comes_back(&map);
+    }
+}
+
+/// A recording, read and replayed.
+pub fn recording(bytes: &[u8]) {
+    const HEADER_LEN: usize = 8 + 4 + 32;
+    let decode = |bytes: &[u8]| {
+        let Some(recording) = answered(Recording::decode(bytes)) else { return };
+        let again = Recording::decode(&recording.encode()).expect("what was just written");
+        assert_eq!(again.encode(), recording.encode());
+        if recording.tick_count() <= MAX_TICKS {
+            let _ = answered(recording.replay(FLOOR.clone(), None));
+        }
+    };
+    decode(bytes);
+    let Some((header, content)) = bytes.split_at_checked(HEADER_LEN) else { return };
+    let mut content = content.to_vec();
+    // It begins with the hash of its map.
+    if let Some(hash) = content.first_chunk_mut::<32>() {
+        *hash = FLOOR.hash().0;
+    }
+    decode(&[&header[..12], blake3::hash(&content).as_bytes(), &content].concat());
+}
+
+/// Weights as safetensors and as burn's own file, and the manifest beside them.
+pub fn checkpoint(bytes: &[u8]) {
+    if let Some((actor, config, _)) = answered(weights::from_safetensors(bytes)) {
+        let manifest = Manifest::new("trial", config, bytes, serde_json::Value::Null);
+        let again = weights::to_safetensors(&actor, &manifest).expect("what was just read");
+        weights::from_safetensors(&again).expect("what was just written");
+        decides(&Policy::new(&actor, manifest));
+    }
+    let manifest = Manifest::new("trial", NETWORK, bytes, serde_json::Value::Null);
+    if let Some(policy) = answered(Policy::from_bytes(manifest, bytes)) {
+        decides(&policy);
+    }
+    if let Some(manifest) = answered(serde_json::from_slice::<Manifest>(bytes)) {
+        let _ = answered(Policy::from_bytes(
+            Manifest { weights_hash: blake3::hash(bytes).to_hex().to_string(), ..manifest },
+            bytes,
+        ));
+    }
+}
+
+fn decides(policy: &Policy) {
+    let mut actions = Vec::new();
+    let mut memory = vec![0.0; policy.memory_len()];
+    policy.act_with_noise(&[0.5; surefoot_world::OBSERVATION_LEN], &mut memory, Vec::new(), &mut actions);
+    assert!(actions[0].to_array().iter().all(|value| (-1.0..=1.0).contains(value)), "{actions:?}");
+}
+
+/// A graph, what was reported of its edges, or a layer, as the cache holds them.
+pub fn cache_entry(bytes: &[u8]) {
+    let decode = |bytes: &[u8]| {
+        if let Some(built) = answered(cache::decode_entry(bytes)) {
+            let Built { graph, stats } = cache::decode_entry(&cache::encode_entry(&built)).expect("just written");
+            // As text, in which NaN equals itself.
+            assert_eq!(
+                format!("{stats:?} {:?}", graph.to_data()),
+                format!("{:?} {:?}", built.stats, built.graph.to_data())
+            );
+            graph_answers(graph);
+        }
+        if let Some(live) = answered(cache::decode_live(bytes)) {
+            assert_eq!(cache::decode_live(&cache::encode_live(&live)).expect("just written"), live);
+            live.lay_over(&SOME_GRAPH);
+        }
+        if let Some(layer) = answered(cache::decode_layer(bytes)) {
+            layer_comes_back(&layer);
+        }
+    };
+    decode(bytes);
+    decode(&[blake3::hash(bytes).as_bytes().as_slice(), bytes].concat());
+}
+
+/// A graph as JSON.
+pub fn graph_json(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Some(graph) = answered(import_json(text)) else { return };
+    for format in Format::ALL {
+        assert!(!export(&graph, format, 0.3).is_empty());
+    }
+    let again = import_json(&export(&graph, Format::Json, 0.3)).expect("what was just written");
+    assert_eq!(again.to_data(), graph.to_data());
+    graph_answers(graph);
+}
+
+/// Vertices up to which a graph of a trial gets a table.
+const TABLE_LIMIT: usize = 64;
+
+/// A row of three vertices.
+static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
+    let vertices = [3.0, 9.0, 15.0].map(|x| Vec3::new(x, 1.0, 9.0)).to_vec();
+    let proved = surefoot_planner::graph::Evidence::vouched(8.0);
+    NavGraph::prove(vertices, &[(0, 1), (1, 2), (2, 1)], &[proved; 3], 0.5)
+});
+
+/// Plans on a checked graph have a leg for each waypoint and end at the goal.
+fn graph_answers(graph: NavGraph) {
+    let router = Router::new(graph, TABLE_LIMIT, 1);
+    for (start, goal) in [([0.0; 3], [9.0, 1.0, 30.0]), ([1.0e9; 3], [-1.0e9; 3])] {
+        for avoid in [vec![], vec![(0, 1)]] {
+            let query = Query { start: start.into(), goal: goal.into(), avoid };
+            let plan = router.find_path(&query);
+            assert_eq!(plan.waypoints.len(), plan.legs.len());
+            assert_eq!(plan.waypoints.last(), Some(&query.goal));
+        }
+    }
+}

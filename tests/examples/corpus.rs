@@ -1,0 +1,248 @@
+//! Writes the kept inputs of the fuzz targets that are made rather than found: small valid ones of every kind.
+//!
+//! ```sh
+//! cargo run -p e2e --example corpus
+//! ```
+//!
+//! Inputs that once broke something lie beside them under names of their own and stay.
+
+#[path = "../../fuzz/src/lib.rs"]
+mod untrusted;
+
+use burn::tensor::Device;
+use prost::Message;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::path::Path;
+use surefoot_planner::build::BuildStats;
+use surefoot_planner::edits::{Edit, Layer};
+use surefoot_planner::export::{Format, export};
+use surefoot_planner::graph::Evidence;
+use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::service::{plan_to_wire, settings_to_wire, wire_form};
+use surefoot_planner::{BuildSettings, Built, NavGraph, Query, Router, cache};
+use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
+use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
+use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::sense::OBSERVATION_VERSION;
+use surefoot_world::{
+    Action, CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig, exchange,
+};
+use untrusted::{FIRST_NPC, FLOOR, NETWORK};
+
+/// Largest input that is kept, bytes.
+const LIMIT: usize = 16 * 1024;
+
+fn main() {
+    let kept = [
+        ("world_messages", world_messages()),
+        ("planner_messages", planner_messages()),
+        ("map_file", vec![("floor", exchange::encode(&FLOOR)), ("devices", exchange::encode(&devices()))]),
+        ("gltf", gltf()),
+        ("obj", obj()),
+        ("recording", vec![("walk", recording())]),
+        ("checkpoint", networks()),
+        ("cache_entry", cache_entries()),
+        ("graph_json", vec![("row", export(&graph(), Format::Json, 0.3).into_bytes())]),
+    ];
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
+    for (target, files) in kept {
+        assert!(untrusted::TRIALS.iter().any(|(name, _)| *name == target), "{target} is no target");
+        std::fs::create_dir_all(folder.join(target)).expect("a folder in the checkout");
+        for (name, bytes) in files {
+            assert!(bytes.len() <= LIMIT, "{target}/{name} has {} bytes", bytes.len());
+            std::fs::write(folder.join(target).join(name), bytes).expect("a file in the checkout");
+        }
+    }
+}
+
+fn at(x: f32, y: f32, z: f32) -> Option<wire::Vec3> {
+    Some(wire::Vec3 { x, y, z })
+}
+
+fn spec() -> wire::MapSpec {
+    convert::map_spec_to_wire(&MapSpec::with_side(7, 60))
+}
+
+fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
+    let npc_ids = vec![FIRST_NPC, FIRST_NPC + 1];
+    let work = |message| wire::WorkRequest { message: Some(message) }.encode_to_vec();
+    let answer = |actions: [f32; 8]| wire::ActionBatch {
+        world_id: 1,
+        tick: 0,
+        npc_ids: npc_ids.clone(),
+        actions: convert::pack(actions),
+        waypoints: vec![wire::Waypoint { npc_id: npc_ids[0], position: at(12.0, 1.0, 3.0) }],
+        gave_up: vec![npc_ids[1]],
+    };
+    let observations = wire::ObservationBatch {
+        world_id: 1,
+        tick: 10,
+        npc_ids: npc_ids[..1].to_vec(),
+        observations: convert::pack([0.25; OBSERVATION_LEN]),
+        positions: convert::pack([1.0, 2.0, 3.0]),
+        goals: convert::pack([4.0, 5.0, 6.0]),
+        attempts: vec![1],
+        waypoint_reached: vec![true],
+        grounded: vec![true],
+    };
+    let hello = wire::Hello {
+        name: "worker".to_owned(),
+        capacity: 8,
+        observation_len: OBSERVATION_LEN as u32,
+        observation_version: OBSERVATION_VERSION,
+    };
+    let actions = wire::work_request::Message::Actions;
+    vec![
+        ("create_world", wire::CreateWorldRequest { map: Some(spec()), mode: 2 }.encode_to_vec()),
+        ("spawn_npc", wire::SpawnNpcRequest { world_id: 1, position: at(1.0, 2.0, 3.0), yaw: 0.5 }.encode_to_vec()),
+        ("set_goal", wire::SetGoalRequest { npc_id: npc_ids[0], goal: at(9.0, 2.0, 9.0) }.encode_to_vec()),
+        ("watch_world", wire::WatchWorldRequest { world_id: 1, rate_hz: 10.0 }.encode_to_vec()),
+        ("hello", work(wire::work_request::Message::Hello(hello))),
+        ("answer", work(actions(answer([0.5, -0.5, 1.0, 0.0, 1.0, 2.0, 0.0, -1.0])))),
+        ("answer_not_finite", work(actions(answer([f32::NAN, f32::INFINITY, 1.0, 0.0, 1.0, 2.0, 0.0, -1.0])))),
+        (
+            "observations",
+            wire::WorkResponse { message: Some(wire::work_response::Message::Observations(observations)) }
+                .encode_to_vec(),
+        ),
+    ]
+}
+
+fn layer() -> Layer {
+    let (from, to) = (Vec3::new(3.0, 1.0, 9.0), Vec3::new(9.0, 1.0, 9.0));
+    let edits = vec![
+        Edit::ForbidEdge { from, to },
+        Edit::ForceEdge { from: to, to: from, seconds: Some(2.5) },
+        Edit::ForceEdge { from, to, seconds: None },
+        Edit::PriceEdge { from, to, factor: 4.0 },
+        Edit::AddVertex { at: Vec3::new(12.0, 1.0, 12.0) },
+        Edit::MoveVertex { from, to: Vec3::new(4.0, 1.0, 9.0) },
+        Edit::RemoveVertex { at: to },
+    ];
+    Layer { name: "by hand".to_owned(), edits }
+}
+
+fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
+    let graph_id = "0123456789abcdef".repeat(4);
+    let router = Router::new(graph(), 64, 1);
+    let found = router.find_path(&Query { start: Vec3::ONE, goal: Vec3::new(36.0, 1.0, 9.0), avoid: Vec::new() });
+    let leg = plan::Leg { from: 0, to: 1, seconds: 1.0, chance: 0.9, ability: 1 };
+    let query = plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg] };
+    let on_wire = wire_form::layer_to_wire(&layer());
+    let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9 }];
+    let settings = Some(settings_to_wire(&BuildSettings::default()));
+    vec![
+        ("build_graph", plan::BuildGraphRequest { map: Some(spec()), settings }.encode_to_vec()),
+        ("find_paths", plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query] }.encode_to_vec()),
+        ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)) }.encode_to_vec()),
+        ("traversals", plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals }.encode_to_vec()),
+        (
+            "put_layer",
+            plan::PutLayerRequest { graph_id: graph_id.clone(), layer: Some(on_wire.clone()) }.encode_to_vec(),
+        ),
+        (
+            "append_edits",
+            plan::AppendEditsRequest { graph_id, layer: on_wire.name, edits: on_wire.edits }.encode_to_vec(),
+        ),
+    ]
+}
+
+/// A floor of 30 x 30 m with one of everything that can be placed.
+fn devices() -> Map {
+    let [a, b, c, d] = [[0.0, 0.0], [0.0, 30.0], [30.0, 30.0], [30.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
+    let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
+    let at = |x: f32, z: f32| Vec3::new(x, 1.0, z);
+    let outline = Outline::Rectangle { half_x: 2.0, half_z: 1.5 };
+    let placed = Placed {
+        pools: vec![Pool { centre: at(5.0, 5.0), outline, depth: 0.5, liquid: Liquid::Lava }],
+        pads: vec![Pad { centre: at(20.0, 5.0), speed: 23.75 }],
+        zip_lines: vec![ZipLine { from: at(3.0, 20.0), to: at(9.0, 20.0) }],
+        teleporters: vec![Teleporter { from: at(5.0, 10.0), to: at(5.0, 14.0), two_way: true }],
+        jetpacks: vec![Jetpack { centre: at(20.0, 20.0), fuel: 2.5 }],
+        ..Placed::default()
+    };
+    Map::from_parts(MapSize { width: 30, height: 25, depth: 30 }, triangles, placed)
+}
+
+fn gltf() -> Vec<(&'static str, Vec<u8>)> {
+    // One triangle of 8 m in an embedded buffer, shown twice, with a pad below the second.
+    let embedded = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+"nodes":[{"mesh":0},{"mesh":0,"translation":[0,0,8],"rotation":[0,1,0,0],"scale":[1,1,2],"children":[2]},
+{"name":"pad","translation":[-2,0,2],"extras":{"height":3}}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1,"mode":4}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
+{"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":3}],
+"buffers":[{"byteLength":39,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAAAAAAAAAAAAAABBAAAAQQAAAAAAAAAAAAEC"}]}"#;
+    let sidecar = r#"{"pools":[{"liquid":"lava","min":[1,0,1],"max":[3,1,3]}],"pads":[{"at":[9,1,9],"height":3}],
+"zip_lines":[{"from":[1,1,15],"to":[15,1,15]}],"teleporters":[{"from":[5,1,12],"to":[12,1,5],"two_way":true}],
+"jetpacks":[{"at":[17,1,17],"fuel":2}]}"#;
+    vec![
+        ("floor", exchange::export_glb(&FLOOR)),
+        ("devices", exchange::export_glb(&devices())),
+        ("embedded", embedded.as_bytes().to_vec()),
+        ("sidecar", sidecar.as_bytes().to_vec()),
+    ]
+}
+
+fn obj() -> Vec<(&'static str, Vec<u8>)> {
+    let floor = "o floor\nv 0 0 0\nv 0 0 20 1 1 1\nv 20 0 20\nv 20 0 0\nf 1 2 3 4\n";
+    let features = "g ground\nv 0 0 0\nv 0 0 20\nv 20 0 20\nv 20 0 0\nf 1/1/1 2/2/1 3//1 \\\n-1\n\
+        g lava_pool\nv 5 0 5\nv 5 0 8\nv 8 0 8\nv 5 -1 5\nf 5 6 7\nl 5 8\n\
+        o zip_line_1:from\nv 2 0 2\nv 2 0 3\nv 3 0 3\nf -3 -2 -1\no zip_line_1:to\nv 15 0 15\nv 15 0 16\nv 16 0 16\nf -3 -2 -1\n";
+    vec![("floor", floor.as_bytes().to_vec()), ("features", features.as_bytes().to_vec())]
+}
+
+fn recording() -> Vec<u8> {
+    let profiles = vec![CharacterProfile::default(), CharacterProfile { height: 1.2, ..CharacterProfile::default() }];
+    let config = WorldConfig { profiles, task: TaskConfig::default(), npc_collision: true };
+    let mut world = World::with_config(FLOOR.clone(), config);
+    let standing = world.spawn(Vec3::new(5.0, 1.0, 15.0), 0.0);
+    world.tick_decision();
+    world.start_recording();
+    let walker = world.spawn_as(surefoot_world::ProfileIdx(1), Vec3::new(10.0, 1.0, 10.0), 1.0);
+    world.set_goal(walker, Vec3::new(15.0, 1.0, 15.0));
+    for turn in [0.5, -0.25, 0.0] {
+        world.decide(walker, Action { forward: 1.0, turn, jump: turn, ..Action::default() });
+        world.tick_decision();
+        world.close_decision(walker);
+    }
+    world.clear_goal(walker);
+    world.teleport(standing, Vec3::new(4.0, 1.0, 4.0), 0.0);
+    world.tick_decision();
+    world.despawn(standing);
+    world.finish_recording().expect("it was begun").encode()
+}
+
+fn networks() -> Vec<(&'static str, Vec<u8>)> {
+    let actor = Actor::new(&NETWORK, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(1));
+    let burnpack = checkpoint::module_bytes(&actor).expect("a module");
+    let manifest = Manifest::new("small", NETWORK, &burnpack, serde_json::json!({ "seed": 1 }));
+    vec![
+        ("safetensors", weights::to_safetensors(&actor, &manifest).expect("a module")),
+        ("burnpack", burnpack),
+        ("manifest", serde_json::to_vec(&manifest).expect("plain data")),
+    ]
+}
+
+fn graph() -> NavGraph {
+    let vertices = [3.0, 9.0, 15.0, 60.0].map(|x| Vec3::new(x, 1.0, 9.0)).to_vec();
+    NavGraph::prove(vertices, &[(0, 1), (1, 0), (1, 2)], &[8.0, 9.0, 6.5].map(Evidence::vouched), 0.5)
+}
+
+/// Without the checksums, which the trial puts before them, and one with it.
+fn cache_entries() -> Vec<(&'static str, Vec<u8>)> {
+    let graph = graph();
+    let mut live = LiveEvidence::default();
+    live.note(&graph, &Passage { from: 0, to: 1, reached: true, decisions: 7 });
+    live.note(&graph, &Passage { from: 1, to: 2, reached: false, decisions: 30 });
+    let whole = cache::encode_entry(&Built { graph, stats: BuildStats::default() });
+    vec![
+        ("graph", whole[32..].to_vec()),
+        ("live", cache::encode_live(&live)[32..].to_vec()),
+        ("layer", cache::encode_layer(&layer())[32..].to_vec()),
+        ("sealed", whole),
+    ]
+}

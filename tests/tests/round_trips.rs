@@ -1,0 +1,294 @@
+//! What is written is read back as it was: maps, recordings, graphs, what lies over them, and messages.
+
+#[path = "../../fuzz/src/lib.rs"]
+#[expect(dead_code, reason = "only the floor is needed of what the trials are made of")]
+mod untrusted;
+
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use surefoot_planner::build::BuildStats;
+use surefoot_planner::edits::{Edit, Layer};
+use surefoot_planner::export::{Format, export, import_json};
+use surefoot_planner::graph::{Evidence, GraphData};
+use surefoot_planner::legs::LegModel;
+use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::search::Leg;
+use surefoot_planner::service::{PlannerConfig, plan_from_wire, plan_to_wire, settings_to_wire, wire_form};
+use surefoot_planner::{Ability, BuildSettings, Built, Edge, NavGraph, NoPath, Placement, Plan, Probing, cache};
+use surefoot_proto::convert;
+use surefoot_world::map::{
+    Building, Cave, Features, Jetpack, Liquid, MapSize, Outline, Pad, Placed, Plateau, Pool, Ravine, Teleporter,
+    ZipLine,
+};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::replay::Recording;
+use surefoot_world::{Action, CharacterProfile, Map, MapSpec, TaskConfig, Vec3, World, WorldConfig, exchange};
+use untrusted::FLOOR;
+
+fn config(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() }
+}
+
+fn several<S: Strategy>(of: S) -> impl Strategy<Value = Vec<S::Value>> {
+    prop::collection::vec(of, 0..4)
+}
+
+/// A point within or near a map of 20 x 10 x 20 m.
+fn point() -> impl Strategy<Value = Vec3> {
+    (-2.0..22.0f32, -2.0..12.0f32, -2.0..22.0f32).prop_map(|(x, y, z)| Vec3::new(x, y, z))
+}
+
+fn anywhere() -> impl Strategy<Value = Vec3> {
+    let number = || prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO;
+    (number(), number(), number()).prop_map(|(x, y, z)| Vec3::new(x, y, z))
+}
+
+fn pool() -> impl Strategy<Value = Pool> {
+    let outline = prop_oneof![
+        (0.1..9.0f32).prop_map(|radius| Outline::Round { radius }),
+        (0.1..9.0f32, 0.1..9.0f32).prop_map(|(half_x, half_z)| Outline::Rectangle { half_x, half_z }),
+    ];
+    let liquid = prop_oneof![Just(Liquid::Water), Just(Liquid::Lava)];
+    (point(), outline, 0.0..3.0f32, liquid).prop_map(|(centre, outline, depth, liquid)| Pool {
+        centre,
+        outline,
+        depth,
+        liquid,
+    })
+}
+
+fn building() -> impl Strategy<Value = Building> {
+    (point(), [0.5..5.0f32, 0.5..5.0f32], -3.0..3.0f32, 1.0..9.0f32, 0..4u8, any::<bool>()).prop_map(
+        |(base, half, yaw, height, storeys, roof_stairs)| Building { base, half, yaw, height, storeys, roof_stairs },
+    )
+}
+
+fn placed() -> impl Strategy<Value = Placed> {
+    let devices = (
+        several(pool()),
+        several((point(), 1.0..30.0f32).prop_map(|(centre, speed)| Pad { centre, speed })),
+        several((point(), point()).prop_map(|(from, to)| ZipLine { from, to })),
+        several((point(), point(), any::<bool>()).prop_map(|(from, to, two_way)| Teleporter { from, to, two_way })),
+        several((point(), 0.0..9.0f32).prop_map(|(centre, fuel)| Jetpack { centre, fuel })),
+    );
+    let ground = (
+        several(building()),
+        several((point(), 0.5..5.0f32).prop_map(|(top, radius)| Plateau { top, radius })),
+        several((several(point()), 0.5..5.0f32).prop_map(|(path, width)| Ravine { path, width })),
+        several((point(), point(), 0.5..5.0f32).prop_map(|(from, to, radius)| Cave { from, to, radius })),
+    );
+    (devices, ground).prop_map(|(devices, ground)| {
+        let ((pools, pads, zip_lines, teleporters, jetpacks), (buildings, plateaus, ravines, caves)) =
+            (devices, ground);
+        Placed { pools, pads, zip_lines, teleporters, jetpacks, buildings, plateaus, ravines, caves }
+    })
+}
+
+proptest! {
+    #![proptest_config(config(2000))]
+
+    #[test]
+    fn maps_keep_their_bits(corners in prop::collection::vec([point(), point(), point()], 0..20), placed in placed()) {
+        let size = MapSize { width: 20, height: 10, depth: 20 };
+        let triangles = corners.into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
+        let map = Map::from_parts(size, triangles, placed);
+        let back = exchange::decode(&exchange::encode(&map)).unwrap();
+        prop_assert_eq!(back.hash(), map.hash());
+        prop_assert_eq!(back.placed(), map.placed());
+        prop_assert_eq!(exchange::encode(&back), exchange::encode(&map));
+    }
+}
+
+/// What may happen to the one or two NPCs of a world, each for some ticks.
+#[derive(Debug, Clone)]
+enum Move {
+    Decide(Action),
+    SetGoal(Vec3),
+    ClearGoal,
+    Teleport(Vec3, f32),
+    Close,
+    Replace(Vec3),
+}
+
+fn moves() -> impl Strategy<Value = Vec<(Move, u8)>> {
+    let one = || -1.0..1.0f32;
+    let action =
+        (one(), one(), one(), one()).prop_map(|(forward, strafe, turn, jump)| Action { forward, strafe, turn, jump });
+    let step = prop_oneof![
+        action.prop_map(Move::Decide),
+        point().prop_map(Move::SetGoal),
+        Just(Move::ClearGoal),
+        (point(), -3.0..3.0f32).prop_map(|(feet, yaw)| Move::Teleport(feet, yaw)),
+        Just(Move::Close),
+        // Far out as well: what cannot be leaves the map and stays there.
+        prop_oneof![point(), anywhere()].prop_map(Move::Replace),
+    ];
+    prop::collection::vec((step, 0..30u8), 0..12)
+}
+
+proptest! {
+    #![proptest_config(config(1000))]
+
+    #[test]
+    fn recordings_keep_their_bits_and_repeat(moves in moves(), npc_collision in any::<bool>()) {
+        let profiles = vec![CharacterProfile::default()];
+        let mut world = World::with_config(FLOOR.clone(), WorldConfig { profiles, task: TaskConfig::default(), npc_collision });
+        let bystander = world.spawn(Vec3::new(10.0, 1.0, 10.0), 0.0);
+        let mut npc = world.spawn(Vec3::new(10.2, 1.0, 10.0), 0.0);
+        world.set_goal(bystander, Vec3::new(12.0, 1.0, 12.0));
+        world.start_recording();
+        for (step, ticks) in moves {
+            match step {
+                Move::Decide(action) => world.decide(npc, action),
+                Move::SetGoal(goal) => world.set_goal(npc, goal),
+                Move::ClearGoal => world.clear_goal(npc),
+                Move::Teleport(feet, yaw) => world.teleport(npc, feet, yaw),
+                Move::Close => _ = world.close_decision(npc),
+                Move::Replace(feet) => {
+                    world.despawn(npc);
+                    npc = world.spawn(feet, 1.0);
+                }
+            }
+            (0..ticks).for_each(|_| world.tick());
+        }
+        let recording = world.finish_recording().unwrap();
+        let back = Recording::decode(&recording.encode()).unwrap();
+        prop_assert_eq!(&back, &recording);
+        prop_assert_eq!(back.replay(FLOOR.clone(), None).unwrap().hash(), world.save().hash());
+    }
+}
+
+fn ability() -> impl Strategy<Value = Ability> {
+    prop::sample::select(Ability::ALL.to_vec())
+}
+
+fn graph() -> impl Strategy<Value = NavGraph> {
+    let evidence = (1..5u32, 0..3u32, 0..500u32, ability()).prop_map(|(successes, failures, decisions, ability)| {
+        let mut evidence = Evidence::default();
+        (0..successes).for_each(|_| evidence.note(true, decisions, ability));
+        (0..failures).for_each(|_| evidence.note(false, decisions, ability));
+        evidence.cover(Vec3::ONE);
+        evidence
+    });
+    let edges = prop::collection::vec((0..12u32, 0..12u32, evidence), 0..30);
+    (prop::collection::vec(anywhere(), 12), edges).prop_map(|(vertices, edges)| {
+        let edges = edges.into_iter().filter(|(from, to, _)| from != to);
+        let edges = edges.map(|(from, to, evidence)| Edge { from, to, evidence }).collect();
+        NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+    })
+}
+
+fn layer() -> impl Strategy<Value = Layer> {
+    let ends = || (anywhere(), anywhere());
+    let edit = prop_oneof![
+        ends().prop_map(|(from, to)| Edit::ForbidEdge { from, to }),
+        (ends(), prop::option::of(0.0..3600.0f32)).prop_map(|((from, to), seconds)| Edit::ForceEdge {
+            from,
+            to,
+            seconds
+        }),
+        (ends(), 0.1..1000.0f32).prop_map(|((from, to), factor)| Edit::PriceEdge { from, to, factor }),
+        anywhere().prop_map(|at| Edit::AddVertex { at }),
+        ends().prop_map(|(from, to)| Edit::MoveVertex { from, to }),
+        anywhere().prop_map(|at| Edit::RemoveVertex { at }),
+    ];
+    ("[a-z ä]{1,9}", prop::collection::vec(edit, 0..9)).prop_map(|(name, edits)| Layer { name, edits })
+}
+
+fn settings() -> impl Strategy<Value = BuildSettings> {
+    let placement = prop::sample::select(vec![
+        Placement::Random,
+        Placement::Spaced,
+        Placement::Density,
+        Placement::Trajectories,
+        Placement::TrajectoriesTested,
+        Placement::Flood,
+        Placement::FloodGrandchildren,
+    ]);
+    let probing = prop::sample::select(vec![Probing::Frugal, Probing::Exhaustive]);
+    let numbers = (2..2000usize, 1..65usize, 1..33u32, 0.01..1.0f32, any::<u64>());
+    (placement, probing, numbers, any::<bool>()).prop_map(
+        |(placement, probing, (vertices, neighbours, repeats, threshold, seed), special_moves)| BuildSettings {
+            placement,
+            vertices,
+            neighbours,
+            repeats,
+            threshold: f64::from(threshold),
+            seed,
+            probing,
+            special_moves,
+        },
+    )
+}
+
+fn plan() -> impl Strategy<Value = Plan> {
+    let leg = (any::<u32>(), any::<u32>(), 0.0..1.0e6f32, 0.0..1.0f32, ability())
+        .prop_map(|(from, to, seconds, chance, ability)| Leg { from, to, seconds, chance, ability });
+    let reasons = vec![NoPath::StartOffGraph, NoPath::GoalOffGraph, NoPath::DifferentIslands, NoPath::OneWay];
+    let no_path = prop::option::of(prop::sample::select(reasons));
+    (prop::collection::vec((anywhere(), leg), 1..9), no_path, prop::option::of(anywhere())).prop_map(
+        |(way, no_path, nearest)| {
+            let (waypoints, legs) = way.into_iter().unzip();
+            Plan { waypoints, legs, no_path, nearest }
+        },
+    )
+}
+
+fn spec() -> impl Strategy<Value = MapSpec> {
+    let density = || 0.0..=4.0f32;
+    let sizes = (50..=1000u32, 40..=200u32, 50..=1000u32);
+    let [d0, d1, d2, d3, d4] = std::array::from_fn(|_| (density(), density()));
+    (any::<u64>(), sizes, (d0, d1, d2, d3, d4)).prop_map(|(seed, (width, height, depth), densities)| {
+        let ((plateaus, buildings), (water, lava), (pads, zip_lines), (ravines, caves), (teleporters, jetpacks)) =
+            densities;
+        let features =
+            Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
+        MapSpec { seed, size: MapSize { width, height, depth }, features }
+    })
+}
+
+proptest! {
+    #![proptest_config(config(5000))]
+
+    #[test]
+    fn graphs_keep_their_bits(graph in graph(), probes in any::<u64>()) {
+        let built = Built { graph, stats: BuildStats { probes, ..BuildStats::default() } };
+        let back = cache::decode_entry(&cache::encode_entry(&built)).unwrap();
+        prop_assert_eq!(back.graph.to_data(), built.graph.to_data());
+        prop_assert_eq!(back.stats, built.stats);
+        let text = export(&built.graph, Format::Json, 0.3);
+        prop_assert_eq!(import_json(&text).unwrap().to_data(), built.graph.to_data());
+    }
+
+    #[test]
+    fn live_evidence_comes_back(graph in graph(), passages in prop::collection::vec((0..12u32, 0..12u32, any::<bool>(), any::<u32>()), 0..200)) {
+        let mut live = LiveEvidence::default();
+        for (from, to, reached, decisions) in passages {
+            live.note(&graph, &Passage { from, to, reached, decisions });
+        }
+        prop_assert_eq!(&cache::decode_live(&cache::encode_live(&live)).unwrap(), &live);
+        prop_assert_eq!(live.lay_over(&graph).edge_count(), graph.edge_count());
+    }
+
+    #[test]
+    fn layers_come_back_from_the_cache_and_from_the_wire(layer in layer()) {
+        prop_assert_eq!(layer.validate(), Ok(()));
+        prop_assert_eq!(&cache::decode_layer(&cache::encode_layer(&layer)).unwrap(), &layer);
+        let on_wire = wire_form::layer_to_wire(&layer);
+        prop_assert_eq!(wire_form::layer_from_wire(Some(&on_wire)).unwrap(), layer);
+    }
+
+    #[test]
+    fn settings_plans_and_specs_come_back_from_the_wire(settings in settings(), plan in plan(), spec in spec()) {
+        let on_wire = settings_to_wire(&settings);
+        prop_assert_eq!(wire_form::settings_from_wire(Some(&on_wire), &PlannerConfig::default()).unwrap(), settings);
+        prop_assert_eq!(plan_from_wire(&plan_to_wire(&plan)).unwrap(), plan);
+        prop_assert_eq!(convert::map_spec(Some(&convert::map_spec_to_wire(&spec))).unwrap(), spec);
+    }
+
+    #[test]
+    fn packed_numbers_keep_their_bits(values in prop::collection::vec(any::<u32>(), 0..50)) {
+        let unpacked = convert::unpack(&convert::pack(values.iter().copied().map(f32::from_bits)), values.len(), "values");
+        prop_assert_eq!(unpacked.unwrap().into_iter().map(f32::to_bits).collect::<Vec<_>>(), values);
+    }
+}

@@ -1,0 +1,128 @@
+//! Recordings that are whole, with the right checksum, and still cannot have happened: refused, and never replayed for hours.
+
+use std::sync::Arc;
+use surefoot_world::character::Ride;
+use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::replay::{Input, Recording, ReplayError};
+use surefoot_world::{Action, CharacterProfile, Map, MapSpec, Npc, NpcSlot, ProfileIdx, TaskConfig, Vec3, World};
+
+fn floor() -> Arc<Map> {
+    let corners = [Vec3::Y, Vec3::new(0.0, 1.0, 20.0), Vec3::new(20.0, 1.0, 20.0)];
+    let triangles = Triangle::new(corners, Surface::Ground).into_iter().collect();
+    Arc::new(Map::from_parts(MapSize { width: 20, height: 10, depth: 20 }, triangles, Placed::default()))
+}
+
+/// Makes a recording's parts impossible, with a place on the map.
+type Spoil = fn(&mut Parts, Vec3);
+
+/// What a recording's file holds, field by field, to be spoilt before it is sealed.
+struct Parts {
+    profiles: Vec<CharacterProfile>,
+    start_tick: u64,
+    npcs: Vec<Option<Npc>>,
+    inputs: Vec<(u64, Input)>,
+    checks: Vec<(u64, u64, [u8; 32])>,
+    end_tick: u64,
+}
+
+impl Parts {
+    /// One NPC that stands still for ten ticks.
+    fn new(map: &Arc<Map>) -> Self {
+        let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+        let slot = world.spawn(Vec3::new(5.0, 1.0, 15.0), 0.0);
+        world.set_goal(slot, Vec3::new(9.0, 1.0, 15.0));
+        let npcs = vec![world.npc(slot).copied()];
+        world.tick_decision();
+        Self {
+            profiles: vec![CharacterProfile::default()],
+            start_tick: 0,
+            npcs,
+            inputs: Vec::new(),
+            checks: vec![(10, 0, world.save().hash())],
+            end_tick: 10,
+        }
+    }
+
+    fn npc(&mut self) -> &mut Npc {
+        self.npcs[0].as_mut().expect("it was spawned")
+    }
+
+    fn replay(&self, map: &Arc<Map>) -> Result<(), ReplayError> {
+        let state = (self.start_tick, &self.npcs);
+        let config = (&self.profiles, TaskConfig::default(), true);
+        let content = (map.hash(), None::<MapSpec>, config, state, &self.inputs, &self.checks, self.end_tick);
+        let content = postcard::to_stdvec(&content).expect("plain data");
+        let mut bytes = b"SFREPLAY\x01\0\0\0".to_vec();
+        bytes.extend(blake3::hash(&content).as_bytes());
+        bytes.extend(content);
+        Recording::decode(&bytes)?.replay(map.clone(), None).map(|_| ())
+    }
+}
+
+#[test]
+fn what_cannot_have_happened_is_refused() {
+    let map = floor();
+    assert_eq!(Parts::new(&map).replay(&map), Ok(()));
+    let at = Vec3::new(10.0, 1.0, 10.0);
+    let cases: [(&str, Spoil); 17] = [
+        ("profile is out of range", |parts, _| parts.profiles.clear()),
+        ("profile is out of range", |parts, _| parts.profiles[0].forward_speed = f32::INFINITY),
+        ("profile is out of range", |parts, _| parts.profiles = vec![CharacterProfile::default(); 257]),
+        ("state that it begins with", |parts, _| parts.npc().profile = ProfileIdx(1)),
+        ("state that it begins with", |parts, _| parts.npc().body.feet.x = f32::NAN),
+        ("state that it begins with", |parts, _| parts.npc().body.feet.x = 1.0e30),
+        // A body moves in steps of 22 cm.
+        ("state that it begins with", |parts, _| parts.npc().body.velocity.z = 1.0e30),
+        ("state that it begins with", |parts, _| parts.npc().last.ticks_in_water = u32::MAX),
+        ("state that it begins with", |parts, _| {
+            parts.npc().episode.iter_mut().for_each(|episode| episode.decisions = u32::MAX);
+        }),
+        ("zip line that the map does not have", |parts, _| {
+            parts.npc().body.ride = Some(Ride { line_idx: 0, distance: 0.0 });
+        }),
+        ("profile that does not exist", |parts, at| parts.inputs.push((3, Input::Spawn(ProfileIdx(1), at, 0.0)))),
+        ("despawn for NPC 7", |parts, _| parts.inputs.push((3, Input::Despawn(NpcSlot(7))))),
+        ("not in order", |parts, _| parts.start_tick = 11),
+        ("not in order", |parts, at| {
+            parts.inputs = [5, 4].map(|tick| (tick, Input::SetGoal(NpcSlot(0), at))).to_vec();
+        }),
+        ("not in order", |parts, _| parts.inputs.push((11, Input::ClearGoal(NpcSlot(0))))),
+        ("too few states", |parts, _| parts.end_tick = u64::MAX),
+        ("too few states", |parts, _| parts.checks.clear()),
+    ];
+    for (expected, spoil) in cases {
+        let mut parts = Parts::new(&map);
+        spoil(&mut parts, at);
+        let error = parts.replay(&map).expect_err(expected).to_string();
+        assert!(error.contains(expected), "`{error}` does not say `{expected}`");
+    }
+}
+
+#[test]
+fn a_state_that_is_never_compared_is_a_difference() {
+    let map = floor();
+    let mut parts = Parts::new(&map);
+    // After one input, of which there is none.
+    parts.checks[0].1 = 1;
+    assert_eq!(parts.replay(&map), Err(ReplayError::Diverged { tick: 10, agreed: 0 }));
+    let mut parts = Parts::new(&map);
+    let state = parts.checks[0];
+    parts.checks.push(state);
+    assert_eq!(parts.replay(&map), Ok(()), "the same state twice is still that state");
+    parts.checks[1].2 = [0; 32];
+    assert_eq!(parts.replay(&map), Err(ReplayError::Diverged { tick: 10, agreed: 10 }));
+}
+
+#[test]
+fn an_npc_that_gave_up_beyond_all_numbers_is_in_nobodys_way() {
+    let map = floor();
+    let mut parts = Parts::new(&map);
+    let far = Vec3::new(3.0e38, 1.0, -3.0e38);
+    // Its attempt ends before its first tick, so nothing notes that it left the map.
+    parts.inputs = vec![(0, Input::Spawn(ProfileIdx(0), far, 0.0)), (0, Input::SetGoal(NpcSlot(1), Vec3::ONE))];
+    parts.inputs.extend((0..TaskConfig::default().patience).map(|_| (0, Input::Close(NpcSlot(1)))));
+    parts.inputs.push((0, Input::Decide(NpcSlot(1), Action::default())));
+    parts.checks[0].1 = parts.inputs.len() as u64;
+    assert!(matches!(parts.replay(&map), Err(ReplayError::Diverged { .. })), "it ran to the end");
+}
