@@ -75,6 +75,7 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         actions: convert::pack(actions),
         waypoints: vec![wire::Waypoint { npc_id: npc_ids[0], position: at(12.0, 1.0, 3.0) }],
         gave_up: vec![npc_ids[1]],
+        ..Default::default()
     };
     let observations = wire::ObservationBatch {
         world_id: 1,
@@ -92,13 +93,14 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         capacity: 8,
         observation_len: OBSERVATION_LEN as u32,
         observation_version: OBSERVATION_VERSION,
+        ..Default::default()
     };
     let actions = wire::work_request::Message::Actions;
     vec![
-        ("create_world", wire::CreateWorldRequest { map: Some(spec()), mode: 2 }.encode_to_vec()),
+        ("create_world", wire::CreateWorldRequest { map: Some(spec()), mode: 2, ..Default::default() }.encode_to_vec()),
         ("spawn_npc", wire::SpawnNpcRequest { world_id: 1, position: at(1.0, 2.0, 3.0), yaw: 0.5 }.encode_to_vec()),
         ("set_goal", wire::SetGoalRequest { npc_id: npc_ids[0], goal: at(9.0, 2.0, 9.0) }.encode_to_vec()),
-        ("watch_world", wire::WatchWorldRequest { world_id: 1, rate_hz: 10.0 }.encode_to_vec()),
+        ("watch_world", wire::WatchWorldRequest { world_id: 1, rate_hz: 10.0, ..Default::default() }.encode_to_vec()),
         ("hello", work(wire::work_request::Message::Hello(hello))),
         ("answer", work(actions(answer([0.5, -0.5, 1.0, 0.0, 1.0, 2.0, 0.0, -1.0])))),
         ("answer_not_finite", work(actions(answer([f32::NAN, f32::INFINITY, 1.0, 0.0, 1.0, 2.0, 0.0, -1.0])))),
@@ -134,7 +136,7 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9 }];
     let settings = Some(settings_to_wire(&BuildSettings::default()));
     vec![
-        ("build_graph", plan::BuildGraphRequest { map: Some(spec()), settings }.encode_to_vec()),
+        ("build_graph", plan::BuildGraphRequest { map: Some(spec()), settings, ..Default::default() }.encode_to_vec()),
         ("find_paths", plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query] }.encode_to_vec()),
         ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)) }.encode_to_vec()),
         ("traversals", plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals }.encode_to_vec()),
