@@ -197,7 +197,7 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
         let mut actions = convert::pack(rows.iter().flat_map(|(_, row)| *row));
         actions.truncate(actions.len().saturating_sub(missing));
         let npc_ids = rows.iter().map(|(id, _)| *id).collect();
-        wire::ActionBatch { world_id: 1, tick, npc_ids, actions, waypoints, gave_up }
+        wire::ActionBatch { world_id: 1, tick, npc_ids, actions, waypoints, gave_up, ..Default::default() }
     })
 }
 
