@@ -53,7 +53,7 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
     let mut steps = client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0 }).await.unwrap().into_inner();
     set_goal(&mut client, npc_id, points[1]).await;
     let planned =
-        async { while !steps.next().await.unwrap().unwrap().plan.is_some_and(|plan| !plan.waypoints.is_empty()) {} };
+        async { while steps.next().await.unwrap().unwrap().plan.is_none_or(|plan| plan.waypoints.is_empty()) {} };
     tokio::time::timeout(LIMIT, planned).await.expect("a plan on the imported level");
     watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)).await;
     let handed_on = maps(&planner.uri).await.list_maps(wire::ListMapsRequest {}).await.unwrap().into_inner().maps;
