@@ -129,7 +129,7 @@ fn input() -> impl Strategy<Value = Input> {
 /// Most memory that a trial of `len` bytes may hold at a time: what comes of the bytes and is written and read again, and
 /// the worlds and tables of the trials themselves. A count that is believed before it is checked costs far more.
 fn most_memory(len: usize) -> u64 {
-    (8 << 20) + 512 * len as u64
+    (1 << 20) + 16 * len as u64
 }
 
 fn config() -> ProptestConfig {
