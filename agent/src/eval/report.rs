@@ -33,7 +33,13 @@ impl Rate {
         let centre = rate + z * z / (2.0 * count);
         let spread = z * (rate * (1.0 - rate) / count + z * z / (4.0 * count * count)).sqrt();
         let scale = 1.0 + z * z / count;
-        Self { rate, low: ((centre - spread) / scale).max(0.0), high: ((centre + spread) / scale).min(1.0), n }
+        // Where nobody or everybody arrives, rounding would put the rate just outside.
+        Self {
+            rate,
+            low: ((centre - spread) / scale).clamp(0.0, rate),
+            high: ((centre + spread) / scale).clamp(rate, 1.0),
+            n,
+        }
     }
 }
 
