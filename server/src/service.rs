@@ -75,6 +75,8 @@ struct Shared {
     npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
     maps: MapShelf,
+    /// One at a time: two would write the same files.
+    saving: tokio::sync::Mutex<()>,
     shutdown: Shutdown,
 }
 
@@ -92,6 +94,7 @@ impl WorldApi {
             worlds: RwLock::default(),
             last_world: AtomicU64::new(0),
             registry: Arc::default(),
+            saving: tokio::sync::Mutex::default(),
             shutdown,
         };
         Self { shared: Arc::new(shared) }
@@ -110,6 +113,8 @@ impl WorldApi {
         let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
         for saved in SavedWorld::read_all(&folder)? {
             let restored = saved.and_then(|saved| {
+                // Also the id of one that cannot be taken up now is not given to another.
+                self.shared.last_world.fetch_max(saved.id(), Ordering::Relaxed);
                 let map = saved.map()?;
                 Ok((saved, map))
             });
@@ -128,7 +133,6 @@ impl WorldApi {
             {
                 warn!(world_id = saved.id(), %status, "no planner will get its map");
             }
-            self.shared.last_world.fetch_max(saved.id(), Ordering::Relaxed);
             if let Err(status) = self.start(saved.id(), world, map, ticket) {
                 warn!(world_id = saved.id(), %status, "a saved world is not taken up");
             }
@@ -142,6 +146,7 @@ impl WorldApi {
     /// If they cannot be saved.
     pub async fn save_worlds(&self, is_last: bool) -> Result<(), SavedError> {
         let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
+        let _saving = self.shared.saving.lock().await;
         let worlds = self.shared.worlds.read().expect(POISON).clone();
         let mut all = Vec::new();
         for Directory { sim, ticket, map, .. } in worlds.into_values() {
@@ -152,13 +157,20 @@ impl WorldApi {
                 seat.is_over |= is_last;
                 seat.world.save(ticket.client(), source)
             });
-            // A world that does not answer has just been dropped.
+            // A world that does not answer was just dropped, or is too busy: then what was saved before stays.
             all.extend(saved.await.ok());
         }
+        let api = self.clone();
         let task = tokio::task::spawn_blocking(move || {
             std::fs::create_dir_all(&folder).map_err(|error| SavedError::Io(folder.clone(), error))?;
-            all.iter().try_for_each(|saved| saved.write(&folder))?;
-            SavedWorld::forget_others(&folder, &all.iter().map(SavedWorld::id).collect())
+            for saved in &all {
+                saved.write(&folder)?;
+                // It may have been dropped meanwhile.
+                if api.directory(saved.id()).is_err() {
+                    SavedWorld::forget(&folder, saved.id())?;
+                }
+            }
+            Ok(())
         });
         task.await.unwrap_or(Ok(()))
     }
@@ -344,6 +356,11 @@ impl WorldService for WorldApi {
         let dropped = self.shared.worlds.write().expect(POISON).remove(&world_id);
         let directory = dropped.ok_or_else(|| no_world(world_id))?;
         directory.sim.call(|seat| seat.is_over = true).await?;
+        if let Some(folder) = &self.shared.config.state
+            && let Err(error) = SavedWorld::forget(folder, world_id)
+        {
+            warn!(world_id, %error, "a dropped world would come back");
+        }
         info!(world_id, "world dropped");
         Ok(Response::new(wire::DropWorldResponse {}))
     }

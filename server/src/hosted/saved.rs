@@ -120,7 +120,7 @@ impl SavedWorld {
     /// If it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), SavedError> {
         let bytes = sealed::seal(MAGIC, VERSION, &postcard::to_stdvec(self).expect("plain data"));
-        let path = folder.join(format!("{}.{SUFFIX}", self.id));
+        let path = Self::path(folder, self.id);
         let aside = path.with_extension("tmp");
         let written = std::fs::write(&aside, bytes).and_then(|()| std::fs::rename(&aside, &path));
         written.map_err(|error| SavedError::Io(path, error))
@@ -172,16 +172,20 @@ impl SavedWorld {
         Ok(worlds)
     }
 
-    /// Forgets the worlds of `folder` whose ids are not in `kept`.
+    /// Forgets what `folder` has of a world that was dropped.
     ///
     /// # Errors
-    /// If a file cannot be removed.
-    pub fn forget_others(folder: &Path, kept: &BTreeSet<u64>) -> Result<(), SavedError> {
-        for world in Self::read_all(folder)?.into_iter().flatten().filter(|world| !kept.contains(&world.id)) {
-            let path = folder.join(format!("{}.{SUFFIX}", world.id));
-            std::fs::remove_file(&path).map_err(|error| SavedError::Io(path, error))?;
+    /// If the file cannot be removed.
+    pub fn forget(folder: &Path, id: u64) -> Result<(), SavedError> {
+        let path = Self::path(folder, id);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(SavedError::Io(path, error)),
+            _ => Ok(()),
         }
-        Ok(())
+    }
+
+    fn path(folder: &Path, id: u64) -> PathBuf {
+        folder.join(format!("{id}.{SUFFIX}"))
     }
 }
 
