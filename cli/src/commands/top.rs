@@ -1,13 +1,15 @@
 //! `surefoot top`: a running server in the terminal.
 
+use super::endpoint::CredentialArgs;
 use crate::terminal::is_interactive;
 use anyhow::Context;
 use std::fmt::Write;
 use std::time::Duration;
+use surefoot_proto::client::Link;
+use surefoot_proto::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, NpcStatus, WorldStats};
 use surefoot_server::times::TickTimes;
-use tonic::transport::Channel;
 
 /// Watch a running world server.
 #[derive(clap::Args)]
@@ -24,17 +26,16 @@ pub struct Args {
     /// End after so many looks
     #[arg(long, value_name = "N")]
     count: Option<u64>,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let pause = Duration::try_from_secs_f64(args.every).context("--every")?.max(Duration::from_millis(100));
     tokio::runtime::Builder::new_current_thread().enable_all().build()?.block_on(async {
-        let channel = tonic::transport::Endpoint::from_shared(args.server.clone())
-            .with_context(|| format!("{} is not a URI such as http://127.0.0.1:7600", args.server))?
-            .connect()
-            .await
-            .with_context(|| format!("cannot connect to {}", args.server))?;
-        let mut client = WorldServiceClient::new(channel);
+        let dialer = args.credentials.credentials()?.dial(&args.server)?;
+        let link = dialer.connect().await.with_context(|| format!("cannot connect to {}", args.server))?;
+        let mut client = WorldServiceClient::new(link).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let mut before = look(&mut client).await?;
         for _ in 0..args.count.unwrap_or(u64::MAX) {
             tokio::time::sleep(pause).await;
@@ -54,7 +55,7 @@ struct Look {
     snapshot: wire::WatchWorldResponse,
 }
 
-async fn look(client: &mut WorldServiceClient<Channel>) -> anyhow::Result<Vec<Look>> {
+async fn look(client: &mut WorldServiceClient<Link>) -> anyhow::Result<Vec<Look>> {
     let worlds = client.list_worlds(wire::ListWorldsRequest {}).await.context("the server went away")?;
     let mut looks = Vec::new();
     for world in worlds.into_inner().worlds {
