@@ -15,7 +15,7 @@ use surefoot_planner::{Built, NavGraph, Query, Router, cache};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
 use surefoot_server::checks;
-use surefoot_server::hosted::{HostedWorld, TimeMode};
+use surefoot_server::hosted::{HostedWorld, SavedMap, SavedWorld, TimeMode};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::{Registry, ToWorker, WorkerId};
 use surefoot_world::exchange::{self, ImportError, ImportOptions, Imported};
@@ -29,7 +29,7 @@ use tokio::sync::mpsc;
 pub type Trial = fn(&[u8]);
 
 /// All trials by name; the kept inputs of each lie in `fuzz/corpus/NAME`.
-pub const TRIALS: [(&str, Trial); 9] = [
+pub const TRIALS: [(&str, Trial); 10] = [
     ("world_messages", world_messages),
     ("planner_messages", planner_messages),
     ("map_file", map_file),
@@ -39,6 +39,7 @@ pub const TRIALS: [(&str, Trial); 9] = [
     ("checkpoint", checkpoint),
     ("cache_entry", cache_entry),
     ("graph_json", graph_json),
+    ("saved_world", saved_world),
 ];
 
 /// Maps beyond this are left alone: what is allowed to be large only takes long.
@@ -341,6 +342,33 @@ pub fn graph_json(bytes: &[u8]) {
     let again = import_json(&export(&graph, Format::Json, 0.3)).expect("what was just written");
     assert_eq!(again.to_data(), graph.to_data());
     graph_answers(graph);
+}
+
+/// A world that the server saved; on an imported level it is taken up again and stepped.
+pub fn saved_world(bytes: &[u8]) {
+    const HEADER_LEN: usize = 8 + 4 + 32;
+    let decode = |bytes: &[u8]| {
+        let Ok(saved) = SavedWorld::decode(bytes) else { return };
+        assert_eq!(SavedWorld::decode(&saved.encode()).expect("what was just written").encode(), saved.encode());
+        // Generating a map only takes long.
+        if let SavedMap::Spec(_) = saved.source() {
+            return;
+        }
+        let Some(map) = answered(saved.map()) else { return };
+        let (registry, quota) = (Arc::new(Registry::default()), Quota::new(usize::MAX, "NPCs"));
+        let mut world = HostedWorld::restore(&saved, map, registry, &quota);
+        let again = world.save(saved.owner(), saved.source().clone());
+        assert_eq!(again.id(), saved.id());
+        for _ in 0..20 {
+            world.step();
+        }
+        for npc in world.snapshot().npcs {
+            assert!(convert::point(npc.position.as_ref(), "position").is_ok());
+        }
+    };
+    decode(bytes);
+    let Some((header, content)) = bytes.split_at_checked(HEADER_LEN) else { return };
+    decode(&[&header[..12], blake3::hash(content).as_bytes(), content].concat());
 }
 
 /// Vertices up to which a graph of a trial gets a table.

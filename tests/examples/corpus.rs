@@ -14,6 +14,7 @@ use prost::Message;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::Path;
+use std::sync::Arc;
 use surefoot_planner::build::BuildStats;
 use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::export::{Format, export};
@@ -23,6 +24,9 @@ use surefoot_planner::service::{plan_to_wire, settings_to_wire, wire_form};
 use surefoot_planner::{BuildSettings, Built, NavGraph, Query, Router, cache};
 use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
+use surefoot_server::hosted::{HostedWorld, SavedMap, TimeMode};
+use surefoot_server::quota::Quota;
+use surefoot_server::registry::Registry;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::sense::OBSERVATION_VERSION;
@@ -45,6 +49,7 @@ fn main() {
         ("checkpoint", networks()),
         ("cache_entry", cache_entries()),
         ("graph_json", vec![("row", export(&graph(), Format::Json, 0.3).into_bytes())]),
+        ("saved_world", vec![("on_a_level", saved_world(Some(&FLOOR))), ("generated", saved_world(None))]),
     ];
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
     for (target, files) in kept {
@@ -216,6 +221,21 @@ fn recording() -> Vec<u8> {
     world.tick_decision();
     world.despawn(standing);
     world.finish_recording().expect("it was begun").encode()
+}
+
+/// A world with one NPC on its way and one at rest, on a level or on a generated map.
+fn saved_world(level: Option<&Arc<Map>>) -> Vec<u8> {
+    let small = MapSpec { size: MapSize { width: 50, height: 40, depth: 50 }, ..MapSpec::new(7) };
+    let generated = || Arc::new(Map::generate(&small).expect("a spec within its limits"));
+    let map = level.cloned().unwrap_or_else(generated);
+    let quota = Quota::new(2, "NPCs");
+    let mut world = HostedWorld::new(1, map.clone(), TimeMode::Lockstep, Arc::new(Registry::default()));
+    let mut spawn =
+        |x: f32| world.spawn(Vec3::new(x, 9.0, 10.0), 0.0, 2, quota.grant("corpus")).expect("a place on the map");
+    let [walker, _] = [spawn(8.0), spawn(12.0)];
+    world.set_goal(walker, Vec3::new(18.0, 1.0, 18.0)).expect("a place on the map");
+    world.step();
+    world.save("corpus", SavedMap::of(&map, "level".to_owned())).encode()
 }
 
 fn networks() -> Vec<(&'static str, Vec<u8>)> {

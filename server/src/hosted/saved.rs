@@ -114,27 +114,43 @@ impl SavedWorld {
         }
     }
 
+    /// Where its map comes from.
+    pub fn source(&self) -> &SavedMap {
+        &self.source
+    }
+
+    /// As the content of a file.
+    pub fn encode(&self) -> Vec<u8> {
+        sealed::seal(MAGIC, VERSION, &postcard::to_stdvec(self).expect("plain data"))
+    }
+
+    /// What [`encode`](Self::encode) wrote.
+    ///
+    /// # Errors
+    /// If it is something else, of another version, damaged, or no world can have been saved like that.
+    pub fn decode(bytes: &[u8]) -> Result<Self, SealError> {
+        let content = sealed::open(MAGIC, VERSION, bytes)?;
+        let saved: Self = postcard::from_bytes(content).map_err(|_| SealError::Damaged)?;
+        if saved.makes_sense() { Ok(saved) } else { Err(SealError::Damaged) }
+    }
+
     /// Puts it into `folder`, in place of what was there of it before, whole or not at all.
     ///
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), SavedError> {
-        let bytes = sealed::seal(MAGIC, VERSION, &postcard::to_stdvec(self).expect("plain data"));
         let path = Self::path(folder, self.id);
         let aside = path.with_extension("tmp");
-        let written = std::fs::write(&aside, bytes).and_then(|()| std::fs::rename(&aside, &path));
+        let written = std::fs::write(&aside, self.encode()).and_then(|()| std::fs::rename(&aside, &path));
         written.map_err(|error| SavedError::Io(path, error))
     }
 
     fn read(path: &Path) -> Result<Self, SavedError> {
         let bytes = std::fs::read(path).map_err(|error| SavedError::Io(path.to_owned(), error))?;
-        let damaged = || SavedError::Damaged(path.to_owned());
-        let content = sealed::open(MAGIC, VERSION, &bytes).map_err(|error| match error {
+        Self::decode(&bytes).map_err(|error| match error {
             SealError::Version(version) => SavedError::Version(path.to_owned(), version),
-            SealError::Magic | SealError::Damaged => damaged(),
-        })?;
-        let saved: Self = postcard::from_bytes(content).map_err(|_| damaged())?;
-        if saved.makes_sense() { Ok(saved) } else { Err(damaged()) }
+            SealError::Magic | SealError::Damaged => SavedError::Damaged(path.to_owned()),
+        })
     }
 
     /// Whether a world can have been saved like that: a checksum makes bytes whole, not true.
