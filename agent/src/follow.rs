@@ -178,6 +178,11 @@ impl Follower {
         first
     }
 
+    /// Forgets the plan, because the graph is no longer what it was made on; nothing is held against the leg.
+    pub fn forget_plan(&mut self) {
+        self.plan = None;
+    }
+
     fn start_leg(&mut self, leg: usize) {
         self.leg = leg;
         self.best_leg_distance = f32::INFINITY;

@@ -192,6 +192,10 @@ pub struct Edited {
     pub graph: NavGraph,
     /// Edits that found nothing to change.
     pub unfit: Vec<Unfit>,
+    /// Vertices that were taken out.
+    pub removed: BTreeSet<u32>,
+    /// Edges that were put in, proved or not.
+    pub forced: BTreeSet<(u32, u32)>,
 }
 
 /// The level that a graph is edited on.
@@ -238,7 +242,7 @@ impl Terrain for MapTerrain {
 
 /// Lays all `layers` over `graph`, in their order. `None` if proving was cancelled.
 pub fn lay_over(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain: &dyn Terrain) -> Option<Edited> {
-    let mut sheet = Sheet { data: graph.to_data(), gone: BTreeSet::new(), fresh: BTreeSet::new() };
+    let mut sheet = Sheet::of(graph);
     let mut unfit = Vec::new();
     let edits = || layers.iter().flat_map(|layer| layer.edits.iter().enumerate().map(move |edit| (layer, edit)));
     let mut note = |layer: &Layer, index, result: Result<(), Misfit>| {
@@ -253,7 +257,8 @@ pub fn lay_over(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain: &dy
     for (layer, (index, edit)) in edits() {
         note(layer, index, sheet.change_edges(edit));
     }
-    Some(Edited { graph: NavGraph::check(sheet.data).expect("edits join existing vertices"), unfit })
+    let graph = NavGraph::check(sheet.data).expect("edits join existing vertices");
+    Some(Edited { graph, unfit, removed: sheet.gone, forced: sheet.forced })
 }
 
 /// A graph that is being edited.
@@ -263,9 +268,15 @@ struct Sheet {
     gone: BTreeSet<u32>,
     /// Vertices that were put in or moved.
     fresh: BTreeSet<u32>,
+    /// Edges that were put in.
+    forced: BTreeSet<(u32, u32)>,
 }
 
 impl Sheet {
+    fn of(graph: &NavGraph) -> Self {
+        Self { data: graph.to_data(), gone: BTreeSet::new(), fresh: BTreeSet::new(), forced: BTreeSet::new() }
+    }
+
     fn vertex_at(&self, place: Vec3) -> Result<u32, Misfit> {
         let standing = (0..).zip(&self.data.vertices).filter(|(vertex, _)| !self.gone.contains(vertex));
         let nearest = standing.min_by(|a, b| a.1.distance_squared(place).total_cmp(&b.1.distance_squared(place)));
@@ -342,6 +353,7 @@ impl Sheet {
                 if self.data.edges.len() == before {
                     return Err(Misfit::NoEdge(from, to));
                 }
+                self.forced.remove(&(from, to));
             }
             Edit::ForceEdge { from, to, seconds } => {
                 let (from, to) = self.ends(from, to)?;
@@ -352,6 +364,7 @@ impl Sheet {
                 };
                 self.data.edges.retain(|edge| (edge.from, edge.to) != (from, to));
                 self.data.edges.push(Edge { from, to, evidence: Evidence::vouched(decisions) });
+                self.forced.insert((from, to));
             }
             Edit::PriceEdge { from, to, factor } => {
                 let (from, to) = self.ends(from, to)?;

@@ -12,7 +12,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use surefoot_policy::actor::gaussian;
 use surefoot_policy::{Memories, Policy};
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
+use surefoot_world::{
+    CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TICKS_PER_DECISION, TaskConfig, Vec3, World,
+};
 
 /// Most trials handed to a thread at a time.
 const MAX_CHUNK: usize = 512;
@@ -131,6 +133,11 @@ impl Running {
         Self { slot, trial_idx, rng, outcome }
     }
 
+    /// What is added to its next action.
+    fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
+        gaussian(&mut self.rng, ACTION_LEN).into_iter().map(|value| value * NOISE_SHARE)
+    }
+
     /// Settles one decision; whether the trial goes on.
     fn close_decision(&mut self, world: &mut World, keep_track: bool) -> bool {
         let closed = world.close_decision(self.slot).expect("a trial has an episode");
@@ -147,6 +154,30 @@ impl Running {
         outcome.reached = end == End::Reached;
         outcome.decisions = episode.decisions;
         false
+    }
+}
+
+/// Runs one trial and keeps the place of the feet after every tick, first the start, m. The outcome is the one that
+/// [`InProcess`] finds.
+pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec<Vec3>) {
+    let mut world = World::new(context.map.clone(), context.profile.clone(), TaskConfig::default());
+    let mut probe = Running::start(&mut world, 0, trial, seed);
+    let mut memories = Memories::new(&context.policy);
+    memories.forget(probe.slot.0 as usize);
+    let (mut observation, mut actions) = ([0.0; OBSERVATION_LEN], Vec::new());
+    let mut track = vec![trial.start];
+    loop {
+        world.observe(probe.slot, &mut observation);
+        let who = [probe.slot.0 as usize];
+        memories.act_with_noise(&context.policy, who.into_iter(), &observation, probe.noise().collect(), &mut actions);
+        world.decide(probe.slot, actions[0]);
+        for _ in 0..TICKS_PER_DECISION {
+            world.tick();
+            track.push(world.npc(probe.slot).expect("a trial has an NPC").body.feet);
+        }
+        if !probe.close_decision(&mut world, false) {
+            return (probe.outcome, track);
+        }
     }
 }
 
@@ -181,7 +212,7 @@ fn run_chunk(
         let mut noise = Vec::with_capacity(running.len() * ACTION_LEN);
         for (probe, row) in running.iter_mut().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
             world.observe(probe.slot, row);
-            noise.extend(gaussian(&mut probe.rng, ACTION_LEN).into_iter().map(|value| value * NOISE_SHARE));
+            noise.extend(probe.noise());
         }
         let who = running.iter().map(|probe| probe.slot.0 as usize);
         memories.act_with_noise(&context.policy, who, &observations, noise, &mut actions);

@@ -7,6 +7,7 @@
 pub mod checks;
 pub mod env;
 mod env_service;
+pub mod geometry;
 pub mod hosted;
 pub mod metrics;
 pub mod quota;

@@ -1,5 +1,6 @@
 //! The gRPC face of the world server: decode, call, encode.
 
+use crate::geometry::{self, Tiles};
 use crate::hosted::{HostedWorld, NpcError, SavedError, SavedMap, SavedWorld, TimeMode, world_of};
 use crate::metrics::{self, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
@@ -454,12 +455,34 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::FollowNpcRequest>,
     ) -> Result<Response<Self::FollowNpcStream>, Status> {
-        let wire::FollowNpcRequest { npc_id, rate_hz } = request.into_inner();
+        let wire::FollowNpcRequest { npc_id, rate_hz, rays } = request.into_inner();
         let pause = watch::pause_of(rate_hz)?;
         self.with_npc(npc_id, move |world| world.npc(npc_id)).await?;
         let directory = self.directory(world_of(npc_id))?;
         let (patience, shutdown) = (self.shared.config.reader_patience, &self.shared.shutdown);
-        Ok(Response::new(watch::follow_npc(npc_id, directory.sim, pause, patience, shutdown)))
+        Ok(Response::new(watch::follow_npc(npc_id, directory.sim, rays, pause, patience, shutdown)))
+    }
+
+    type GetMeshStream = ReaderStream<wire::GetMeshResponse>;
+
+    async fn get_mesh(&self, request: Request<wire::GetMeshRequest>) -> Result<Response<Self::GetMeshStream>, Status> {
+        let wire::GetMeshRequest { world_id, region, cell_m } = request.into_inner();
+        let map = self.directory(world_id)?.map;
+        let region = Region::read(region.as_ref())?;
+        if cell_m != 0.0 {
+            convert::in_range(f64::from(cell_m), 0.5, 16.0, "cell_m")?;
+        }
+        let tiles = move |map: &Map| Tiles::of(map, region.map(|region| region.corners()), cell_m);
+        let (patience, shutdown) = (self.shared.config.reader_patience, &self.shared.shutdown);
+        Ok(Response::new(watch::send_mesh(map, tiles, patience, shutdown)))
+    }
+
+    async fn get_features(
+        &self,
+        request: Request<wire::GetFeaturesRequest>,
+    ) -> Result<Response<wire::GetFeaturesResponse>, Status> {
+        let directory = self.directory(request.into_inner().world_id)?;
+        Ok(Response::new(geometry::features(&directory.map)))
     }
 
     async fn stall_world(

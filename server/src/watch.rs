@@ -2,6 +2,8 @@
 //!
 //! A slow reader gets the latest snapshot and costs one message; one that does not read at all is cut off.
 
+use crate::geometry::{Tiles, surface_to_wire};
+use crate::hosted::{HostedWorld, NpcError};
 use crate::sim::SimHandle;
 use std::collections::BTreeMap;
 use std::pin::Pin;
@@ -12,7 +14,7 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::serving::{Shutdown, going_away};
 use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::Vec3;
+use surefoot_world::{Map, Vec3};
 use tokio::sync::{mpsc, watch};
 use tokio_stream::Stream;
 use tonic::Status;
@@ -53,6 +55,11 @@ impl Region {
             convert::in_range(f64::from(high), f64::from(low), f64::from(f32::MAX), field)?;
         }
         Ok(Some(Self { low, high }))
+    }
+
+    /// Its lowest and its highest corner, m.
+    pub fn corners(&self) -> [Vec3; 2] {
+        [self.low, self.high]
     }
 
     fn holds(&self, npc: &wire::Npc) -> bool {
@@ -199,10 +206,67 @@ pub fn watch_world(
     stream
 }
 
-/// Sends a reader one NPC's state, and its plan when it has changed.
+/// Sends a reader the tiles of a map, which are made while they are sent.
+pub fn send_mesh(
+    map: Arc<Map>,
+    tiles: impl FnOnce(&Map) -> Tiles + Send + 'static,
+    patience: Duration,
+    shutdown: &Shutdown,
+) -> ReaderStream<wire::GetMeshResponse> {
+    let (mut reader, stream) = Reader::new(patience);
+    let shutdown = shutdown.clone();
+    tokio::spawn(async move {
+        let of = map.clone();
+        let Ok(tiles) = tokio::task::spawn_blocking(move || Arc::new(tiles(&of))).await else { return };
+        for tile_idx in 0..tiles.count() {
+            if shutdown.is_triggered() {
+                return reader.close(going_away());
+            }
+            let (of, tiles) = (map.clone(), tiles.clone());
+            let Ok(tile) = tokio::task::spawn_blocking(move || tiles.encode(&of, tile_idx)).await else { return };
+            match reader.send(tile).await {
+                Some(still) => reader = still,
+                None => return,
+            }
+        }
+    });
+    stream
+}
+
+/// What a reader is told of an NPC at one moment.
+struct Look {
+    message: wire::FollowNpcResponse,
+    plan: Option<Arc<wire::NpcPlan>>,
+    history: Vec<wire::EndedAttempt>,
+}
+
+fn look(world: &HostedWorld, npc_id: u64, rays: bool) -> Result<Look, NpcError> {
+    let (npc, plan, history) = (world.npc(npc_id)?, world.plan(npc_id)?, world.history(npc_id)?);
+    let waypoints = plan.as_ref().map_or(&[][..], |plan| &plan.waypoints);
+    let heading = waypoints.iter().position(|waypoint| Some(*waypoint) == npc.waypoint);
+    let mut message = wire::FollowNpcResponse {
+        tick: world.tick(),
+        waypoint_idx: heading.unwrap_or(waypoints.len().saturating_sub(1)) as u32,
+        npc: Some(npc),
+        ..Default::default()
+    };
+    if rays {
+        let sight = world.sight(npc_id)?;
+        message.eyes = Some(convert::to_wire(sight.eye));
+        let ray = |(end, surface): (Vec3, Option<_>)| wire::Ray {
+            end: Some(convert::to_wire(end)),
+            surface: surface.map_or(wire::Surface::Unspecified, surface_to_wire).into(),
+        };
+        message.rays = sight.ends.into_iter().map(ray).collect();
+    }
+    Ok(Look { message, plan, history })
+}
+
+/// Sends a reader one NPC's state, with `rays` what it sees, and its plan and history when they have changed.
 pub fn follow_npc(
     npc_id: u64,
     sim: SimHandle,
+    rays: bool,
     pause: Duration,
     patience: Duration,
     shutdown: &Shutdown,
@@ -211,32 +275,26 @@ pub fn follow_npc(
     let stopping = shutdown.wait();
     tokio::spawn(async move {
         tokio::pin!(stopping);
-        // The plan that the reader has; it knows of none before the first message.
-        let mut shown: Option<Option<Arc<wire::NpcPlan>>> = None;
+        // What the reader has; it knows of nothing before the first message.
+        let mut shown: Option<(Option<Arc<wire::NpcPlan>>, Vec<wire::EndedAttempt>)> = None;
         loop {
-            let look = sim.call(move |seat| {
-                let (npc, plan) = (seat.world.npc(npc_id)?, seat.world.plan(npc_id)?);
-                Ok::<_, crate::hosted::NpcError>((seat.world.tick(), npc, plan))
-            });
-            let (tick, npc, plan) = match look.await {
+            let Look { mut message, plan, history } = match sim.call(move |seat| look(&seat.world, npc_id, rays)).await
+            {
                 Ok(Ok(look)) => look,
                 Ok(Err(error)) => return reader.close(error.into()),
-                Err(_) => return reader.close(crate::hosted::NpcError::Unknown(npc_id).into()),
+                Err(_) => return reader.close(NpcError::Unknown(npc_id).into()),
             };
             let same = |a: &Option<Arc<wire::NpcPlan>>, b: &Option<Arc<wire::NpcPlan>>| match (a, b) {
                 (Some(a), Some(b)) => Arc::ptr_eq(a, b),
                 (a, b) => a.is_none() && b.is_none(),
             };
-            let is_new = !shown.as_ref().is_some_and(|shown| same(shown, &plan));
-            let waypoints = plan.as_ref().map_or(&[][..], |plan| &plan.waypoints);
-            let heading = waypoints.iter().position(|waypoint| Some(*waypoint) == npc.waypoint);
-            let message = wire::FollowNpcResponse {
-                tick,
-                waypoint_idx: heading.unwrap_or(waypoints.len().saturating_sub(1)) as u32,
-                plan: is_new.then(|| plan.as_deref().cloned().unwrap_or_default()),
-                npc: Some(npc),
-            };
-            shown = Some(plan);
+            if !shown.as_ref().is_some_and(|(shown, _)| same(shown, &plan)) {
+                message.plan = Some(plan.as_deref().cloned().unwrap_or_default());
+            }
+            if shown.as_ref().is_none_or(|(_, shown)| *shown != history) {
+                message.history = history.clone();
+            }
+            shown = Some((plan, history));
             match reader.send(message).await {
                 Some(still) => reader = still,
                 None => return,

@@ -147,11 +147,13 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
         ("traversals", plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals }.encode_to_vec()),
         (
             "put_layer",
-            plan::PutLayerRequest { graph_id: graph_id.clone(), layer: Some(on_wire.clone()) }.encode_to_vec(),
+            plan::PutLayerRequest { graph_id: graph_id.clone(), layer: Some(on_wire.clone()), if_revision: 7 }
+                .encode_to_vec(),
         ),
         (
             "append_edits",
-            plan::AppendEditsRequest { graph_id, layer: on_wire.name, edits: on_wire.edits }.encode_to_vec(),
+            plan::AppendEditsRequest { graph_id, layer: on_wire.name, edits: on_wire.edits, if_revision: 0 }
+                .encode_to_vec(),
         ),
     ]
 }

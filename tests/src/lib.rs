@@ -57,6 +57,7 @@ pub fn start_server(config: ServerConfig) -> Running {
 /// Starts a world server whose endpoint is kept in some way.
 pub fn start_server_at(endpoint: EndpointConfig, config: ServerConfig) -> Running {
     let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
+    let endpoint = endpoint.with_pages(surefoot_studio::pages(":7601"));
     let (stop, uri) = (shutdown.clone(), endpoint.uri());
     let task =
         tokio::spawn(async move { surefoot_server::serve(endpoint, config, stop).await.expect("the server serves") });

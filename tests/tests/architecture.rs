@@ -4,16 +4,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// What each crate may depend on inside the workspace.
-const ALLOWED: [(&str, &[&str]); 8] = [
+const ALLOWED: [(&str, &[&str]); 9] = [
     ("surefoot-world", &[]),
     ("surefoot-proto", &["surefoot-world"]),
     ("surefoot-policy", &["surefoot-world"]),
     ("surefoot-server", &["surefoot-world", "surefoot-proto"]),
     ("surefoot-planner", &["surefoot-world", "surefoot-policy", "surefoot-proto"]),
     ("surefoot-agent", &["surefoot-world", "surefoot-policy", "surefoot-proto", "surefoot-planner"]),
+    ("surefoot-studio", &[]),
     (
         "surefoot-cli",
         &[
+            "surefoot-studio",
             "surefoot-world",
             "surefoot-policy",
             "surefoot-proto",
@@ -25,6 +27,7 @@ const ALLOWED: [(&str, &[&str]); 8] = [
     (
         "e2e",
         &[
+            "surefoot-studio",
             "surefoot-world",
             "surefoot-policy",
             "surefoot-proto",

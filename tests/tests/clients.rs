@@ -71,7 +71,8 @@ async fn a_client_follows_an_npc_and_its_plan() {
     let world_id = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await.world_id;
     let points = ground(&mut client, world_id, 2).await;
     let npc_id = spawn(&mut client, world_id, points[0]).await;
-    let mut steps = client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0 }).await.unwrap().into_inner();
+    let mut steps =
+        client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false }).await.unwrap().into_inner();
     let first = steps.next().await.unwrap().unwrap();
     assert_eq!(first.plan.expect("told at first").waypoints, [], "an idle NPC has no plan");
     set_goal(&mut client, npc_id, points[1]).await;

@@ -95,7 +95,7 @@ async fn the_planner_gives_details() {
     assert_eq!((batch.code(), fields(&batch)), (Code::ResourceExhausted, vec!["queries".to_owned()]));
     // Asking for as much again is no use.
     assert!(!says_when_to_retry(&batch));
-    let undo = plan::UndoEditsRequest { graph_id, layer: "night".to_owned(), count: 1 };
+    let undo = plan::UndoEditsRequest { graph_id, layer: "night".to_owned(), count: 1, if_revision: 0 };
     let missing = client.undo_edits(undo).await.unwrap_err();
     assert_eq!(resource(&missing), ("layer".to_owned(), "night".to_owned()));
     planner.stop().await;

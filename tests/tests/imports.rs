@@ -50,7 +50,8 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
     let server = start_server(config);
     let worker = start_worker(&server, Some(&planner), 8);
     let mut client = world_client(&server).await;
-    let mut steps = client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0 }).await.unwrap().into_inner();
+    let mut steps =
+        client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false }).await.unwrap().into_inner();
     set_goal(&mut client, npc_id, points[1]).await;
     let planned =
         async { while steps.next().await.unwrap().unwrap().plan.is_none_or(|plan| plan.waypoints.is_empty()) {} };
@@ -88,7 +89,7 @@ async fn edits_of_a_level_outlive_its_changes() {
             let at = Some(wire::Vec3 { x: 50.0, y: 0.0, z: 50.0 });
             let edit = plan::edit::Edit::RemoveVertex(plan::VertexEdit { at });
             let layer = plan::Layer { name: "night".to_owned(), edits: vec![plan::Edit { edit: Some(edit) }] };
-            let request = plan::PutLayerRequest { graph_id: last.0.clone(), layer: Some(layer) };
+            let request = plan::PutLayerRequest { graph_id: last.0.clone(), layer: Some(layer), if_revision: 0 };
             client.put_layer(request).await.unwrap();
         }
         graphs.push(last);

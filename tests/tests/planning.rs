@@ -81,7 +81,12 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
     let misfit = wire::Edit {
         edit: Some(wire::edit::Edit::RemoveVertex(wire::VertexEdit { at: Some(Vec3 { x: -90.0, y: 0.0, z: 0.0 }) })),
     };
-    let append = |edits| wire::AppendEditsRequest { graph_id: graph_id.clone(), layer: "night".to_owned(), edits };
+    let append = |edits| wire::AppendEditsRequest {
+        graph_id: graph_id.clone(),
+        layer: "night".to_owned(),
+        edits,
+        if_revision: 0,
+    };
     let answer = client.append_edits(append(vec![forbid, misfit])).await.unwrap().into_inner();
     let summary = answer.summary.unwrap();
     assert_eq!((summary.edits, summary.unfit_edits, summary.edges), (2, 1, before.edges - 1));
@@ -95,7 +100,8 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
     assert!(!passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
     let layers = client.get_layers(wire::GetLayersRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
     assert_eq!((layers.layers.len(), layers.layers[0].edits.len(), layers.unfit.len()), (1, 2, 1));
-    let undo = |count| wire::UndoEditsRequest { graph_id: graph_id.clone(), layer: "night".to_owned(), count };
+    let undo =
+        |count| wire::UndoEditsRequest { graph_id: graph_id.clone(), layer: "night".to_owned(), count, if_revision: 0 };
     let answer = client.undo_edits(undo(9)).await.unwrap().into_inner();
     assert_eq!(answer.summary.unwrap().edges, before.edges);
     assert!(passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
@@ -123,7 +129,7 @@ async fn edits_and_reports_that_make_no_sense_are_refused_and_change_nothing() {
         (layer("a", vec![price(2.0); 5000]), "at most 4096 edits"),
         (None, "layer is missing"),
     ] {
-        let request = wire::PutLayerRequest { graph_id: graph_id.clone(), layer };
+        let request = wire::PutLayerRequest { graph_id: graph_id.clone(), layer, if_revision: 0 };
         let status = client.put_layer(request).await.unwrap_err();
         assert!(status.code() == Code::InvalidArgument && status.message().contains(words), "{status:?}");
     }

@@ -191,7 +191,7 @@ impl Certificates {
 fn start_tls_server(certificates: &Certificates, name: &str, client_authority: Option<&Path>) -> Running {
     let (certificate, key) = certificates.issue(name);
     let tls = Some(ServerTls::load(&certificate, &key, client_authority).unwrap());
-    let security = Security { tls, tokens: Some(tokens()), insecure: false };
+    let security = Security { tls, tokens: Some(tokens()), ..Security::default() };
     start_server_at(EndpointConfig { security, ..Default::default() }, ServerConfig::default())
 }
 
@@ -371,7 +371,7 @@ async fn debug_output_shows_no_secret() {
     let server = Security {
         tls: Some(ServerTls::load(&certificate, &key, None).unwrap()),
         tokens: Some(tokens()),
-        insecure: false,
+        ..Security::default()
     };
     let credentials = holder(Role::Admin);
     let dialer = credentials.dial("http://127.0.0.1:1").unwrap();
@@ -382,4 +382,89 @@ async fn debug_output_shows_no_secret() {
     let key = std::fs::read_to_string(&key).unwrap();
     let bytes = format!("{:?}", key.as_bytes()[40..60].to_vec());
     assert!(!shown.contains(&key[40..60]) && !shown.contains(bytes.trim_matches(['[', ']'])), "{shown}");
+}
+
+/// Sends a plain HTTP/1.1 request and returns the answer.
+async fn http(server: &Running, request: &str) -> String {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    let mut socket = tokio::net::TcpStream::connect(server.address()).await.unwrap();
+    let request = request.replace("\n", "\r\n");
+    socket.write_all(request.as_bytes()).await.unwrap();
+    let mut answer = Vec::new();
+    socket.read_to_end(&mut answer).await.unwrap();
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_from_elsewhere_may_not_call() {
+    let named = Security { origins: vec!["https://studio.example".to_owned()], ..Security::default() };
+    let guarded = Security { tokens: Some(tokens()), ..Security::default() };
+    let plain = start_server_at(EndpointConfig::default(), ServerConfig::default());
+    let naming = start_server_at(EndpointConfig { security: named, ..Default::default() }, ServerConfig::default());
+    let asking = start_server_at(EndpointConfig { security: guarded, ..Default::default() }, ServerConfig::default());
+    let call = "/surefoot.world.v1.WorldService/ListWorlds";
+    // An empty message of gRPC-Web.
+    let body = "\0\0\0\0\0";
+    for (server, host, origin, admitted) in [
+        (&plain, "127.0.0.1:7600", "http://127.0.0.1:7601", true),
+        (&plain, "localhost:7600", "http://127.0.0.1:5173", true),
+        (&plain, "192.168.1.7:7600", "http://192.168.1.7:7601", true),
+        (&plain, "192.168.1.7:7600", "http://192.168.1.8:7601", false),
+        (&plain, "127.0.0.1:7600", "https://evil.example", false),
+        // A name that was made to lead here.
+        (&plain, "evil.example:7600", "http://evil.example:7600", false),
+        (&plain, "127.0.0.1:7600", "null", false),
+        (&naming, "127.0.0.1:7600", "https://studio.example", true),
+        (&naming, "127.0.0.1:7600", "https://studio.example.evil", false),
+        (&asking, "worlds.example:7600", "http://worlds.example:7600", true),
+        (&asking, "worlds.example:7600", "http://evil.example:7600", false),
+    ] {
+        let preflight = http(
+            server,
+            &format!(
+                "OPTIONS {call} HTTP/1.1\nHost: {host}\nOrigin: {origin}\nConnection: close\n\
+                 Access-Control-Request-Method: POST\nAccess-Control-Request-Headers: content-type,x-grpc-web\n\n"
+            ),
+        )
+        .await;
+        let allowed = preflight.contains(&format!("access-control-allow-origin: {origin}\r\n"));
+        assert_eq!(allowed, admitted, "{origin} at {host}: {preflight}");
+        let secret = secret_of(Role::Admin);
+        let answer = http(
+            server,
+            &format!(
+                "POST {call} HTTP/1.1\nHost: {host}\nOrigin: {origin}\nConnection: close\nAuthorization: Bearer {secret}\n\
+                 Content-Type: application/grpc-web+proto\nContent-Length: {}\n\n{body}",
+                body.len()
+            ),
+        )
+        .await;
+        assert_eq!(answer.contains("grpc-status: 7"), !admitted, "{origin} at {host}: {answer}");
+        assert_eq!(answer.contains("grpc-status:0") || answer.contains("grpc-status: 0"), admitted, "{answer}");
+    }
+    for server in [plain, naming, asking] {
+        server.stop().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_a_token_pages_are_read_and_methods_are_not() {
+    let endpoint = EndpointConfig {
+        security: Security { tokens: Some(tokens()), ..Security::default() },
+        ..EndpointConfig::default()
+    };
+    let server = start_server_at(endpoint, ServerConfig::default());
+    let get = |path: &str, kind: &str| {
+        let host = server.address();
+        format!("GET {path} HTTP/1.1\nHost: {host}\nConnection: close\nContent-Type: {kind}\n\n")
+    };
+    let page = http(&server, &get("/studio.json", "text/plain")).await;
+    assert!(page.contains("{\"planner\":\":7601\"}"), "{page}");
+    assert!(http(&server, &get("/nothing.js", "text/plain")).await.starts_with("HTTP/1.1 404"));
+    for path in ["/surefoot.world.v1.WorldService/ListWorlds", "/surefoot.world.v1.MapService/ListMaps"] {
+        let answer = http(&server, &get(path, "application/grpc")).await;
+        assert!(answer.contains("grpc-status: 16"), "{answer}");
+    }
+    assert!(http(&server, &get("/metrics", "text/plain")).await.starts_with("HTTP/1.1 401"));
+    server.stop().await;
 }

@@ -68,17 +68,47 @@ impl RayCone {
         &self.directions
     }
 
+    /// Where the rays begin, m.
+    pub fn eye(profile: &CharacterProfile, body: &Body) -> Vec3 {
+        body.feet + Vec3::new(0.0, profile.height * EYE_HEIGHT_SHARE, 0.0)
+    }
+
+    /// Unit directions of the cone, turned as `body` is.
+    fn turned(&self, body: &Body) -> impl Iterator<Item = Vec3> {
+        let (sin, cos) = libm::sincosf(body.yaw);
+        self.directions
+            .iter()
+            .map(move |local| Vec3::new(sin * local.z - cos * local.x, local.y, cos * local.z + sin * local.x))
+    }
+
     /// Casts the cone from `body` and calls `found` with each ray's index, distance and surface.
     pub fn cast(&self, map: &Map, profile: &CharacterProfile, body: &Body, mut found: impl FnMut(usize, f32, Surface)) {
-        let eye = body.feet + Vec3::new(0.0, profile.height * EYE_HEIGHT_SHARE, 0.0);
-        let (sin, cos) = libm::sincosf(body.yaw);
-        for (idx, local) in self.directions.iter().enumerate() {
-            let direction = Vec3::new(sin * local.z - cos * local.x, local.y, cos * local.z + sin * local.x);
+        let eye = Self::eye(profile, body);
+        for (idx, direction) in self.turned(body).enumerate() {
             if let Some(hit) = map.mesh().cast_ray(eye, direction, RAY_RANGE_M) {
                 found(idx, hit.distance, hit.surface);
             }
         }
     }
+
+    /// What `body` sees.
+    pub fn sight(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Sight {
+        let eye = Self::eye(profile, body);
+        let mut ends: Vec<_> = self.turned(body).map(|direction| (eye + direction * RAY_RANGE_M, None)).collect();
+        self.cast(map, profile, body, |idx, distance, surface| {
+            ends[idx] = (eye + (ends[idx].0 - eye) * (distance / RAY_RANGE_M), Some(surface));
+        });
+        Sight { eye, ends }
+    }
+}
+
+/// What a body sees, for people to look at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sight {
+    /// Where its rays begin, m.
+    pub eye: Vec3,
+    /// Where each ray ends, m, and on what; in the air, if it hits nothing within its range.
+    pub ends: Vec<(Vec3, Option<Surface>)>,
 }
 
 /// What the state vector needs besides the body.

@@ -4,7 +4,7 @@ use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
 use crate::crowd::CrowdScratch;
 use crate::map::{Liquid, Map};
 use crate::replay::{CHECK_EVERY_TICKS, Input, Recording};
-use crate::sense::{self, LastDecision, RayCone, SenseContext};
+use crate::sense::{self, LastDecision, RayCone, SenseContext, Sight};
 use crate::task::{End, Episode, TaskConfig};
 use crate::{TICKS_PER_DECISION, Vec3};
 use serde::{Deserialize, Serialize};
@@ -325,6 +325,12 @@ impl World {
         let context = SenseContext { map: &self.map, profile, task: &self.config.task };
         sense::observe(&self.cone, context, &npc.body, episode, &npc.last, row);
         true
+    }
+
+    /// What an NPC sees.
+    pub fn sight(&self, slot: NpcSlot) -> Sight {
+        let npc = self.npc(slot).expect("an occupied slot");
+        self.cone.sight(&self.map, &self.config.profiles[usize::from(npc.profile.0)], &npc.body)
     }
 
     fn npc_mut(&mut self, slot: NpcSlot) -> &mut Npc {

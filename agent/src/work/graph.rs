@@ -23,6 +23,8 @@ pub(super) struct Graph {
     pub id: watch::Receiver<String>,
     /// Where that is said.
     pub ready: watch::Sender<String>,
+    /// State of designers' edits, as the planner names it; 0 while it is not known.
+    pub revision: watch::Receiver<u64>,
     build: tokio::task::JoinHandle<()>,
 }
 
@@ -31,6 +33,7 @@ impl Graph {
     pub fn keep(server: Link, planner: Link, assignment: &wire::Assignment, settings: planner::BuildSettings) -> Self {
         let client = PlannerServiceClient::new(planner.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (ready, id) = watch::channel(String::new());
+        let (edited, revision) = watch::channel(0);
         let maps = |link| {
             MapServiceClient::new(link)
                 .max_decoding_message_size(MAX_MESSAGE_BYTES)
@@ -47,7 +50,7 @@ impl Graph {
             from: maps(server),
             to: maps(planner),
         };
-        Self { client, id, ready: ready.clone(), build: tokio::spawn(builder.run(ready)) }
+        Self { client, id, ready: ready.clone(), revision, build: tokio::spawn(builder.run(ready, edited)) }
     }
 }
 
@@ -66,17 +69,19 @@ struct Builder {
 }
 
 impl Builder {
-    /// Builds the graph, again whenever that fails, and says when it is ready.
-    async fn run(mut self, ready: watch::Sender<String>) {
+    /// Builds the graph, again whenever that fails, and says when it is ready and when it is edited.
+    async fn run(mut self, ready: watch::Sender<String>, edited: watch::Sender<u64>) {
         let mut pause = MIN_PAUSE;
         loop {
             match self.build().await {
                 Ok(graph_id) => {
                     info!(graph_id, "graph ready");
-                    ready.send_replace(graph_id);
-                    // A query to which the planner no longer knows the graph clears it; then it is built again.
-                    if ready.subscribe().wait_for(String::is_empty).await.is_err() {
-                        return;
+                    ready.send_replace(graph_id.clone());
+                    let mut lost = ready.subscribe();
+                    tokio::select! {
+                        // A query to which the planner no longer knows the graph clears it; then it is built again.
+                        result = lost.wait_for(String::is_empty) => if result.is_err() { return },
+                        () = self.watch(&graph_id, &edited) => drop(ready.send_replace(String::new())),
                     }
                     pause = MIN_PAUSE;
                 }
@@ -85,6 +90,34 @@ impl Builder {
                     tokio::time::sleep(pause).await;
                     pause = (pause * 2).min(MAX_PAUSE);
                 }
+            }
+        }
+    }
+
+    /// Follows the edits of a graph until the planner no longer knows it.
+    async fn watch(&self, graph_id: &str, edited: &watch::Sender<u64>) {
+        let mut client = self.client.clone();
+        loop {
+            let request = planner::WatchGraphRequest { graph_id: graph_id.to_owned() };
+            let ended = match client.watch_graph(request).await {
+                Ok(changes) => {
+                    let mut changes = changes.into_inner();
+                    loop {
+                        match changes.next().await {
+                            Some(Ok(change)) => drop(edited.send_replace(change.revision)),
+                            Some(Err(status)) => break status,
+                            None => break Status::unavailable("the stream ended"),
+                        }
+                    }
+                }
+                Err(status) => status,
+            };
+            edited.send_replace(0);
+            match ended.code() {
+                Code::NotFound => return,
+                // Planners of an older version do not tell.
+                Code::Unimplemented => std::future::pending().await,
+                _ => tokio::time::sleep(MAX_PAUSE).await,
             }
         }
     }

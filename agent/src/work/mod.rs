@@ -211,6 +211,8 @@ struct Carried {
     follower: Follower,
     /// A plan has been asked for and not come yet.
     is_planning: bool,
+    /// State of designers' edits that its plan was made with; 0 without one.
+    revision: u64,
     /// A waypoint that the server has not been told yet.
     new_waypoint: Option<Vec3>,
     /// A plan that the server has not been told yet.
@@ -219,8 +221,13 @@ struct Carried {
     memory: Vec<f32>,
 }
 
-/// Plans that have come, with the attempts they are for; `None` where the planner failed.
-type Planned = Vec<(u64, u32, Option<Plan>)>;
+/// Plans that have come.
+struct Planned {
+    /// With the attempts they are for; `None` where the planner failed.
+    plans: Vec<(u64, u32, Option<Plan>)>,
+    /// State of designers' edits that they were made with.
+    revision: u64,
+}
 
 /// All NPCs of one world that this worker carries.
 struct WorldTask {
@@ -281,7 +288,8 @@ impl WorldTask {
             let (feet, goal) = (at(&positions, idx), at(&goals, idx));
             let attempt = batch.attempts.get(idx).copied().unwrap_or(0);
             let touched = batch.waypoint_reached.get(idx).copied().unwrap_or(false);
-            match self.note(id, attempt, feet, goal, touched) {
+            let grounded = batch.grounded.get(idx).copied().unwrap_or(true);
+            match self.note(id, attempt, [feet, goal], touched, grounded) {
                 Step::Keep => {}
                 Step::Head(waypoint) => self.carried(id).new_waypoint = Some(waypoint),
                 Step::Plan => queries.push((id, attempt, feet)),
@@ -317,13 +325,15 @@ impl WorldTask {
     }
 
     /// Takes note of where an NPC is; a new attempt gets a new follower.
-    fn note(&mut self, id: u64, attempt: u32, feet: Vec3, goal: Vec3, touched: bool) -> Step {
+    fn note(&mut self, id: u64, attempt: u32, [feet, goal]: [Vec3; 2], touched: bool, grounded: bool) -> Step {
         let has_planner = self.graph.is_some();
+        let latest = self.graph.as_ref().map_or(0, |graph| *graph.revision.borrow());
         let memory_len = self.policy.memory_len();
         let begin = || Carried {
             attempt,
             follower: Follower::new(goal, FollowConfig::default()),
             is_planning: false,
+            revision: 0,
             new_waypoint: None,
             new_plan: None,
             memory: vec![0.0; memory_len],
@@ -335,6 +345,11 @@ impl WorldTask {
         if !has_planner || carried.is_planning {
             // The server itself ends attempts that make no progress.
             return Step::Keep;
+        }
+        // In the air there is no turning round.
+        if grounded && carried.revision != 0 && latest != 0 && carried.revision != latest {
+            carried.revision = 0;
+            carried.follower.forget_plan();
         }
         let step = carried.follower.note(feet, touched);
         self.passages.extend(carried.follower.take_passages());
@@ -416,11 +431,12 @@ impl WorldTask {
         }
     }
 
-    fn apply(&mut self, plans: Planned) {
-        for (id, attempt, plan) in plans {
+    fn apply(&mut self, planned: Planned) {
+        for (id, attempt, plan) in planned.plans {
             let Some(carried) = self.npcs.get_mut(&id).filter(|carried| carried.attempt == attempt) else { continue };
             carried.is_planning = false;
             if let Some(plan) = plan {
+                carried.revision = planned.revision;
                 carried.new_plan = Some(npc_plan_to_wire(&plan));
                 carried.new_waypoint = Some(carried.follower.take_plan(plan));
             }
@@ -453,25 +469,24 @@ async fn find_paths(
     graph_ready: &watch::Sender<String>,
 ) -> Planned {
     let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
-    let plans = match answer {
-        Ok(Ok(response)) => response.into_inner().plans,
+    let planner::FindPathsResponse { plans, revision } = match answer {
+        Ok(Ok(response)) => response.into_inner(),
         Ok(Err(status)) => {
             warn!(%status, "the planner did not answer");
             if status.code() == Code::NotFound {
                 graph_ready.send_replace(String::new());
             }
-            Vec::new()
+            Default::default()
         }
         Err(_) => {
             warn!("the planner did not answer in time");
-            Vec::new()
+            Default::default()
         }
     };
     let mut plans = plans.into_iter();
-    asked
-        .into_iter()
-        .map(|(id, attempt)| (id, attempt, plans.next().and_then(|plan| plan_from_wire(&plan).ok())))
-        .collect()
+    let mut next = move || plan_from_wire(&plans.next()?).ok();
+    let plans = asked.into_iter().map(|(id, attempt)| (id, attempt, next())).collect();
+    Planned { plans, revision }
 }
 
 fn query_to_wire(query: &surefoot_planner::Query) -> planner::PathQuery {

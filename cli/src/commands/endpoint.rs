@@ -56,6 +56,9 @@ pub struct EndpointArgs {
     /// one
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
+    /// Web pages from other hosts that may call, such as https://studio.example; several are divided by commas
+    #[arg(long, value_name = "ORIGIN", value_delimiter = ',')]
+    allow_origin: Vec<String>,
 }
 
 impl EndpointArgs {
@@ -82,7 +85,10 @@ impl EndpointArgs {
             _ => bail!("--tls-cert and --tls-key belong together"),
         };
         let tokens = self.tokens.as_deref().map(Tokens::load).transpose()?;
-        Ok(EndpointConfig { limits, security: Security { tls, tokens, insecure: self.insecure } })
+        Ok(EndpointConfig {
+            limits,
+            security: Security { tls, tokens, insecure: self.insecure, origins: self.allow_origin.clone() },
+        })
     }
 }
 

@@ -20,9 +20,12 @@ use tracing::info;
     after_help = "Examples:\n  surefoot serve\n  surefoot serve --listen 0.0.0.0:7600 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  surefoot serve --config surefoot.toml\n  curl http://127.0.0.1:7600/metrics"
 )]
 pub struct ServeArgs {
-    /// Address for gRPC, gRPC-Web and GET /metrics
+    /// Address for gRPC, gRPC-Web, Studio's page and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7600", env = "SUREFOOT_LISTEN")]
     listen: SocketAddr,
+    /// Where Studio finds the planner: a URL, or a port of the host that its page comes from
+    #[arg(long, default_value = ":7601", value_name = "URL", env = "SUREFOOT_STUDIO_PLANNER")]
+    studio_planner: String,
     #[command(flatten)]
     limits: ServerLimits,
     #[command(flatten)]
@@ -256,7 +259,8 @@ where
 pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     let config = args.endpoint.config()?;
     run_until_signal(|shutdown| async move {
-        let endpoint = Endpoint::open(args.listen, config)?;
+        let pages = surefoot_studio::pages(&args.studio_planner);
+        let endpoint = Endpoint::open(args.listen, config)?.with_pages(pages);
         info!(address = %endpoint.address(), "world server ready");
         Ok(surefoot_server::serve(endpoint, args.limits.config(), shutdown).await?)
     })

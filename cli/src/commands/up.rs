@@ -81,13 +81,18 @@ async fn scene(
     shutdown: Shutdown,
 ) -> anyhow::Result<()> {
     let started = Instant::now();
-    let server = Endpoint::open(args.listen, endpoints.clone())?;
-    let plans = Endpoint::open(args.planner_listen, endpoints)?;
+    let plans = Endpoint::open(args.planner_listen, endpoints.clone())?;
+    let pages = surefoot_studio::pages(&format!(":{}", plans.address().port()));
+    let server = Endpoint::open(args.listen, endpoints)?.with_pages(pages);
     let (server_uri, planner_uri) = (server.uri(), plans.uri());
     let policy = load_policy(args.model.as_deref())?;
     let store = args.cache.open()?;
     eprintln!("world server  {server_uri}  (gRPC, gRPC-Web, GET /metrics)");
     eprintln!("planner       {planner_uri}");
+    match surefoot_studio::missing() {
+        None => eprintln!("Studio        {server_uri}/"),
+        Some(reason) => eprintln!("Studio        not in this build: {reason}"),
+    }
     let mut parts: JoinSet<anyhow::Result<()>> = JoinSet::new();
     let (limits, stop) = (args.limits.config(), shutdown.clone());
     parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });

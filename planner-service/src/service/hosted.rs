@@ -1,20 +1,23 @@
 //! One graph that is being asked: what was proved, edited and reported, and the router made of it all.
 
 use super::POISON;
+use super::wire_form::edge_to_wire;
 use crate::build::{BuildSettings, BuildStats, GraphId};
-use crate::cache::LevelId;
+use crate::cache::{LevelId, encode_layer};
 use crate::candidates::Candidate;
 use crate::edits::{Edited, Layer, MapTerrain, Terrain, Unfit, lay_over};
-use crate::graph::{Evidence, NavGraph};
+use crate::graph::{Edge, Evidence, NavGraph};
 use crate::live::{LiveEvidence, Passage};
 use crate::probe::ProbeContext;
 use crate::search::{Plan, Query, Repriced, Router};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use surefoot_policy::Policy;
+use surefoot_proto::convert;
 use surefoot_proto::maps::MapSource;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_world::{CharacterProfile, Vec3};
+use tokio::sync::watch;
 
 /// What decides how a hosted graph is edited and searched.
 #[derive(Debug, Clone)]
@@ -39,6 +42,8 @@ pub(super) struct Hosted {
     live: Mutex<LiveEvidence>,
     /// Set while a refresh is due.
     pub refresh_is_due: AtomicBool,
+    /// Told whenever plans may come out differently.
+    changes: watch::Sender<()>,
 }
 
 /// A graph at one moment: readers keep theirs while a new one is made.
@@ -47,6 +52,7 @@ struct View {
     router: Router,
     edited: Edited,
     layers: Vec<Layer>,
+    revision: u64,
     connected: f64,
     /// Edges that have changed since the router was made.
     repriced: RwLock<Repriced>,
@@ -71,7 +77,18 @@ impl Hosted {
             view: RwLock::new(view),
             live: Mutex::new(live),
             refresh_is_due: AtomicBool::new(false),
+            changes: watch::Sender::new(()),
         }
+    }
+
+    /// Told whenever plans may come out differently; over when the graph is no longer kept.
+    pub fn changes(&self) -> watch::Receiver<()> {
+        self.changes.subscribe()
+    }
+
+    /// The state of the layers: the same for the same edits, never 0.
+    pub fn revision(&self) -> u64 {
+        self.view().revision
     }
 
     pub fn level(&self) -> LevelId {
@@ -110,6 +127,7 @@ impl Hosted {
             router: self.origin.router(live.lay_over(&view.edited.graph)),
             edited: view.edited.clone(),
             layers: view.layers.clone(),
+            revision: view.revision,
             connected: view.connected,
             repriced: RwLock::default(),
         };
@@ -118,6 +136,8 @@ impl Hosted {
         if Arc::ptr_eq(&current, &view) {
             *current = Arc::new(next);
         }
+        drop(current);
+        self.changes.send_replace(());
         live
     }
 
@@ -131,6 +151,7 @@ impl Hosted {
         };
         let view = View::new(&self.origin, &self.proved, layers, &live);
         *self.view.write().expect(POISON) = Arc::new(view);
+        self.changes.send_replace(());
     }
 
     pub fn live(&self) -> LiveEvidence {
@@ -145,6 +166,21 @@ impl Hosted {
     /// The graph as plans see it.
     pub fn with_graph<T>(&self, read: impl FnOnce(&NavGraph) -> T) -> T {
         read(self.view().router.graph())
+    }
+
+    /// All of it, as it is sent.
+    pub fn to_wire(&self) -> wire::GetGraphResponse {
+        let view = self.view();
+        let graph = view.router.graph();
+        let is_forced = |edge: &Edge| view.edited.forced.contains(&(edge.from, edge.to));
+        wire::GetGraphResponse {
+            summary: Some(self.summary()),
+            vertices: (0..graph.vertex_count() as u32).map(|vertex| convert::to_wire(graph.position(vertex))).collect(),
+            islands: graph.islands().to_vec(),
+            edges: graph.edges().map(|edge| edge_to_wire(edge, is_forced(edge))).collect(),
+            revision: view.revision,
+            removed: view.edited.removed.iter().copied().collect(),
+        }
     }
 
     pub fn summary(&self) -> wire::GraphSummary {
@@ -175,10 +211,22 @@ impl View {
             connected: edited.graph.connected_share(),
             router: origin.router(live.lay_over(&edited.graph)),
             edited,
+            revision: revision_of(&layers),
             layers,
             repriced: RwLock::default(),
         }
     }
+}
+
+/// The state of a level's layers as a number: a hash of what they say.
+pub(super) fn revision_of(layers: &[Layer]) -> u64 {
+    let mut hasher = blake3::Hasher::new();
+    for layer in layers {
+        // Each begins with its checksum, so that none runs into the next.
+        hasher.update(&encode_layer(layer));
+    }
+    let first = hasher.finalize().as_bytes().first_chunk().copied().expect("32 bytes");
+    u64::from_le_bytes(first).max(1)
 }
 
 impl Origin {

@@ -13,9 +13,10 @@ use crate::build::{BuildError, BuildSettings, Built, GraphId, Progress, build};
 use crate::cache::{GraphStore, StoreError};
 use crate::edits::{Layer, LayerError};
 use crate::live::LiveEvidence;
-use crate::probe::ProbeContext;
+use crate::probe::{self, ProbeContext, Trial};
+use crate::reachability;
 use crate::search::{DEFAULT_TABLE_LIMIT, Query};
-use hosted::{Hosted, Origin};
+use hosted::{Hosted, Origin, revision_of};
 use std::collections::{BTreeMap, VecDeque};
 use std::pin::Pin;
 use std::sync::atomic::Ordering;
@@ -29,14 +30,14 @@ use surefoot_proto::planner::v1::planner_service_server::{PlannerService, Planne
 use surefoot_proto::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, going_away, with_grpc_web};
 use surefoot_proto::status;
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
-use surefoot_world::CharacterProfile;
+use surefoot_world::{CharacterProfile, Map, Vec3};
 use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 use tracing::{info, warn};
 use wire_form::{
-    edge_to_wire, edits_from_wire, layer_from_wire, layer_to_wire, passage_from_wire, settings_from_wire, unfit_to_wire,
+    edits_from_wire, layer_from_wire, layer_to_wire, passage_from_wire, settings_from_wire, unfit_to_wire,
 };
 
 /// Limits and sizes of a planner.
@@ -132,6 +133,10 @@ struct Shared {
     turn: Semaphore,
     /// One change of layers at a time.
     editing: tokio::sync::Mutex<()>,
+    /// Probes that run at a time for those who ask for one.
+    probing: Semaphore,
+    /// The map of the last such probe.
+    probed_map: Mutex<Option<Arc<Map>>>,
     plans: std::sync::atomic::AtomicU64,
     shutdown: Shutdown,
 }
@@ -192,6 +197,8 @@ impl PlannerApi {
             jobs: Mutex::default(),
             turn: Semaphore::new(1),
             editing: tokio::sync::Mutex::default(),
+            probing: Semaphore::new(config.threads.max(1)),
+            probed_map: Mutex::default(),
             plans: std::sync::atomic::AtomicU64::new(0),
             shutdown,
         };
@@ -353,18 +360,25 @@ impl PlannerApi {
         Ok(Arc::new(Hosted::new(origin, graph, stats, cached, live, layers)))
     }
 
-    /// Lays changed layers over all graphs of a level, remembers them, and says what the graph is like now.
+    /// Lays changed layers over all graphs of a level, remembers them, and says what the graph is like now. Unless `if_revision`
+    /// is 0, only if the layers are in that state.
     async fn change_layers(
         &self,
         graph_id: &str,
+        if_revision: u64,
         change: impl FnOnce(&mut Vec<Layer>) -> Result<Layer, Status> + Send + 'static,
-    ) -> Result<(wire::GraphSummary, Vec<wire::UnfitEdit>), Status> {
+    ) -> Result<LaidOver, Status> {
         let hosted = self.ready(graph_id)?;
         let _editing = self.shared.editing.lock().await;
         let api = self.clone();
         let task = tokio::task::spawn_blocking(move || {
             let level = hosted.level();
             let (mut layers, _) = hosted.layers();
+            if if_revision != 0 && if_revision != revision_of(&layers) {
+                return Err(Status::aborted(
+                    "somebody else has changed the layers of this level meanwhile: GetLayers tells how, then try again",
+                ));
+            }
             let changed = change(&mut layers)?;
             changed.validate().map_err(|error| Status::from(LayerProblem(error)))?;
             layers.retain(|layer| layer.name != changed.name);
@@ -381,9 +395,51 @@ impl PlannerApi {
                 other.lay_over(layers.clone());
             }
             let (_, unfit) = hosted.layers();
-            Ok((hosted.summary(), unfit_to_wire(&unfit)))
+            Ok(LaidOver { summary: hosted.summary(), unfit: unfit_to_wire(&unfit), revision: hosted.revision() })
         });
         task.await.map_err(|error| Status::internal(format!("the edit failed: {error}")))?
+    }
+
+    /// What probes on a graph's map run with. The map that was asked for last is kept, since designers try one edge after another.
+    fn context_of(&self, hosted: &Hosted) -> Result<ProbeContext, Status> {
+        let kept = self.shared.probed_map.lock().expect(POISON).clone();
+        let map = match kept.filter(|map| map.hash().to_hex() == hosted.origin.map_hash) {
+            Some(map) => map,
+            None => hosted.origin.source.map()?,
+        };
+        *self.shared.probed_map.lock().expect(POISON) = Some(map.clone());
+        Ok(ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() })
+    }
+
+    /// Tells one reader what a graph is like now, and again whenever it has changed.
+    async fn tell_changes(
+        self,
+        graph_id: String,
+        mut changes: watch::Receiver<()>,
+        queue: mpsc::Sender<Result<wire::WatchGraphResponse, Status>>,
+    ) {
+        let stopping = self.shared.shutdown.wait();
+        tokio::pin!(stopping);
+        changes.mark_changed();
+        let end = loop {
+            tokio::select! {
+                changed = changes.changed() => if changed.is_err() {
+                    break status::not_found("graph", &graph_id, format!("graph {graph_id} is no longer loaded: call BuildGraph"));
+                },
+                () = &mut stopping => break going_away(),
+                () = queue.closed() => return,
+            }
+            let told = match self.ready(&graph_id) {
+                Ok(hosted) => wire::WatchGraphResponse { summary: Some(hosted.summary()), revision: hosted.revision() },
+                Err(status) => break status,
+            };
+            tokio::select! {
+                sent = queue.send(Ok(told)) => if sent.is_err() { return },
+                () = &mut stopping => return,
+            }
+        };
+        // A reader that does not read does not learn why its stream is over.
+        let _ = queue.try_send(Err(end));
     }
 
     /// Makes a new table of a graph, unless one is due already.
@@ -447,13 +503,94 @@ impl PlannerService for PlannerApi {
         request: Request<wire::GetGraphRequest>,
     ) -> Result<Response<wire::GetGraphResponse>, Status> {
         let ready = self.ready(&request.into_inner().graph_id)?;
-        let summary = Some(ready.summary());
-        Ok(Response::new(ready.with_graph(|graph| wire::GetGraphResponse {
-            summary,
-            vertices: (0..graph.vertex_count() as u32).map(|vertex| convert::to_wire(graph.position(vertex))).collect(),
-            islands: graph.islands().to_vec(),
-            edges: graph.edges().map(edge_to_wire).collect(),
-        })))
+        Ok(Response::new(ready.to_wire()))
+    }
+
+    type WatchGraphStream = BoxStream<wire::WatchGraphResponse>;
+
+    async fn watch_graph(
+        &self,
+        request: Request<wire::WatchGraphRequest>,
+    ) -> Result<Response<Self::WatchGraphStream>, Status> {
+        let graph_id = request.into_inner().graph_id;
+        let changes = self.ready(&graph_id)?.changes();
+        let (queue, stream) = mpsc::channel(1);
+        tokio::spawn(self.clone().tell_changes(graph_id, changes, queue));
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn list_graphs(
+        &self,
+        _request: Request<wire::ListGraphsRequest>,
+    ) -> Result<Response<wire::ListGraphsResponse>, Status> {
+        let ready: Vec<Arc<Hosted>> = self.shared.ready.lock().expect(POISON).iter().rev().cloned().collect();
+        let graphs = ready.iter().map(|hosted| {
+            let (map, level) = match &hosted.origin.source {
+                MapSource::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
+                MapSource::Level(level) => (None, level.name.clone()),
+            };
+            wire::ReadyGraph {
+                graph_id: hosted.origin.id.to_string(),
+                map,
+                level,
+                settings: Some(settings_to_wire(&hosted.origin.settings)),
+                summary: Some(hosted.summary()),
+            }
+        });
+        Ok(Response::new(wire::ListGraphsResponse { graphs: graphs.collect() }))
+    }
+
+    async fn probe_edge(
+        &self,
+        request: Request<wire::ProbeEdgeRequest>,
+    ) -> Result<Response<wire::ProbeEdgeResponse>, Status> {
+        let wire::ProbeEdgeRequest { graph_id, from, to, seed } = request.into_inner();
+        let hosted = self.ready(&graph_id)?;
+        let ends = hosted.with_graph(|graph| {
+            let position = |vertex: u32| ((vertex as usize) < graph.vertex_count()).then(|| graph.position(vertex));
+            [(from, "from"), (to, "to")].map(|(vertex, field)| {
+                position(vertex).ok_or_else(|| {
+                    let message = format!("{field} is {vertex}, the graph has {} vertices", graph.vertex_count());
+                    status::not_found("vertex", vertex.to_string(), message)
+                })
+            })
+        });
+        let [start, goal] = ends;
+        let trial = Trial { start: start?, goal: goal?, stream: 0, keep_track: false };
+        let Ok(_turn) = self.shared.probing.acquire().await else { return Err(going_away()) };
+        let api = self.clone();
+        let task = tokio::task::spawn_blocking(move || {
+            let context = api.context_of(&hosted)?;
+            Ok::<_, Status>(probe::replay(&context, &trial, seed))
+        });
+        let (outcome, track) = task.await.map_err(|error| Status::internal(format!("the probe failed: {error}")))??;
+        Ok(Response::new(wire::ProbeEdgeResponse {
+            reached: outcome.reached,
+            decisions: outcome.decisions,
+            ability: wire_form::ability_to_wire(outcome.ability),
+            track: convert::pack(track.iter().flat_map(|place| place.to_array())),
+        }))
+    }
+
+    async fn compare_graphs(
+        &self,
+        request: Request<wire::CompareGraphsRequest>,
+    ) -> Result<Response<wire::CompareGraphsResponse>, Status> {
+        let request = request.into_inner();
+        let (before, after) = (self.ready(&request.before)?, self.ready(&request.after)?);
+        let task = tokio::task::spawn_blocking(move || {
+            before.with_graph(|before| after.with_graph(|after| reachability::compare(before, after)))
+        });
+        let found = task.await.map_err(|error| Status::internal(format!("the comparison failed: {error}")))?;
+        let places = |places: Vec<Vec3>| places.into_iter().map(convert::to_wire).collect();
+        Ok(Response::new(wire::CompareGraphsResponse {
+            lost: places(found.lost),
+            gained: places(found.gained),
+            connected_before: found.connected_before as f32,
+            connected_after: found.connected_after as f32,
+            islands_before: found.islands.0 as u32,
+            islands_after: found.islands.1 as u32,
+        }))
     }
 
     async fn find_path(
@@ -480,11 +617,13 @@ impl PlannerService for PlannerApi {
             return Err(status::too_much("queries", message));
         }
         let api = self.clone();
+        // If an edit comes in between, the plans are at least as new.
+        let revision = ready.revision();
         let plans = tokio::task::spawn_blocking(move || {
             request.queries.iter().map(|query| api.plan(&ready, query)).collect::<Result<Vec<_>, Status>>()
         });
         let plans = plans.await.map_err(|error| Status::internal(format!("the search failed: {error}")))??;
-        Ok(Response::new(wire::FindPathsResponse { plans }))
+        Ok(Response::new(wire::FindPathsResponse { plans, revision }))
     }
 
     async fn report_traversals(
@@ -511,8 +650,9 @@ impl PlannerService for PlannerApi {
         request: Request<wire::GetLayersRequest>,
     ) -> Result<Response<wire::GetLayersResponse>, Status> {
         let (layers, unfit) = self.ready(&request.into_inner().graph_id)?.layers();
+        let revision = revision_of(&layers);
         let layers = layers.iter().map(layer_to_wire).collect();
-        Ok(Response::new(wire::GetLayersResponse { layers, unfit: unfit_to_wire(&unfit) }))
+        Ok(Response::new(wire::GetLayersResponse { layers, unfit: unfit_to_wire(&unfit), revision }))
     }
 
     async fn put_layer(
@@ -521,15 +661,16 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::PutLayerResponse>, Status> {
         let request = request.into_inner();
         let layer = layer_from_wire(request.layer.as_ref())?;
-        let (summary, unfit) = self.change_layers(&request.graph_id, |_| Ok(layer)).await?;
-        Ok(Response::new(wire::PutLayerResponse { summary: Some(summary), unfit }))
+        let LaidOver { summary, unfit, revision } =
+            self.change_layers(&request.graph_id, request.if_revision, |_| Ok(layer)).await?;
+        Ok(Response::new(wire::PutLayerResponse { summary: Some(summary), unfit, revision }))
     }
 
     async fn append_edits(
         &self,
         request: Request<wire::AppendEditsRequest>,
     ) -> Result<Response<wire::AppendEditsResponse>, Status> {
-        let wire::AppendEditsRequest { graph_id, layer: name, edits } = request.into_inner();
+        let wire::AppendEditsRequest { graph_id, layer: name, edits, if_revision } = request.into_inner();
         let edits = edits_from_wire(&edits)?;
         let append = move |layers: &mut Vec<Layer>| {
             let old = layers.iter().find(|layer| layer.name == name);
@@ -537,15 +678,15 @@ impl PlannerService for PlannerApi {
             layer.edits.extend(edits);
             Ok(layer)
         };
-        let (summary, unfit) = self.change_layers(&graph_id, append).await?;
-        Ok(Response::new(wire::AppendEditsResponse { summary: Some(summary), unfit }))
+        let LaidOver { summary, unfit, revision } = self.change_layers(&graph_id, if_revision, append).await?;
+        Ok(Response::new(wire::AppendEditsResponse { summary: Some(summary), unfit, revision }))
     }
 
     async fn undo_edits(
         &self,
         request: Request<wire::UndoEditsRequest>,
     ) -> Result<Response<wire::UndoEditsResponse>, Status> {
-        let wire::UndoEditsRequest { graph_id, layer: name, count } = request.into_inner();
+        let wire::UndoEditsRequest { graph_id, layer: name, count, if_revision } = request.into_inner();
         if count == 0 {
             return Err(status::invalid("count", "count is 0, at least 1 edit can be taken back"));
         }
@@ -556,9 +697,16 @@ impl PlannerService for PlannerApi {
             layer.edits.truncate(layer.edits.len().saturating_sub(count as usize));
             Ok(layer)
         };
-        let (summary, unfit) = self.change_layers(&graph_id, undo).await?;
-        Ok(Response::new(wire::UndoEditsResponse { summary: Some(summary), unfit }))
+        let LaidOver { summary, unfit, revision } = self.change_layers(&graph_id, if_revision, undo).await?;
+        Ok(Response::new(wire::UndoEditsResponse { summary: Some(summary), unfit, revision }))
     }
+}
+
+/// What a graph is like after its layers were changed.
+struct LaidOver {
+    summary: wire::GraphSummary,
+    unfit: Vec<wire::UnfitEdit>,
+    revision: u64,
 }
 
 /// A layer that is refused.

@@ -12,6 +12,7 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::status;
 use surefoot_proto::world::v1 as world;
+use surefoot_world::DECISION_SECONDS;
 use tonic::Status;
 
 /// Settings from the wire, defaults filled in.
@@ -90,7 +91,8 @@ pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
     }
 }
 
-fn ability_to_wire(ability: Ability) -> i32 {
+/// An ability on the wire.
+pub fn ability_to_wire(ability: Ability) -> i32 {
     match ability {
         Ability::Walk => world::Ability::Walk,
         Ability::Jump => world::Ability::Jump,
@@ -198,8 +200,8 @@ pub fn plan_from_wire(plan: &wire::Plan) -> Result<Plan, FieldError> {
     Ok(Plan { waypoints, legs: legs.collect(), no_path, nearest })
 }
 
-/// An edge on the wire.
-pub fn edge_to_wire(edge: &Edge) -> wire::Edge {
+/// An edge on the wire; `forced` if a designer put it in.
+pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
     wire::Edge {
         from: edge.from,
         to: edge.to,
@@ -208,6 +210,10 @@ pub fn edge_to_wire(edge: &Edge) -> wire::Edge {
         decisions_mean: edge.evidence.decisions_mean() as f32,
         decisions_deviation: edge.evidence.decisions_deviation() as f32,
         ability: ability_to_wire(edge.evidence.ability),
+        chance: edge.evidence.chance() as f32,
+        seconds: edge.evidence.cost() as f32 * DECISION_SECONDS,
+        price_factor: edge.evidence.price_factor,
+        forced,
     }
 }
 

@@ -1,16 +1,18 @@
 //! What every request passes before a service sees it: who calls, may they, and by when must there be an answer.
 
 use super::access::{Access, access};
+use super::origin::Origins;
 use super::tokens::Tokens;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
 use tonic::Status;
 use tonic::transport::server::{TcpConnectInfo, TlsConnectInfo};
+use tower_service::Service;
 use tracing::{Instrument, info_span};
 
 /// Who makes a request: an extension of every request.
@@ -24,6 +26,7 @@ pub struct Caller {
 #[derive(Debug)]
 pub(super) struct Gate {
     pub tokens: Option<Tokens>,
+    pub origins: Origins,
     pub default_deadline: Duration,
 }
 
@@ -58,10 +61,13 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
 
 impl Gate {
     fn admit(&self, request: &Request) -> Result<Caller, Status> {
+        self.origins.check(request.uri(), request.headers())?;
         let peer = || Caller { name: peer(request).into() };
         let Some(tokens) = &self.tokens else { return Ok(peer()) };
         let access = access(request.uri().path());
-        if access == Access::Open {
+        // What is no method is a page, or nothing.
+        let is_page = is_read(request.method()) && access == Access::Roles(&[]);
+        if is_page || access == Access::Open {
             return Ok(peer());
         }
         let secret = bearer(request).ok_or_else(|| {
@@ -78,6 +84,19 @@ impl Gate {
             _ => Ok(Caller { name }),
         }
     }
+}
+
+fn is_read(method: &Method) -> bool {
+    [Method::GET, Method::HEAD].contains(method)
+}
+
+/// Answers what no service does: from the pages if it is read, as a call of an unknown method otherwise.
+pub(super) async fn page(mut pages: axum::Router, request: Request) -> Response {
+    if is_read(request.method()) {
+        return pages.call(request).await.into_response();
+    }
+    let path = request.uri().path();
+    Status::unimplemented(format!("{path} is no method of this service")).into_http()
 }
 
 fn content_type(request: &Request) -> Option<&HeaderValue> {

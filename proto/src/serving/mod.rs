@@ -7,6 +7,7 @@ pub mod access;
 mod gate;
 mod incoming;
 mod limits;
+mod origin;
 pub mod security;
 pub mod tokens;
 
@@ -17,6 +18,7 @@ pub use security::Security;
 use crate::status;
 use gate::Gate;
 use incoming::{Counters, Incoming};
+use origin::Origins;
 use std::future::Future;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -116,6 +118,7 @@ pub struct Endpoint {
     listener: TcpListener,
     address: SocketAddr,
     config: EndpointConfig,
+    pages: Option<axum::Router>,
 }
 
 impl Endpoint {
@@ -141,7 +144,12 @@ impl Endpoint {
         listener.set_nonblocking(true).map_err(fail)?;
         let listener = TcpListener::from_std(listener).map_err(fail)?;
         let address = listener.local_addr().map_err(fail)?;
-        Ok(Self { listener, address, config })
+        Ok(Self { listener, address, config, pages: None })
+    }
+
+    /// Also serves pages for browsers: whatever is asked for by GET and is no service. Everybody may read them.
+    pub fn with_pages(self, pages: axum::Router) -> Self {
+        Self { pages: Some(pages), ..self }
     }
 
     /// The address that is bound.
@@ -181,7 +189,7 @@ impl Endpoint {
         M: Fn() -> F + Clone + Send + Sync + 'static,
         F: Future<Output = String> + Send,
     {
-        let Self { listener, address, config: EndpointConfig { limits, security } } = self;
+        let Self { listener, address, config: EndpointConfig { limits, security }, pages } = self;
         let (mut health, health_service) = tonic_health::server::health_reporter();
         // The empty name stands for all of them.
         let names: Vec<&str> = names.iter().copied().chain([""]).collect();
@@ -201,9 +209,15 @@ impl Endpoint {
                 async move { metrics().await + &counters.render() }
             }
         };
-        let gate = Gate { tokens: security.tokens, default_deadline: limits.default_deadline };
-        let router = services.routes().into_axum_router().route("/metrics", axum::routing::get(page));
-        let router = router.layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass));
+        let guarded = security.tls.is_some() || security.tokens.is_some();
+        let origins = Origins { named: security.origins.into(), guarded };
+        let cors = origins.layer();
+        let gate = Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline };
+        let mut router = services.routes().into_axum_router().route("/metrics", axum::routing::get(page));
+        if let Some(pages) = pages {
+            router = router.fallback(move |request| gate::page(pages, request));
+        }
+        let router = router.layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass)).layer(cors);
         let mut server = Server::builder()
             .accept_http1(true)
             .max_concurrent_streams(limits.max_streams)

@@ -15,6 +15,8 @@ pub struct Security {
     pub tokens: Option<Tokens>,
     /// Serve other machines without TLS (`--insecure`).
     pub insecure: bool,
+    /// Web pages from other hosts that may call, such as `https://studio.example` (`--allow-origin`).
+    pub origins: Vec<String>,
 }
 
 /// Why an endpoint or a client cannot be protected as asked.

@@ -244,8 +244,8 @@ impl HostedWorld {
 
     fn end_attempt(&mut self, id: u64, end: End) {
         let record = self.records.get_mut(&id).expect("an attempt has a record");
+        record.note_end(end, self.world.current_tick());
         record.clear_goal();
-        record.last_outcome = Some(end);
         self.world.clear_goal(record.slot);
         if let Some(worker) = record.worker {
             let ended = &mut self.outbox.entry(worker).or_default().ended;

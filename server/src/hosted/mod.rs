@@ -16,12 +16,15 @@ use decisions::Outbox;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
-use surefoot_world::{CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, navigable};
+use surefoot_world::sense::Sight;
+use surefoot_world::{
+    CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, TICKS_PER_SECOND, TaskConfig, Vec3, World, navigable,
+};
 
 /// How a world's time passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -58,9 +61,16 @@ struct Record {
     misses: u8,
     /// The plan it follows, as its worker told.
     plan: Option<Arc<wire::NpcPlan>>,
+    /// Its last attempts that ended, the latest last.
+    history: VecDeque<wire::EndedAttempt>,
+    /// Tick at which its attempt began.
+    began: u64,
     /// Its place in its client's quota.
     ticket: Ticket,
 }
+
+/// Attempts of an NPC that are remembered; the oldest is forgotten first.
+const MAX_HISTORY: usize = 32;
 
 impl Record {
     fn new(slot: NpcSlot, ticket: Ticket) -> Self {
@@ -75,8 +85,24 @@ impl Record {
             awaiting: None,
             misses: 0,
             plan: None,
+            history: VecDeque::new(),
+            began: 0,
             ticket,
         }
+    }
+
+    /// Remembers how the attempt that is going on ended at `tick`.
+    fn note_end(&mut self, end: End, tick: u64) {
+        if self.history.len() == MAX_HISTORY {
+            self.history.pop_front();
+        }
+        self.history.push_back(wire::EndedAttempt {
+            attempt: self.attempts,
+            outcome: convert::outcome(Some(end)).into(),
+            goal: self.goal.map(convert::to_wire),
+            seconds: tick.saturating_sub(self.began) as f32 / TICKS_PER_SECOND as f32,
+        });
+        self.last_outcome = Some(end);
     }
 
     /// Forgets where it was going.
@@ -272,6 +298,7 @@ impl HostedWorld {
         record.clear_goal();
         record.goal = Some(goal);
         record.attempts += 1;
+        record.began = self.world.current_tick();
         self.world.set_goal(record.slot, goal);
         Ok(())
     }
@@ -303,6 +330,22 @@ impl HostedWorld {
     /// If it does not exist.
     pub fn plan(&self, id: u64) -> Result<Option<Arc<wire::NpcPlan>>, NpcError> {
         Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.plan.clone())
+    }
+
+    /// An NPC's last attempts that ended, the latest last.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn history(&self, id: u64) -> Result<Vec<wire::EndedAttempt>, NpcError> {
+        Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.history.iter().copied().collect())
+    }
+
+    /// What an NPC sees.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn sight(&self, id: u64) -> Result<Sight, NpcError> {
+        Ok(self.world.sight(self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot))
     }
 
     /// State of all NPCs and of the world.

@@ -238,6 +238,7 @@ impl HostedWorld {
         for npc in &saved.npcs {
             let mut record = Record::new(npc.slot, npc_quota.grant(&npc.owner));
             (record.goal, record.last_outcome, record.attempts) = (npc.goal, npc.last_outcome, npc.attempts);
+            record.began = saved.state.tick();
             world.records.insert(npc.id, record);
             if let Some(goal) = npc.goal {
                 // It may have headed for a waypoint of a plan that is gone.

@@ -1,0 +1,150 @@
+//! A world's map for those who look at it: its triangles tile by tile, and what stands on it.
+
+use std::collections::HashMap;
+use surefoot_proto::convert::to_wire;
+use surefoot_proto::world::v1 as wire;
+use surefoot_world::map::{Liquid, Outline};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Map, Vec3};
+
+/// Side of a tile, m.
+const TILE_M: f32 = 64.0;
+/// Corners of exact tiles that lie within a cube of this side are one, m.
+const WELD_M: f32 = 1.0e-3;
+
+/// The tiles of one answer, and how their corners are merged.
+#[derive(Debug)]
+pub struct Tiles {
+    /// By place along x and z: indices of the triangles whose centre lies there.
+    tiles: Vec<([u32; 2], Vec<u32>)>,
+    /// With less detail: the corner of each cell, the mean of those within. It holds across tiles, so no gaps come about.
+    merged: Option<(f32, HashMap<[i32; 3], Vec3>)>,
+}
+
+impl Tiles {
+    /// Sorts a map's triangles into tiles that touch `region`, seen from above (all of them if there is none), with corners
+    /// merged within cubes of `cell_m`, if that is above 0.
+    pub fn of(map: &Map, region: Option<[Vec3; 2]>, cell_m: f32) -> Self {
+        let triangles = map.mesh().triangles();
+        let columns = |extent: f32| (extent / TILE_M).ceil().max(1.0) as usize;
+        let (width, depth) = (columns(map.extent().x), columns(map.extent().z));
+        let mut tiles = vec![Vec::new(); width * depth];
+        for (idx, triangle) in (0..).zip(triangles) {
+            let [x, z] = tile_of(triangle, width, depth);
+            tiles[z * width + x].push(idx);
+        }
+        let touches = |[x, z]: [u32; 2]| {
+            region.is_none_or(|[low, high]| {
+                let within =
+                    |at: u32, low: f32, high: f32| at as f32 * TILE_M <= high && (at + 1) as f32 * TILE_M >= low;
+                within(x, low.x, high.x) && within(z, low.z, high.z)
+            })
+        };
+        let tiles: Vec<_> = tiles
+            .into_iter()
+            .enumerate()
+            .map(|(at, tile)| ([(at % width) as u32, (at / width) as u32], tile))
+            .filter(|(at, tile)| !tile.is_empty() && touches(*at))
+            .collect();
+        let merged = (cell_m > 0.0).then(|| {
+            let shown = tiles.iter().flat_map(|(_, tile)| tile).map(|&idx| &triangles[idx as usize]);
+            (cell_m, means(shown, cell_m))
+        });
+        Self { tiles, merged }
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.tiles.len()
+    }
+
+    /// One of them, as it is sent.
+    pub fn encode(&self, map: &Map, tile_idx: usize) -> wire::GetMeshResponse {
+        let ([tile_x, tile_z], tile) = &self.tiles[tile_idx];
+        let mut message = wire::GetMeshResponse {
+            tile_x: *tile_x,
+            tile_z: *tile_z,
+            tile_count: self.tiles.len() as u32,
+            ..Default::default()
+        };
+        let mut known: HashMap<[i32; 3], u32> = HashMap::new();
+        for &idx in tile {
+            let triangle = &map.mesh().triangles()[idx as usize];
+            let keys = triangle.corners().map(|corner| cell_of(corner, self.merged.as_ref().map_or(WELD_M, |it| it.0)));
+            if keys[0] == keys[1] || keys[1] == keys[2] || keys[2] == keys[0] {
+                continue;
+            }
+            for (key, corner) in keys.into_iter().zip(triangle.corners()) {
+                let next = known.len() as u32;
+                let index = *known.entry(key).or_insert_with(|| {
+                    let at = self.merged.as_ref().map_or(corner, |(_, means)| means[&key]);
+                    at.to_array().iter().for_each(|value| message.positions.extend(value.to_le_bytes()));
+                    next
+                });
+                message.indices.extend(index.to_le_bytes());
+            }
+            message.surfaces.push(surface_to_wire(triangle.surface()) as u8);
+        }
+        message
+    }
+}
+
+fn tile_of(triangle: &Triangle, width: usize, depth: usize) -> [usize; 2] {
+    let [a, b, c] = triangle.corners();
+    let centre = (a + b + c) / 3.0;
+    // Nothing lies outside by more than rounding, and a cast stops at 0.
+    [((centre.x / TILE_M) as usize).min(width - 1), ((centre.z / TILE_M) as usize).min(depth - 1)]
+}
+
+fn cell_of(corner: Vec3, cell_m: f32) -> [i32; 3] {
+    (corner / cell_m).round().to_array().map(|value| value as i32)
+}
+
+fn means<'a>(triangles: impl Iterator<Item = &'a Triangle>, cell_m: f32) -> HashMap<[i32; 3], Vec3> {
+    let mut sums: HashMap<[i32; 3], (Vec3, f32)> = HashMap::new();
+    for corner in triangles.flat_map(Triangle::corners) {
+        let (sum, count) = sums.entry(cell_of(corner, cell_m)).or_default();
+        *sum += corner;
+        *count += 1.0;
+    }
+    sums.into_iter().map(|(key, (sum, count))| (key, sum / count)).collect()
+}
+
+/// A surface on the wire.
+pub fn surface_to_wire(surface: Surface) -> wire::Surface {
+    match surface {
+        Surface::Ground => wire::Surface::Ground,
+        Surface::Water => wire::Surface::Water,
+        Surface::Lava => wire::Surface::Lava,
+        Surface::Pad => wire::Surface::Pad,
+        Surface::ZipLine => wire::Surface::ZipLine,
+        Surface::Teleporter => wire::Surface::Teleporter,
+        Surface::Jetpack => wire::Surface::Jetpack,
+    }
+}
+
+/// What stands on a map besides rock.
+pub fn features(map: &Map) -> wire::GetFeaturesResponse {
+    let (size, placed) = (map.size(), map.placed());
+    let line = |from, to, two_way| wire::LineFeature { from: Some(to_wire(from)), to: Some(to_wire(to)), two_way };
+    let pools = placed.pools.iter().map(|pool| {
+        let (half_x, half_z) = pool.outline.half_extents();
+        wire::PoolFeature {
+            centre: Some(to_wire(pool.centre)),
+            half_x,
+            half_z,
+            round: matches!(pool.outline, Outline::Round { .. }),
+            depth: pool.depth,
+            lava: pool.liquid == Liquid::Lava,
+        }
+    });
+    let pads = placed.pads.iter().map(|pad| wire::PadFeature { centre: Some(to_wire(pad.centre)), speed: pad.speed });
+    wire::GetFeaturesResponse {
+        size: Some(wire::MapSize { width: size.width, height: size.height, depth: size.depth }),
+        pools: pools.collect(),
+        pads: pads.collect(),
+        zip_lines: placed.zip_lines.iter().map(|it| line(it.from, it.to, false)).collect(),
+        teleporters: placed.teleporters.iter().map(|it| line(it.from, it.to, it.two_way)).collect(),
+        jetpacks: placed.jetpacks.iter().map(|it| to_wire(it.centre)).collect(),
+    }
+}

@@ -1,0 +1,176 @@
+// What the page asks of its 3D view, and what the view tells the page.
+//
+// Places are in metres, right-handed, y up, as in the contracts. Headings are in radians: 0 faces +z, growing counter-clockwise
+// seen from above.
+
+import type { Ability } from '../gen/surefoot/world/v1/map_pb'
+import type { Surface } from '../gen/surefoot/world/v1/world_pb'
+
+/** A point, m. */
+export interface Place {
+  x: number
+  y: number
+  z: number
+}
+
+/** One tile of a map's triangles, as WorldService.GetMesh sends it. */
+export interface MeshTile {
+  tileX: number
+  tileZ: number
+  positions: Float32Array
+  indices: Uint32Array
+  /** One value of Surface per triangle. */
+  surfaces: Uint8Array
+}
+
+export interface Features {
+  size: { width: number; height: number; depth: number }
+  pools: { centre: Place; halfX: number; halfZ: number; round: boolean; depth: number; lava: boolean }[]
+  pads: { centre: Place; speed: number }[]
+  zipLines: { from: Place; to: Place }[]
+  teleporters: { from: Place; to: Place; twoWay: boolean }[]
+  jetpacks: Place[]
+}
+
+export type NpcState = 'idle' | 'seeking' | 'down'
+
+/** An NPC at one moment. */
+export interface NpcPose {
+  id: bigint
+  position: Place
+  velocity: Place
+  yaw: number
+  state: NpcState
+  goal?: Place | undefined
+}
+
+/** What is known of the selected NPC beyond its pose. */
+export interface SelectedNpc {
+  id: bigint
+  /** What is left of its plan: waypoint i is reached by leg i. */
+  waypoints: Place[]
+  abilities: Ability[]
+  /** Index of the waypoint that it heads for. */
+  heading: number
+  eyes?: Place | undefined
+  rays: { end: Place; surface: Surface }[]
+}
+
+export interface GraphVertex {
+  position: Place
+  island: number
+  /** Whoever gets in stays in. */
+  trap: boolean
+}
+
+export interface GraphEdge {
+  from: number
+  to: number
+  ability: Ability
+  /** 0 to 1. */
+  chance: number
+  seconds: number
+  priceFactor: number
+  forced: boolean
+  /** No edge leads back, and no other way does either. */
+  oneWay: boolean
+}
+
+export interface Graph {
+  vertices: GraphVertex[]
+  edges: GraphEdge[]
+}
+
+export type EdgeColour = 'chance' | 'seconds' | 'ability' | 'island'
+
+/** What of a graph is shown. */
+export interface GraphFilter {
+  visible: boolean
+  colour: EdgeColour
+  abilities: ReadonlySet<Ability>
+  minChance: number
+  maxChance: number
+  onlyOneWay: boolean
+  onlyEdited: boolean
+}
+
+/** A path to show. */
+export interface PathLine {
+  start: Place
+  waypoints: Place[]
+  abilities: Ability[]
+  /** The chosen one is drawn bold. */
+  chosen: boolean
+}
+
+/** Changes of the graph that cannot be seen in the graph itself. */
+export interface EditMark {
+  kind: 'forbidden' | 'removed'
+  from: Place
+  to?: Place | undefined
+}
+
+/** What a click or a hover met, nearest first wins: NPC, vertex, edge, ground. */
+export type Hit =
+  | { kind: 'npc'; id: bigint; at: Place }
+  | { kind: 'vertex'; index: number; at: Place }
+  | { kind: 'edge'; from: number; to: number; at: Place }
+  | { kind: 'ground'; at: Place; surface: Surface }
+
+export interface ViewportEvents {
+  /** A click without a drag, by mouse, pen or touch; undefined: nothing was hit. */
+  click(hit: Hit | undefined, event: PointerEvent): void
+  hover(hit: Hit | undefined): void
+  /** A vertex was dragged while `setDraggable(true)`: where it was let go on the ground. */
+  vertexDragged(index: number, to: Place): void
+  /** The user moved the camera by hand: following has ended. */
+  cameraMoved(): void
+  /** Detail is wanted around this point: load finer tiles there (sent at most twice a second). */
+  detailWanted(around: Place, radius: number): void
+}
+
+export interface Theme {
+  dark: boolean
+}
+
+/** The 3D view. Every setter replaces what was set before; nothing is drawn unless something has changed. */
+export interface Viewport {
+  /** Forgets the map and all on it. */
+  clear(): void
+  setFeatures(features: Features): void
+  /** Adds a tile, in place of the one of the same place if there is one. `fine`: at full detail. */
+  putTile(tile: MeshTile, fine: boolean): void
+  /** Tiles that are shown at full detail, as "x,z". */
+  fineTiles(): ReadonlySet<string>
+  /** The latest poses with the world's tick (60 a second); the view moves NPCs smoothly from one to the next. */
+  setNpcs(tick: bigint, npcs: NpcPose[]): void
+  setTrails(visible: boolean): void
+  setSelectedNpc(npc: SelectedNpc | undefined): void
+  /** Follows an NPC with the camera, or nobody. */
+  follow(id: bigint | undefined): void
+  setGraph(graph: Graph | undefined): void
+  setGraphFilter(filter: GraphFilter): void
+  selectVertex(index: number | undefined): void
+  selectEdge(edge: { from: number; to: number } | undefined): void
+  setDraggable(draggable: boolean): void
+  setPaths(paths: PathLine[]): void
+  setMarkers(start: Place | undefined, goal: Place | undefined, nearest: Place | undefined): void
+  setEditMarks(marks: EditMark[]): void
+  /** Places that became unreachable or reachable. */
+  setDifference(lost: Place[], gained: Place[]): void
+  /** Plays the way of a probe, one position per tick (1/60 s), once, at real speed; then `done` is called. */
+  playTrack(track: Float32Array, reached: boolean, done: () => void): void
+  /** Hides everything above this height, m; undefined: nothing. */
+  setSection(height: number | undefined): void
+  /** Looks straight down, or from the side again. */
+  setTopView(top: boolean): void
+  /** Shows the whole map. */
+  frameMap(): void
+  lookAt(place: Place): void
+  setTheme(theme: Theme): void
+  /** Pixels of the picture as it is now, for tests: draws first. */
+  snapshot(): { width: number; height: number; pixels: Uint8Array }
+  /** Pictures drawn a second, over the last second. */
+  framesPerSecond(): number
+  dispose(): void
+}
