@@ -1,12 +1,22 @@
-# Builds `surefoot` and puts it, with the trained weights inside the binary, into a small image.
-# Where no registry is reachable, import local images under these names first, or set the two arguments.
+# Builds `surefoot` with Studio's page and puts it, with the trained weights inside the binary, into a small image.
+# Where no registry is reachable, import local images under these names first, or set the three arguments.
+ARG NODE_IMAGE=node:22-bookworm-slim
 ARG BUILD_IMAGE=rust:1.95-bookworm
 ARG RUNTIME_IMAGE=debian:bookworm-slim
+
+FROM ${NODE_IMAGE} AS page
+WORKDIR /src/studio/page
+COPY studio/page/package.json studio/page/package-lock.json studio/page/.npmrc ./
+RUN npm ci
+COPY proto /src/proto
+COPY studio/page ./
+RUN npm run build
 
 FROM ${BUILD_IMAGE} AS build
 WORKDIR /src
 COPY . .
-RUN cargo build --release --locked --package surefoot-cli
+COPY --from=page /src/studio/page/dist studio/page/dist
+RUN SUREFOOT_STUDIO=/src/studio/page/dist cargo build --release --locked --package surefoot-cli
 
 FROM ${RUNTIME_IMAGE}
 RUN useradd --system --uid 10001 --home-dir /var/lib/surefoot --create-home surefoot

@@ -172,7 +172,7 @@ pub struct WorkArgs {
     /// NPCs to carry at most
     #[arg(long, default_value_t = 512, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     npcs: u32,
-    /// Name shown by the server; default: surefoot and the process id
+    /// Name shown by the server; default: the host's name and the process id
     #[arg(long)]
     name: Option<String>,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
@@ -266,6 +266,15 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     })
 }
 
+/// In containers all process ids are alike, and on one host all names of hosts.
+fn default_name() -> String {
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").ok().or_else(|| std::env::var("COMPUTERNAME").ok());
+    let host = host.as_deref().map_or("surefoot", str::trim);
+    // The server takes 64 bytes.
+    let end = host.char_indices().map(|(at, letter)| at + letter.len_utf8()).take_while(|end| *end <= 48).last();
+    format!("{}-{}", &host[..end.unwrap_or(0)], std::process::id())
+}
+
 pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     let endpoint_config = args.endpoint.config()?;
     let policy = load_policy(args.model.as_deref())?;
@@ -294,7 +303,7 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
         planner: (!args.no_planner).then(|| args.planner.clone()),
         credentials: args.credentials.credentials()?,
         capacity: args.npcs,
-        name: args.name.clone().unwrap_or_else(|| format!("surefoot-{}", std::process::id())),
+        name: args.name.clone().unwrap_or_else(default_name),
         graph: args.graph.to_wire(),
         noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
     };

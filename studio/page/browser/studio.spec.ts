@@ -1,0 +1,178 @@
+import { expect, type Page, test } from '@playwright/test'
+import type { StudioHook } from '../src/main'
+import { Scene } from './scene'
+
+let scene: Scene
+test.beforeAll(async () => {
+  scene = await Scene.start()
+})
+test.afterAll(async () => {
+  await scene.stop()
+})
+
+/** Calls a function with what the page knows. */
+function ask<T>(page: Page, question: (studio: StudioHook) => T): Promise<T> {
+  return page.evaluate(`(${question.toString()})(window.surefootStudio)`) as Promise<T>
+}
+
+async function open(page: Page): Promise<void> {
+  await page.goto(scene.studio)
+  await page.waitForFunction(() => 'surefootStudio' in window)
+  await expect.poll(() => ask(page, (studio) => studio.state.level.state.value.kind), { timeout: 60_000 }).toBe('ready')
+}
+
+async function withGraph(page: Page): Promise<void> {
+  await expect
+    .poll(() => ask(page, (studio) => studio.state.graphs.loaded.value?.edges.length ?? 0), { timeout: 90_000 })
+    .toBeGreaterThan(300)
+}
+
+/** Share of the picture's pixels that are not of its most common colour, and how many colours there are. */
+function picture(page: Page) {
+  return ask(page, ({ viewport }) => {
+    const { pixels } = viewport!.snapshot()
+    const counts = new Map<number, number>()
+    for (let at = 0; at < pixels.length; at += 4) {
+      const colour = (pixels[at]! << 16) | (pixels[at + 1]! << 8) | pixels[at + 2]!
+      counts.set(colour, (counts.get(colour) ?? 0) + 1)
+    }
+    return { busy: 1 - Math.max(...counts.values()) / (pixels.length / 4), colours: counts.size }
+  })
+}
+
+test('the map is drawn, and can be looked into', async ({ page }) => {
+  const errors: string[] = []
+  page.on('pageerror', (error) => errors.push(error.message))
+  page.on('request', (request) => {
+    const { host } = new URL(request.url())
+    if (![scene.studio, scene.planner].some((address) => new URL(address).host === host)) errors.push(request.url())
+  })
+  await open(page)
+  const whole = await picture(page)
+  expect(whole.busy).toBeGreaterThan(0.25)
+  expect(whole.colours).toBeGreaterThan(200)
+  await page.keyboard.press('t')
+  await page.keyboard.press('h')
+  await expect.poll(async () => (await picture(page)).busy).toBeGreaterThan(0.4)
+  // Cut at its foot, it is one level face. The graph is shown in any case.
+  await page.getByRole('button', { name: 'Graph', exact: true }).click()
+  await ask(page, ({ state }) => {
+    state.view.section.value = true
+    state.view.sectionHeight.value = 1
+  })
+  await expect.poll(async () => (await picture(page)).colours).toBeLessThan(whole.colours / 4)
+  expect(errors).toEqual([])
+})
+
+/** A point of the map that a click at this place of the canvas meets, once it is known which. */
+async function clickMap(page: Page, x: number, y: number): Promise<void> {
+  const box = await page.locator('canvas').first().boundingBox()
+  await page.mouse.click(box!.x + x * box!.width, box!.y + y * box!.height)
+}
+
+test('a designer forbids a leg, and the plan and the NPC go another way', async ({ page }) => {
+  await open(page)
+  await withGraph(page)
+  await page.keyboard.press('t')
+  await page.keyboard.press('h')
+  await page.getByRole('button', { name: 'Graph', exact: true }).click()
+  await page.getByRole('button', { name: 'Plan a path' }).click()
+  await clickMap(page, 0.42, 0.3)
+  await clickMap(page, 0.62, 0.72)
+  const legs = page.getByRole('list', { name: 'Legs', exact: true }).getByRole('listitem')
+  await expect(legs.nth(4)).toBeVisible()
+  await expect(page.getByText('expected')).toBeVisible()
+
+  // An NPC sets out on that way.
+  await page.getByRole('button', { name: 'Send an NPC' }).click()
+  const planned = () =>
+    ask(page, ({ state }) => state.npcs.followed.value?.plan?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? [])
+  await expect.poll(async () => (await planned()).length).toBeGreaterThan(4)
+  const before = await planned()
+  const pairs = (way: string[]) => way.slice(1).map((place, at) => `${way[at]} > ${place}`)
+
+  // The last leg between two vertices is forbidden: it is far from there yet.
+  await page.getByRole('tab', { name: 'Plan', exact: true }).click()
+  const last = (await legs.count()) - 2
+  await legs.nth(last).getByRole('button').first().click()
+  const [from, to] = await ask(page, ({ state }) => {
+    const { selection } = state.graphs
+    if (selection.value?.kind !== 'edge') throw new Error('no edge is selected')
+    const ends = [state.graphs.position(selection.value.from), state.graphs.position(selection.value.to)]
+    return ends.map((end) => `${end!.x.toFixed(1)} ${end!.z.toFixed(1)}`)
+  })
+  const forbidden = `${from} > ${to}`
+  expect(pairs(before)).toContain(forbidden)
+  await page.getByRole('button', { name: 'Forbid this leg' }).click()
+  await expect.poll(async () => pairs(await planned()).includes(forbidden)).toBe(false)
+  expect((await planned()).length).toBeGreaterThan(1)
+  await expect
+    .poll(() => ask(page, ({ state }) => state.plans.chosen.value?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? []))
+    .not.toEqual(before)
+  await page.getByRole('tab', { name: 'Layers' }).click()
+  await expect(page.getByText(/^Forbid /).first()).toBeVisible()
+
+  // And back.
+  const edges = await ask(page, ({ state }) => state.graphs.loaded.value!.edges.length)
+  await page.keyboard.press('Control+z')
+  await expect.poll(() => ask(page, ({ state }) => state.graphs.loaded.value!.edges.length)).toBe(edges + 1)
+})
+
+test('a graph is built while its progress is shown, and compared', async ({ page }) => {
+  await open(page)
+  await withGraph(page)
+  await page.getByRole('tab', { name: 'Build' }).click()
+  await page.getByLabel('Vertices').fill('150')
+  await page.getByLabel('Probe every candidate').check()
+  await page.getByRole('button', { name: 'Start the build' }).click()
+  await expect(page.getByRole('progressbar')).toBeVisible()
+  await expect(page.getByText(/of [\d,\u202f ]+ probes/)).toBeVisible()
+  await expect(page.getByText(/^Built in/)).toBeVisible({ timeout: 90_000 })
+  await page.getByRole('button', { name: 'Show this graph' }).click()
+  await expect.poll(() => ask(page, ({ state }) => state.graphs.loaded.value?.vertices.length)).toBeGreaterThan(149)
+
+  // Another one is begun and cancelled.
+  await page.getByLabel('Vertices').fill('700')
+  await page.getByRole('button', { name: 'Start the build' }).click()
+  await expect(page.getByRole('progressbar')).toBeVisible()
+  await page.getByRole('button', { name: 'Cancel the build' }).click()
+  await expect(page.getByText('Cancelled.')).toBeVisible()
+})
+
+test('what another designer did meanwhile is shown, and nothing is lost', async ({ page, context }) => {
+  await open(page)
+  await withGraph(page)
+  const late = await context.newPage()
+  // This page is not told of changes.
+  await late.route('**/WatchGraph', () => undefined)
+  await open(late)
+  await withGraph(late)
+  const forbid = (who: Page, index: number) =>
+    who.evaluate((index) => {
+      const { state } = window.surefootStudio
+      const { from, to } = state.graphs.loaded.value!.edges[index]!
+      state.graphs.select({ kind: 'edge', from, to })
+      state.openTab('graph')
+    }, index)
+  await forbid(page, 10)
+  await page.getByRole('button', { name: 'Forbid', exact: true }).click()
+  await expect.poll(() => ask(page, ({ state }) => state.layers.list.value[0]?.edits.length ?? 0)).toBe(1)
+  await forbid(late, 20)
+  await late.getByRole('button', { name: 'Forbid', exact: true }).click()
+  const card = late.getByRole('alert', { name: 'Not applied' })
+  await expect(card).toContainText('Somebody else changed the layers')
+  await card.getByRole('button', { name: 'Apply on top' }).click()
+  await expect(card).toBeHidden()
+  // The other one is told.
+  await expect.poll(() => ask(page, ({ state }) => state.layers.list.value[0]?.edits.length ?? 0)).toBe(2)
+})
+
+test('when the server is gone the page says so and comes back by itself', async ({ page }) => {
+  await open(page)
+  await scene.kill()
+  await expect(page.getByText('The world server is gone')).toBeVisible()
+  await scene.restart()
+  await expect(page.getByText('The world server is gone')).toBeHidden()
+  await expect.poll(() => ask(page, ({ state }) => state.live.npcs.value.size)).toBe(8)
+  await withGraph(page)
+})

@@ -1,0 +1,93 @@
+// Names and order of abilities, outcomes and what else the contracts number.
+
+import { NoPath, Placement } from '../gen/surefoot/planner/v1/planner_pb'
+import { Ability } from '../gen/surefoot/world/v1/map_pb'
+import { Outcome } from '../gen/surefoot/world/v1/world_pb'
+import type { NpcState } from '../view/viewport.types'
+
+/** All abilities, the least demanding first. */
+export const ABILITIES: readonly Ability[] = [
+  Ability.WALK,
+  Ability.JUMP,
+  Ability.DOUBLE_JUMP,
+  Ability.PAD,
+  Ability.ZIP_LINE,
+  Ability.TELEPORTER,
+  Ability.JETPACK,
+]
+
+const ABILITY_NAMES: Record<Ability, string> = {
+  [Ability.UNSPECIFIED]: 'Walk',
+  [Ability.WALK]: 'Walk',
+  [Ability.JUMP]: 'Jump',
+  [Ability.DOUBLE_JUMP]: 'Double jump',
+  [Ability.PAD]: 'Jump pad',
+  [Ability.ZIP_LINE]: 'Zip line',
+  [Ability.TELEPORTER]: 'Teleporter',
+  [Ability.JETPACK]: 'Jetpack',
+}
+
+export function abilityName(ability: Ability): string {
+  return ABILITY_NAMES[ability] ?? 'Unknown'
+}
+
+/** How something was done: "walking", "by jump pad". */
+export function abilityDone(ability: Ability): string {
+  switch (ability) {
+    case Ability.JUMP:
+      return 'jumped'
+    case Ability.DOUBLE_JUMP:
+      return 'double-jumped'
+    case Ability.PAD:
+      return 'took a jump pad'
+    case Ability.ZIP_LINE:
+      return 'took a zip line'
+    case Ability.TELEPORTER:
+      return 'took a teleporter'
+    case Ability.JETPACK:
+      return 'used a jetpack'
+    default:
+      return 'walked'
+  }
+}
+
+const OUTCOME_NAMES: Record<Outcome, string> = {
+  [Outcome.UNSPECIFIED]: 'None yet',
+  [Outcome.REACHED]: 'Reached',
+  [Outcome.FELL]: 'Fell',
+  [Outcome.BURNT]: 'Burnt',
+  [Outcome.DROWNED]: 'Drowned',
+  [Outcome.NO_PROGRESS]: 'Gave up',
+}
+
+export function outcomeName(outcome: Outcome): string {
+  return OUTCOME_NAMES[outcome] ?? 'Unknown'
+}
+
+export const STATE_NAMES: Record<NpcState, string> = { idle: 'Idle', seeking: 'On its way', down: 'Down' }
+
+const NO_PATH_REASONS: Record<NoPath, string> = {
+  [NoPath.UNSPECIFIED]: '',
+  [NoPath.START_OFF_GRAPH]: 'No edge leaves from anywhere near the start.',
+  [NoPath.GOAL_OFF_GRAPH]: 'No edge leads to anywhere near the goal.',
+  [NoPath.DIFFERENT_ISLANDS]: 'Start and goal lie on different islands: no proved edge joins them.',
+  [NoPath.ONE_WAY]: 'The way is one-way: the goal leads to the start, but not back.',
+}
+
+export function noPathReason(reason: NoPath): string {
+  return NO_PATH_REASONS[reason] || 'There is no path.'
+}
+
+export const PLACEMENTS: readonly { value: Placement; name: string }[] = [
+  { value: Placement.SPACED, name: 'Spaced' },
+  { value: Placement.RANDOM, name: 'Random' },
+  { value: Placement.DENSITY, name: 'Density' },
+  { value: Placement.TRAJECTORIES, name: 'Trajectories' },
+  { value: Placement.TRAJECTORIES_TESTED, name: 'Trajectories, tested' },
+  { value: Placement.FLOOD, name: 'Flood' },
+  { value: Placement.FLOOD_GRANDCHILDREN, name: 'Flood with grandchildren' },
+]
+
+export function placementName(placement: Placement): string {
+  return PLACEMENTS.find(({ value }) => value === placement)?.name ?? 'Spaced'
+}

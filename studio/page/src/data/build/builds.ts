@@ -1,0 +1,121 @@
+// Builds with options, and comparisons of what was built.
+
+import { create } from '@bufbuild/protobuf'
+import { signal } from '@preact/signals'
+import {
+  type BuildGraphResponse,
+  type BuildSettings,
+  BuildSettingsSchema,
+  type CompareGraphsResponse,
+  type GraphSummary,
+  Placement,
+  Probing,
+} from '../../gen/surefoot/planner/v1/planner_pb'
+import type { World } from '../../gen/surefoot/world/v1/world_pb'
+import { type Context, report } from '../context'
+import { buildGraph } from '../graph/build-stream'
+import { failureOf } from '../net/errors'
+
+/** Ranges and defaults of settings that are numbers, as the contract gives them. */
+export const RANGES = {
+  vertices: { min: 2, max: 4096, step: 1, standard: 300 },
+  neighbours: { min: 1, max: 64, step: 1, standard: 12 },
+  repeats: { min: 1, max: 32, step: 1, standard: 2 },
+  threshold: { min: 0.05, max: 1, step: 0.05, standard: 0.5 },
+} as const
+
+export function standardSettings(): BuildSettings {
+  return create(BuildSettingsSchema, {
+    placement: Placement.SPACED,
+    vertices: RANGES.vertices.standard,
+    neighbours: RANGES.neighbours.standard,
+    repeats: RANGES.repeats.standard,
+    threshold: RANGES.threshold.standard,
+    probing: Probing.FRUGAL,
+  })
+}
+
+const STAGES: Record<string, string> = {
+  map: 'Making the map',
+  vertices: 'Placing vertices',
+  probe: 'Probing edges',
+  done: 'Done',
+}
+
+export function stageName(stage: string): string {
+  return STAGES[stage] ?? 'Starting'
+}
+
+export type BuildState =
+  | { kind: 'none' }
+  | { kind: 'running'; progress: BuildGraphResponse | undefined; probingSince: number | undefined }
+  | { kind: 'done'; graphId: string; mapHash: string; summary: GraphSummary }
+  | { kind: 'cancelled' }
+
+export interface Comparison {
+  before: string
+  after: string
+  result: CompareGraphsResponse
+}
+
+export class Builds {
+  readonly settings = signal<BuildSettings>(standardSettings())
+  readonly state = signal<BuildState>({ kind: 'none' })
+  readonly comparison = signal<Comparison | undefined>(undefined)
+  readonly comparing = signal(false)
+  private running: AbortController | undefined
+
+  constructor(
+    private readonly context: Context,
+    /** Called when a build is done. */
+    private readonly onDone: () => void,
+  ) {}
+
+  set(change: Partial<BuildSettings>): void {
+    this.settings.value = { ...this.settings.value, ...change }
+  }
+
+  async start(world: World): Promise<void> {
+    this.running?.abort()
+    const running = new AbortController()
+    this.running = running
+    let probingSince: number | undefined
+    this.state.value = { kind: 'running', progress: undefined, probingSince }
+    try {
+      for await (const progress of buildGraph(this.context, world, this.settings.value, running.signal)) {
+        if (progress.stage === 'probe') probingSince ??= performance.now()
+        this.state.value = { kind: 'running', progress, probingSince }
+        if (progress.summary === undefined) continue
+        const { graphId, summary } = progress
+        this.state.value = { kind: 'done', graphId, mapHash: world.mapHash, summary }
+        this.onDone()
+      }
+    } catch (error) {
+      const isCancelled = running.signal.aborted || failureOf(error) === 'cancelled'
+      this.state.value = isCancelled ? { kind: 'cancelled' } : { kind: 'none' }
+      if (!isCancelled) report(this.context, 'The build failed', error)
+    }
+  }
+
+  /** The planner ends a build when nobody waits for it any more. */
+  cancel(): void {
+    this.running?.abort()
+    this.state.value = { kind: 'cancelled' }
+  }
+
+  async compare(before: string, after: string): Promise<void> {
+    this.comparing.value = true
+    try {
+      const result = await this.context.planner.calls.compareGraphs({ before, after })
+      this.comparison.value = { before, after, result }
+    } catch (error) {
+      report(this.context, 'The graphs were not compared', error)
+    } finally {
+      this.comparing.value = false
+    }
+  }
+
+  clearComparison(): void {
+    this.comparison.value = undefined
+  }
+}

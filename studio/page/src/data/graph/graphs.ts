@@ -1,0 +1,247 @@
+// The graph of the world that is shown: found or built, loaded, and kept up to date.
+
+import { batch, computed, signal } from '@preact/signals'
+import type {
+  BuildGraphResponse,
+  GetGraphResponse,
+  GraphSummary,
+  ReadyGraph,
+} from '../../gen/surefoot/planner/v1/planner_pb'
+import type { World } from '../../gen/surefoot/world/v1/world_pb'
+import type { Graph, GraphFilter } from '../../view/viewport.types'
+import type { Context } from '../context'
+import { pauseAfter, sleep } from '../net/backoff'
+import { failureOf, inWords } from '../net/errors'
+import { keepAsking, keepDoing, keepReading } from '../net/stream'
+import { buildGraph } from './build-stream'
+import { SHOW_ALL } from './filter'
+import { graphToShow, islandsOf } from './islands'
+
+const LIST_MS = 5000
+const TIMEOUT_MS = 8000
+/** What NPCs report changes figures all the time: the graph is loaded again for it no more often than this. */
+const LEARNED_MS = 5000
+
+export type GraphState =
+  | { kind: 'none' }
+  | { kind: 'searching' }
+  | { kind: 'building'; progress: BuildGraphResponse }
+  | { kind: 'loading' }
+  | { kind: 'ready' }
+  | { kind: 'failed'; why: string }
+
+export type Selection = { kind: 'edge'; from: number; to: number } | { kind: 'vertex'; index: number }
+
+export class Graphs {
+  readonly state = signal<GraphState>({ kind: 'none' })
+  readonly id = signal<string | undefined>(undefined)
+  readonly loaded = signal<GetGraphResponse | undefined>(undefined)
+  readonly summary = signal<GraphSummary | undefined>(undefined)
+  /** Graphs that the planner has ready. */
+  readonly list = signal<readonly ReadyGraph[]>([])
+  readonly filter = signal<GraphFilter>(SHOW_ALL)
+  readonly selection = signal<Selection | undefined>(undefined)
+
+  readonly islands = computed(() => {
+    const graph = this.loaded.value
+    return graph === undefined ? [] : islandsOf(graph.islands, graph.edges)
+  })
+  readonly traps = computed(() => this.islands.value.filter(({ standing }) => standing === 'trap'))
+  readonly shown = computed<Graph | undefined>(() => {
+    const graph = this.loaded.value
+    return graph === undefined ? undefined : graphToShow(graph, this.islands.value)
+  })
+  /** Edges by "from>to". */
+  private readonly edges = computed(
+    () => new Map((this.loaded.value?.edges ?? []).map((edge) => [`${edge.from}>${edge.to}`, edge])),
+  )
+  private chosen: { mapHash: string; graphId: string } | undefined
+  private changed: (() => void) | undefined
+  private loads = 0
+  private lastLoaded = 0
+
+  constructor(
+    private readonly context: Context,
+    /** Called with the revision of the layers that a graph has been loaded at. */
+    private readonly onRevision: (graphId: string, revision: bigint) => void,
+  ) {}
+
+  edge(from: number, to: number) {
+    return this.edges.value.get(`${from}>${to}`)
+  }
+
+  position(vertex: number) {
+    return this.loaded.value?.vertices[vertex]
+  }
+
+  setFilter(change: Partial<GraphFilter>): void {
+    this.filter.value = { ...this.filter.value, ...change }
+  }
+
+  select(selection: Selection | undefined): void {
+    this.selection.value = selection
+  }
+
+  /** Shows another graph of a world's map from now on. */
+  show(mapHash: string, graphId: string): void {
+    this.chosen = { mapHash, graphId }
+    this.changed?.()
+  }
+
+  /** Keeps the list of graphs up to date, which also tells whether the planner is there. */
+  async poll(): Promise<void> {
+    const { signal, session, planner } = this.context
+    while (!signal.aborted) {
+      try {
+        const upkeep = { link: planner.link, session, signal }
+        const options = { signal, timeoutMs: TIMEOUT_MS }
+        const answer = await keepAsking(upkeep, () => planner.calls.listGraphs({}, options))
+        if (answer !== undefined) this.list.value = answer.graphs
+      } catch {
+        // Too old a planner, or a role that may not: the list stays empty, which the panels say.
+      }
+      await sleep(LIST_MS, signal)
+    }
+  }
+
+  async refreshList(): Promise<void> {
+    try {
+      this.list.value = (await this.context.planner.calls.listGraphs({}, { timeoutMs: TIMEOUT_MS })).graphs
+    } catch {
+      // The next poll gets it.
+    }
+  }
+
+  /** Keeps the graph of a world up to date until the signal aborts. */
+  async keep(world: World, signal: AbortSignal): Promise<void> {
+    let failures = 0
+    while (!signal.aborted) {
+      const turn = new AbortController()
+      this.changed = () => turn.abort()
+      const both = AbortSignal.any([signal, turn.signal])
+      this.state.value = { kind: 'searching' }
+      try {
+        const graphId = await this.find(world, both)
+        if (graphId !== undefined) await this.follow(graphId, both)
+        failures = 0
+      } catch (error) {
+        failures += 1
+        if (this.chosen !== undefined && failureOf(error) === 'missing') this.chosen = undefined
+        if (!both.aborted) this.state.value = { kind: 'failed', why: inWords(error) }
+      }
+      if (!both.aborted) await sleep(pauseAfter(failures + 3), both)
+    }
+    this.forget()
+  }
+
+  private forget(): void {
+    batch(() => {
+      this.state.value = { kind: 'none' }
+      this.id.value = undefined
+      this.loaded.value = undefined
+      this.summary.value = undefined
+      this.selection.value = undefined
+    })
+  }
+
+  /** The graph that was chosen for this map, else the one used last (by workers, as a rule), else the default one. */
+  private async find(world: World, signal: AbortSignal): Promise<string | undefined> {
+    if (this.chosen?.mapHash === world.mapHash) return this.chosen.graphId
+    const { session, planner } = this.context
+    const upkeep = { link: planner.link, session, signal }
+    try {
+      const answer = await keepAsking(upkeep, () =>
+        planner.calls.listGraphs({}, { signal, timeoutMs: TIMEOUT_MS }),
+      )
+      this.list.value = answer?.graphs ?? []
+      const ready = answer?.graphs.find(({ summary }) => summary?.mapHash === world.mapHash)
+      if (ready !== undefined) return ready.graphId
+    } catch (error) {
+      if (failureOf(error) !== 'unsupported') throw error
+    }
+    return this.build(world, signal)
+  }
+
+  private async build(world: World, signal: AbortSignal): Promise<string | undefined> {
+    const { session, planner } = this.context
+    const stop = new AbortController()
+    const upkeep = { link: planner.link, session, signal: AbortSignal.any([signal, stop.signal]) }
+    let graphId: string | undefined
+    const error = await keepDoing(upkeep, async (gotSomething) => {
+      for await (const progress of buildGraph(this.context, world, undefined, signal)) {
+        gotSomething()
+        this.state.value = { kind: 'building', progress }
+        if (progress.summary !== undefined) graphId = progress.graphId
+      }
+      if (graphId !== undefined) stop.abort()
+    })
+    if (error !== undefined) throw error
+    return graphId
+  }
+
+  private async follow(graphId: string, signal: AbortSignal): Promise<void> {
+    batch(() => {
+      this.state.value = { kind: 'loading' }
+      this.selection.value = undefined
+    })
+    const { session, planner } = this.context
+    await this.load(graphId, signal)
+    let lastLoad = performance.now()
+    let waiting: ReturnType<typeof setTimeout> | undefined
+    const reload = () => {
+      waiting = undefined
+      lastLoad = performance.now()
+      this.load(graphId, signal).catch(() => undefined)
+    }
+    const error = await keepReading(
+      { link: planner.link, session, signal },
+      (signal) => planner.calls.watchGraph({ graphId }, { signal }),
+      ({ summary, revision }) => {
+        this.summary.value = summary ?? this.summary.value
+        if (revision !== this.loaded.peek()?.revision) {
+          clearTimeout(waiting)
+          reload()
+        } else if (summary?.passages !== this.loaded.peek()?.summary?.passages) {
+          waiting ??= setTimeout(reload, Math.max(0, LEARNED_MS - (performance.now() - lastLoad)))
+        }
+      },
+    )
+    clearTimeout(waiting)
+    if (error === undefined) return
+    if (failureOf(error) !== 'unsupported') throw error
+    // A planner that is too old to tell of changes: what was loaded is shown as it is.
+    await new Promise((resolve) => signal.addEventListener('abort', resolve, { once: true }))
+  }
+
+  /** Loads a graph, again after it has changed. */
+  private async load(graphId: string, signal: AbortSignal): Promise<void> {
+    const { session, planner } = this.context
+    const upkeep = { link: planner.link, session, signal }
+    const turn = ++this.loads
+    const graph = await keepAsking(upkeep, (signal) => planner.calls.getGraph({ graphId }, { signal }))
+    // One that was asked for later may have come first.
+    if (graph === undefined || signal.aborted || turn < this.lastLoaded) return
+    this.lastLoaded = turn
+    batch(() => {
+      this.id.value = graphId
+      this.loaded.value = graph
+      this.summary.value = graph.summary
+      this.state.value = { kind: 'ready' }
+      this.dropStaleSelection()
+    })
+    this.onRevision(graphId, graph.revision)
+  }
+
+  /** Loads the graph again at once, because this page has changed it. */
+  async reload(): Promise<void> {
+    const graphId = this.id.peek()
+    if (graphId === undefined) return
+    await this.load(graphId, this.context.signal).catch(() => undefined)
+  }
+
+  private dropStaleSelection(): void {
+    const selection = this.selection.peek()
+    if (selection?.kind === 'edge' && this.edge(selection.from, selection.to) === undefined) this.select(undefined)
+    if (selection?.kind === 'vertex' && this.position(selection.index) === undefined) this.select(undefined)
+  }
+}

@@ -1,0 +1,151 @@
+// All that the page knows and can do. The panels show it and the view draws it; neither is needed for it to work.
+
+import { batch, computed, effect, signal, untracked } from '@preact/signals'
+import type { Viewport } from '../view/viewport.types'
+import { Builds } from './build/builds'
+import type { Context } from './context'
+import { Layers } from './edit/layers'
+import { Graphs } from './graph/graphs'
+import { Probes } from './graph/probes'
+import { Plans } from './plan/plans'
+import { ViewSettings } from './view-settings'
+import { Level } from './world/level'
+import { Live } from './world/live'
+import { Npcs } from './world/npcs'
+import { Worlds } from './world/worlds'
+
+/** What a click on the map does. */
+export type Tool = 'select' | 'plan' | 'forbid' | 'add' | 'move' | 'remove' | 'force' | 'spawn' | 'send' | 'teleport'
+
+export type Tab = 'map' | 'npcs' | 'graph' | 'plan' | 'layers' | 'build'
+
+export class Studio {
+  readonly worlds: Worlds
+  readonly live: Live
+  readonly level: Level
+  readonly npcs: Npcs
+  readonly graphs: Graphs
+  readonly layers: Layers
+  readonly plans: Plans
+  readonly builds: Builds
+  readonly probes: Probes
+  readonly view: ViewSettings
+
+  readonly tool = signal<Tool>('select')
+  readonly tab = signal<Tab>('map')
+  readonly panelOpen = signal(true)
+  readonly helpOpen = signal(false)
+  /** First vertex of an edge that is being forced. */
+  readonly forceFrom = signal<number | undefined>(undefined)
+  /** Undefined until it stands, and where the browser cannot draw. */
+  readonly viewport = signal<Viewport | undefined>(undefined)
+  readonly viewportFailure = signal('')
+  /** Whether somebody looks at the page: streams rest while nobody does. */
+  private readonly visible = signal(true)
+
+  constructor(readonly context: Context) {
+    this.view = new ViewSettings(context.store)
+    this.worlds = new Worlds(context)
+    this.live = new Live(context)
+    this.level = new Level(context)
+    this.npcs = new Npcs(context)
+    this.layers = new Layers(context, () => void this.graphs.reload())
+    this.graphs = new Graphs(context, (graphId, revision) => this.layers.sync(graphId, revision))
+    this.plans = new Plans(context)
+    this.builds = new Builds(context, () => void this.graphs.refreshList())
+    this.probes = new Probes(context, (track, reached, done) => {
+      const viewport = this.viewport.peek()
+      if (viewport === undefined) done()
+      else viewport.playTrack(track, reached, done)
+    })
+  }
+
+  /** Begins to talk to the services. */
+  start(): void {
+    void this.worlds.poll()
+    void this.graphs.poll()
+    const worldKey = this.worlds.key
+    const worldId = computed(() => (worldKey.value === undefined ? undefined : this.worlds.chosenId.value))
+    // First, so that what belongs to the world before is forgotten before anything of the next one comes.
+    whileGiven(
+      () => worldKey.value,
+      (_, signal) => {
+        const world = this.worlds.chosen.peek()
+        if (world !== undefined) void this.graphs.keep(world, signal)
+        signal.addEventListener('abort', () => this.leaveWorld(), { once: true })
+      },
+    )
+    whileGiven(
+      () => (this.visible.value ? worldKey.value : undefined),
+      (_, signal) => withId(worldId.peek(), (id) => this.live.watch(id, signal)),
+    )
+    whileGiven(
+      () => (this.viewport.value === undefined ? undefined : worldKey.value),
+      (_, signal) => {
+        const viewport = this.viewport.peek()
+        if (viewport !== undefined) withId(worldId.peek(), (id) => this.level.load(id, viewport, signal))
+      },
+    )
+    whileGiven(
+      () => (this.visible.value ? this.npcs.selectedId.value : undefined),
+      (id, signal) => void this.npcs.follow(id, signal),
+    )
+    effect(() => {
+      const graphId = this.graphs.loaded.value === undefined ? undefined : this.graphs.id.value
+      untracked(() => this.plans.useGraph(graphId))
+    })
+    effect(() => {
+      if (this.layers.conflict.value !== undefined) untracked(() => this.openTab('layers'))
+    })
+  }
+
+  /** Says whether somebody looks at the page. */
+  setVisible(visible: boolean): void {
+    this.visible.value = visible
+  }
+
+  setTool(tool: Tool): void {
+    batch(() => {
+      this.tool.value = tool
+      this.forceFrom.value = undefined
+      if (tool === 'plan') this.openTab('plan')
+    })
+  }
+
+  openTab(tab: Tab): void {
+    batch(() => {
+      this.tab.value = tab
+      this.panelOpen.value = true
+    })
+  }
+
+  /** What belongs to a world goes with it. */
+  private leaveWorld(): void {
+    batch(() => {
+      this.live.forget()
+      this.level.forget()
+      this.layers.forget()
+      this.plans.clear()
+      this.probes.forget()
+      this.builds.clearComparison()
+      this.npcs.select(undefined)
+      this.forceFrom.value = undefined
+    })
+  }
+}
+
+/** Runs `work` for each new value that `given` has, and aborts its signal when it has another one. */
+function whileGiven<T>(given: () => T | undefined, work: (value: T, signal: AbortSignal) => void): void {
+  const value = computed(given)
+  effect(() => {
+    const now = value.value
+    if (now === undefined) return undefined
+    const running = new AbortController()
+    untracked(() => work(now, running.signal))
+    return () => running.abort()
+  })
+}
+
+function withId(id: bigint | undefined, work: (id: bigint) => Promise<void>): void {
+  if (id !== undefined) void work(id)
+}

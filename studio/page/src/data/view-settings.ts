@@ -1,0 +1,39 @@
+// How the map is looked at, and in which colours.
+
+import { computed, signal } from '@preact/signals'
+
+export type ThemeChoice = 'auto' | 'dark' | 'light'
+
+const KEPT_AS = 'surefoot.theme'
+
+export class ViewSettings {
+  readonly top = signal(false)
+  readonly trails = signal(true)
+  /** Whether everything above `sectionHeight` is hidden. */
+  readonly section = signal(false)
+  readonly sectionHeight = signal(20)
+  readonly theme = signal<ThemeChoice>('auto')
+  private readonly systemIsDark = signal(false)
+  readonly dark = computed(() => (this.theme.value === 'auto' ? this.systemIsDark.value : this.theme.value === 'dark'))
+
+  constructor(private readonly store: Pick<Storage, 'getItem' | 'setItem'> | undefined) {
+    this.theme.value = readTheme(store?.getItem(KEPT_AS))
+  }
+
+  setTheme(theme: ThemeChoice): void {
+    this.theme.value = theme
+    this.store?.setItem(KEPT_AS, theme)
+  }
+
+  /** Follows what the system prefers. */
+  followSystem(query: MediaQueryList): void {
+    this.systemIsDark.value = query.matches
+    query.addEventListener('change', () => {
+      this.systemIsDark.value = query.matches
+    })
+  }
+}
+
+function readTheme(text: string | null | undefined): ThemeChoice {
+  return text === 'dark' || text === 'light' ? text : 'auto'
+}

@@ -1,0 +1,134 @@
+// The map of the world that is shown: loaded tile by tile, and in more detail where the camera is.
+
+import { signal } from '@preact/signals'
+import type { Features, MeshTile, Place } from '../../view/viewport.types'
+import type { Context } from '../context'
+import { inWords } from '../net/errors'
+import { keepAsking, keepDoing } from '../net/stream'
+import { boxOf, firstCell, missingTiles, overlap, readFeatures, readTile, type TileRange } from './tiles'
+
+/** Where a map goes to. */
+export interface LevelSink {
+  clear(): void
+  setFeatures(features: Features): void
+  putTile(tile: MeshTile, fine: boolean): void
+  fineTiles(): ReadonlySet<string>
+  frameMap(): void
+}
+
+export type LevelState =
+  | { kind: 'none' }
+  | { kind: 'loading'; done: number; total: number }
+  | { kind: 'ready'; tiles: number; seconds: number }
+  | { kind: 'failed'; why: string }
+
+export class Level {
+  readonly state = signal<LevelState>({ kind: 'none' })
+  readonly features = signal<Features | undefined>(undefined)
+  private loaded: { worldId: bigint; sink: LevelSink; signal: AbortSignal } | undefined
+  private running: { range: TileRange; stop: AbortController } | undefined
+  private wanted: { around: Place; radius: number } | undefined
+
+  constructor(private readonly context: Context) {}
+
+  /** Loads the map of a world until the signal aborts. */
+  async load(worldId: bigint, sink: LevelSink, signal: AbortSignal): Promise<void> {
+    const { session, world } = this.context
+    const upkeep = { link: world.link, session, signal }
+    const began = performance.now()
+    this.forget()
+    sink.clear()
+    this.state.value = { kind: 'loading', done: 0, total: 0 }
+    try {
+      const answer = await keepAsking(upkeep, (signal) => world.calls.getFeatures({ worldId }, { signal }))
+      if (answer === undefined) return
+      const features = readFeatures(answer)
+      this.features.value = features
+      sink.setFeatures(features)
+      sink.frameMap()
+      const cellM = firstCell(features.size)
+      const tiles = await this.loadWhole(worldId, cellM, sink, signal)
+      if (tiles === undefined || signal.aborted) return
+      this.state.value = { kind: 'ready', tiles, seconds: (performance.now() - began) / 1000 }
+      if (cellM > 0) this.loaded = { worldId, sink, signal }
+      if (this.wanted !== undefined) this.refine()
+    } catch (error) {
+      if (!signal.aborted) this.state.value = { kind: 'failed', why: inWords(error) }
+    }
+  }
+
+  forget(): void {
+    this.running?.stop.abort()
+    this.loaded = undefined
+    this.running = undefined
+    this.wanted = undefined
+    this.features.value = undefined
+    this.state.value = { kind: 'none' }
+  }
+
+  /** The camera is here: full detail is wanted around it. One region is loaded at a time. */
+  want(around: Place, radius: number): void {
+    this.wanted = { around, radius }
+    this.refine()
+  }
+
+  private async loadWhole(worldId: bigint, cellM: number, sink: LevelSink, signal: AbortSignal) {
+    const { session, world } = this.context
+    const stop = new AbortController()
+    let tiles: number | undefined
+    const upkeep = { link: world.link, session, signal: AbortSignal.any([signal, stop.signal]) }
+    const error = await keepDoing(upkeep, async (gotSomething) => {
+      let done = 0
+      for await (const message of world.calls.getMesh({ worldId, cellM }, { signal })) {
+        if (signal.aborted) return
+        gotSomething()
+        sink.putTile(readTile(message), cellM === 0)
+        done += 1
+        this.state.value = { kind: 'loading', done, total: message.tileCount }
+      }
+      tiles = done
+      stop.abort()
+    })
+    if (error !== undefined) throw error
+    return tiles
+  }
+
+  private refine(): void {
+    const { loaded, wanted } = this
+    const size = this.features.peek()?.size
+    if (loaded === undefined || wanted === undefined || size === undefined || loaded.signal.aborted) return
+    const fine = loaded.sink.fineTiles()
+    const range = missingTiles(wanted.around, wanted.radius, size, (tile) => fine.has(tile))
+    if (range === undefined) return
+    if (this.running !== undefined) {
+      if (!overlap(this.running.range, range)) this.running.stop.abort()
+      return
+    }
+    const running = { range, stop: new AbortController() }
+    this.running = running
+    void this.loadFine(loaded, running).finally(() => {
+      if (this.running !== running) return
+      this.running = undefined
+      this.refine()
+    })
+  }
+
+  private async loadFine(
+    { worldId, sink, signal }: { worldId: bigint; sink: LevelSink; signal: AbortSignal },
+    { range, stop }: { range: TileRange; stop: AbortController },
+  ): Promise<void> {
+    const size = this.features.peek()?.size
+    if (size === undefined) return
+    const both = AbortSignal.any([signal, stop.signal])
+    try {
+      const request = { worldId, region: boxOf(range, size), cellM: 0 }
+      for await (const message of this.context.world.calls.getMesh(request, { signal: both })) {
+        if (both.aborted) return
+        sink.putTile(readTile(message), true)
+      }
+    } catch {
+      // The coarse map stays. What is wanted next tries again, once the camera moves.
+      if (!both.aborted) this.wanted = undefined
+    }
+  }
+}

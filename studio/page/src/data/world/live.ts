@@ -1,0 +1,82 @@
+// A world as it goes: its NPCs and how it is doing.
+
+import { batch, signal } from '@preact/signals'
+import type { Npc, WatchWorldResponse, WorldStats } from '../../gen/surefoot/world/v1/world_pb'
+import { type Context, report } from '../context'
+import { failureOf } from '../net/errors'
+import { keepReading } from '../net/stream'
+import { afterSnapshot, type NpcsById, type StatsSample } from './snapshot'
+
+const RATE_HZ = 20
+/** Panels are told less often than the view. */
+const PANEL_MS = 300
+/** How often counters are kept, and for how long. */
+const SAMPLE_MS = 500
+const SAMPLES = 40
+
+export interface Moment {
+  tick: bigint
+  npcs: NpcsById
+}
+
+const NOBODY: Moment = { tick: 0n, npcs: new Map() }
+
+export class Live {
+  /** The latest moment, for the view. */
+  readonly moment = signal<Moment>(NOBODY)
+  /** The same a few times a second, for panels. */
+  readonly npcs = signal<NpcsById>(NOBODY.npcs)
+  readonly stats = signal<WorldStats | undefined>(undefined)
+  readonly samples = signal<readonly StatsSample[]>([])
+  private told = 0
+
+  constructor(private readonly context: Context) {}
+
+  npc(id: bigint | undefined): Npc | undefined {
+    return id === undefined ? undefined : this.npcs.value.get(id)
+  }
+
+  /** Watches a world until the signal aborts. */
+  async watch(worldId: bigint, signal: AbortSignal): Promise<void> {
+    const { session, world } = this.context
+    const request = { worldId, rateHz: RATE_HZ, delta: true }
+    const error = await keepReading(
+      { link: world.link, session, signal },
+      (signal) => world.calls.watchWorld(request, { signal }),
+      (message) => this.take(message),
+    )
+    // A world that is gone is taken off the list by the poll, which says so.
+    if (error !== undefined && failureOf(error) !== 'missing') report(this.context, 'The world cannot be watched', error)
+  }
+
+  forget(): void {
+    batch(() => {
+      this.moment.value = NOBODY
+      this.npcs.value = NOBODY.npcs
+      this.stats.value = undefined
+      this.samples.value = []
+    })
+  }
+
+  private take(message: WatchWorldResponse): void {
+    const npcs = afterSnapshot(this.moment.peek().npcs, message)
+    const now = performance.now()
+    batch(() => {
+      this.moment.value = { tick: message.tick, npcs }
+      if (now - this.told < PANEL_MS) return
+      this.told = now
+      this.npcs.value = npcs
+      if (message.stats !== undefined) this.keep({ atMs: now, stats: message.stats })
+    })
+  }
+
+  private keep(sample: StatsSample): void {
+    this.stats.value = sample.stats
+    const samples = this.samples.peek()
+    const last = samples.at(-1)
+    if (last !== undefined && sample.atMs - last.atMs < SAMPLE_MS) return
+    // A server that began anew counts from zero again.
+    const isAnew = last !== undefined && sample.stats.decisionsAsked < last.stats.decisionsAsked
+    this.samples.value = [...(isAnew ? [] : samples), sample].slice(-SAMPLES)
+  }
+}

@@ -1,0 +1,125 @@
+// The selected NPC, and what can be done with NPCs.
+
+import { batch, signal } from '@preact/signals'
+import type {
+  EndedAttempt,
+  FollowNpcResponse,
+  Npc,
+  NpcPlan,
+  Ray,
+} from '../../gen/surefoot/world/v1/world_pb'
+import type { Place } from '../../view/viewport.types'
+import { type Context, report } from '../context'
+import { failureOf } from '../net/errors'
+import { keepReading } from '../net/stream'
+import { npcNumber } from './snapshot'
+
+const RATE_HZ = 10
+
+/** What is known of the NPC that is followed. */
+export interface Followed {
+  id: bigint
+  npc: Npc | undefined
+  plan: NpcPlan | undefined
+  waypointIdx: number
+  eyes: Place | undefined
+  rays: readonly Ray[]
+  history: readonly EndedAttempt[]
+}
+
+/** What is known after a message: plan and history are only sent when they have changed. */
+export function afterMessage(known: Followed, message: FollowNpcResponse): Followed {
+  return {
+    id: known.id,
+    npc: message.npc ?? known.npc,
+    plan: message.plan ?? known.plan,
+    waypointIdx: message.waypointIdx,
+    eyes: message.eyes,
+    rays: message.rays,
+    history: message.history.length > 0 ? message.history : known.history,
+  }
+}
+
+export class Npcs {
+  readonly selectedId = signal<bigint | undefined>(undefined)
+  readonly followed = signal<Followed | undefined>(undefined)
+  /** Whether the camera follows the selected NPC. */
+  readonly camera = signal(false)
+
+  constructor(private readonly context: Context) {}
+
+  select(id: bigint | undefined): void {
+    batch(() => {
+      if (id !== this.selectedId.value) this.camera.value = false
+      this.selectedId.value = id
+    })
+  }
+
+  toggleCamera(): void {
+    if (this.selectedId.value !== undefined) this.camera.value = !this.camera.value
+  }
+
+  /** Follows the doings of an NPC until the signal aborts. */
+  async follow(id: bigint, signal: AbortSignal): Promise<void> {
+    const { session, world } = this.context
+    const nothing: Followed = {
+      id,
+      npc: undefined,
+      plan: undefined,
+      waypointIdx: 0,
+      eyes: undefined,
+      rays: [],
+      history: [],
+    }
+    this.followed.value = nothing
+    const error = await keepReading(
+      { link: world.link, session, signal },
+      (signal) => world.calls.followNpc({ npcId: id, rateHz: RATE_HZ, rays: true }, { signal }),
+      (message) => {
+        const known = this.followed.peek()
+        this.followed.value = afterMessage(known?.id === id ? known : nothing, message)
+      },
+    )
+    if (error === undefined || signal.aborted) return
+    if (failureOf(error) === 'missing') this.context.toasts.say(`NPC ${npcNumber(id)} was removed.`)
+    else report(this.context, 'The NPC cannot be followed', error)
+    if (this.selectedId.peek() === id) this.select(undefined)
+  }
+
+  async spawn(worldId: bigint, position: Place): Promise<bigint | undefined> {
+    try {
+      const yaw = Math.random() * 2 * Math.PI
+      const { npcId } = await this.context.world.calls.spawnNpc({ worldId, position, yaw })
+      this.select(npcId)
+      return npcId
+    } catch (error) {
+      report(this.context, 'No NPC was spawned', error)
+      return undefined
+    }
+  }
+
+  async send(npcId: bigint, goal: Place): Promise<void> {
+    try {
+      await this.context.world.calls.setGoal({ npcId, goal })
+    } catch (error) {
+      report(this.context, `NPC ${npcNumber(npcId)} was not sent`, error)
+    }
+  }
+
+  async teleport(npcId: bigint, position: Place, yaw: number): Promise<void> {
+    try {
+      await this.context.world.calls.teleportNpc({ npcId, position, yaw })
+    } catch (error) {
+      report(this.context, `NPC ${npcNumber(npcId)} was not teleported`, error)
+    }
+  }
+
+  async remove(npcId: bigint): Promise<void> {
+    try {
+      await this.context.world.calls.despawnNpc({ npcId })
+      if (this.selectedId.value === npcId) this.select(undefined)
+    } catch (error) {
+      report(this.context, `NPC ${npcNumber(npcId)} was not removed`, error)
+    }
+  }
+}

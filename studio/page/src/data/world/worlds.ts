@@ -1,0 +1,93 @@
+// The worlds of the server, and which of them is shown.
+
+import type { MessageInitShape } from '@bufbuild/protobuf'
+import { batch, computed, signal } from '@preact/signals'
+import type { MapSpecSchema } from '../../gen/surefoot/world/v1/map_pb'
+import { TimeMode, type World } from '../../gen/surefoot/world/v1/world_pb'
+import { type Context, report } from '../context'
+import { sleep } from '../net/backoff'
+import { keepAsking } from '../net/stream'
+
+const POLL_MS = 3000
+const TIMEOUT_MS = 5000
+
+export type WorldsState = 'loading' | 'ready' | 'failed'
+
+export class Worlds {
+  readonly list = signal<readonly World[]>([])
+  readonly state = signal<WorldsState>('loading')
+  readonly chosenId = signal<bigint | undefined>(undefined)
+  readonly creating = signal(false)
+  readonly chosen = computed(() => this.list.value.find(({ worldId }) => worldId === this.chosenId.value))
+  /** Tells worlds apart even where a server that began anew gives the same ids; undefined: none is chosen. */
+  readonly key = computed(() => {
+    const world = this.chosen.value
+    return world === undefined ? undefined : `${world.worldId} ${world.mapHash}`
+  })
+
+  constructor(private readonly context: Context) {}
+
+  /** Keeps the list up to date until the page goes. */
+  async poll(): Promise<void> {
+    const { signal, session, world } = this.context
+    while (!signal.aborted) {
+      try {
+        const answer = await keepAsking({ link: world.link, session, signal }, (signal) =>
+          world.calls.listWorlds({}, { signal, timeoutMs: TIMEOUT_MS }),
+        )
+        if (answer !== undefined) this.take(answer.worlds)
+      } catch (error) {
+        this.state.value = 'failed'
+        report(this.context, 'Worlds cannot be listed', error)
+      }
+      await sleep(POLL_MS, signal)
+    }
+  }
+
+  choose(id: bigint): void {
+    this.chosenId.value = id
+  }
+
+  async create(map: MessageInitShape<typeof MapSpecSchema>): Promise<void> {
+    this.creating.value = true
+    try {
+      const { world } = await this.context.world.calls.createWorld({ map, mode: TimeMode.REALTIME })
+      if (world === undefined) return
+      batch(() => {
+        this.list.value = [...this.list.value, world]
+        this.choose(world.worldId)
+      })
+    } catch (error) {
+      report(this.context, 'No world was made', error)
+    } finally {
+      this.creating.value = false
+    }
+  }
+
+  async drop(id: bigint): Promise<void> {
+    try {
+      await this.context.world.calls.dropWorld({ worldId: id })
+      this.take(this.list.value.filter(({ worldId }) => worldId !== id))
+    } catch (error) {
+      report(this.context, `World ${id} was not dropped`, error)
+    }
+  }
+
+  private take(worlds: readonly World[]): void {
+    const chosen = this.chosenId.value
+    const isGone = chosen !== undefined && !worlds.some(({ worldId }) => worldId === chosen)
+    batch(() => {
+      this.list.value = worlds
+      this.state.value = 'ready'
+      if (chosen === undefined || isGone) this.chosenId.value = worlds[0]?.worldId
+    })
+    if (isGone) this.context.toasts.say(`World ${chosen} has ended.`)
+  }
+}
+
+/** What a world's map is called: "seed 42, 250 x 250 m", or its hash where it was imported. */
+export function mapName(world: Pick<World, 'map' | 'mapHash'>): string {
+  if (world.map === undefined) return `imported level ${world.mapHash.slice(0, 8)}`
+  const { seed, size } = world.map
+  return `seed ${seed}, ${size?.width ?? 250} x ${size?.depth ?? 250} m`
+}

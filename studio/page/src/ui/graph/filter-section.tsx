@@ -1,0 +1,108 @@
+import { ABILITIES, abilityName } from '../../data/abilities'
+import { percent } from '../../data/format'
+import { isFiltered, SHOW_ALL } from '../../data/graph/filter'
+import type { Studio } from '../../data/studio'
+import type { Ability } from '../../gen/surefoot/world/v1/map_pb'
+import type { EdgeColour } from '../../view/viewport.types'
+import { ABILITY_COLOURS, chanceColour, formatColour, islandColour, secondsColour } from '../../view/colours'
+import { AbilityDot, Button, Check, Choice, Section, Slider } from '../controls'
+
+const COLOURS: readonly { value: EdgeColour; name: string }[] = [
+  { value: 'chance', name: 'Chance' },
+  { value: 'seconds', name: 'Time' },
+  { value: 'ability', name: 'Ability' },
+  { value: 'island', name: 'Island' },
+]
+
+export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
+  const filter = graphs.filter.value
+  const toggle = (ability: Ability, on: boolean) => {
+    const abilities = new Set(filter.abilities)
+    if (on) abilities.add(ability)
+    else abilities.delete(ability)
+    graphs.setFilter({ abilities })
+  }
+  const { visible, colour } = filter
+  return (
+    <Section
+      title="Edges shown"
+      actions={
+        isFiltered(filter) && <Button label="Show all" onClick={() => graphs.setFilter({ ...SHOW_ALL, visible, colour })} />
+      }
+    >
+      <Choice label="Colour by" value={colour} options={COLOURS} onChange={(colour) => graphs.setFilter({ colour })} />
+      <Legend colour={colour} />
+      <div class="checks" role="group" aria-label="Abilities">
+        {ABILITIES.map((ability) => (
+          <label class="check" key={ability}>
+            <input
+              type="checkbox"
+              checked={filter.abilities.has(ability)}
+              onChange={(event) => toggle(ability, event.currentTarget.checked)}
+            />
+            <AbilityDot ability={ability} />
+            <span>{abilityName(ability)}</span>
+          </label>
+        ))}
+      </div>
+      <Slider
+        label="Chance from"
+        min={0}
+        max={1}
+        step={0.01}
+        value={filter.minChance}
+        shown={percent(filter.minChance)}
+        onInput={(value) => graphs.setFilter({ minChance: value, maxChance: Math.max(value, filter.maxChance) })}
+      />
+      <Slider
+        label="Chance up to"
+        min={0}
+        max={1}
+        step={0.01}
+        value={filter.maxChance}
+        shown={percent(filter.maxChance)}
+        onInput={(value) => graphs.setFilter({ maxChance: value, minChance: Math.min(value, filter.minChance) })}
+      />
+      <div class="checks">
+        <Check label="Only one-way" checked={filter.onlyOneWay} onChange={(onlyOneWay) => graphs.setFilter({ onlyOneWay })} />
+        <Check label="Only edited" checked={filter.onlyEdited} onChange={(onlyEdited) => graphs.setFilter({ onlyEdited })} />
+      </div>
+    </Section>
+  )
+}
+
+const STOPS = [0, 0.25, 0.5, 0.75, 1]
+
+function Legend({ colour }: { colour: EdgeColour }) {
+  if (colour === 'ability') {
+    return (
+      <p class="legend-row">
+        {ABILITIES.map((ability) => (
+          <span key={ability} title={abilityName(ability)} style={{ background: ABILITY_COLOURS[ability] }} />
+        ))}
+      </p>
+    )
+  }
+  if (colour === 'island') {
+    return (
+      <>
+        <p class="legend-row">
+          {[0, 1, 2, 3, 4, 5].map((island) => (
+            <span key={island} style={{ background: formatColour(islandColour(island)) }} />
+          ))}
+        </p>
+        <p class="note">One colour: each place leads to each other.</p>
+      </>
+    )
+  }
+  const ramp = colour === 'chance' ? chanceColour : secondsColour
+  const stops = STOPS.map((share) => formatColour(ramp(share))).join(', ')
+  const [low, high] = colour === 'chance' ? ['0 %', '100 %'] : ['quick', 'slow']
+  return (
+    <p class="legend-ramp">
+      <span>{low}</span>
+      <span class="ramp" style={{ background: `linear-gradient(90deg, ${stops})` }} />
+      <span>{high}</span>
+    </p>
+  )
+}

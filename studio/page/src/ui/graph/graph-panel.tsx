@@ -1,0 +1,53 @@
+import { useComputed } from '@preact/signals'
+import { count, duration, percent } from '../../data/format'
+import { passes } from '../../data/graph/filter'
+import type { Studio } from '../../data/studio'
+import { Facts, Section } from '../controls'
+import { EdgeInspector } from './edge-inspector'
+import { FilterSection } from './filter-section'
+import { NoGraph } from './no-graph'
+import { TrapsSection } from './traps-section'
+import { VertexInspector } from './vertex-inspector'
+
+export function GraphPanel({ studio }: { studio: Studio }) {
+  const { graphs } = studio
+  if (graphs.id.value === undefined) return <NoGraph studio={studio} />
+  const selection = graphs.selection.value
+  return (
+    <>
+      {selection?.kind === 'edge' && (
+        <EdgeInspector key={`${selection.from}>${selection.to}`} studio={studio} from={selection.from} to={selection.to} />
+      )}
+      {selection?.kind === 'vertex' && <VertexInspector studio={studio} index={selection.index} />}
+      <Summary studio={studio} />
+      <FilterSection studio={studio} />
+      <TrapsSection studio={studio} />
+    </>
+  )
+}
+
+function Summary({ studio: { graphs } }: { studio: Studio }) {
+  const shown = useComputed(() => {
+    const filter = graphs.filter.value
+    return (graphs.shown.value?.edges ?? []).filter((edge) => passes(edge, filter)).length
+  })
+  const summary = graphs.summary.value
+  const edges = graphs.loaded.value?.edges.length ?? 0
+  if (summary === undefined) return null
+  return (
+    <Section title="Graph">
+      <Facts
+        rows={[
+          ['Vertices', count(summary.vertices)],
+          ['Edges', shown.value === edges ? count(edges) : `${count(shown.value)} shown of ${count(edges)}`],
+          ['Islands', count(summary.islands)],
+          ['Pairs connected', percent(summary.connected)],
+          ['Probes', `${count(summary.probes)} for ${count(summary.candidates)} candidates`],
+          ['Build', `${duration(summary.buildS)}${summary.cached ? ', from the cache' : ''}`],
+          ['Passages of NPCs', count(summary.passages)],
+          ['Edits', summary.unfitEdits > 0 ? `${summary.edits}, ${summary.unfitEdits} do not fit` : count(summary.edits)],
+        ]}
+      />
+    </Section>
+  )
+}

@@ -1,0 +1,47 @@
+import { count } from '../../data/format'
+import { stageName } from '../../data/build/builds'
+import type { Studio } from '../../data/studio'
+import { Empty, Progress } from '../controls'
+
+/** Says why there is no graph, and what helps. */
+export function NoGraph({ studio: { graphs, worlds, context } }: { studio: Studio }) {
+  const state = graphs.state.value
+  if (worlds.chosen.value === undefined) return <Empty title="There is no world yet" />
+  if (context.planner.link.state.value === 'lost') {
+    return (
+      <Empty title="No planner answers">
+        <p>
+          Graphs and plans come from a planner. This page looks for it at <code>{context.planner.address}</code>.
+        </p>
+        <p>
+          Start one with <code>surefoot plan</code>, or everything with <code>surefoot up</code>. It is taken up as soon as it
+          answers; NPCs can be watched without it.
+        </p>
+      </Empty>
+    )
+  }
+  switch (state.kind) {
+    case 'building': {
+      const { stage, probesDone, probesTotal } = state.progress
+      const isCounted = probesTotal > 0n
+      return (
+        <Empty title="The graph is being built">
+          <Progress label="Build" share={isCounted ? Number(probesDone) / Number(probesTotal) : undefined} />
+          <p>
+            {stageName(stage)}
+            {isCounted ? `: ${count(probesDone)} of ${count(probesTotal)} probes` : ' …'}
+          </p>
+        </Empty>
+      )
+    }
+    case 'failed':
+      return (
+        <Empty title="There is no graph">
+          <p>{state.why}</p>
+          <p>Trying again …</p>
+        </Empty>
+      )
+    default:
+      return <Empty title="Looking for the graph …" />
+  }
+}

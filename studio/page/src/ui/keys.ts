@@ -1,0 +1,123 @@
+// Keys, and what they do.
+
+import type { Studio, Tool } from '../data/studio'
+
+export type Command =
+  | { kind: 'tool'; tool: Tool }
+  | { kind: 'cancel' | 'follow' | 'top' | 'frame' | 'graph' | 'trails' | 'panel' | 'help' | 'undo' | 'redo' }
+
+/** What of a keyboard event matters. */
+export interface Stroke {
+  key: string
+  ctrl: boolean
+  shift: boolean
+  alt: boolean
+  /** Whether it goes into a field that takes text, or to an open dialog. */
+  typing: boolean
+}
+
+/** Tools of the rail with their keys, in order. */
+export const TOOL_KEYS: readonly { key: string; tool: Tool; name: string }[] = [
+  { key: '1', tool: 'select', name: 'Select' },
+  { key: '2', tool: 'plan', name: 'Plan a path' },
+  { key: '3', tool: 'forbid', name: 'Forbid an edge' },
+  { key: '4', tool: 'add', name: 'Add a vertex' },
+  { key: '5', tool: 'move', name: 'Move a vertex' },
+  { key: '6', tool: 'remove', name: 'Remove a vertex' },
+  { key: '7', tool: 'force', name: 'Force an edge' },
+  { key: '8', tool: 'spawn', name: 'Spawn an NPC' },
+]
+
+/** All other keys, for the sheet. */
+export const OTHER_KEYS: readonly { keys: string; does: string }[] = [
+  { keys: 'Esc', does: 'Cancel the tool, clear the selection' },
+  { keys: 'F', does: 'Follow the selected NPC' },
+  { keys: 'T', does: 'Top view' },
+  { keys: 'H', does: 'Show the whole map' },
+  { keys: 'G', does: 'Graph on or off' },
+  { keys: 'L', does: 'Trails on or off' },
+  { keys: 'P', does: 'Side panel on or off' },
+  { keys: 'Ctrl Z', does: 'Undo an edit' },
+  { keys: 'Ctrl Shift Z', does: 'Do it again' },
+  { keys: '?', does: 'This sheet' },
+]
+
+const LETTERS: Record<string, Command> = {
+  f: { kind: 'follow' },
+  t: { kind: 'top' },
+  h: { kind: 'frame' },
+  g: { kind: 'graph' },
+  l: { kind: 'trails' },
+  p: { kind: 'panel' },
+}
+
+export function commandFor({ key, ctrl, shift, alt, typing }: Stroke): Command | undefined {
+  if (typing || alt) return undefined
+  const letter = key.toLowerCase()
+  if (ctrl) {
+    if (letter === 'z') return { kind: shift ? 'redo' : 'undo' }
+    return letter === 'y' ? { kind: 'redo' } : undefined
+  }
+  if (key === 'Escape') return { kind: 'cancel' }
+  if (key === '?') return { kind: 'help' }
+  const tool = TOOL_KEYS.find((entry) => entry.key === key)
+  return tool === undefined ? LETTERS[letter] : { kind: 'tool', tool: tool.tool }
+}
+
+export function perform(studio: Studio, command: Command): void {
+  const { view, graphs, layers, npcs, viewport } = studio
+  switch (command.kind) {
+    case 'tool':
+      return studio.setTool(command.tool)
+    case 'cancel':
+      return cancel(studio)
+    case 'follow':
+      return npcs.toggleCamera()
+    case 'top':
+      view.top.value = !view.top.value
+      return
+    case 'frame':
+      return viewport.peek()?.frameMap()
+    case 'graph':
+      return graphs.setFilter({ visible: !graphs.filter.peek().visible })
+    case 'trails':
+      view.trails.value = !view.trails.value
+      return
+    case 'panel':
+      studio.panelOpen.value = !studio.panelOpen.value
+      return
+    case 'help':
+      studio.helpOpen.value = !studio.helpOpen.value
+      return
+    case 'undo':
+      return void layers.undo()
+    case 'redo':
+      return void layers.redo()
+  }
+}
+
+/** Takes one thing back after the other: the sheet, half an edge, the tool, the selection. */
+export function cancel(studio: Studio): void {
+  if (studio.helpOpen.value) studio.helpOpen.value = false
+  else if (studio.forceFrom.value !== undefined) studio.forceFrom.value = undefined
+  else if (studio.tool.value !== 'select') studio.setTool('select')
+  else if (studio.graphs.selection.value !== undefined) studio.graphs.select(undefined)
+  else studio.npcs.select(undefined)
+}
+
+const TEXT_FIELDS = 'input:not([type=checkbox]):not([type=radio]):not([type=range]), select, textarea, dialog'
+
+export function listenToKeys(target: Window, studio: Studio): void {
+  target.addEventListener('keydown', (event) => {
+    const command = commandFor({
+      key: event.key,
+      ctrl: event.ctrlKey || event.metaKey,
+      shift: event.shiftKey,
+      alt: event.altKey,
+      typing: event.target instanceof Element && event.target.closest(TEXT_FIELDS) !== null,
+    })
+    if (command === undefined) return
+    event.preventDefault()
+    perform(studio, command)
+  })
+}

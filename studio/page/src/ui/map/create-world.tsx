@@ -1,0 +1,58 @@
+import { useState } from 'preact/hooks'
+import type { Studio } from '../../data/studio'
+import { NumberField, SelectField, Slider } from '../controls'
+import { FEATURES, type FeatureName, randomSeed, STANDARD_FEATURES } from './features'
+
+const SIZES = [
+  { value: '120', name: '120 m' },
+  { value: '250', name: '250 m' },
+  { value: '500', name: '500 m' },
+  { value: '1000', name: '1 km' },
+] as const
+
+type Size = (typeof SIZES)[number]['value']
+
+/** Seed, size and features of a new world. */
+export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
+  const [seed, setSeed] = useState(randomSeed)
+  const [size, setSize] = useState<Size>('250')
+  const [height, setHeight] = useState(80)
+  const [features, setFeatures] = useState(STANDARD_FEATURES)
+  const setFeature = (name: FeatureName, value: number) => setFeatures({ ...features, [name]: value })
+  return (
+    <form
+      class="create-world"
+      onSubmit={(event) => {
+        event.preventDefault()
+        const side = Number(size)
+        void worlds.create({ seed: BigInt(seed), size: { width: side, height, depth: side }, features })
+        setSeed(randomSeed())
+      }}
+    >
+      <div class="row">
+        <NumberField label="Seed" value={seed} min={0} max={Number.MAX_SAFE_INTEGER} onChange={setSeed} />
+        <SelectField label="Size" value={size} options={SIZES} onChange={setSize} />
+        <NumberField label="Height, m" value={height} min={40} max={200} onChange={setHeight} />
+      </div>
+      <details>
+        <summary>Features</summary>
+        <div class="features">
+          {FEATURES.map(({ key, name }) => (
+            <Slider
+              key={key}
+              label={name}
+              min={0}
+              max={4}
+              step={0.25}
+              value={features[key]}
+              onInput={(value) => setFeature(key, value)}
+            />
+          ))}
+        </div>
+      </details>
+      <button type="submit" class="button main" disabled={worlds.creating.value}>
+        {worlds.creating.value ? 'Making it …' : 'Create world'}
+      </button>
+    </form>
+  )
+}

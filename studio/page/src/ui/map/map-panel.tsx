@@ -1,0 +1,95 @@
+import { count, counted } from '../../data/format'
+import type { Studio } from '../../data/studio'
+import { mapName } from '../../data/world/worlds'
+import { Surface } from '../../gen/surefoot/world/v1/world_pb'
+import type { World } from '../../gen/surefoot/world/v1/world_pb'
+import { SURFACE_COLOURS } from '../../view/colours'
+import { Empty, Facts, Section, SureButton } from '../controls'
+import { CreateWorldForm } from './create-world'
+
+export function MapPanel({ studio }: { studio: Studio }) {
+  return (
+    <>
+      <WorldList studio={studio} />
+      <LevelFacts studio={studio} />
+      <Section title="New world">
+        <CreateWorldForm studio={studio} />
+      </Section>
+    </>
+  )
+}
+
+function WorldList({ studio: { worlds } }: { studio: Studio }) {
+  const list = worlds.list.value
+  return (
+    <Section title="Worlds">
+      {list.length === 0 && worlds.state.value === 'ready' && <Empty title="There is no world yet" />}
+      <ul class="list" aria-label="Worlds">
+        {list.map((world) => (
+          <li key={world.worldId} class={world.worldId === worlds.chosenId.value ? 'chosen' : ''}>
+            <button
+              type="button"
+              class="item"
+              aria-pressed={world.worldId === worlds.chosenId.value}
+              onClick={() => worlds.choose(world.worldId)}
+            >
+              <strong>World {String(world.worldId)}</strong>
+              <span>{describe(world)}</span>
+            </button>
+            <SureButton
+              label={`Drop world ${world.worldId}`}
+              question="Drop it and its NPCs?"
+              icon="trash"
+              bare
+              onSure={() => void worlds.drop(world.worldId)}
+            />
+          </li>
+        ))}
+      </ul>
+    </Section>
+  )
+}
+
+function describe(world: World): string {
+  return `${mapName(world)} · ${counted(world.npcCount, 'NPC')}`
+}
+
+function LevelFacts({ studio: { level, worlds } }: { studio: Studio }) {
+  const features = level.features.value
+  const world = worlds.chosen.value
+  if (features === undefined || world === undefined) return null
+  const { width, height, depth } = features.size
+  const pools = (lava: boolean) => features.pools.filter((pool) => pool.lava === lava).length
+  const state = level.state.value
+  const rows: [name: string, surface: Surface, number: number][] = [
+    ['Water pools', Surface.WATER, pools(false)],
+    ['Lava pools', Surface.LAVA, pools(true)],
+    ['Jump pads', Surface.PAD, features.pads.length],
+    ['Zip lines', Surface.ZIP_LINE, features.zipLines.length],
+    ['Teleporters', Surface.TELEPORTER, features.teleporters.length],
+    ['Jetpacks', Surface.JETPACK, features.jetpacks.length],
+  ]
+  return (
+    <Section title="Map">
+      <Facts
+        rows={[
+          ['Extent', `${width} x ${depth} m, ${height} m high`],
+          ['Hash', <code title={world.mapHash}>{world.mapHash.slice(0, 16)}</code>],
+          ...(state.kind === 'ready'
+            ? [['Loaded', `${counted(state.tiles, 'tile')} in ${state.seconds.toFixed(1)} s`] as const]
+            : []),
+        ]}
+      />
+      <ul class="legend" aria-label="Features">
+        {rows
+          .filter(([, , number]) => number > 0)
+          .map(([name, surface, number]) => (
+            <li key={name}>
+              <i class="dot" style={{ background: SURFACE_COLOURS[surface] }} />
+              {name} <span class="number">{count(number)}</span>
+            </li>
+          ))}
+      </ul>
+    </Section>
+  )
+}

@@ -1,0 +1,193 @@
+import { noPathReason } from '../../data/abilities'
+import { priceEdge } from '../../data/edit/edits'
+import { count, duration, percent, place } from '../../data/format'
+import { isOnGraph, legEnds } from '../../data/plan/alternatives'
+import type { Studio } from '../../data/studio'
+import type { Leg, Plan } from '../../gen/surefoot/planner/v1/planner_pb'
+import { AbilityName, Button, ChanceBar, Choice, Empty, Section } from '../controls'
+import { NoGraph } from '../graph/no-graph'
+import { forbid } from '../tools'
+
+/** What "Make dearer" multiplies a price by. */
+const DEARER = 4
+const MAX_FACTOR = 1000
+
+export function PlanPanel({ studio }: { studio: Studio }) {
+  const { plans, graphs } = studio
+  if (graphs.id.value === undefined) return <NoGraph studio={studio} />
+  return (
+    <>
+      <Ends studio={studio} />
+      {plans.state.value === 'asking' && <p class="note">Looking for a path …</p>}
+      {plans.state.value === 'failed' && <Empty title="No plan was made">{<p>{plans.failure.value}</p>}</Empty>}
+      {plans.plans.value.length > 0 && <Result studio={studio} />}
+    </>
+  )
+}
+
+function Ends({ studio }: { studio: Studio }) {
+  const { plans, npcs, live } = studio
+  const npc = live.npc(npcs.selectedId.value)
+  return (
+    <Section
+      title="From, to"
+      actions={
+        <>
+          <Button label="Swap start and goal" icon="swap" bare onClick={() => plans.swap()} />
+          <Button label="Clear the plan" icon="close" bare onClick={() => plans.clear()} />
+        </>
+      }
+    >
+      <dl class="ends">
+        <dt class="start">Start</dt>
+        <dd>{plans.start.value === undefined ? 'not set' : place(plans.start.value)}</dd>
+        <dt class="goal">Goal</dt>
+        <dd>{plans.goal.value === undefined ? 'not set' : place(plans.goal.value)}</dd>
+      </dl>
+      <Choice
+        label="The next click sets"
+        value={plans.next.value}
+        options={[
+          { value: 'start', name: 'Click sets start' },
+          { value: 'goal', name: 'Click sets goal' },
+        ]}
+        onChange={(next) => {
+          studio.setTool('plan')
+          plans.next.value = next
+        }}
+      />
+      <div class="row wrap">
+        {studio.tool.value !== 'plan' && (
+          <Button label="Pick on the map" icon="plan" tone="main" onClick={() => studio.setTool('plan')} />
+        )}
+        {npc?.position !== undefined && (
+          <Button label="Start at the NPC" icon="spawn" onClick={() => npc.position && plans.setStart(npc.position)} />
+        )}
+      </div>
+    </Section>
+  )
+}
+
+function Result({ studio }: { studio: Studio }) {
+  const { plans } = studio
+  const plan = plans.chosen.value
+  if (plan === undefined) return null
+  if (!plan.found) return <NoWay studio={studio} plan={plan} />
+  return (
+    <Section title="Path">
+      {plans.plans.value.length > 1 && <Ways studio={studio} />}
+      <p class="sums">
+        <span>
+          <strong>{duration(plan.seconds)}</strong> expected
+        </span>
+        <span>
+          <strong>{percent(plan.chance)}</strong> chance
+        </span>
+        <span>
+          <strong>{count(plan.legs.length)}</strong> legs
+        </span>
+      </p>
+      <SendButton studio={studio} />
+      <ol class="legs" aria-label="Legs">
+        {plan.legs.map((leg, index) => (
+          <LegRow key={index} studio={studio} plan={plan} leg={leg} index={index} />
+        ))}
+      </ol>
+    </Section>
+  )
+}
+
+function Ways({ studio: { plans } }: { studio: Studio }) {
+  return (
+    <div class="ways" role="tablist" aria-label="Alternatives">
+      {plans.plans.value.map((plan, index) => (
+        <button
+          key={index}
+          type="button"
+          role="tab"
+          aria-selected={index === plans.chosenIdx.value}
+          onClick={() => plans.choose(index)}
+        >
+          <strong>{index === 0 ? 'Best' : `Way ${index + 1}`}</strong>
+          <span>{duration(plan.seconds)}</span>
+          <span>{percent(plan.chance)}</span>
+        </button>
+      ))}
+    </div>
+  )
+}
+
+function LegRow({ studio, plan, leg, index }: { studio: Studio; plan: Plan; leg: Leg; index: number }) {
+  const { graphs, plans } = studio
+  const selection = graphs.selection.value
+  const isSelected = selection?.kind === 'edge' && selection.from === leg.from && selection.to === leg.to
+  const show = () => {
+    const { from, to } = legEnds(plan, index, plans.start.value ?? { x: 0, y: 0, z: 0 })
+    studio.viewport.value?.lookAt({ x: (from.x + to.x) / 2, y: (from.y + to.y) / 2, z: (from.z + to.z) / 2 })
+    graphs.select(isOnGraph(leg) ? { kind: 'edge', from: leg.from, to: leg.to } : undefined)
+  }
+  return (
+    <li class={isSelected ? 'current' : ''}>
+      <button type="button" class="item" aria-pressed={isSelected} onClick={show}>
+        <AbilityName ability={leg.ability} />
+        <span class="number">{duration(leg.seconds)}</span>
+        <ChanceBar chance={leg.chance} />
+      </button>
+      {!isOnGraph(leg) && <p class="note">Straight there, off the graph: not proved.</p>}
+      {isSelected && isOnGraph(leg) && <LegActions studio={studio} leg={leg} />}
+    </li>
+  )
+}
+
+function LegActions({ studio, leg }: { studio: Studio; leg: Leg }) {
+  const { graphs, layers } = studio
+  const makeDearer = () => {
+    const [from, to] = [graphs.position(leg.from), graphs.position(leg.to)]
+    const present = graphs.edge(leg.from, leg.to)?.priceFactor || 1
+    if (from === undefined || to === undefined) return
+    void layers.apply(priceEdge(from, to, Math.min(MAX_FACTOR, present * DEARER)))
+  }
+  return (
+    <div class="row wrap" role="group" aria-label="What to do with the leg">
+      <Button label="Forbid this leg" icon="forbid" onClick={() => forbid(studio, leg.from, leg.to)} />
+      <Button label="Make dearer" icon="plus" hint={`Its price times ${DEARER}`} onClick={makeDearer} />
+      <Button label="Inspect" icon="look" onClick={() => studio.openTab('graph')} />
+    </div>
+  )
+}
+
+/** Sends the selected NPC to the goal, or a new one that begins at the start. */
+function SendButton({ studio }: { studio: Studio }) {
+  const { plans, npcs, worlds } = studio
+  const send = async () => {
+    const [start, goal, worldId] = [plans.start.peek(), plans.goal.peek(), worlds.chosenId.peek()]
+    if (start === undefined || goal === undefined || worldId === undefined) return
+    const id = npcs.selectedId.peek() ?? (await npcs.spawn(worldId, start))
+    if (id !== undefined) await npcs.send(id, goal)
+  }
+  const hint = npcs.selectedId.value === undefined ? 'Spawns one at the start' : 'Sends the selected one from where it is'
+  return <Button label="Send an NPC" icon="send" tone="main" hint={hint} onClick={() => void send()} />
+}
+
+function NoWay({ studio, plan }: { studio: Studio; plan: Plan }) {
+  const nearest = plan.nearestReachable
+  return (
+    <Section title="No path">
+      <p class="warn" role="status">
+        {noPathReason(plan.reason)}
+      </p>
+      {nearest === undefined ? (
+        <p class="note">No vertex can be reached from the start.</p>
+      ) : (
+        <>
+          <p class="note">The nearest place that can be reached is at {place(nearest)}.</p>
+          <div class="row wrap">
+            <Button label="Look there" icon="look" onClick={() => studio.viewport.value?.lookAt(nearest)} />
+            <Button label="Plan to there" icon="plan" tone="main" onClick={() => studio.plans.setGoal(nearest)} />
+          </div>
+        </>
+      )}
+      <SendButton studio={studio} />
+    </Section>
+  )
+}

@@ -1,0 +1,53 @@
+import { useRef } from 'preact/hooks'
+import type { Studio, Tool } from '../data/studio'
+import { Icon, type IconName } from './icons'
+import { TOOL_KEYS } from './keys'
+import { EDIT_TOOLS } from './tools'
+
+const ICONS: Record<Tool, IconName> = {
+  select: 'select',
+  plan: 'plan',
+  forbid: 'forbid',
+  add: 'add',
+  move: 'move',
+  remove: 'remove',
+  force: 'force',
+  spawn: 'spawn',
+  send: 'send',
+  teleport: 'teleport',
+}
+
+/** The tools. Arrow keys go from one to the next, as in any toolbar; Tab goes past them. */
+export function Rail({ studio }: { studio: Studio }) {
+  const bar = useRef<HTMLDivElement>(null)
+  const current = studio.tool.value
+  const focusable = TOOL_KEYS.some(({ tool }) => tool === current) ? current : 'select'
+  const step = (event: KeyboardEvent) => {
+    const by = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1 }[event.key]
+    if (by === undefined || bar.current === null) return
+    event.preventDefault()
+    const buttons = [...bar.current.querySelectorAll('button')]
+    const at = buttons.indexOf(document.activeElement as HTMLButtonElement)
+    buttons[(at + by + buttons.length) % buttons.length]?.focus()
+  }
+  return (
+    <div class="rail" role="toolbar" aria-label="Tools" aria-orientation="vertical" ref={bar} onKeyDown={step}>
+      {TOOL_KEYS.map(({ key, tool, name }, index) => (
+        <button
+          key={tool}
+          type="button"
+          class={EDIT_TOOLS.has(tool) && !EDIT_TOOLS.has(TOOL_KEYS[index - 1]?.tool ?? 'forbid') ? 'first' : ''}
+          aria-label={name}
+          aria-pressed={tool === current}
+          aria-keyshortcuts={key}
+          title={`${name} (${key})`}
+          tabIndex={tool === focusable ? 0 : -1}
+          onClick={() => studio.setTool(tool)}
+        >
+          <Icon name={ICONS[tool]} size={20} />
+          <kbd>{key}</kbd>
+        </button>
+      ))}
+    </div>
+  )
+}

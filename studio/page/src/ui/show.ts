@@ -1,0 +1,64 @@
+// Keeps the 3D view in step with what the page knows.
+
+import { effect } from '@preact/signals'
+import { marksOf } from '../data/edit/edits'
+import type { Studio } from '../data/studio'
+import { poseOf } from '../data/world/snapshot'
+import type { SelectedNpc, Viewport } from '../view/viewport.types'
+
+/** Shows everything, and goes on doing so until what is returned is called. */
+export function show(studio: Studio, viewport: Viewport): () => void {
+  const { graphs, layers, live, npcs, plans, builds, view } = studio
+  const ends = [
+    effect(() => {
+      const { tick, npcs } = live.moment.value
+      viewport.setNpcs(tick, [...npcs.values()].map(poseOf))
+    }),
+    effect(() => viewport.setTrails(view.trails.value)),
+    effect(() => viewport.setSelectedNpc(selectedNpc(studio))),
+    effect(() => viewport.follow(npcs.camera.value ? npcs.selectedId.value : undefined)),
+    effect(() => viewport.setGraph(graphs.shown.value)),
+    effect(() => viewport.setGraphFilter(graphs.filter.value)),
+    effect(() => showSelection(studio, viewport)),
+    effect(() => viewport.setDraggable(studio.tool.value === 'move')),
+    effect(() => viewport.setPaths(plans.lines.value)),
+    effect(() => {
+      const best = plans.plans.value[0]
+      const nearest = best === undefined || best.found ? undefined : best.nearestReachable
+      viewport.setMarkers(plans.start.value, plans.goal.value, nearest)
+    }),
+    effect(() => {
+      viewport.setEditMarks(marksOf(layers.list.value, (layer, index) => layers.unfitReason(layer, index) !== undefined))
+    }),
+    effect(() => {
+      const result = builds.comparison.value?.result
+      viewport.setDifference(result?.lost ?? [], result?.gained ?? [])
+    }),
+    effect(() => viewport.setSection(view.section.value ? view.sectionHeight.value : undefined)),
+    effect(() => viewport.setTopView(view.top.value)),
+    effect(() => viewport.setTheme({ dark: view.dark.value })),
+  ]
+  return () => {
+    for (const end of ends) end()
+  }
+}
+
+function selectedNpc({ npcs }: Studio): SelectedNpc | undefined {
+  const followed = npcs.followed.value
+  if (followed === undefined || followed.id !== npcs.selectedId.value) return undefined
+  return {
+    id: followed.id,
+    waypoints: followed.plan?.waypoints ?? [],
+    abilities: (followed.plan?.legs ?? []).map(({ ability }) => ability),
+    heading: followed.waypointIdx,
+    eyes: followed.eyes,
+    rays: followed.rays.map(({ end, surface }) => ({ end: end ?? { x: 0, y: 0, z: 0 }, surface })),
+  }
+}
+
+function showSelection(studio: Studio, viewport: Viewport): void {
+  const selection = studio.graphs.selection.value
+  const half = studio.forceFrom.value
+  viewport.selectVertex(half ?? (selection?.kind === 'vertex' ? selection.index : undefined))
+  viewport.selectEdge(selection?.kind === 'edge' ? { from: selection.from, to: selection.to } : undefined)
+}

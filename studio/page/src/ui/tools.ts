@@ -1,0 +1,125 @@
+// What a click on the map does, tool by tool.
+
+import { addVertex, forbidEdge, forceEdge, moveVertex, removeVertex } from '../data/edit/edits'
+import { npcNumber } from '../data/world/snapshot'
+import type { Studio, Tool } from '../data/studio'
+import type { Hit, Place } from '../view/viewport.types'
+
+/** What to do next with a tool, in a few words. */
+export function hintFor(studio: Studio): string {
+  const npc = studio.npcs.selectedId.value
+  const named = npc === undefined ? 'the NPC' : `NPC ${npcNumber(npc)}`
+  const hints: Record<Tool, string> = {
+    select: '',
+    plan: studio.plans.next.value === 'start' ? 'Click where to start' : 'Click where to go',
+    forbid: 'Click an edge to forbid it',
+    add: 'Click the ground to add a vertex',
+    move: 'Drag a vertex',
+    remove: 'Click a vertex to remove it',
+    force: studio.forceFrom.value === undefined ? 'Click where the edge begins' : 'Click where the edge ends',
+    spawn: 'Click where the NPC is to stand',
+    send: `Click where ${named} is to go`,
+    teleport: `Click where ${named} is to stand`,
+  }
+  return hints[studio.tool.value]
+}
+
+/** Tools that change the graph: they need one. */
+export const EDIT_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['forbid', 'add', 'move', 'remove', 'force'])
+
+export function clicked(studio: Studio, hit: Hit | undefined): void {
+  const tool = studio.tool.peek()
+  if (EDIT_TOOLS.has(tool) && studio.graphs.id.peek() === undefined) {
+    studio.context.toasts.say('There is no graph to edit yet.')
+    return
+  }
+  CLICKS[tool](studio, hit)
+}
+
+export function dragged(studio: Studio, vertex: number, to: Place): void {
+  const from = studio.graphs.position(vertex)
+  if (from !== undefined) void studio.layers.apply(moveVertex(from, to))
+}
+
+const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
+  select,
+  plan: (studio, hit) => {
+    if (hit !== undefined) studio.plans.click(hit.at)
+  },
+  forbid: (studio, hit) => {
+    if (hit?.kind === 'edge') forbid(studio, hit.from, hit.to)
+  },
+  add: (studio, hit) => {
+    if (hit?.kind === 'ground') void studio.layers.apply(addVertex(hit.at))
+  },
+  move: (studio, hit) => {
+    if (hit?.kind === 'vertex') studio.graphs.select({ kind: 'vertex', index: hit.index })
+  },
+  remove: (studio, hit) => {
+    if (hit?.kind === 'vertex') remove(studio, hit.index)
+  },
+  force: (studio, hit) => {
+    if (hit?.kind === 'vertex') forceBetween(studio, hit.index)
+  },
+  spawn: (studio, hit) => {
+    const worldId = studio.worlds.chosenId.peek()
+    if (hit !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, hit.at)
+  },
+  send: (studio, hit) => withSelected(studio, hit, (id, at) => void studio.npcs.send(id, at)),
+  teleport: (studio, hit) =>
+    withSelected(studio, hit, (id, at) => {
+      const yaw = studio.live.moment.peek().npcs.get(id)?.yaw ?? 0
+      void studio.npcs.teleport(id, at, yaw)
+    }),
+}
+
+function select(studio: Studio, hit: Hit | undefined): void {
+  const { graphs, npcs } = studio
+  switch (hit?.kind) {
+    case 'npc':
+      npcs.select(hit.id)
+      studio.openTab('npcs')
+      return
+    case 'vertex':
+      graphs.select({ kind: 'vertex', index: hit.index })
+      studio.openTab('graph')
+      return
+    case 'edge':
+      graphs.select({ kind: 'edge', from: hit.from, to: hit.to })
+      studio.openTab('graph')
+      return
+    default:
+      if (graphs.selection.peek() === undefined) npcs.select(undefined)
+      graphs.select(undefined)
+  }
+}
+
+export function forbid(studio: Studio, from: number, to: number): void {
+  const [start, end] = [studio.graphs.position(from), studio.graphs.position(to)]
+  if (start !== undefined && end !== undefined) void studio.layers.apply(forbidEdge(start, end))
+}
+
+export function force(studio: Studio, from: number, to: number): void {
+  const [start, end] = [studio.graphs.position(from), studio.graphs.position(to)]
+  if (start !== undefined && end !== undefined) void studio.layers.apply(forceEdge(start, end))
+}
+
+export function remove(studio: Studio, vertex: number): void {
+  const at = studio.graphs.position(vertex)
+  if (at !== undefined) void studio.layers.apply(removeVertex(at))
+}
+
+function forceBetween(studio: Studio, vertex: number): void {
+  const from = studio.forceFrom.peek()
+  if (from === vertex) return
+  studio.forceFrom.value = from === undefined ? vertex : undefined
+  if (from !== undefined) force(studio, from, vertex)
+}
+
+/** Does something with the selected NPC, and puts the tool down. */
+function withSelected(studio: Studio, hit: Hit | undefined, work: (id: bigint, at: Place) => void): void {
+  const id = studio.npcs.selectedId.peek()
+  if (hit === undefined) return
+  if (id !== undefined) work(id, hit.at)
+  studio.setTool('select')
+}

@@ -1,0 +1,147 @@
+// The camera: where it is, where it is going, whom it follows.
+
+import { type PerspectiveCamera, Vector3 } from 'three'
+import { approach, copyPose, distanceFor, lensOf, type OrbitPose, pan, rotate, zoom } from './orbit'
+import type { Ray } from './ground'
+import type { Place } from './viewport.types'
+import type { Box } from './terrain'
+
+/** How quickly the camera comes where it should be, ms. */
+const HAND_MS = 45
+const FLIGHT_MS = 220
+const FOLLOW_MS = 140
+/** Polar angle of the view from the side. */
+const SIDE_POLAR = 0.95
+const SIDE_AZIMUTH = 0.6
+/** A place that is looked at is seen from this near at most, m. */
+const LOOK_M = 45
+/** Over the feet of whom the camera follows, m. */
+const FOLLOW_LIFT_M = 1
+
+export class CameraRig {
+  private readonly goal: OrbitPose = {
+    target: { x: 125, y: 20, z: 125 },
+    distance: 250,
+    azimuth: SIDE_AZIMUTH,
+    polar: SIDE_POLAR,
+    flat: 0,
+  }
+  private readonly shown = copyPose(this.goal)
+  private timeMs = HAND_MS
+  private sidePolar = SIDE_POLAR
+  private extent = 350
+  private readonly calm = window.matchMedia('(prefers-reduced-motion: reduce)')
+  following: bigint | undefined
+
+  constructor(private readonly camera: PerspectiveCamera) {}
+
+  get pose(): Readonly<OrbitPose> {
+    return this.shown
+  }
+
+  get top(): boolean {
+    return this.goal.flat > 0.5
+  }
+
+  rotate(dx: number, dy: number, height: number): void {
+    rotate(this.goal, dx, dy, height)
+    this.timeMs = HAND_MS
+  }
+
+  pan(dx: number, dy: number, height: number): void {
+    pan(this.goal, dx, dy, height)
+    this.timeMs = HAND_MS
+  }
+
+  /** Towards `at`, or towards whom the camera follows. */
+  zoom(factor: number, at: Place | undefined): void {
+    zoom(this.goal, factor, this.following === undefined ? at : undefined)
+    this.timeMs = HAND_MS
+  }
+
+  lookAt(place: Place): void {
+    this.goal.target = { ...place }
+    this.goal.distance = Math.min(this.goal.distance, LOOK_M)
+    this.timeMs = FLIGHT_MS
+  }
+
+  setTop(top: boolean): void {
+    if (top === this.top) {
+      return
+    }
+    if (top) {
+      this.sidePolar = this.goal.polar
+    }
+    this.goal.flat = top ? 1 : 0
+    this.goal.polar = top ? 0 : Math.max(this.sidePolar, 0.4)
+    this.timeMs = FLIGHT_MS
+  }
+
+  frame({ low, high }: Box, aspect: number, flight: boolean): void {
+    const size = { x: high.x - low.x, y: high.y - low.y, z: high.z - low.z }
+    const { goal } = this
+    goal.target = { x: (low.x + high.x) / 2, y: low.y + size.y * 0.4, z: (low.z + high.z) / 2 }
+    if (this.top) {
+      goal.azimuth = 0
+      goal.distance = distanceFor({ x: size.x / Math.SQRT2, y: size.y, z: size.z / Math.SQRT2 }, aspect, 0)
+    } else {
+      goal.azimuth = SIDE_AZIMUTH
+      goal.polar = SIDE_POLAR
+      goal.distance = distanceFor(size, aspect, goal.polar)
+    }
+    this.timeMs = FLIGHT_MS
+    if (!flight) {
+      approach(this.shown, goal, 1, 0)
+    }
+  }
+
+  setExtent({ low, high }: Box): void {
+    this.extent = Math.hypot(high.x - low.x, high.y - low.y, high.z - low.z)
+  }
+
+  /** Moves on by `elapsed` ms; tells whether the camera has moved. `followed`: where the one is whom it follows. */
+  update(elapsed: number, followed: Place | undefined): boolean {
+    if (followed) {
+      this.goal.target = { x: followed.x, y: followed.y + FOLLOW_LIFT_M, z: followed.z }
+    }
+    const before = JSON.stringify(this.shown)
+    const timeMs = this.calm.matches ? 0 : followed ? Math.max(FOLLOW_MS, this.timeMs) : this.timeMs
+    approach(this.shown, this.goal, elapsed, timeMs)
+    return before !== JSON.stringify(this.shown)
+  }
+
+  /** Puts the camera where it is; returns the height in pixels of one metre at a distance of one metre. */
+  apply(width: number, height: number): number {
+    const lens = lensOf(this.shown, this.extent)
+    const { camera } = this
+    camera.position.set(lens.eye.x, lens.eye.y, lens.eye.z)
+    camera.rotation.set(this.shown.polar - Math.PI / 2, this.shown.azimuth, 0, 'YXZ')
+    camera.fov = (lens.fieldOfView * 180) / Math.PI
+    camera.near = lens.near
+    camera.far = lens.far
+    camera.aspect = width / height
+    camera.updateProjectionMatrix()
+    camera.updateMatrixWorld()
+    return height / (2 * Math.tan(lens.fieldOfView / 2))
+  }
+
+  /** From how far away fog begins and where it is thickest, m. */
+  fogRange(): [number, number] {
+    const { eye } = lensOf(this.shown, this.extent)
+    const { target } = this.shown
+    const away = Math.hypot(eye.x - target.x, eye.y - target.y, eye.z - target.z)
+    return [away + this.extent * 0.7, away + this.extent * 2.2]
+  }
+
+  /** The ray through a point of the picture, from -1 to 1, and how much longer than its depth it is. */
+  rayThrough(x: number, y: number): { ray: Ray; stretch: number } {
+    const { camera } = this
+    const tangent = Math.tan((camera.fov * Math.PI) / 360)
+    const direction = new Vector3(x * tangent * camera.aspect, y * tangent, -1)
+    const stretch = direction.length()
+    direction.divideScalar(stretch).applyQuaternion(camera.quaternion)
+    return { ray: { origin: { ...pick(camera.position) }, direction: pick(direction) }, stretch }
+  }
+}
+
+const pick = ({ x, y, z }: Vector3): Place => ({ x, y, z })

@@ -1,0 +1,100 @@
+// Colours of everything that carries a meaning, for the view and for its legends. No renderer here.
+
+import { Ability } from '../gen/surefoot/world/v1/map_pb'
+import { Surface } from '../gen/surefoot/world/v1/world_pb'
+import type { NpcState } from './viewport.types'
+
+/** Red, green and blue as the screen takes them, 0 to 1. */
+export type Rgb = readonly [number, number, number]
+
+/** By the ability that a leg or an edge needs. */
+export const ABILITY_COLOURS: Readonly<Record<Ability, string>> = {
+  [Ability.UNSPECIFIED]: '#9aa4b2',
+  [Ability.WALK]: '#6cbcff',
+  [Ability.JUMP]: '#ffa23a',
+  [Ability.DOUBLE_JUMP]: '#ff6238',
+  [Ability.PAD]: '#ffe23a',
+  [Ability.ZIP_LINE]: '#ff5cc8',
+  [Ability.TELEPORTER]: '#a766ff',
+  [Ability.JETPACK]: '#3af0d8',
+}
+
+/** By what a ray hit. */
+export const SURFACE_COLOURS: Readonly<Record<Surface, string>> = {
+  [Surface.UNSPECIFIED]: '#8793a3',
+  [Surface.GROUND]: '#e8d9b5',
+  [Surface.WATER]: '#3f8cff',
+  [Surface.LAVA]: '#ff6a1f',
+  [Surface.PAD]: ABILITY_COLOURS[Ability.PAD],
+  [Surface.ZIP_LINE]: ABILITY_COLOURS[Ability.ZIP_LINE],
+  [Surface.TELEPORTER]: ABILITY_COLOURS[Ability.TELEPORTER],
+  [Surface.JETPACK]: ABILITY_COLOURS[Ability.JETPACK],
+}
+
+/** By what an NPC is doing. */
+export const STATE_COLOURS: Readonly<Record<NpcState, string>> = {
+  idle: '#c3ccd8',
+  seeking: '#2f8dff',
+  down: '#f0384b',
+}
+
+export const MARK_COLOURS = {
+  start: '#38d977',
+  goal: '#ff4d6d',
+  nearest: '#ffc93a',
+  forbidden: '#ff3b4e',
+  lost: '#ff4252',
+  gained: '#3ddc84',
+  selected: '#ffffff',
+  alternative: '#aab4c2',
+} as const
+
+const CHANCE_STOPS = ['#e5383b', '#ee7b30', '#f3c13a', '#9ad148', '#2fb860']
+const SECONDS_STOPS = ['#fde725', '#7ad151', '#22a884', '#2a788e', '#414487', '#5b2a86']
+const ISLAND_STOPS = [
+  '#4cc9f0', '#f9c74f', '#f94144', '#90be6d', '#b388eb', '#f8961e', '#43aa8b', '#ff70a6', '#8ecae6', '#d4a373', '#c0f56a', '#7c83fd',
+]
+
+export function parseColour(colour: string): Rgb {
+  const value = Number.parseInt(colour.slice(1), 16)
+  return [((value >> 16) & 255) / 255, ((value >> 8) & 255) / 255, (value & 255) / 255]
+}
+
+export function mixColours(a: Rgb, b: Rgb, share: number): Rgb {
+  return [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share]
+}
+
+export function formatColour(colour: Rgb): string {
+  return '#' + colour.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')
+}
+
+function ramp(stops: readonly string[]): (share: number) => Rgb {
+  const colours = stops.map(parseColour)
+  return (share) => {
+    const at = Math.min(1, Math.max(0, Number.isFinite(share) ? share : 0)) * (colours.length - 1)
+    const low = Math.min(Math.floor(at), colours.length - 2)
+    return mixColours(colours[low]!, colours[low + 1]!, at - low)
+  }
+}
+
+/** Red for never, green for always. */
+export const chanceColour = ramp(CHANCE_STOPS)
+
+/** Bright for the quickest, dark for the slowest; 0 to 1. */
+export const secondsColour = ramp(SECONDS_STOPS)
+
+const islands = ISLAND_STOPS.map(parseColour)
+
+/** Neighbouring numbers get colours that differ; numbers beyond the palette are spread over it. */
+export function islandColour(island: number): Rgb {
+  if (island < islands.length && island >= 0) {
+    return islands[island]!
+  }
+  return islands[(Math.imul(island, 0x9e3779b1) >>> 8) % islands.length]!
+}
+
+const abilityRgb = new Map(Object.entries(ABILITY_COLOURS).map(([key, colour]) => [Number(key), parseColour(colour)]))
+
+export function abilityColour(ability: Ability): Rgb {
+  return abilityRgb.get(ability) ?? abilityRgb.get(Ability.UNSPECIFIED)!
+}

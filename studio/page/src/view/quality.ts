@@ -1,0 +1,78 @@
+// How many pixels are drawn, by how long pictures take. No renderer here.
+
+const SLOW_MS = 34
+const QUICK_MS = 18
+const STEPS = [1, 0.8, 0.64, 0.5]
+/** Pictures between two changes. */
+const SETTLE = 14
+/** Fewer pixels have to make pictures quicker by this share, or they are not worth it. */
+const WORTH = 0.88
+/** Pictures until fewer pixels are tried again after they were not worth it. */
+const FUTILE = 400
+
+/** Share of the full resolution that keeps pictures quick. */
+export class ResolutionGovernor {
+  private step = 0
+  private mean = 0
+  private pictures = 0
+  /** Mean at the step before, while the last step down has yet to prove itself. */
+  private before: number | undefined
+  private futile = 0
+  /** Finer steps that proved too slow are tried again ever later. */
+  private patience = 1
+
+  get share(): number {
+    return STEPS[this.step]!
+  }
+
+  /** Takes in how long after the one before a picture came, both drawn without a pause between. */
+  add(ms: number): void {
+    const taken = Math.min(ms, 250)
+    this.mean = this.pictures === 0 ? taken : this.mean + (taken - this.mean) * Math.max(0.15, 1 / (this.pictures + 1))
+    this.pictures += 1
+    this.futile = Math.max(0, this.futile - 1)
+    if (this.pictures < SETTLE) {
+      return
+    }
+    if (this.before !== undefined && this.mean > this.before * WORTH) {
+      this.futile = FUTILE
+      this.change(-1)
+    } else if (this.mean > SLOW_MS && this.futile === 0 && this.step < STEPS.length - 1) {
+      const { mean } = this
+      this.patience = Math.min(16, this.patience * 2)
+      this.change(1)
+      this.before = mean
+    } else if (this.pictures >= SETTLE * 5 * this.patience && this.mean < QUICK_MS && this.step > 0) {
+      this.change(-1)
+    } else {
+      this.before = undefined
+    }
+  }
+
+  private change(by: number): void {
+    this.step += by
+    this.pictures = 0
+    this.before = undefined
+  }
+}
+
+/** Counts the pictures of the last second. */
+export class PictureCounter {
+  private readonly times: number[] = []
+
+  add(now: number): void {
+    this.times.push(now)
+    this.forget(now)
+  }
+
+  perSecond(now: number): number {
+    this.forget(now)
+    return this.times.length
+  }
+
+  private forget(now: number): void {
+    while (this.times.length > 0 && this.times[0]! <= now - 1000) {
+      this.times.shift()
+    }
+  }
+}

@@ -1,0 +1,106 @@
+// Where NPCs were in the last seconds: a ring of slots, each with one piece of way per NPC, so that a step writes one slot.
+
+import { BufferAttribute, BufferGeometry, DynamicDrawUsage, LineSegments } from 'three'
+import type { Rgb } from './colours'
+import type { Materials } from './materials'
+import { npcColour } from './npcs'
+import type { ShownNpc } from './poses'
+
+const LASTING_S = 5
+const STEP_S = 0.1
+const SLOTS = Math.round(LASTING_S / STEP_S)
+/** Over the feet, m. */
+const LIFT_M = 0.25
+
+type Point = readonly [number, number, number]
+
+export class Trails {
+  readonly lines: LineSegments<BufferGeometry>
+  private room = 0
+  private slot = 0
+  private next = 0
+  private readonly last = new Map<bigint, Point>()
+
+  constructor(private readonly materials: Materials) {
+    this.lines = new LineSegments(new BufferGeometry(), materials.trails)
+    this.lines.frustumCulled = false
+    this.lines.renderOrder = 3
+    materials.uniforms.uLasting.value = LASTING_S
+    this.grow(1)
+  }
+
+  /** Takes in where everybody is; `now` in seconds. */
+  update(npcs: readonly ShownNpc[], now: number): void {
+    this.materials.uniforms.uNow.value = now
+    for (const npc of npcs) {
+      if (npc.snapped) {
+        this.last.delete(npc.id)
+      }
+    }
+    if (now < this.next) {
+      return
+    }
+    this.next = now + STEP_S
+    if (npcs.length > this.room) {
+      this.grow(npcs.length)
+    }
+    this.write(npcs, now)
+    this.slot = (this.slot + 1) % SLOTS
+  }
+
+  clear(): void {
+    this.last.clear()
+    if (this.room > 0) {
+      this.grow(this.room)
+    }
+  }
+
+  dispose(): void {
+    this.lines.geometry.dispose()
+  }
+
+  private write(npcs: readonly ShownNpc[], now: number): void {
+    const first = this.slot * this.room * 2
+    const { position, tint, born } = this.attributes()
+    const ages = born.array as Float32Array
+    ages.fill(-1, first, first + this.room * 2)
+    for (const [at, npc] of npcs.entries()) {
+      const here: Point = [npc.x, npc.y + LIFT_M, npc.z]
+      const before = this.last.get(npc.id)
+      this.last.set(npc.id, here)
+      const corner = first + at * 2
+      if (before && Math.hypot(here[0] - before[0], here[1] - before[1], here[2] - before[2]) > 0.02) {
+        const colour: Rgb = npcColour(npc)
+        position.array.set([...before, ...here], corner * 3)
+        tint.array.set([...colour, ...colour], corner * 3)
+        ages.set([now - STEP_S, now], corner)
+      }
+    }
+    for (const attribute of [position, tint, born]) {
+      attribute.addUpdateRange(first * attribute.itemSize, this.room * 2 * attribute.itemSize)
+      attribute.needsUpdate = true
+    }
+  }
+
+  private attributes(): Record<'position' | 'tint' | 'born', BufferAttribute> {
+    const { geometry } = this.lines
+    return {
+      position: geometry.getAttribute('position') as BufferAttribute,
+      tint: geometry.getAttribute('tint') as BufferAttribute,
+      born: geometry.getAttribute('born') as BufferAttribute,
+    }
+  }
+
+  private grow(count: number): void {
+    this.room = Math.max(this.room, 2 ** Math.ceil(Math.log2(Math.max(16, count))))
+    const corners = this.room * 2 * SLOTS
+    const geometry = new BufferGeometry()
+    for (const [name, size] of [['position', 3], ['tint', 3], ['born', 1]] as const) {
+      const values = new Float32Array(corners * size)
+      geometry.setAttribute(name, new BufferAttribute(size === 1 ? values.fill(-1) : values, size).setUsage(DynamicDrawUsage))
+    }
+    this.lines.geometry.dispose()
+    this.lines.geometry = geometry
+    this.slot = 0
+  }
+}

@@ -1,0 +1,249 @@
+import { create } from '@bufbuild/protobuf'
+import { Code, ConnectError, createClient, createRouterTransport } from '@connectrpc/connect'
+import { beforeEach, describe, expect, it } from 'vitest'
+import type { Context } from '../../src/data/context'
+import { addVertex, describe as inWords, forbidEdge, removeVertex } from '../../src/data/edit/edits'
+import { Layers, withLayer } from '../../src/data/edit/layers'
+import { Link } from '../../src/data/net/link'
+import { Session } from '../../src/data/net/session'
+import { Toasts } from '../../src/data/toasts'
+import { type Edit, type Layer, LayerSchema, PlannerService } from '../../src/gen/surefoot/planner/v1/planner_pb'
+import { MapService } from '../../src/gen/surefoot/world/v1/maps_pb'
+import { WorldService } from '../../src/gen/surefoot/world/v1/world_pb'
+
+/** A planner that keeps layers as the real one does. */
+class Planner {
+  layers: Layer[] = []
+  revision = 1n
+  /** Refuses the next change with this. */
+  fault: ConnectError | undefined
+
+  change(name: string, ifRevision: bigint, edits: (before: Edit[]) => Edit[]) {
+    const { fault } = this
+    this.fault = undefined
+    if (fault !== undefined) throw fault
+    if (ifRevision !== 0n && ifRevision !== this.revision) throw new ConnectError('other revision', Code.Aborted)
+    const before = this.layers.find((layer) => layer.name === name)?.edits ?? []
+    this.layers = withLayer(this.layers, name, edits(before))
+    this.revision += 1n
+    return { revision: this.revision, unfit: [] }
+  }
+
+  /** What another designer does. */
+  elsewhere(name: string, ...edits: Edit[]): void {
+    this.change(name, 0n, (before) => [...before, ...edits])
+  }
+
+  readonly transport = createRouterTransport(({ service }) => {
+    service(PlannerService, {
+      getLayers: () => ({ layers: this.layers, revision: this.revision, unfit: [] }),
+      appendEdits: ({ layer, edits, ifRevision }) => this.change(layer, ifRevision, (before) => [...before, ...edits]),
+      undoEdits: ({ layer, count, ifRevision }) => this.change(layer, ifRevision, (before) => before.slice(0, -count)),
+      putLayer: ({ layer, ifRevision }) => this.change(layer?.name ?? '', ifRevision, () => layer?.edits ?? []),
+    })
+  })
+}
+
+function contextFor({ transport }: Planner): Context {
+  const side = { address: '', link: new Link(), maps: createClient(MapService, transport) }
+  return {
+    session: new Session(undefined),
+    world: { ...side, calls: createClient(WorldService, transport) },
+    planner: { ...side, calls: createClient(PlannerService, transport) },
+    toasts: new Toasts(),
+    store: undefined,
+    signal: new AbortController().signal,
+  }
+}
+
+const at = (x: number) => ({ x, y: 0, z: 0 })
+const [one, two, three] = [forbidEdge(at(1), at(2)), addVertex(at(3)), removeVertex(at(4))]
+
+let planner: Planner
+let context: Context
+let layers: Layers
+let changes: number
+
+const said = () => context.toasts.shown.value.map(({ text }) => text)
+const kept = () => planner.layers.map((layer) => [layer.name, layer.edits.map(inWords)])
+const known = () => layers.list.value.map((layer) => [layer.name, layer.edits.map(inWords)])
+
+/** Lets everything that was begun come to its end. */
+const settle = () => layers.redo()
+
+beforeEach(async () => {
+  planner = new Planner()
+  context = contextFor(planner)
+  changes = 0
+  layers = new Layers(context, () => (changes += 1))
+  layers.setActive('mine')
+  layers.sync('graph', planner.revision)
+  await settle()
+})
+
+describe('edits', () => {
+  it('go to the active layer, and are known without asking again', async () => {
+    await layers.apply(one)
+    layers.setActive('other')
+    await layers.apply(two)
+    expect(kept()).toEqual([
+      ['mine', [inWords(one)]],
+      ['other', [inWords(two)]],
+    ])
+    expect(known()).toEqual(kept())
+    expect(changes).toBe(2)
+  })
+
+  it('are sent one after the other', async () => {
+    await Promise.all([layers.apply(one), layers.apply(two), layers.apply(three)])
+    expect(kept()).toEqual([['mine', [one, two, three].map(inWords)]])
+    expect(layers.conflict.value).toBeUndefined()
+  })
+
+  it('that are wrong are not held', async () => {
+    planner.fault = new ConnectError('factor is 0', Code.InvalidArgument)
+    await layers.apply(one)
+    expect(layers.conflict.value).toBeUndefined()
+    expect(said()[0]).toContain('Factor is 0.')
+  })
+
+  it.each([
+    ['the planner is gone', new ConnectError('Failed to fetch', Code.Unknown)],
+    ['the role is too low', new ConnectError('', Code.PermissionDenied)],
+    ['a token is missing', new ConnectError('', Code.Unauthenticated)],
+  ])('are held when %s, and can be applied again', async (_, fault) => {
+    planner.fault = fault
+    await layers.apply(one)
+    expect(layers.conflict.value?.held.map(({ edit }) => edit)).toEqual([one])
+    await layers.applyOnTop()
+    expect(layers.conflict.value).toBeUndefined()
+    expect(kept()).toEqual([['mine', [inWords(one)]]])
+  })
+
+  it("ask for a designer's token when the role is too low", async () => {
+    planner.fault = new ConnectError('', Code.PermissionDenied)
+    await layers.apply(one)
+    expect(context.session.wanted.value).toContain("designer's token")
+  })
+})
+
+describe('a conflict', () => {
+  beforeEach(async () => {
+    planner.elsewhere('theirs', two)
+    await layers.apply(one)
+  })
+
+  it('holds the edit and shows what the other one did', () => {
+    const conflict = layers.conflict.value
+    expect(conflict?.held).toEqual([{ layer: 'mine', edit: one }])
+    expect(conflict?.changes).toMatchObject([{ layer: 'theirs', kind: 'new', added: [two] }])
+    expect(kept()).toEqual([['theirs', [inWords(two)]]])
+    expect(known()).toEqual(kept())
+  })
+
+  it('holds what comes after it as well', async () => {
+    await layers.apply(three)
+    expect(layers.conflict.value?.held.map(({ edit }) => edit)).toEqual([one, three])
+    await layers.applyOnTop()
+    expect(kept()).toEqual([
+      ['mine', [inWords(one), inWords(three)]],
+      ['theirs', [inWords(two)]],
+    ])
+  })
+
+  it('may come again, without losing anything', async () => {
+    await layers.apply(three)
+    planner.elsewhere('theirs', one)
+    await layers.applyOnTop()
+    expect(layers.conflict.value?.held.map(({ edit }) => edit)).toEqual([one, three])
+    await layers.applyOnTop()
+    expect(layers.conflict.value).toBeUndefined()
+    expect(kept()[0]).toEqual(['mine', [inWords(one), inWords(three)]])
+  })
+
+  it('can be discarded', async () => {
+    layers.discardConflict()
+    await layers.apply(three)
+    expect(kept()[0]).toEqual(['mine', [inWords(three)]])
+  })
+})
+
+describe('undo and redo', () => {
+  it('go through layers in the order of the edits', async () => {
+    await layers.apply(one)
+    layers.setActive('other')
+    await layers.apply(two)
+    await layers.undo()
+    expect(kept()).toEqual([['mine', [inWords(one)]]])
+    await layers.undo()
+    expect(kept()).toEqual([])
+    await layers.redo()
+    await layers.redo()
+    expect(known()).toEqual([
+      ['mine', [inWords(one)]],
+      ['other', [inWords(two)]],
+    ])
+    expect(layers.canRedo.value).toBe(false)
+  })
+
+  it("never take another designer's edit back", async () => {
+    await layers.apply(one)
+    planner.elsewhere('mine', two)
+    await layers.undo()
+    expect(kept()).toEqual([['mine', [inWords(one), inWords(two)]]])
+    expect(said().at(-1)).toContain('not yours any more')
+  })
+
+  it('go on after a change in another layer', async () => {
+    await layers.apply(one)
+    planner.elsewhere('theirs', two)
+    await layers.undo()
+    expect(kept()).toEqual([['theirs', [inWords(two)]]])
+    expect(known()).toEqual(kept())
+  })
+
+  it('bring back a deleted edit and a deleted layer', async () => {
+    await layers.apply(one)
+    await layers.apply(two)
+    await layers.removeEdit('mine', 0, one)
+    expect(kept()).toEqual([['mine', [inWords(two)]]])
+    await layers.deleteLayer('mine')
+    expect(kept()).toEqual([])
+    await layers.undo()
+    await layers.undo()
+    expect(kept()).toEqual([['mine', [inWords(one), inWords(two)]]])
+  })
+})
+
+describe('what happens elsewhere', () => {
+  it('is taken up and said', async () => {
+    planner.elsewhere('night', one, two)
+    layers.sync('graph', planner.revision)
+    await settle()
+    expect(known()).toEqual(kept())
+    expect(said()).toEqual(['Layer night was made elsewhere: +2 edits'])
+  })
+
+  it('is not said of what this page did', async () => {
+    await layers.apply(one)
+    layers.sync('graph', planner.revision)
+    await settle()
+    expect(said()).toEqual([])
+  })
+
+  it('is not said of another graph', async () => {
+    planner.elsewhere('night', one)
+    layers.sync('other graph', planner.revision)
+    await settle()
+    expect(said()).toEqual([])
+    expect(known()).toEqual(kept())
+  })
+})
+
+describe('withLayer', () => {
+  it('keeps layers by name, and none without edits', () => {
+    const layers = withLayer([create(LayerSchema, { name: 'b', edits: [one] })], 'a', [two])
+    expect(layers.map(({ name }) => name)).toEqual(['a', 'b'])
+    expect(withLayer(layers, 'b', []).map(({ name }) => name)).toEqual(['a'])
+  })
+})
