@@ -7,9 +7,12 @@ import { Session } from './data/net/session'
 import { Studio } from './data/studio'
 import { Toasts } from './data/toasts'
 import './styles-theme.css'
-import './styles-layout.css'
 import './styles-controls.css'
 import './styles-panels.css'
+import './styles-cards.css'
+import './styles-dialogs.css'
+import './styles-stage.css'
+import './styles-layout.css'
 import { App } from './ui/app'
 import { listenToKeys } from './ui/keys'
 import type { Viewport } from './view/viewport.types'
@@ -63,6 +66,8 @@ async function begin(): Promise<void> {
   effect(() => {
     document.documentElement.dataset.theme = studio.view.dark.value ? 'dark' : 'light'
   })
+  // No room for the panel beside the map: it is opened when it is wanted.
+  studio.panelOpen.value = innerWidth > 820
   const root = document.getElementById('app')
   if (root === null) throw new Error('the page has no #app')
   listenToKeys(window, studio)

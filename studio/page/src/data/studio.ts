@@ -17,6 +17,9 @@ import { Worlds } from './world/worlds'
 /** What a click on the map does. */
 export type Tool = 'select' | 'plan' | 'forbid' | 'add' | 'move' | 'remove' | 'force' | 'spawn' | 'send' | 'teleport'
 
+/** Tools that change the graph. */
+export const EDIT_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['forbid', 'add', 'move', 'remove', 'force'])
+
 export type Tab = 'map' | 'npcs' | 'graph' | 'plan' | 'layers' | 'build'
 
 export class Studio {
@@ -50,7 +53,7 @@ export class Studio {
     this.level = new Level(context)
     this.npcs = new Npcs(context)
     this.layers = new Layers(context, () => void this.graphs.reload())
-    this.graphs = new Graphs(context, (graphId, revision) => this.layers.sync(graphId, revision))
+    this.graphs = new Graphs(context, (graph) => this.layers.sync(graph))
     this.plans = new Plans(context)
     this.builds = new Builds(context, () => void this.graphs.refreshList())
     this.probes = new Probes(context, (track, reached, done) => {
@@ -109,6 +112,8 @@ export class Studio {
       this.tool.value = tool
       this.forceFrom.value = undefined
       if (tool === 'plan') this.openTab('plan')
+      // What is changed should be seen.
+      if (EDIT_TOOLS.has(tool)) this.graphs.setFilter({ visible: true })
     })
   }
 
@@ -124,6 +129,7 @@ export class Studio {
     batch(() => {
       this.live.forget()
       this.level.forget()
+      this.graphs.forget()
       this.layers.forget()
       this.plans.clear()
       this.probes.forget()

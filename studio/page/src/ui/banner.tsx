@@ -5,9 +5,7 @@ import { Icon } from './icons'
 export function Banner({ studio: { context } }: { studio: Studio }) {
   const lines = [
     context.world.link.state.value === 'lost' ? 'The world server is gone; trying again …' : '',
-    context.planner.link.state.value === 'lost'
-      ? 'No planner answers; trying again … Start one with surefoot plan, or everything with surefoot up.'
-      : '',
+    context.planner.link.state.value === 'lost' ? 'No planner answers; trying again …' : '',
   ].filter((line) => line !== '')
   return (
     <div class="banners" role="status" aria-live="polite">

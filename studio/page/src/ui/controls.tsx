@@ -126,7 +126,7 @@ interface NumberProps {
   onChange: (value: number) => void
 }
 
-/** A number; what is out of range is brought into it. */
+/** A number; what is out of range is brought into it once the field is left. */
 export function NumberField({ label, value, min, max, step = 1, onChange }: NumberProps) {
   const id = useId()
   return (
@@ -140,6 +140,10 @@ export function NumberField({ label, value, min, max, step = 1, onChange }: Numb
         min={min}
         max={max}
         step={step}
+        onInput={(event) => {
+          const given = event.currentTarget.valueAsNumber
+          if (given >= min && given <= max) onChange(given)
+        }}
         onChange={(event) => {
           const given = event.currentTarget.valueAsNumber
           const kept = Number.isFinite(given) ? Math.min(max, Math.max(min, given)) : value

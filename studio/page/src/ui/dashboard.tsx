@@ -1,7 +1,7 @@
 import type { ComponentChildren } from 'preact'
 import { useComputed } from '@preact/signals'
 import { STATE_NAMES } from '../data/abilities'
-import { count, millis, percent } from '../data/format'
+import { count, counted, millis, percent } from '../data/format'
 import type { Studio } from '../data/studio'
 import { countStates, healthOf } from '../data/world/snapshot'
 import type { NpcState } from '../view/viewport.types'
@@ -11,14 +11,15 @@ import { Sparkline } from './sparkline'
 const STATES: readonly NpcState[] = ['seeking', 'idle', 'down']
 
 /** How the world is doing, in one line. */
-export function Dashboard({ studio: { live } }: { studio: Studio }) {
+export function Dashboard({ studio: { live, context } }: { studio: Studio }) {
   const states = useComputed(() => countStates(live.npcs.value))
   const health = useComputed(() => healthOf(live.samples.value))
   const stats = live.stats.value
   if (stats === undefined) return <footer class="dashboard" aria-label="Dashboard" />
   const { decisionsPerSecond, inTime, success, attempts } = health.value
+  const isStale = context.world.link.state.value === 'lost'
   return (
-    <footer class="dashboard" aria-label="Dashboard">
+    <footer class={`dashboard ${isStale ? 'stale' : ''}`} aria-label="Dashboard">
       <Figure name="Tick, median">{millis(stats.tickUsP50)}</Figure>
       <Figure name="Tick, p99">
         {millis(stats.tickUsP99)}
@@ -35,7 +36,9 @@ export function Dashboard({ studio: { live } }: { studio: Studio }) {
           </span>
         ))}
       </Figure>
-      <Figure name="Decisions">{decisionsPerSecond === undefined ? '-' : `${count(Math.round(decisionsPerSecond))}/s`}</Figure>
+      <Figure name="Decisions">
+        {decisionsPerSecond === undefined ? '-' : `${count(Math.round(decisionsPerSecond))}/s`}
+      </Figure>
       <Figure name="In time">{inTime === undefined ? '-' : percent(inTime)}</Figure>
       <Figure name="Success so far">
         {success === undefined ? '-' : percent(success)}
@@ -43,7 +46,7 @@ export function Dashboard({ studio: { live } }: { studio: Studio }) {
       </Figure>
       {stats.npcsWithoutWorker > 0 && (
         <p class="figure warning" role="status">
-          {count(stats.npcsWithoutWorker)} NPCs have no worker
+          {counted(stats.npcsWithoutWorker, 'NPC')} without a worker
         </p>
       )}
     </footer>

@@ -1,8 +1,7 @@
 import { useRef } from 'preact/hooks'
-import type { Studio, Tool } from '../data/studio'
+import { EDIT_TOOLS, type Studio, type Tool } from '../data/studio'
 import { Icon, type IconName } from './icons'
 import { TOOL_KEYS } from './keys'
-import { EDIT_TOOLS } from './tools'
 
 const ICONS: Record<Tool, IconName> = {
   select: 'select',

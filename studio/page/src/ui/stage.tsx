@@ -6,7 +6,7 @@ import type { Studio } from '../data/studio'
 import { npcNumber } from '../data/world/snapshot'
 import type { Hit } from '../view/viewport.types'
 import { createViewport } from '../view/viewport'
-import { Empty } from './controls'
+import { Button, Empty } from './controls'
 import { CreateWorldForm } from './map/create-world'
 import { show } from './show'
 import { clicked, dragged, hintFor } from './tools'
@@ -21,7 +21,7 @@ export function Stage({ studio }: { studio: Studio }) {
   const tool = studio.tool.value
   return (
     <div class={`stage tool-${tool}`}>
-      <div class="canvas" ref={container} role="application" aria-label="Map" />
+      <div class="canvas" ref={container} />
       <Overlay studio={studio} />
       <ViewBar studio={studio} />
       <p class="hint" role="status">
@@ -67,11 +67,34 @@ function Overlay({ studio }: { studio: Studio }) {
       </div>
     )
   }
+  if (worlds.state.value === 'loading' && context.session.refused.value) {
+    return (
+      <div class="overlay">
+        <Empty title="This server asks for a token">
+          <div class="row">
+            <Button
+              label="Enter a token"
+              icon="key"
+              tone="main"
+              onClick={() => context.session.ask('This server asks for a token.')}
+            />
+          </div>
+        </Empty>
+      </div>
+    )
+  }
   if (worlds.state.value === 'loading') {
     return (
       <div class="overlay">
         <Empty title={`Looking for worlds at ${context.world.address} …`} />
       </div>
+    )
+  }
+  if (worlds.creating.value) {
+    return (
+      <p class="loading" role="status">
+        The world is being made …
+      </p>
     )
   }
   if (worlds.chosen.value === undefined) {

@@ -26,6 +26,7 @@ function Prompt({ session, why }: { session: Session; why: string }) {
             id="token"
             type="password"
             autocomplete="off"
+            autofocus
             spellcheck={false}
             value={token}
             onInput={(event) => setToken(event.currentTarget.value)}

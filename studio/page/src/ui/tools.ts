@@ -2,7 +2,7 @@
 
 import { addVertex, forbidEdge, forceEdge, moveVertex, removeVertex } from '../data/edit/edits'
 import { npcNumber } from '../data/world/snapshot'
-import type { Studio, Tool } from '../data/studio'
+import { EDIT_TOOLS, type Studio, type Tool } from '../data/studio'
 import type { Hit, Place } from '../view/viewport.types'
 
 /** What to do next with a tool, in a few words. */
@@ -24,9 +24,6 @@ export function hintFor(studio: Studio): string {
   return hints[studio.tool.value]
 }
 
-/** Tools that change the graph: they need one. */
-export const EDIT_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['forbid', 'add', 'move', 'remove', 'force'])
-
 export function clicked(studio: Studio, hit: Hit | undefined): void {
   const tool = studio.tool.peek()
   if (EDIT_TOOLS.has(tool) && studio.graphs.id.peek() === undefined) {
@@ -44,13 +41,15 @@ export function dragged(studio: Studio, vertex: number, to: Place): void {
 const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
   select,
   plan: (studio, hit) => {
-    if (hit !== undefined) studio.plans.click(hit.at)
+    const at = groundOf(studio, hit)
+    if (at !== undefined) studio.plans.click(at)
   },
   forbid: (studio, hit) => {
     if (hit?.kind === 'edge') forbid(studio, hit.from, hit.to)
   },
   add: (studio, hit) => {
     if (hit?.kind === 'ground') void studio.layers.apply(addVertex(hit.at))
+    else if (hit !== undefined) studio.context.toasts.say('Click the ground itself, beside edges and vertices.')
   },
   move: (studio, hit) => {
     if (hit?.kind === 'vertex') studio.graphs.select({ kind: 'vertex', index: hit.index })
@@ -63,7 +62,8 @@ const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
   },
   spawn: (studio, hit) => {
     const worldId = studio.worlds.chosenId.peek()
-    if (hit !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, hit.at)
+    const at = groundOf(studio, hit)
+    if (at !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, at)
   },
   send: (studio, hit) => withSelected(studio, hit, (id, at) => void studio.npcs.send(id, at)),
   teleport: (studio, hit) =>
@@ -119,7 +119,20 @@ function forceBetween(studio: Studio, vertex: number): void {
 /** Does something with the selected NPC, and puts the tool down. */
 function withSelected(studio: Studio, hit: Hit | undefined, work: (id: bigint, at: Place) => void): void {
   const id = studio.npcs.selectedId.peek()
-  if (hit === undefined) return
-  if (id !== undefined) work(id, hit.at)
+  const at = groundOf(studio, hit)
+  if (at === undefined) return
+  if (id !== undefined) work(id, at)
   studio.setTool('select')
+}
+
+/** Where one can stand at what was hit. Edges pass through the air: the nearer of their ends is meant. */
+export function groundOf({ graphs }: Pick<Studio, 'graphs'>, hit: Hit | undefined): Place | undefined {
+  if (hit?.kind !== 'edge') return hit?.at
+  const [from, to] = [graphs.position(hit.from), graphs.position(hit.to)]
+  if (from === undefined || to === undefined) return from ?? to
+  return distance(from, hit.at) <= distance(to, hit.at) ? from : to
+}
+
+function distance(a: Place, b: Place): number {
+  return Math.hypot(a.x - b.x, a.y - b.y, a.z - b.z)
 }

@@ -15,8 +15,22 @@ export function TopBar({ studio }: { studio: Studio }) {
       </h1>
       <WorldPicker studio={studio} />
       <div class="group" role="group" aria-label="Edits">
-        <Button label="Undo" icon="undo" bare hint="Undo (Ctrl Z)" disabled={!layers.canUndo.value} onClick={() => void layers.undo()} />
-        <Button label="Redo" icon="redo" bare hint="Redo (Ctrl Shift Z)" disabled={!layers.canRedo.value} onClick={() => void layers.redo()} />
+        <Button
+          label="Undo"
+          icon="undo"
+          bare
+          hint="Undo (Ctrl Z)"
+          disabled={!layers.canUndo.value}
+          onClick={() => void layers.undo()}
+        />
+        <Button
+          label="Redo"
+          icon="redo"
+          bare
+          hint="Redo (Ctrl Shift Z)"
+          disabled={!layers.canRedo.value}
+          onClick={() => void layers.redo()}
+        />
       </div>
       <span class="saving" role="status">
         {layers.saving.value > 0 ? 'Saving …' : ''}

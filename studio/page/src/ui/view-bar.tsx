@@ -8,8 +8,21 @@ export function ViewBar({ studio }: { studio: Studio }) {
   return (
     <div class="view-bar">
       <div class="group" role="toolbar" aria-label="View">
-        <Button label="Top view" icon="top" bare hint="Top view (T)" pressed={view.top.value} onClick={() => (view.top.value = !view.top.value)} />
-        <Button label="Show the whole map" icon="frame" bare hint="Show the whole map (H)" onClick={() => studio.viewport.value?.frameMap()} />
+        <Button
+          label="Top view"
+          icon="top"
+          bare
+          hint="Top view (T)"
+          pressed={view.top.value}
+          onClick={() => (view.top.value = !view.top.value)}
+        />
+        <Button
+          label="Show the whole map"
+          icon="frame"
+          bare
+          hint="Show the whole map (H)"
+          onClick={() => studio.viewport.value?.frameMap()}
+        />
         <Button
           label="Graph"
           icon="graph"
@@ -18,7 +31,14 @@ export function ViewBar({ studio }: { studio: Studio }) {
           pressed={graphs.filter.value.visible}
           onClick={() => graphs.setFilter({ visible: !graphs.filter.value.visible })}
         />
-        <Button label="Trails" icon="trails" bare hint="Trails (L)" pressed={view.trails.value} onClick={() => (view.trails.value = !view.trails.value)} />
+        <Button
+          label="Trails"
+          icon="trails"
+          bare
+          hint="Trails (L)"
+          pressed={view.trails.value}
+          onClick={() => (view.trails.value = !view.trails.value)}
+        />
         <Button
           label="Section"
           icon="section"

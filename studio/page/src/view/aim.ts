@@ -4,7 +4,17 @@ import type { CameraRig } from './camera-rig'
 import { LIFT_M } from './edge-shape'
 import { type GraphView, VERTEX_M } from './graph-view'
 import type { GroundHit } from './ground'
-import { type Candidate, chooseHit, MOUSE_REACH, pickPoint, type PickPoint, type Pointer, ProjectedLines, Projector, TOUCH_REACH } from './picking'
+import {
+  type Candidate,
+  chooseHit,
+  MOUSE_REACH,
+  pickPoint,
+  type PickPoint,
+  type Pointer,
+  ProjectedLines,
+  Projector,
+  TOUCH_REACH,
+} from './picking'
 import type { PoseBuffer } from './poses'
 import type { Stage } from './stage'
 import type { Terrain } from './terrain'
@@ -38,7 +48,11 @@ export class Aim {
     const { ground, depth } = this.groundWithDepth(x, y)
     const pointer = { x, y, reach: touch ? TOUCH_REACH : MOUSE_REACH }
     const projector = this.projector()
-    const candidates = [...this.npcs(pointer, projector), ...this.vertices(pointer, projector), ...this.edges(pointer, projector)]
+    const candidates = [
+      ...this.npcs(pointer, projector),
+      ...this.vertices(pointer, projector),
+      ...this.edges(pointer, projector),
+    ]
     const wanted = only ? candidates.filter(({ hit }) => hit.kind === only) : candidates
     return chooseHit(wanted, ground, depth)
   }
@@ -83,7 +97,13 @@ export class Aim {
     }
     const points = (graph.graph?.vertices ?? []).flatMap(({ position }, index): PickPoint[] =>
       position.y <= ceiling
-        ? [{ place: { ...position, y: position.y + LIFT_M }, radius: VERTEX_M / 2, hit: { kind: 'vertex', index, at: position } }]
+        ? [
+            {
+              place: { ...position, y: position.y + LIFT_M },
+              radius: VERTEX_M / 2,
+              hit: { kind: 'vertex', index, at: position },
+            },
+          ]
         : [],
     )
     return pickPoint(points, pointer, projector, this.scale)
@@ -91,7 +111,10 @@ export class Aim {
 
   private edges(pointer: Pointer, projector: Projector): Candidate[] {
     this.lines ??= new ProjectedLines(
-      this.scene.graph.edges.map(({ edge: { from, to }, points }) => ({ points, hit: (at) => ({ kind: 'edge', from, to, at }) })),
+      this.scene.graph.edges.map(({ edge: { from, to }, points }) => ({
+        points,
+        hit: (at) => ({ kind: 'edge', from, to, at }),
+      })),
       projector,
       this.section ?? Infinity,
     )

@@ -1,7 +1,7 @@
 // The camera: where it is, where it is going, whom it follows.
 
 import { type PerspectiveCamera, Vector3 } from 'three'
-import { approach, copyPose, distanceFor, lensOf, type OrbitPose, pan, rotate, zoom } from './orbit'
+import { approach, copyPose, fitBox, lensOf, type OrbitPose, pan, rotate, zoom } from './orbit'
 import type { Ray } from './ground'
 import type { Place } from './viewport.types'
 import type { Box } from './terrain'
@@ -78,17 +78,10 @@ export class CameraRig {
   }
 
   frame({ low, high }: Box, aspect: number, flight: boolean): void {
-    const size = { x: high.x - low.x, y: high.y - low.y, z: high.z - low.z }
     const { goal } = this
-    goal.target = { x: (low.x + high.x) / 2, y: low.y + size.y * 0.4, z: (low.z + high.z) / 2 }
-    if (this.top) {
-      goal.azimuth = 0
-      goal.distance = distanceFor({ x: size.x / Math.SQRT2, y: size.y, z: size.z / Math.SQRT2 }, aspect, 0)
-    } else {
-      goal.azimuth = SIDE_AZIMUTH
-      goal.polar = SIDE_POLAR
-      goal.distance = distanceFor(size, aspect, goal.polar)
-    }
+    goal.azimuth = this.top ? 0 : SIDE_AZIMUTH
+    goal.polar = this.top ? 0 : SIDE_POLAR
+    Object.assign(goal, fitBox(goal, low, high, aspect))
     this.timeMs = FLIGHT_MS
     if (!flight) {
       approach(this.shown, goal, 1, 0)

@@ -15,7 +15,7 @@ export const ABILITY_COLOURS: Readonly<Record<Ability, string>> = {
   [Ability.DOUBLE_JUMP]: '#ff6238',
   [Ability.PAD]: '#ffe23a',
   [Ability.ZIP_LINE]: '#ff5cc8',
-  [Ability.TELEPORTER]: '#a766ff',
+  [Ability.TELEPORTER]: '#b487ff',
   [Ability.JETPACK]: '#3af0d8',
 }
 
@@ -52,7 +52,18 @@ export const MARK_COLOURS = {
 const CHANCE_STOPS = ['#e5383b', '#ee7b30', '#f3c13a', '#9ad148', '#2fb860']
 const SECONDS_STOPS = ['#fde725', '#7ad151', '#22a884', '#2a788e', '#414487', '#5b2a86']
 const ISLAND_STOPS = [
-  '#4cc9f0', '#f9c74f', '#f94144', '#90be6d', '#b388eb', '#f8961e', '#43aa8b', '#ff70a6', '#8ecae6', '#d4a373', '#c0f56a', '#7c83fd',
+  '#4cc9f0',
+  '#f9c74f',
+  '#f94144',
+  '#90be6d',
+  '#b388eb',
+  '#f8961e',
+  '#43aa8b',
+  '#ff70a6',
+  '#8ecae6',
+  '#d4a373',
+  '#c0f56a',
+  '#7c83fd',
 ]
 
 export function parseColour(colour: string): Rgb {
@@ -65,7 +76,16 @@ export function mixColours(a: Rgb, b: Rgb, share: number): Rgb {
 }
 
 export function formatColour(colour: Rgb): string {
-  return '#' + colour.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')
+  return (
+    '#' +
+    colour
+      .map((part) =>
+        Math.round(part * 255)
+          .toString(16)
+          .padStart(2, '0'),
+      )
+      .join('')
+  )
 }
 
 function ramp(stops: readonly string[]): (share: number) => Rgb {

@@ -6,17 +6,24 @@ const HOVER_MS = 34
 /** Pixels a second that a held key moves the map by. */
 const KEY_SPEED = 620
 
+/** Pixels from the upper left corner of the canvas. */
+export interface PointerPlace {
+  x: number
+  y: number
+  touch: boolean
+}
+
 export interface Gestures {
   rotate(dx: number, dy: number): void
   pan(dx: number, dy: number): void
   zoom(factor: number, x: number, y: number): void
   click(x: number, y: number, event: PointerEvent): void
-  hover(at: { x: number; y: number; touch: boolean } | undefined): void
+  hover(at: PointerPlace | undefined): void
   /** Whether the thing under the pointer is to be dragged rather than the map. */
-  grab(x: number, y: number, touch: boolean): boolean
+  grab(at: PointerPlace): boolean
   drag(x: number, y: number): void
   /** `moved`: it was a drag and not a click. */
-  letGo(x: number, y: number, moved: boolean): void
+  letGo(moved: boolean): void
   /** Left button turns the map, or moves it. */
   turns(): boolean
   wake(): void
@@ -28,10 +35,14 @@ interface Held {
 }
 
 const PANS: Record<string, [number, number]> = {
-  ArrowLeft: [1, 0], KeyA: [1, 0],
-  ArrowRight: [-1, 0], KeyD: [-1, 0],
-  ArrowUp: [0, 1], KeyW: [0, 1],
-  ArrowDown: [0, -1], KeyS: [0, -1],
+  ArrowLeft: [1, 0],
+  KeyA: [1, 0],
+  ArrowRight: [-1, 0],
+  KeyD: [-1, 0],
+  ArrowUp: [0, 1],
+  KeyW: [0, 1],
+  ArrowDown: [0, -1],
+  KeyS: [0, -1],
 }
 const TURNS: Record<string, [number, number]> = { KeyQ: [1, 0], KeyE: [-1, 0], KeyR: [0, 1], KeyF: [0, -1] }
 const ZOOMS: Record<string, number> = { Equal: -1, NumpadAdd: -1, Minus: 1, NumpadSubtract: 1 }
@@ -46,15 +57,18 @@ export class Controls {
   private start: Held = { x: 0, y: 0 }
   private moved = false
   private hoverTimer: number | undefined
-  private hoverAt: { x: number; y: number; touch: boolean } | undefined
+  private hoverAt: PointerPlace | undefined
   private hovered = 0
 
-  constructor(private readonly canvas: HTMLCanvasElement, private readonly gestures: Gestures) {
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly gestures: Gestures,
+  ) {
     canvas.tabIndex = 0
     canvas.setAttribute('role', 'application')
     canvas.setAttribute(
       'aria-label',
-      '3D view of the map. Drag to turn, shift and drag or arrow keys to move, wheel or plus and minus to zoom, Q and E to turn.',
+      '3D view of the map. Drag or Q and E to turn, shift and drag or arrow keys to move, wheel or plus and minus to zoom.',
     )
     this.listen('pointerdown', (event) => this.down(event))
     this.listen('pointermove', (event) => this.move(event))
@@ -102,7 +116,6 @@ export class Controls {
 
   private down(event: PointerEvent): void {
     const at = this.at(event)
-    this.canvas.focus({ preventScroll: true })
     this.canvas.setPointerCapture(event.pointerId)
     this.held.set(event.pointerId, at)
     if (this.held.size === 1) {
@@ -117,7 +130,7 @@ export class Controls {
 
   private modeOf(event: PointerEvent, { x, y }: Held): Mode {
     const touch = event.pointerType === 'touch'
-    if (event.button === 0 && !event.shiftKey && this.gestures.grab(x, y, touch)) {
+    if (event.button === 0 && !event.shiftKey && this.gestures.grab({ x, y, touch })) {
       return 'drag'
     }
     const other = event.button !== 0 || event.shiftKey
@@ -165,7 +178,7 @@ export class Controls {
     }
     const { x, y } = this.at(event)
     if (this.mode === 'drag') {
-      this.gestures.letGo(x, y, this.moved)
+      this.gestures.letGo(this.moved)
     }
     if (!this.moved && event.button === 0 && this.held.size === 0) {
       this.gestures.click(x, y, event)
@@ -176,7 +189,7 @@ export class Controls {
   private cancel(event: PointerEvent): void {
     this.held.delete(event.pointerId)
     if (this.mode === 'drag') {
-      this.gestures.letGo(0, 0, false)
+      this.gestures.letGo(false)
     }
     this.mode = undefined
   }
@@ -188,16 +201,19 @@ export class Controls {
   }
 
   /** Not more often than thirty times a second; the last place always counts. */
-  private hoverSoon(at: { x: number; y: number; touch: boolean } | undefined): void {
+  private hoverSoon(at: PointerPlace | undefined): void {
     if (at?.touch) {
       return
     }
     this.hoverAt = at
-    this.hoverTimer ??= window.setTimeout(() => {
-      this.hoverTimer = undefined
-      this.hovered = performance.now()
-      this.gestures.hover(this.hoverAt)
-    }, Math.max(0, HOVER_MS - (performance.now() - this.hovered)))
+    this.hoverTimer ??= window.setTimeout(
+      () => {
+        this.hoverTimer = undefined
+        this.hovered = performance.now()
+        this.gestures.hover(this.hoverAt)
+      },
+      Math.max(0, HOVER_MS - (performance.now() - this.hovered)),
+    )
   }
 
   private wheel(event: WheelEvent): void {

@@ -15,13 +15,16 @@ const GAP_M = 0.45
 const ARCS: Readonly<Record<Ability, { share: number; most: number; pieces: number }>> = {
   [Ability.UNSPECIFIED]: { share: 0, most: 0, pieces: 1 },
   [Ability.WALK]: { share: 0.02, most: 0.6, pieces: 2 },
-  [Ability.JUMP]: { share: 0.16, most: 2.2, pieces: 6 },
-  [Ability.DOUBLE_JUMP]: { share: 0.24, most: 3.6, pieces: 8 },
-  [Ability.PAD]: { share: 0.4, most: 12, pieces: 10 },
-  [Ability.ZIP_LINE]: { share: 0.08, most: 2.5, pieces: 6 },
-  [Ability.TELEPORTER]: { share: 0.25, most: 14, pieces: 12 },
-  [Ability.JETPACK]: { share: 0.3, most: 10, pieces: 10 },
+  [Ability.JUMP]: { share: 0.16, most: 2.2, pieces: 4 },
+  [Ability.DOUBLE_JUMP]: { share: 0.24, most: 3.6, pieces: 5 },
+  [Ability.PAD]: { share: 0.4, most: 12, pieces: 7 },
+  [Ability.ZIP_LINE]: { share: 0.08, most: 2.5, pieces: 4 },
+  [Ability.TELEPORTER]: { share: 0.25, most: 14, pieces: 8 },
+  [Ability.JETPACK]: { share: 0.3, most: 10, pieces: 7 },
 }
+
+/** Shorter ways that are walked are straight, m. */
+const STRAIGHT_M = 8
 
 /** Graphs with more edges are drawn with straight lines for what is walked. */
 const MANY_EDGES = 6000
@@ -43,7 +46,7 @@ export function isShown(edge: GraphEdge, filter: GraphFilter): boolean {
   )
 }
 
-/** Between what seconds the colours run: up to what 19 of 20 edges keep to, so that one slow edge does not wash out the rest. */
+/** Between what seconds the colours run: up to what 19 of 20 edges keep to, so that one slow edge does not spoil it. */
 export function secondsRange(graph: Graph): { low: number; high: number } {
   const seconds = Float64Array.from(graph.edges, (edge) => edge.seconds).sort()
   const low = seconds[0] ?? 0
@@ -74,11 +77,15 @@ export function edgeColour(
   }
 }
 
+/** 'straight': ways that are walked have no arc; 'smooth': for a few bold lines. */
+export type ArcDetail = 'straight' | 'usual' | 'smooth'
+
 /** Points of an edge or a leg, from start to end, three numbers each. */
-export function arc(from: Place, to: Place, ability: Ability, straight = false): Float32Array {
+export function arc(from: Place, to: Place, ability: Ability, detail: ArcDetail = 'usual'): Float32Array {
   const length = Math.hypot(to.x - from.x, to.y - from.y, to.z - from.z)
   const { share, most, pieces } = ARCS[ability] ?? ARCS[Ability.UNSPECIFIED]
-  const count = (straight && ability === Ability.WALK) || length < 3 ? 1 : pieces
+  const walked = ability === Ability.WALK && (detail === 'straight' || length < STRAIGHT_M)
+  const count = walked || length < 3 ? 1 : pieces * (detail === 'smooth' ? 2 : 1)
   const height = count > 1 ? Math.min(most, length * share) : 0
   const points = new Float32Array((count + 1) * 3)
   for (let at = 0; at <= count; at += 1) {
@@ -103,12 +110,16 @@ export function edgePoints(from: Place, to: Place, edge: GraphEdge, paired: bool
     y: from.y + (to.y - from.y) * share,
     z: from.z + dz * share + dx * side,
   })
-  return arc(along(gap), along(1 - gap), edge.ability, straight)
+  return arc(along(gap), along(1 - gap), edge.ability, straight ? 'straight' : 'usual')
 }
 
 /** A point of a polyline and the way it goes there; `share` of its length from the start. */
 export function pointAlong(points: Float32Array, share: number): { at: Place; towards: Place } {
-  const place = (index: number): Place => ({ x: points[index * 3]!, y: points[index * 3 + 1]!, z: points[index * 3 + 2]! })
+  const place = (index: number): Place => ({
+    x: points[index * 3]!,
+    y: points[index * 3 + 1]!,
+    z: points[index * 3 + 2]!,
+  })
   const pieces = points.length / 3 - 1
   const piece = Math.min(pieces - 1, Math.max(0, Math.floor(share * pieces)))
   const a = place(piece)

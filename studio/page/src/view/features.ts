@@ -1,6 +1,17 @@
 // What stands on a map besides rock: pools, pads, zip lines, teleporters, jetpacks.
 
-import { BufferGeometry, CapsuleGeometry, CircleGeometry, ConeGeometry, CylinderGeometry, Group, Matrix4, Mesh, PlaneGeometry, TorusGeometry } from 'three'
+import {
+  BufferGeometry,
+  CapsuleGeometry,
+  CircleGeometry,
+  ConeGeometry,
+  CylinderGeometry,
+  Group,
+  Matrix4,
+  Mesh,
+  PlaneGeometry,
+  TorusGeometry,
+} from 'three'
 import { Ability } from '../gen/surefoot/world/v1/map_pb'
 import { abilityColour, mixColours, type Rgb } from './colours'
 import { arc } from './edge-shape'
@@ -53,8 +64,8 @@ function addLava(solids: Solids, pool: Pool, palette: Palette): void {
 }
 
 function addDisc(solids: Solids, at: Place, colour: Rgb, metal: Rgb): void {
-  solids.at(new CylinderGeometry(DISC_M, DISC_M + 0.1, 0.14, 20), metal, at, 0.07)
-  solids.at(new CylinderGeometry(DISC_M * 0.78, DISC_M * 0.78, 0.08, 20), colour, at, 0.16)
+  solids.at(new CylinderGeometry(DISC_M, DISC_M + 0.1, 0.14, 14), metal, at, 0.07)
+  solids.at(new CircleGeometry(DISC_M * 0.8, 14).rotateX(-Math.PI / 2), colour, at, 0.17)
 }
 
 /** A disc with an arrow that is the longer the higher it throws. */
@@ -62,13 +73,16 @@ function addPad(solids: Solids, at: Place, speed: number, metal: Rgb): void {
   addDisc(solids, at, PAD, metal)
   const shaft = Math.min(2.4, 0.5 + speed * 0.06)
   solids.bar(lifted(at, 0.5), lifted(at, 0.5 + shaft), 0.12, PAD)
-  solids.at(new ConeGeometry(0.42, 0.7, 10), PAD, at, 0.85 + shaft)
+  solids.at(new ConeGeometry(0.42, 0.7, 7), PAD, at, 0.85 + shaft)
 }
 
 function addZipLine(solids: Solids, lines: LineBatch, arrows: ArrowBatch, from: Place, to: Place, metal: Rgb): void {
   addDisc(solids, from, ZIP, metal)
   const [top, end] = [lifted(from, CABLE_M), lifted(to, CABLE_M)]
-  for (const [foot, head] of [[from, top], [to, end]] as const) {
+  for (const [foot, head] of [
+    [from, top],
+    [to, end],
+  ] as const) {
     solids.bar(foot, lifted(head, 0.25), 0.11, metal)
   }
   lines.line(top, end, { colour: ZIP, width: 2 })
@@ -82,16 +96,26 @@ function addZipLine(solids: Solids, lines: LineBatch, arrows: ArrowBatch, from: 
   }
 }
 
-function addTeleporter(solids: Solids, dashes: LineBatch, arrows: ArrowBatch, line: Features['teleporters'][number], metal: Rgb): void {
+function addTeleporter(
+  solids: Solids,
+  dashes: LineBatch,
+  arrows: ArrowBatch,
+  line: Features['teleporters'][number],
+  metal: Rgb,
+): void {
   for (const at of [line.from, line.to]) {
     addDisc(solids, at, TELEPORTER, metal)
   }
   for (const at of line.twoWay ? [line.from, line.to] : [line.from]) {
-    solids.add(new TorusGeometry(0.95, 0.09, 6, 24), TELEPORTER, new Matrix4().makeTranslation(at.x, at.y + 1.15, at.z))
+    solids.add(new TorusGeometry(0.95, 0.09, 5, 18), TELEPORTER, new Matrix4().makeTranslation(at.x, at.y + 1.15, at.z))
   }
-  const points = arc(line.from, line.to, Ability.TELEPORTER)
+  const points = arc(line.from, line.to, Ability.TELEPORTER, 'smooth')
   dashes.polyline(points, { colour: TELEPORTER, width: 1.6, dash: 3, opacity: 0.8 })
-  const place = (index: number): Place => ({ x: points[index * 3]!, y: points[index * 3 + 1]!, z: points[index * 3 + 2]! })
+  const place = (index: number): Place => ({
+    x: points[index * 3]!,
+    y: points[index * 3 + 1]!,
+    z: points[index * 3 + 2]!,
+  })
   const middle = Math.floor(points.length / 6)
   arrows.arrow(place(middle), place(middle + 1), TELEPORTER)
 }
@@ -114,7 +138,10 @@ export class FeatureView extends Group {
   private readonly arrows: ArrowBatch
   private meshes: Mesh[] = []
 
-  constructor(private readonly materials: Materials, private palette: Palette) {
+  constructor(
+    private readonly materials: Materials,
+    private palette: Palette,
+  ) {
     super()
     this.lines = new LineBatch(materials, false, 5)
     this.dashes = new LineBatch(materials, true, 5)
@@ -157,7 +184,9 @@ export class FeatureView extends Group {
       }
     }
     this.features?.pads.forEach((pad) => addPad(devices, pad.centre, pad.speed, palette.metal))
-    this.features?.zipLines.forEach(({ from, to }) => addZipLine(devices, this.lines, this.arrows, from, to, palette.metal))
+    this.features?.zipLines.forEach(({ from, to }) =>
+      addZipLine(devices, this.lines, this.arrows, from, to, palette.metal),
+    )
     this.features?.teleporters.forEach((line) => addTeleporter(devices, this.dashes, this.arrows, line, palette.metal))
     this.features?.jetpacks.forEach((at) => addJetpack(devices, at, palette.metal))
     this.lines.commit()

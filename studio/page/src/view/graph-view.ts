@@ -26,13 +26,20 @@ export class GraphView extends Group {
   private readonly dots: SpriteBatch
   private readonly marks: { lines: LineBatch; dots: SpriteBatch; arrows: ArrowBatch }
 
-  constructor(materials: Materials, private palette: Palette) {
+  constructor(
+    materials: Materials,
+    private palette: Palette,
+  ) {
     super()
     this.lines = new LineBatch(materials)
     this.dashes = new LineBatch(materials, true)
     this.arrows = new ArrowBatch(materials)
     this.dots = new SpriteBatch(materials)
-    this.marks = { lines: new LineBatch(materials, false, 13), arrows: new ArrowBatch(materials, 14), dots: new SpriteBatch(materials, 15) }
+    this.marks = {
+      lines: new LineBatch(materials, false, 13),
+      arrows: new ArrowBatch(materials, 14),
+      dots: new SpriteBatch(materials, 15),
+    }
     this.add(this.lines, this.dashes, this.arrows, this.dots, this.marks.lines, this.marks.arrows, this.marks.dots)
   }
 
@@ -66,7 +73,15 @@ export class GraphView extends Group {
   }
 
   override dispose(): void {
-    for (const batch of [this.lines, this.dashes, this.arrows, this.dots, this.marks.lines, this.marks.arrows, this.marks.dots]) {
+    for (const batch of [
+      this.lines,
+      this.dashes,
+      this.arrows,
+      this.dots,
+      this.marks.lines,
+      this.marks.arrows,
+      this.marks.dots,
+    ]) {
       batch.dispose()
     }
   }
@@ -117,7 +132,13 @@ export class GraphView extends Group {
     const vertices = this.filter?.visible ? this.graph?.vertices : undefined
     const vertex = this.vertex === undefined ? undefined : vertices?.[this.vertex]
     if (vertex) {
-      dots.sprite(lifted(vertex.position), { colour: SELECTED, shape: 'ring', size: VERTEX_M * 2.6, least: 20, most: 40 })
+      dots.sprite(lifted(vertex.position), {
+        colour: SELECTED,
+        shape: 'ring',
+        size: VERTEX_M * 2.6,
+        least: 20,
+        most: 40,
+      })
     }
     const { edge } = this
     const shaped = edge && this.edges.find((it) => it.edge.from === edge.from && it.edge.to === edge.to)
@@ -126,7 +147,13 @@ export class GraphView extends Group {
       const { at, towards } = pointAlong(shaped.points, 0.6)
       arrows.arrow(at, towards, SELECTED)
       for (const end of [shaped.edge.from, shaped.edge.to]) {
-        dots.sprite(lifted(vertices![end]!.position), { colour: SELECTED, shape: 'ring', size: VERTEX_M * 1.8, least: 14, most: 26 })
+        dots.sprite(lifted(vertices![end]!.position), {
+          colour: SELECTED,
+          shape: 'ring',
+          size: VERTEX_M * 1.8,
+          least: 14,
+          most: 26,
+        })
       }
     }
     lines.commit()

@@ -168,7 +168,12 @@ class ColumnWalk {
   private readonly acrossX: number
   private readonly acrossZ: number
 
-  constructor(ray: Ray, low: readonly number[], private readonly columns: Columns, enter: number) {
+  constructor(
+    ray: Ray,
+    low: readonly number[],
+    private readonly columns: Columns,
+    enter: number,
+  ) {
     const { side, across, along } = columns
     const { direction } = ray
     const x = ray.origin.x + direction.x * enter - low[0]!

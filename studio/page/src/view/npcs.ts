@@ -10,17 +10,27 @@ import type { Place } from './viewport.types'
 /** NPCs are drawn at least so high, pixels; those far away are drawn larger than they are. */
 const LEAST_PIXELS = 13
 const HEIGHT_M = 1.8
+const WIDTH_M = 1
 const MOST_SCALE = 14
 /** From this height on, pixels, an NPC is drawn round. */
 const FINE_PIXELS = 44
-const COLOURS = { idle: parseColour(STATE_COLOURS.idle), seeking: parseColour(STATE_COLOURS.seeking), down: parseColour(STATE_COLOURS.down) }
+const COLOURS = {
+  idle: parseColour(STATE_COLOURS.idle),
+  seeking: parseColour(STATE_COLOURS.seeking),
+  down: parseColour(STATE_COLOURS.down),
+}
 
 export function npcColour(npc: ShownNpc): Rgb {
   return COLOURS[npc.state]
 }
 
 /** How much larger than life something is drawn so that it keeps so many pixels. */
-export function visibleScale(metres: number, leastPixels: number, distance: number, pixelsPerMetreAtOne: number): number {
+export function visibleScale(
+  metres: number,
+  leastPixels: number,
+  distance: number,
+  pixelsPerMetreAtOne: number,
+): number {
   return Math.min(MOST_SCALE, Math.max(1, (leastPixels * distance) / (pixelsPerMetreAtOne * metres)))
 }
 
@@ -28,6 +38,8 @@ export interface Sight {
   eye: Place
   /** Height in pixels of one metre at a distance of one metre. */
   scale: number
+  /** From the vertical: from above an NPC looks smaller. */
+  polar: number
   /** What is above is hidden. */
   ceiling: number
   selected: bigint | undefined
@@ -48,6 +60,7 @@ export class NpcView extends Group {
     super()
     this.hidden = new Mesh(new BufferGeometry(), materials.hiddenNpcs)
     this.plain = new Mesh(this.hidden.geometry, materials.npcs)
+    this.hidden.userData['behind'] = true
     // Those behind the ground first: an NPC does not hide itself.
     for (const [order, mesh] of [this.hidden, this.plain].entries()) {
       mesh.frustumCulled = false
@@ -84,9 +97,10 @@ export class NpcView extends Group {
     this.poses.dispose()
   }
 
-  private place(at: number, npc: ShownNpc, { eye, scale }: Sight): void {
+  private place(at: number, npc: ShownNpc, { eye, scale, polar }: Sight): void {
     const distance = Math.hypot(npc.x - eye.x, npc.y - eye.y, npc.z - eye.z)
-    const size = visibleScale(HEIGHT_M, LEAST_PIXELS, distance, scale)
+    const tall = WIDTH_M + (HEIGHT_M - WIDTH_M) * Math.sin(polar)
+    const size = visibleScale(tall, LEAST_PIXELS, distance, scale)
     this.tallest = Math.max(this.tallest, (HEIGHT_M * scale) / distance)
     const values = this.poses.image.data as Float32Array
     const first = at * TEXELS * 4
@@ -131,7 +145,10 @@ function copies(shape: BufferGeometry, count: number): BufferGeometry {
   geometry.setAttribute('who', new BufferAttribute(who, 1))
   const index = shape.getIndex()!.array
   const size = index.length
-  const indices = Uint32Array.from({ length: size * count }, (_, at) => index[at % size]! + Math.floor(at / size) * corners)
+  const indices = Uint32Array.from(
+    { length: size * count },
+    (_, at) => index[at % size]! + Math.floor(at / size) * corners,
+  )
   geometry.setIndex(new BufferAttribute(indices, 1))
   shape.dispose()
   return geometry

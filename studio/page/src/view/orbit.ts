@@ -1,4 +1,4 @@
-// The camera as a point of interest, a distance and two angles, and how the user's gestures change them. No renderer here.
+// The camera as a point of interest, a distance and two angles, and how gestures change them. No renderer here.
 
 import type { Place } from './viewport.types'
 
@@ -32,9 +32,13 @@ export function copyPose(pose: OrbitPose): OrbitPose {
   return { ...pose, target: { ...pose.target } }
 }
 
+function fieldOfViewOf({ flat }: OrbitPose): number {
+  return WIDE + (NARROW - WIDE) * Math.min(1, Math.max(0, flat))
+}
+
 /** Where the camera stands for a pose; `extent` is the diagonal of the map, m. */
 export function lensOf(pose: OrbitPose, extent: number): Lens {
-  const fieldOfView = WIDE + (NARROW - WIDE) * Math.min(1, Math.max(0, pose.flat))
+  const fieldOfView = fieldOfViewOf(pose)
   const distance = (pose.distance * Math.tan(WIDE / 2)) / Math.tan(fieldOfView / 2)
   const across = Math.sin(pose.polar) * distance
   const eye = {
@@ -81,19 +85,48 @@ export function zoom(pose: OrbitPose, factor: number, towards: Place | undefined
   }
 }
 
-/** The distance from which a box of this size is seen whole. */
-export function distanceFor(size: Place, aspect: number, polar: number): number {
-  const wide = Math.hypot(size.x, size.z)
-  const high = wide * Math.cos(polar) + size.y * Math.sin(polar)
+/** Share of the picture that a framed box fills. */
+const FILLED = 0.94
+
+/** The target and the distance from which a box is seen whole and in the middle, for the angles of `pose`. */
+export function fitBox(pose: OrbitPose, low: Place, high: Place, aspect: number): { target: Place; distance: number } {
+  const away = Math.tan(WIDE / 2) / Math.tan(fieldOfViewOf(pose) / 2)
   const tangent = Math.tan(WIDE / 2)
-  return Math.max(high / 2 / tangent, wide / 2 / (tangent * aspect)) * 1.02 + wide * 0.12 * Math.sin(polar)
+  const [sin, cos] = [Math.sin(pose.azimuth), Math.cos(pose.azimuth)]
+  const [sinPolar, cosPolar] = [Math.sin(pose.polar), Math.cos(pose.polar)]
+  let target = { x: (low.x + high.x) / 2, y: (low.y + high.y) / 2, z: (low.z + high.z) / 2 }
+  let distance = Math.max(1, Math.hypot(high.x - low.x, high.y - low.y, high.z - low.z))
+  for (let round = 0; round < 12; round += 1) {
+    const seen = { left: Infinity, right: -Infinity, bottom: Infinity, top: -Infinity }
+    for (let corner = 0; corner < 8; corner += 1) {
+      const x = (corner & 1 ? high.x : low.x) - target.x
+      const y = (corner & 2 ? high.y : low.y) - target.y
+      const z = (corner & 4 ? high.z : low.z) - target.z
+      const outward = x * sin + z * cos
+      const depth = 1 - (y * cosPolar + outward * sinPolar) / (distance * away)
+      const across = (x * cos - z * sin) / (distance * tangent * aspect * Math.max(0.05, depth))
+      const up = (y * sinPolar - outward * cosPolar) / (distance * tangent * Math.max(0.05, depth))
+      seen.left = Math.min(seen.left, across)
+      seen.right = Math.max(seen.right, across)
+      seen.bottom = Math.min(seen.bottom, up)
+      seen.top = Math.max(seen.top, up)
+    }
+    const sideways = ((seen.left + seen.right) / 2) * distance * tangent * aspect
+    const forward = ((seen.bottom + seen.top) / 2) * distance * tangent
+    // The target stays at its height, so what is too low on the screen is put right along the ground.
+    const along = forward / Math.max(cosPolar, 0.3)
+    target = { x: target.x + cos * sideways - sin * along, y: target.y, z: target.z - sin * sideways - cos * along }
+    distance *= Math.max(seen.right - seen.left, seen.top - seen.bottom) / (2 * FILLED)
+  }
+  return { target, distance }
 }
 
 /** Brings `shown` nearer to `goal` as after `elapsed` ms; tells whether there is still a way to go. */
 export function approach(shown: OrbitPose, goal: OrbitPose, elapsed: number, timeMs: number): boolean {
   const share = timeMs > 0 ? 1 - Math.exp(-elapsed / timeMs) : 1
   const away =
-    Math.hypot(goal.target.x - shown.target.x, goal.target.y - shown.target.y, goal.target.z - shown.target.z) / goal.distance +
+    Math.hypot(goal.target.x - shown.target.x, goal.target.y - shown.target.y, goal.target.z - shown.target.z) /
+      goal.distance +
     Math.abs(Math.log(goal.distance / shown.distance)) +
     Math.abs(goal.azimuth - shown.azimuth) +
     Math.abs(goal.polar - shown.polar) +

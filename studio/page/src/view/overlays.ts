@@ -1,5 +1,5 @@
-// Batches of lines, dots and arrowheads that keep their width on the screen: one draw call each, and a faint one for what is
-// hidden behind the ground.
+// Batches of lines, dots and arrowheads that keep their width on the screen: one draw call each, and a faint one for
+// what is hidden behind the ground.
 
 import { BufferAttribute, BufferGeometry, Group, Mesh, type Object3D, Points, type ShaderMaterial } from 'three'
 import type { Rgb } from './colours'
@@ -47,12 +47,27 @@ class Copies {
     const { count, values } = this
     const corners = this.shape.corners.length / 2
     const geometry = new BufferGeometry()
-    const corner = Float32Array.from({ length: count * corners * 2 }, (_, at) => this.shape.corners[at % (corners * 2)]!)
+    const corner = Float32Array.from(
+      { length: count * corners * 2 },
+      (_, at) => this.shape.corners[at % (corners * 2)]!,
+    )
     geometry.setAttribute('corner', new BufferAttribute(corner, 2))
-    geometry.setAttribute('iStart', new BufferAttribute(repeat(values.iStart, 3, corners, new Float32Array(count * corners * 3)), 3))
-    geometry.setAttribute('iEnd', new BufferAttribute(repeat(values.iEnd, 3, corners, new Float32Array(count * corners * 3)), 3))
-    geometry.setAttribute('iColour', new BufferAttribute(repeat(values.iColour, 4, corners, new Uint8Array(count * corners * 4)), 4, true))
-    geometry.setAttribute('iStyle', new BufferAttribute(repeat(values.iStyle, 3, corners, new Float32Array(count * corners * 3)), 3))
+    geometry.setAttribute(
+      'iStart',
+      new BufferAttribute(repeat(values.iStart, 3, corners, new Float32Array(count * corners * 3)), 3),
+    )
+    geometry.setAttribute(
+      'iEnd',
+      new BufferAttribute(repeat(values.iEnd, 3, corners, new Float32Array(count * corners * 3)), 3),
+    )
+    geometry.setAttribute(
+      'iColour',
+      new BufferAttribute(repeat(values.iColour, 4, corners, new Uint8Array(count * corners * 4)), 4, true),
+    )
+    geometry.setAttribute(
+      'iStyle',
+      new BufferAttribute(repeat(values.iStyle, 3, corners, new Float32Array(count * corners * 3)), 3),
+    )
     const { indices } = this.shape
     const index = Uint32Array.from(
       { length: count * indices.length },
@@ -63,7 +78,12 @@ class Copies {
   }
 }
 
-function repeat<T extends Float32Array | Uint8Array>(values: readonly number[], size: number, times: number, into: T): T {
+function repeat<T extends Float32Array | Uint8Array>(
+  values: readonly number[],
+  size: number,
+  times: number,
+  into: T,
+): T {
   for (let at = 0; at < into.length; at += 1) {
     into[at] = values[Math.floor(at / (size * times)) * size + (at % size)]!
   }
@@ -127,7 +147,11 @@ export class LineBatch extends Batch {
       iEnd.push(points[at + 3]!, points[at + 4]!, points[at + 5]!)
       iColour.push(...colour)
       iStyle.push(style.width, style.dash ?? 0, along)
-      along += Math.hypot(points[at + 3]! - points[at]!, points[at + 4]! - points[at + 1]!, points[at + 5]! - points[at + 2]!)
+      along += Math.hypot(
+        points[at + 3]! - points[at]!,
+        points[at + 4]! - points[at + 1]!,
+        points[at + 5]! - points[at + 2]!,
+      )
     }
   }
 

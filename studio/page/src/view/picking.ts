@@ -12,7 +12,11 @@ const HIDDEN_M = 2
 /** Takes places to pixels from the upper left corner. */
 export class Projector {
   /** `matrix`: from the world to clip space, column by column. */
-  constructor(private readonly matrix: ArrayLike<number>, private readonly width: number, private readonly height: number) {}
+  constructor(
+    private readonly matrix: ArrayLike<number>,
+    private readonly width: number,
+    private readonly height: number,
+  ) {}
 
   /** Pixels and depth (m along the line of sight); undefined behind the camera. */
   project(x: number, y: number, z: number): { x: number; y: number; depth: number } | undefined {
@@ -52,7 +56,12 @@ export interface PickPoint {
 }
 
 /** The candidate of the point that is nearest to the pointer within its reach. */
-export function pickPoint(points: Iterable<PickPoint>, pointer: Pointer, projector: Projector, scale: number): Candidate[] {
+export function pickPoint(
+  points: Iterable<PickPoint>,
+  pointer: Pointer,
+  projector: Projector,
+  scale: number,
+): Candidate[] {
   const met: Candidate[] = []
   for (const { place, radius, hit } of points) {
     const at = projector.project(place.x, place.y, place.z)
@@ -76,11 +85,16 @@ export interface PickLine {
 export class ProjectedLines {
   private readonly pixels: Float32Array[]
 
-  constructor(private readonly lines: readonly PickLine[], projector: Projector, ceiling: number) {
+  constructor(
+    private readonly lines: readonly PickLine[],
+    projector: Projector,
+    ceiling: number,
+  ) {
     this.pixels = lines.map(({ points }) => {
       const projected = new Float32Array(points.length)
       for (let at = 0; at < points.length; at += 3) {
-        const pixel = points[at + 1]! <= ceiling ? projector.project(points[at]!, points[at + 1]!, points[at + 2]!) : undefined
+        const pixel =
+          points[at + 1]! <= ceiling ? projector.project(points[at]!, points[at + 1]!, points[at + 2]!) : undefined
         projected.set(pixel ? [pixel.x, pixel.y, pixel.depth] : [0, 0, -1], at)
       }
       return projected
@@ -98,7 +112,11 @@ export class ProjectedLines {
   private candidate({ points, hit }: PickLine, projected: Float32Array, met: NearLine): Candidate {
     const mix = (values: ArrayLike<number>, offset: number): number =>
       values[met.at + offset]! + (values[met.at + 3 + offset]! - values[met.at + offset]!) * met.share
-    return { hit: hit({ x: mix(points, 0), y: mix(points, 1), z: mix(points, 2) }), pixels: met.pixels, depth: mix(projected, 2) }
+    return {
+      hit: hit({ x: mix(points, 0), y: mix(points, 1), z: mix(points, 2) }),
+      pixels: met.pixels,
+      depth: mix(projected, 2),
+    }
   }
 }
 
@@ -130,8 +148,12 @@ function nearestOfLine(projected: Float32Array, pointer: Pointer): NearLine | un
 
 const ORDER: readonly Hit['kind'][] = ['npc', 'vertex', 'edge']
 
-/** NPC before vertex before edge before ground; of one kind the one nearest to the pointer; nothing that the ground hides. */
-export function chooseHit(candidates: readonly Candidate[], ground: GroundHit | undefined, groundDepth: number): Hit | undefined {
+/** NPC before vertex before edge before ground, of one kind the nearest to the pointer, none that the ground hides. */
+export function chooseHit(
+  candidates: readonly Candidate[],
+  ground: GroundHit | undefined,
+  groundDepth: number,
+): Hit | undefined {
   const seen = candidates.filter(({ depth }) => !ground || depth <= groundDepth + HIDDEN_M)
   for (const kind of ORDER) {
     const [best] = seen.filter(({ hit }) => hit.kind === kind).sort((a, b) => a.pixels - b.pixels || a.depth - b.depth)

@@ -1,5 +1,5 @@
-// Smooth motion from poses that arrive a few times a second: NPCs are shown about one message late, so that there is mostly
-// a pose on either side to go between. No renderer here.
+// Smooth motion from poses that arrive a few times a second: NPCs are shown about one message late, so that there is
+// mostly a pose on either side to go between. No renderer here.
 
 import type { NpcPose, NpcState, Place } from './viewport.types'
 
@@ -207,7 +207,12 @@ export class PoseBuffer {
     shown.z = next.z
     shown.yaw = raw.yaw
     const last = samples.at(-1)!.pose
-    return step > 1e-4 || turn > 1e-3 || apart(last.position, shown) > 1e-2 || Math.abs(shortestTurn(last.yaw, raw.yaw)) > 0.01
+    return (
+      step > 1e-4 ||
+      turn > 1e-3 ||
+      apart(last.position, shown) > 1e-2 ||
+      Math.abs(shortestTurn(last.yaw, raw.yaw)) > 0.01
+    )
   }
 }
 

@@ -1,12 +1,12 @@
 // How many pixels are drawn, by how long pictures take. No renderer here.
 
-const SLOW_MS = 34
-const QUICK_MS = 18
 const STEPS = [1, 0.8, 0.64, 0.5]
+/** Pictures this much quicker than what counts as slow may have more pixels. */
+const QUICK = 0.55
 /** Pictures between two changes. */
 const SETTLE = 14
 /** Fewer pixels have to make pictures quicker by this share, or they are not worth it. */
-const WORTH = 0.88
+const WORTH = 0.96
 /** Pictures until fewer pixels are tried again after they were not worth it. */
 const FUTILE = 400
 
@@ -20,6 +20,12 @@ export class ResolutionGovernor {
   private futile = 0
   /** Finer steps that proved too slow are tried again ever later. */
   private patience = 1
+
+  /** Pictures that take longer than `slowMs` are to have fewer pixels, but at least this share along each side. */
+  constructor(
+    private readonly slowMs: number,
+    private readonly least: number,
+  ) {}
 
   get share(): number {
     return STEPS[this.step]!
@@ -37,12 +43,12 @@ export class ResolutionGovernor {
     if (this.before !== undefined && this.mean > this.before * WORTH) {
       this.futile = FUTILE
       this.change(-1)
-    } else if (this.mean > SLOW_MS && this.futile === 0 && this.step < STEPS.length - 1) {
+    } else if (this.mean > this.slowMs && this.futile === 0 && (STEPS[this.step + 1] ?? 0) >= this.least) {
       const { mean } = this
       this.patience = Math.min(16, this.patience * 2)
       this.change(1)
       this.before = mean
-    } else if (this.pictures >= SETTLE * 5 * this.patience && this.mean < QUICK_MS && this.step > 0) {
+    } else if (this.pictures >= SETTLE * 5 * this.patience && this.mean < this.slowMs * QUICK && this.step > 0) {
       this.change(-1)
     } else {
       this.before = undefined

@@ -47,7 +47,7 @@ export class PathView extends Group {
     let from = start
     for (const [at, to] of waypoints.entries()) {
       const colour: Rgb = chosen ? abilityColour(abilities[at] ?? 0) : parseColour(MARK_COLOURS.alternative)
-      const points = arc(from, to, abilities[at] ?? 0)
+      const points = arc(from, to, abilities[at] ?? 0, 'smooth')
       this.lines.polyline(points, { colour, width: chosen ? 5 : 2, opacity: chosen ? 1 : 0.75 })
       if (chosen) {
         const { at: place, towards } = pointAlong(points, 0.6)
@@ -114,7 +114,7 @@ export class MarkView extends Group {
     const colour = parseColour(MARK_COLOURS.forbidden)
     for (const { kind, from, to } of marks) {
       if (kind === 'forbidden' && to) {
-        const points = arc(from, to, 1, true)
+        const points = arc(from, to, 1, 'straight')
         this.dashes.polyline(points, { colour, width: 3, dash: 1.4 })
         this.crosses.sprite(pointAlong(points, 0.5).at, { colour, shape: 'cross', size: 1.1, least: 15, most: 26 })
       } else {
@@ -126,7 +126,10 @@ export class MarkView extends Group {
   }
 
   setDifference(lost: readonly Place[], gained: readonly Place[]): void {
-    for (const [places, colour] of [[lost, MARK_COLOURS.lost], [gained, MARK_COLOURS.gained]] as const) {
+    for (const [places, colour] of [
+      [lost, MARK_COLOURS.lost],
+      [gained, MARK_COLOURS.gained],
+    ] as const) {
       for (const place of places) {
         this.places.sprite(lifted(place), { colour: parseColour(colour), shape: 'disc', size: 0.9, least: 6, most: 16 })
       }

@@ -14,6 +14,7 @@ const lifted = (place: Place): Place => ({ ...place, y: place.y + LIFT_M })
 
 export class SelectionView extends Group {
   selected: SelectedNpc | undefined
+  private shown = false
   private readonly ring: Mesh
   private readonly flag: Mesh
   private readonly plan: LineBatch
@@ -47,10 +48,15 @@ export class SelectionView extends Group {
 
   /** Follows the NPC from picture to picture. */
   update(npc: ShownNpc | undefined, eye: Place, scale: number): void {
-    this.ring.visible = npc !== undefined
+    if (!this.selected && !this.shown) {
+      return
+    }
+    this.shown = this.selected !== undefined
+    this.ring.visible = npc !== undefined && this.shown
     const goal = this.selected && (npc?.goal ?? this.selected.waypoints.at(-1))
     this.flag.visible = goal !== undefined
-    const sizeAt = ({ x, y, z }: Place): number => visibleScale(1.8, 15, Math.hypot(x - eye.x, y - eye.y, z - eye.z), scale)
+    const sizeAt = ({ x, y, z }: Place): number =>
+      visibleScale(1.8, 15, Math.hypot(x - eye.x, y - eye.y, z - eye.z), scale)
     if (npc) {
       this.ring.position.set(npc.x, npc.y + 0.12, npc.z)
       this.ring.scale.setScalar(sizeAt(npc))
@@ -76,7 +82,7 @@ export class SelectionView extends Group {
     const to = selected?.waypoints[selected.heading]
     if (npc && to) {
       const colour = abilityColour(selected.abilities[selected.heading] ?? 0)
-      const points = arc(npc, to, 1, true)
+      const points = arc(npc, to, 1, 'straight')
       this.current.polyline(points, { colour: [1, 1, 1], width: 7, opacity: 0.9 })
       this.current.polyline(points, { colour, width: 4 })
     }
@@ -89,9 +95,15 @@ export class SelectionView extends Group {
       const colour = abilityColour(abilities[at] ?? 0)
       const current = at === heading
       if (!current) {
-        this.plan.polyline(arc(waypoints[at - 1]!, to, abilities[at] ?? 0), { colour, width: 3.5 })
+        this.plan.polyline(arc(waypoints[at - 1]!, to, abilities[at] ?? 0, 'smooth'), { colour, width: 3.5 })
       }
-      this.dots.sprite(lifted(to), { colour, shape: 'disc', size: 0.6, least: current ? 10 : 7, most: current ? 16 : 12 })
+      this.dots.sprite(lifted(to), {
+        colour,
+        shape: 'disc',
+        size: 0.6,
+        least: current ? 10 : 7,
+        most: current ? 16 : 12,
+      })
       if (current) {
         this.dots.sprite(lifted(to), { colour: [1, 1, 1], shape: 'ring', size: 1.3, least: 17, most: 28 })
       }

@@ -1,5 +1,5 @@
-// From the triangles of a tile to what the terrain's shader takes: corners shared where the surface is smooth, and for each
-// corner four bytes that say how steep, built, lit and hollow it is. No renderer here.
+// From the triangles of a tile to what the terrain's shader takes: corners shared where the surface is smooth, and for
+// each corner four bytes that say how steep, built, lit and hollow it is. No renderer here.
 
 import { Surface } from '../gen/surefoot/world/v1/world_pb'
 import { SUN } from './theme'
@@ -10,13 +10,15 @@ export interface ShadedTile {
   /** Four bytes a corner: upward part of the normal, built or grown, towards the sun or away, hollow or raised. */
   tones: Uint8Array
   indices: Uint32Array
+  /** 1 for corners on the rim of the tile, where others go on. */
+  rim: Uint8Array
 }
 
 /** Triangles of one corner that are closer than this in direction are shaded as one surface. */
 const SMOOTH_COS = 0.5
 /** The same for what is built. */
 const BUILT_COS = 0.98
-/** Longer edges than those of grown terrain, m, and by how much longer than usual in the tile: such a triangle is flat on purpose. */
+/** Triangles with edges longer than this, m, and so many times longer than usual in the tile are flat on purpose. */
 const LONG_EDGE_M = 4
 const LONG_EDGE_TIMES = 3
 /** Share of a part's surface that is level or upright, above which it counts as built. */
@@ -47,7 +49,12 @@ function drawnIndices(tile: MeshTile): Uint32Array {
 
 function measureFaces(positions: Float32Array, indices: Uint32Array): Faces {
   const count = indices.length / 3
-  const faces: Faces = { indices, normals: new Float32Array(count * 3), areas: new Float32Array(count), flat: new Uint8Array(count) }
+  const faces: Faces = {
+    indices,
+    normals: new Float32Array(count * 3),
+    areas: new Float32Array(count),
+    flat: new Uint8Array(count),
+  }
   const lengths = new Float32Array(count)
   for (let face = 0; face < count; face += 1) {
     const a = indices[face * 3]! * 3
@@ -130,7 +137,18 @@ function markBuilt(faces: Faces, corners: number): void {
   })
 }
 
-/** How far each corner lies below (negative) or above the mean of its neighbours along its normal, by their distance. */
+/** Marks the corners on open edges: all others have each neighbour once before and once after them. */
+function findRim({ indices }: Faces, corners: number): Uint8Array {
+  const balance = new Float64Array(corners)
+  for (let at = 0; at < indices.length; at += 3) {
+    for (let side = 0; side < 3; side += 1) {
+      balance[indices[at + side]!]! += indices[at + ((side + 1) % 3)]! - indices[at + ((side + 2) % 3)]!
+    }
+  }
+  return Uint8Array.from(balance, (sum) => (sum === 0 ? 0 : 1))
+}
+
+/** How far each corner lies below (negative) or above its neighbours along its normal, by their distance. */
 function measureHollows(positions: Float32Array, faces: Faces): Float32Array {
   const corners = positions.length / 3
   const sums = new Float32Array(corners * 7)
@@ -171,16 +189,19 @@ export function shadeTile(tile: MeshTile): ShadedTile {
   const faces = measureFaces(tile.positions, drawnIndices(tile))
   markBuilt(faces, corners)
   const hollows = measureHollows(tile.positions, faces)
+  const tileRim = findRim(faces, corners)
   const around = facesOfCorners(faces.indices, corners)
   const indices = new Uint32Array(faces.indices.length)
   const positions: number[] = []
   const tones: number[] = []
+  const rim: number[] = []
   for (let corner = 0; corner < corners; corner += 1) {
     const own = around.faces.subarray(around.starts[corner]!, around.starts[corner + 1]!)
     for (const group of smoothGroups(own, faces)) {
       const index = positions.length / 3
       positions.push(tile.positions[corner * 3]!, tile.positions[corner * 3 + 1]!, tile.positions[corner * 3 + 2]!)
-      tones.push(...toneOf(group, hollows[corner]!))
+      tones.push(...toneOf(group, tileRim[corner] ? 0 : hollows[corner]!))
+      rim.push(tileRim[corner]!)
       for (const face of group.faces) {
         for (let at = face * 3; at < face * 3 + 3; at += 1) {
           if (faces.indices[at] === corner) {
@@ -190,7 +211,7 @@ export function shadeTile(tile: MeshTile): ShadedTile {
       }
     }
   }
-  return { positions: Float32Array.from(positions), tones: Uint8Array.from(tones), indices }
+  return { positions: Float32Array.from(positions), tones: Uint8Array.from(tones), indices, rim: Uint8Array.from(rim) }
 }
 
 interface SmoothGroup {

@@ -54,7 +54,7 @@ export class Solids {
     const turn = new Quaternion().setFromUnitVectors(UP, way.divideScalar(length || 1))
     const middle = new Vector3((from.x + to.x) / 2, (from.y + to.y) / 2, (from.z + to.z) / 2)
     const place = new Matrix4().compose(middle, turn, new Vector3(1, 1, 1))
-    return this.add(new CylinderGeometry(radius, radius, length, sides, 1), tint, place)
+    return this.add(new CylinderGeometry(radius, radius, length, sides, 1, true), tint, place)
   }
 
   build(): BufferGeometry {
@@ -102,5 +102,7 @@ export function pinShape(tint: Rgb): BufferGeometry {
 
 /** A flat ring around the origin. */
 export function ringShape(tint: Rgb, radius: number, thick: number): BufferGeometry {
-  return new Solids().add(new TorusGeometry(radius, thick, 6, 32), tint, new Matrix4().makeRotationX(Math.PI / 2)).build()
+  return new Solids()
+    .add(new TorusGeometry(radius, thick, 6, 32), tint, new Matrix4().makeRotationX(Math.PI / 2))
+    .build()
 }

@@ -1,5 +1,5 @@
-// Draws the two scenes into a canvas. What stands still is kept as a picture with its depths where there is no graphics card,
-// so that a walking NPC does not cost the whole ground again.
+// Draws the two scenes into a canvas. Where there is no graphics card, what stands still is kept as a picture with its
+// depths, so that a walking NPC does not cost the whole ground again.
 
 import {
   AlwaysDepth,
@@ -8,9 +8,11 @@ import {
   Color,
   DepthTexture,
   LinearSRGBColorSpace,
+  LineSegments,
   Mesh,
   NearestFilter,
   PerspectiveCamera,
+  Points,
   Scene,
   ShaderMaterial,
   UnsignedIntType,
@@ -67,7 +69,11 @@ class KeptPicture {
     if (this.target?.width !== width || this.target.height !== height) {
       this.release()
       const depthTexture = new DepthTexture(width, height, UnsignedIntType)
-      this.target = new WebGLRenderTarget(width, height, { depthTexture, minFilter: NearestFilter, magFilter: NearestFilter })
+      this.target = new WebGLRenderTarget(width, height, {
+        depthTexture,
+        minFilter: NearestFilter,
+        magFilter: NearestFilter,
+      })
       this.quad.material.uniforms['uColour']!.value = this.target.texture
       this.quad.material.uniforms['uDepth']!.value = depthTexture
     }
@@ -108,6 +114,7 @@ export class Stage {
   private width = 1
   private height = 1
   private share = 1
+  private readonly background = new Color()
 
   constructor(container: HTMLElement) {
     this.canvas.style.cssText = 'display:block;width:100%;height:100%;touch-action:none;outline-offset:-2px'
@@ -120,6 +127,8 @@ export class Stage {
     })
     this.renderer.outputColorSpace = LinearSRGBColorSpace
     this.renderer.autoClear = false
+    this.canvas.addEventListener('webglcontextlost', () => this.forget())
+    this.canvas.addEventListener('webglcontextrestored', () => this.renderer.setClearColor(this.background, 1))
     container.append(this.canvas)
   }
 
@@ -133,7 +142,8 @@ export class Stage {
   }
 
   setBackground(colour: Rgb): void {
-    this.renderer.setClearColor(new Color().setRGB(...colour), 1)
+    this.background.setRGB(...colour)
+    this.renderer.setClearColor(this.background, 1)
   }
 
   resize(width: number, height: number): void {
@@ -195,6 +205,19 @@ export class Stage {
     this.renderer.dispose()
     this.renderer.forceContextLoss()
     this.canvas.remove()
+  }
+
+  /** What was on the graphics card is gone; it goes there again with the next picture. */
+  private forget(): void {
+    this.kept.release()
+    for (const scene of [this.still, this.moving]) {
+      scene.traverse((it) => {
+        if (it instanceof Mesh || it instanceof Points || it instanceof LineSegments) {
+          it.geometry.dispose()
+          it.material.dispose()
+        }
+      })
+    }
   }
 
   private apply(): void {

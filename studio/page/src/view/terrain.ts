@@ -1,6 +1,15 @@
 // Tiles of the ground as meshes: fine ones where there are any, coarse ones elsewhere.
 
-import { BufferAttribute, BufferGeometry, Frustum, Group, Matrix4, Mesh, type PerspectiveCamera, PlaneGeometry } from 'three'
+import {
+  BufferAttribute,
+  BufferGeometry,
+  Frustum,
+  Group,
+  Matrix4,
+  Mesh,
+  type PerspectiveCamera,
+  PlaneGeometry,
+} from 'three'
 import { castGround, type GroundHit, GroundTile, type Ray } from './ground'
 import type { Materials } from './materials'
 import { type ShadedTile, shadeTile } from './shading'
@@ -14,7 +23,7 @@ import type { MeshTile, Place } from './viewport.types'
 const FINE_TRIANGLES = 2_500_000
 
 /** Triangles of a quick picture. */
-const QUICK_TRIANGLES = 28_000
+const QUICK_TRIANGLES = 24_000
 
 interface Tile extends KeptTile {
   mesh: Mesh
@@ -35,7 +44,10 @@ export class Terrain extends Group {
   private floor: Mesh | undefined
   private palette: Palette
 
-  constructor(private readonly materials: Materials, palette: Palette) {
+  constructor(
+    private readonly materials: Materials,
+    palette: Palette,
+  ) {
     super()
     this.palette = palette
   }
@@ -84,7 +96,10 @@ export class Terrain extends Group {
     const matrix = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse)
     const frustum = new Frustum().setFromProjectionMatrix(matrix)
     const seen = shown.filter((tile) => frustum.intersectsSphere(tile.levels[0]!.boundingSphere!))
-    const levels = chooseLevels(seen.map((tile) => leveled(tile, camera.position)), QUICK_TRIANGLES)
+    const levels = chooseLevels(
+      seen.map((tile) => leveled(tile, camera.position)),
+      QUICK_TRIANGLES,
+    )
     for (const [at, tile] of seen.entries()) {
       const level = levels[at]!
       tile.mesh.geometry = tile.levels[level] ??= geometryOf(simplifyTile(tile.shaded, LEVELS_M[level]!))
@@ -100,7 +115,9 @@ export class Terrain extends Group {
     }
     const { low, high } = box
     const shape = new PlaneGeometry(high.x - low.x, high.z - low.z)
-    const place = new Matrix4().makeRotationX(-Math.PI / 2).setPosition((low.x + high.x) / 2, low.y - 0.5, (low.z + high.z) / 2)
+    const place = new Matrix4()
+      .makeRotationX(-Math.PI / 2)
+      .setPosition((low.x + high.x) / 2, low.y - 0.5, (low.z + high.z) / 2)
     this.floor = new Mesh(new Solids().add(shape, this.palette.cut, place).build(), this.materials.bedrock)
     this.add(this.floor)
   }
@@ -178,8 +195,9 @@ function geometryOf(shaded: ShadedTile): BufferGeometry {
   return geometry
 }
 
-function leveled({ ground: { low, high }, triangles }: Tile, eye: Place): LeveledTile {
+function leveled({ ground: { low, high }, levels }: Tile, eye: Place): LeveledTile {
   const gap = (at: number, axis: 0 | 1 | 2): number => Math.max(low[axis] - at, 0, at - high[axis])
   const distance = Math.hypot(gap(eye.x, 0), gap(eye.y, 1), gap(eye.z, 2))
-  return { triangles, distance, area: (high[0] - low[0]) * (high[2] - low[2]) }
+  const counts = levels.map((geometry) => geometry && geometry.getIndex()!.count / 3)
+  return { counts, distance, area: (high[0] - low[0]) * (high[2] - low[2]) }
 }

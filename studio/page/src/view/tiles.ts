@@ -54,13 +54,15 @@ export class TileStore<T extends KeptTile> {
     return new Set([...this.slots].filter(([, slot]) => slot.fine).map(([key]) => key))
   }
 
-  /** Drops the fine tiles that are farthest from `around` until their triangles keep to `budget`; those without a coarse one stay. */
+  /** Drops the farthest fine tiles until their triangles keep to `budget`; those without a coarse one stay. */
   evict(around: { x: number; z: number }, budget: number): { key: string; tile: T }[] {
     const fine = [...this.slots].flatMap(([key, slot]) => (slot.fine ? [{ key, slot, tile: slot.fine }] : []))
     let triangles = fine.reduce((sum, { tile }) => sum + tile.triangles, 0)
     const distance = ({ tile }: { tile: T }): number => Math.hypot(tile.middle.x - around.x, tile.middle.z - around.z)
     const dropped: { key: string; tile: T }[] = []
-    for (const { key, slot, tile } of fine.filter(({ slot }) => slot.coarse).sort((a, b) => distance(b) - distance(a))) {
+    for (const { key, slot, tile } of fine
+      .filter(({ slot }) => slot.coarse)
+      .sort((a, b) => distance(b) - distance(a))) {
       if (triangles <= budget) {
         break
       }

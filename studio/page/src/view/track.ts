@@ -21,7 +21,8 @@ export function trackAt(track: ArrayLike<number>, seconds: number): { at: Place;
   const low = Math.min(Math.floor(tick), last)
   const high = Math.min(low + 1, last)
   const share = tick - low
-  const mix = (axis: number): number => track[low * 3 + axis]! + (track[high * 3 + axis]! - track[low * 3 + axis]!) * share
+  const mix = (axis: number): number =>
+    track[low * 3 + axis]! + (track[high * 3 + axis]! - track[low * 3 + axis]!) * share
   const ahead = Math.min(low + 6, last)
   const behind = Math.max(0, ahead - 12)
   const dx = track[ahead * 3]! - track[behind * 3]!

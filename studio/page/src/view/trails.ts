@@ -1,4 +1,4 @@
-// Where NPCs were in the last seconds: a ring of slots, each with one piece of way per NPC, so that a step writes one slot.
+// Where NPCs were in the last seconds: a ring of slots, each with a piece of way per NPC: a step writes one slot.
 
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage, LineSegments } from 'three'
 import type { Rgb } from './colours'
@@ -95,9 +95,16 @@ export class Trails {
     this.room = Math.max(this.room, 2 ** Math.ceil(Math.log2(Math.max(16, count))))
     const corners = this.room * 2 * SLOTS
     const geometry = new BufferGeometry()
-    for (const [name, size] of [['position', 3], ['tint', 3], ['born', 1]] as const) {
+    for (const [name, size] of [
+      ['position', 3],
+      ['tint', 3],
+      ['born', 1],
+    ] as const) {
       const values = new Float32Array(corners * size)
-      geometry.setAttribute(name, new BufferAttribute(size === 1 ? values.fill(-1) : values, size).setUsage(DynamicDrawUsage))
+      geometry.setAttribute(
+        name,
+        new BufferAttribute(size === 1 ? values.fill(-1) : values, size).setUsage(DynamicDrawUsage),
+      )
     }
     this.lines.geometry.dispose()
     this.lines.geometry = geometry

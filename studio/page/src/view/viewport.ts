@@ -2,9 +2,11 @@
 
 import { Aim } from './aim'
 import { CameraRig } from './camera-rig'
-import { Controls, type Gestures } from './controls'
+import { Controls } from './controls'
+import { DetailWish } from './detail'
 import { FeatureView } from './features'
 import { GraphView } from './graph-view'
+import { Hand } from './hand'
 import { Materials } from './materials'
 import { NpcView } from './npcs'
 import { setSeeThrough } from './overlays'
@@ -33,12 +35,20 @@ import type {
   ViewportEvents,
 } from './viewport.types'
 
-export { ABILITY_COLOURS, chanceColour, formatColour, islandColour, MARK_COLOURS, secondsColour, STATE_COLOURS, SURFACE_COLOURS } from './colours'
+export {
+  ABILITY_COLOURS,
+  chanceColour,
+  formatColour,
+  islandColour,
+  MARK_COLOURS,
+  secondsColour,
+  STATE_COLOURS,
+  SURFACE_COLOURS,
+} from './colours'
 export { secondsRange } from './edge-shape'
 
 /** The camera counts as standing still so long after its last move, ms. */
 const REST_MS = 180
-const DETAIL_MS = 500
 /** Trails fade for so long after the last move, ms. */
 const TRAIL_MS = 5200
 
@@ -65,15 +75,16 @@ class View implements Viewport {
   private readonly drag = new VertexDrag(this.materials)
   private readonly poses = new PoseBuffer()
   private readonly aim: Aim
+  private readonly hand: Hand
   private readonly controls: Controls
+  private readonly detail = new DetailWish((around, radius) => this.events.detailWanted?.(around, radius))
   private readonly resizes: ResizeObserver
   private readonly counter = new PictureCounter()
-  private readonly roaming = new ResolutionGovernor()
-  private readonly standing = new ResolutionGovernor()
+  /** A moving picture is to be quick, a standing one sharp. */
+  private readonly roaming = new ResolutionGovernor(31, 0.5)
+  private readonly standing = new ResolutionGovernor(55, 0.64)
   private request: number | undefined
   private restTimer: number | undefined
-  private detailTimer: number | undefined
-  private detailSent: { target: Place; distance: number } | undefined
   private last = 0
   private running: ResolutionGovernor | undefined
   private cameraMoved = 0
@@ -82,17 +93,21 @@ class View implements Viewport {
   private movingChanged = true
   private scale = 1
   private framed = false
-  private draggable = false
   private disposed = false
 
-  constructor(container: HTMLElement, private readonly events: Partial<ViewportEvents>) {
+  constructor(
+    container: HTMLElement,
+    private readonly events: Partial<ViewportEvents>,
+  ) {
     this.stage = new Stage(container)
     const { stage } = this
     this.rig = new CameraRig(stage.camera)
     stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks)
     stage.moving.add(this.trails.lines, this.npcs, this.selection, this.track, this.drag)
     this.aim = new Aim({ stage, rig: this.rig, terrain: this.terrain, graph: this.graph, poses: this.poses })
-    this.controls = new Controls(stage.canvas, this.gestures())
+    const { rig, aim, drag: vertex } = this
+    this.hand = new Hand({ stage, rig, aim, vertex, events, changed: () => this.changeMoving() })
+    this.controls = new Controls(stage.canvas, this.hand)
     this.resizes = new ResizeObserver(() => this.resize(container))
     this.resizes.observe(container)
     stage.canvas.addEventListener('webglcontextrestored', () => this.change())
@@ -116,7 +131,7 @@ class View implements Viewport {
     this.drag.end()
     this.rig.following = undefined
     this.framed = false
-    this.detailSent = undefined
+    this.detail.forget()
     this.change()
   }
 
@@ -183,7 +198,7 @@ class View implements Viewport {
   }
 
   setDraggable(draggable: boolean): void {
-    this.draggable = draggable
+    this.hand.draggable = draggable
   }
 
   setPaths(paths: PathLine[]): void {
@@ -260,7 +275,7 @@ class View implements Viewport {
     this.disposed = true
     cancelAnimationFrame(this.request ?? 0)
     clearTimeout(this.restTimer)
-    clearTimeout(this.detailTimer)
+    this.detail.dispose()
     this.resizes.disconnect()
     this.controls.dispose()
     this.terrain.clearTiles()
@@ -320,7 +335,7 @@ class View implements Viewport {
       this.cameraMoved = now
       this.stillChanged = true
       this.aim.invalidate()
-      this.askForDetail()
+      this.detail.moved(this.rig.pose)
     }
     if (npcs) {
       this.npcMoved = now
@@ -345,7 +360,13 @@ class View implements Viewport {
     uniforms.uFogRange.value.set(...rig.fogRange())
     const eye = stage.camera.position
     const selected = this.selection.selected?.id
-    this.npcs.update(this.poses.shown, { eye, scale: this.scale, ceiling: this.aim.section ?? Infinity, selected })
+    this.npcs.update(this.poses.shown, {
+      eye,
+      scale: this.scale,
+      polar: rig.pose.polar,
+      ceiling: this.aim.section ?? Infinity,
+      selected,
+    })
     if (this.trails.lines.visible) {
       this.trails.update(this.poses.shown, now / 1000)
     }
@@ -381,6 +402,7 @@ class View implements Viewport {
   private setQuick(quick: boolean): void {
     this.terrain.setQuick(quick, this.stage.camera)
     setSeeThrough(this.stage.still, !quick)
+    setSeeThrough(this.stage.moving, !quick)
   }
 
   /** Once the camera rests, draws with all pixels again. */
@@ -414,78 +436,5 @@ class View implements Viewport {
   private featureBox(): Box | undefined {
     const { size } = this.features
     return size && { low: { x: 0, y: 0, z: 0 }, high: { x: size.width, y: size.height * 0.6, z: size.depth } }
-  }
-
-  private askForDetail(): void {
-    this.detailTimer ??= window.setTimeout(() => {
-      this.detailTimer = undefined
-      const { target, distance } = this.rig.pose
-      const sent = this.detailSent
-      const moved = sent ? Math.hypot(target.x - sent.target.x, target.z - sent.target.z) : Infinity
-      if (!sent || moved > 4 || Math.abs(Math.log(distance / sent.distance)) > 0.15) {
-        this.detailSent = { target: { ...target }, distance }
-        this.events.detailWanted?.({ ...target }, Math.min(600, Math.max(60, distance * 1.1)))
-      }
-    }, DETAIL_MS)
-  }
-
-  private moveByHand(): void {
-    if (this.rig.following !== undefined) {
-      this.rig.following = undefined
-      this.events.cameraMoved?.()
-    }
-    this.wake()
-  }
-
-  private gestures(): Gestures {
-    const { rig, aim, stage } = this
-    return {
-      rotate: (dx, dy) => {
-        rig.rotate(dx, dy, stage.size.height)
-        this.wake()
-      },
-      pan: (dx, dy) => {
-        rig.pan(dx, dy, stage.size.height)
-        this.moveByHand()
-      },
-      zoom: (factor, x, y) => {
-        rig.zoom(factor, aim.ground(x, y)?.at)
-        this.wake()
-      },
-      click: (x, y, event) => this.events.click?.(aim.pick(x, y, event.pointerType === 'touch'), event),
-      hover: (at) => this.hover(at),
-      grab: (x, y, touch) => this.grab(x, y, touch),
-      drag: (x, y) => {
-        this.drag.move(aim.ground(x, y)?.at)
-        this.changeMoving()
-      },
-      letGo: (_x, _y, moved) => this.letGo(moved),
-      turns: () => !rig.top,
-      wake: () => this.wake(),
-    }
-  }
-
-  private hover(at: { x: number; y: number; touch: boolean } | undefined): void {
-    const hit = at && this.aim.pick(at.x, at.y, at.touch)
-    const grabs = this.draggable && hit?.kind === 'vertex'
-    this.stage.canvas.style.cursor = grabs ? 'move' : hit && hit.kind !== 'ground' ? 'pointer' : ''
-    this.events.hover?.(hit)
-  }
-
-  private grab(x: number, y: number, touch: boolean): boolean {
-    const hit = this.draggable ? this.aim.pick(x, y, touch) : undefined
-    if (hit?.kind !== 'vertex') {
-      return false
-    }
-    this.drag.start(hit.index, hit.at)
-    return true
-  }
-
-  private letGo(moved: boolean): void {
-    const dropped = this.drag.end()
-    if (moved && dropped) {
-      this.events.vertexDragged?.(dropped.index, dropped.to)
-    }
-    this.changeMoving()
   }
 }

@@ -42,6 +42,7 @@ describe('islandsOf', () => {
 
   it('holds nothing for no graph', () => {
     expect(islandsOf([], [])).toEqual([])
+    expect(islandsOf([0, 1], [], [1]).map(({ vertices }) => vertices)).toEqual([[0]])
   })
 
   it('walks a long chain of islands', () => {

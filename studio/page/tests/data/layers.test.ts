@@ -77,7 +77,7 @@ beforeEach(async () => {
   changes = 0
   layers = new Layers(context, () => (changes += 1))
   layers.setActive('mine')
-  layers.sync('graph', planner.revision)
+  layers.sync({ id: 'graph', mapHash: 'map', revision: planner.revision })
   await settle()
 })
 
@@ -218,7 +218,7 @@ describe('undo and redo', () => {
 describe('what happens elsewhere', () => {
   it('is taken up and said', async () => {
     planner.elsewhere('night', one, two)
-    layers.sync('graph', planner.revision)
+    layers.sync({ id: 'graph', mapHash: 'map', revision: planner.revision })
     await settle()
     expect(known()).toEqual(kept())
     expect(said()).toEqual(['Layer night was made elsewhere: +2 edits'])
@@ -226,16 +226,41 @@ describe('what happens elsewhere', () => {
 
   it('is not said of what this page did', async () => {
     await layers.apply(one)
-    layers.sync('graph', planner.revision)
+    layers.sync({ id: 'graph', mapHash: 'map', revision: planner.revision })
     await settle()
     expect(said()).toEqual([])
   })
 
   it('is not said of another graph', async () => {
     planner.elsewhere('night', one)
-    layers.sync('other graph', planner.revision)
+    layers.sync({ id: 'other graph', mapHash: 'map', revision: planner.revision })
     await settle()
     expect(said()).toEqual([])
+    expect(known()).toEqual(kept())
+  })
+})
+
+describe('leaving a world', () => {
+  const comeBack = async (mapHash: string) => {
+    layers.forget()
+    layers.sync({ id: 'graph', mapHash, revision: planner.revision })
+    await settle()
+  }
+
+  it('keeps what was done and held, if the same map comes again', async () => {
+    await layers.apply(one)
+    planner.fault = new ConnectError('Failed to fetch', Code.Unknown)
+    await layers.apply(two)
+    await comeBack('map')
+    expect(layers.conflict.value?.held).toHaveLength(1)
+    await layers.undo()
+    expect(kept()).toEqual([])
+  })
+
+  it('forgets it for another map', async () => {
+    await layers.apply(one)
+    await comeBack('other map')
+    expect(layers.canUndo.value).toBe(false)
     expect(known()).toEqual(kept())
   })
 })

@@ -20,7 +20,7 @@ export function pickGraph(list: readonly ReadyGraph[], wanted: readonly (string 
   return wanted.find((id) => list.some(({ graphId }) => graphId === id)) ?? list[0]?.graphId ?? ''
 }
 
-/** The graph that one would compare another one with: of the same map if possible, else of the same level, else any other. */
+/** What one would compare a graph with: one of the same map if possible, else of the same level, else any other. */
 export function relativeOf(list: readonly ReadyGraph[], id: string): string | undefined {
   const graph = list.find(({ graphId }) => graphId === id)
   const others = list.filter(({ graphId }) => graphId !== id)

@@ -18,8 +18,13 @@ export function forceEdge(from: Place, to: Place): Edit {
   return create(EditSchema, { edit: { case: 'forceEdge', value: { from: single(from), to: single(to) } } })
 }
 
+/** What the planner takes as a factor. */
+const [LEAST_FACTOR, MOST_FACTOR] = [0.1, 1000]
+
 export function priceEdge(from: Place, to: Place, by: number): Edit {
-  const value = { from: single(from), to: single(to), factor: Math.fround(by) }
+  // Rounded to single precision it must not fall below what the planner takes, which compares the same way.
+  const factor = Math.fround(Math.min(MOST_FACTOR, Math.max(LEAST_FACTOR, by)))
+  const value = { from: single(from), to: single(to), factor }
   return create(EditSchema, { edit: { case: 'priceEdge', value } })
 }
 

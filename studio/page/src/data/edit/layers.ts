@@ -1,7 +1,7 @@
 // The layers of edits that lie over the graph: read, changed, and kept from losing anybody's work.
 //
-// Whatever changes or reads layers waits for what was begun before it. A change is sent for the revision that this page knows;
-// if somebody was quicker, the planner refuses it, and it is held until the designer has decided.
+// Whatever changes or reads layers waits for what was begun before it. A change is sent for the revision that this page
+// knows; if somebody was quicker, the planner refuses it, and it is held until the designer has decided.
 
 import { create } from '@bufbuild/protobuf'
 import { batch, computed, signal } from '@preact/signals'
@@ -60,6 +60,7 @@ export class Layers {
   readonly canUndo = computed(() => this.history.value.done.length > 0)
   readonly canRedo = computed(() => this.history.value.undone.length > 0)
   private graphId: string | undefined
+  private mapHash: string | undefined
   private revision: bigint | undefined
   private queue: Promise<unknown> = Promise.resolve()
 
@@ -80,19 +81,21 @@ export class Layers {
     this.context.store?.setItem(KEPT_AS, name)
   }
 
-  /** A graph was loaded at this revision of the layers: reads them if they are other ones. */
-  sync(graphId: string, revision: bigint): void {
+  /** A graph was loaded with layers of this revision: reads them if they are other ones. */
+  sync({ id, revision, mapHash }: { id: string; revision: bigint; mapHash: string }): void {
     void this.enqueue(async () => {
-      const isOther = graphId !== this.graphId
+      const isOther = id !== this.graphId
       if (!isOther && revision === this.revision) return
       const before = this.list.peek()
-      this.graphId = graphId
+      this.graphId = id
+      if (mapHash !== this.mapHash) this.forgetSteps(mapHash)
       await this.read()
       if (isOther) return
       for (const change of differenceOf(before, this.list.peek())) this.context.toasts.say(changeInWords(change))
     })
   }
 
+  /** The world is left. What was done stays known until there is another map: a server that begins anew has the same. */
   forget(): void {
     void this.enqueue(async () => {
       this.graphId = undefined
@@ -100,9 +103,15 @@ export class Layers {
       batch(() => {
         this.list.value = []
         this.unfit.value = []
-        this.history.value = NOTHING_DONE
-        this.conflict.value = undefined
       })
+    })
+  }
+
+  private forgetSteps(mapHash: string): void {
+    this.mapHash = mapHash
+    batch(() => {
+      this.history.value = NOTHING_DONE
+      this.conflict.value = undefined
     })
   }
 

@@ -20,7 +20,7 @@ import { graphToShow, islandsOf } from './islands'
 const LIST_MS = 5000
 const TIMEOUT_MS = 8000
 /** What NPCs report changes figures all the time: the graph is loaded again for it no more often than this. */
-const LEARNED_MS = 5000
+const LEARNED_MS = 10_000
 
 export type GraphState =
   | { kind: 'none' }
@@ -44,7 +44,7 @@ export class Graphs {
 
   readonly islands = computed(() => {
     const graph = this.loaded.value
-    return graph === undefined ? [] : islandsOf(graph.islands, graph.edges)
+    return graph === undefined ? [] : islandsOf(graph.islands, graph.edges, graph.removed)
   })
   readonly traps = computed(() => this.islands.value.filter(({ standing }) => standing === 'trap'))
   readonly shown = computed<Graph | undefined>(() => {
@@ -57,13 +57,15 @@ export class Graphs {
   )
   private chosen: { mapHash: string; graphId: string } | undefined
   private changed: (() => void) | undefined
+  /** Aborts when another graph is shown. */
+  private following: AbortSignal | undefined
   private loads = 0
   private lastLoaded = 0
 
   constructor(
     private readonly context: Context,
-    /** Called with the revision of the layers that a graph has been loaded at. */
-    private readonly onRevision: (graphId: string, revision: bigint) => void,
+    /** Called when a graph has been loaded, with the revision of the layers that lie over it. */
+    private readonly onRevision: (graph: { id: string; revision: bigint; mapHash: string }) => void,
   ) {}
 
   edge(from: number, to: number) {
@@ -131,10 +133,9 @@ export class Graphs {
       }
       if (!both.aborted) await sleep(pauseAfter(failures + 3), both)
     }
-    this.forget()
   }
 
-  private forget(): void {
+  forget(): void {
     batch(() => {
       this.state.value = { kind: 'none' }
       this.id.value = undefined
@@ -185,6 +186,7 @@ export class Graphs {
       this.selection.value = undefined
     })
     const { session, planner } = this.context
+    this.following = signal
     await this.load(graphId, signal)
     let lastLoad = performance.now()
     let waiting: ReturnType<typeof setTimeout> | undefined
@@ -229,14 +231,14 @@ export class Graphs {
       this.state.value = { kind: 'ready' }
       this.dropStaleSelection()
     })
-    this.onRevision(graphId, graph.revision)
+    this.onRevision({ id: graphId, revision: graph.revision, mapHash: graph.summary?.mapHash ?? '' })
   }
 
   /** Loads the graph again at once, because this page has changed it. */
   async reload(): Promise<void> {
     const graphId = this.id.peek()
-    if (graphId === undefined) return
-    await this.load(graphId, this.context.signal).catch(() => undefined)
+    if (graphId === undefined || this.following === undefined) return
+    await this.load(graphId, this.following).catch(() => undefined)
   }
 
   private dropStaleSelection(): void {

@@ -26,13 +26,16 @@ export interface Island {
   leadsTo: number[]
 }
 
-/** All islands, the largest first; ties by id. */
+/** All islands, the largest first; ties by id. Vertices that were taken out belong to none. */
 export function islandsOf(
   membership: readonly number[],
   edges: readonly { from: number; to: number }[],
+  removed: readonly number[] = [],
 ): Island[] {
+  const gone = new Set(removed)
   const islands = new Map<number, Island>()
   membership.forEach((id, vertex) => {
+    if (gone.has(vertex)) return
     const island = islands.get(id) ?? { id, vertices: [], standing: 'apart', entrances: [], leadsTo: [] }
     island.vertices.push(vertex)
     islands.set(id, island)

@@ -12,6 +12,8 @@ export class Session {
   readonly token = signal('')
   /** Why a token is asked for; undefined: it is not. */
   readonly wanted = signal<string | undefined>(undefined)
+  /** Whether a service has refused what this page calls with. */
+  readonly refused = signal(false)
   private waiting: (() => void)[] = []
 
   constructor(private readonly store: TokenStore | undefined) {
@@ -28,6 +30,7 @@ export class Session {
     if (this.token.value === '') this.store?.removeItem(KEPT_AS)
     else this.store?.setItem(KEPT_AS, this.token.value)
     this.wanted.value = undefined
+    this.refused.value = false
     const waiting = this.waiting
     this.waiting = []
     for (const go of waiting) go()
@@ -48,6 +51,7 @@ export class Session {
   /** Says to the prompt what a service said to a call. */
   notice(error: unknown): void {
     if (ConnectError.from(error).code !== Code.Unauthenticated) return
+    this.refused.value = true
     this.ask(this.token.value === '' ? 'This server asks for a token.' : 'The server does not know this token.')
   }
 

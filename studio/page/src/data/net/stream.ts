@@ -12,8 +12,8 @@ export interface Upkeep {
 }
 
 /**
- * Does `work` again and again until the signal aborts, with growing pauses while it fails. Returns the error that trying again
- * cannot mend, if there was one. `work` says with its argument that it has got something.
+ * Does `work` again and again until the signal aborts, with growing pauses while it fails. Returns the error that trying
+ * again cannot mend, if there was one. `work` says with its argument that it has got something.
  */
 export async function keepDoing(
   { link, session, signal }: Upkeep,

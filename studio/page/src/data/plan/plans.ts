@@ -87,7 +87,7 @@ export class Plans {
     this.chosenIdx.value = index
   }
 
-  /** The graph is another one, or has changed: plans are made anew. An alternative that was chosen stays so while it is there. */
+  /** The graph is another one, or has changed: plans are made anew. A chosen alternative stays so while it is there. */
   useGraph(graphId: string | undefined): void {
     this.graphId = graphId
     void this.ask(true)

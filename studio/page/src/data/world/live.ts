@@ -3,6 +3,7 @@
 import { batch, signal } from '@preact/signals'
 import type { Npc, WatchWorldResponse, WorldStats } from '../../gen/surefoot/world/v1/world_pb'
 import { type Context, report } from '../context'
+import { sleep } from '../net/backoff'
 import { failureOf } from '../net/errors'
 import { keepReading } from '../net/stream'
 import { afterSnapshot, type NpcsById, type StatsSample } from './snapshot'
@@ -10,6 +11,8 @@ import { afterSnapshot, type NpcsById, type StatsSample } from './snapshot'
 const RATE_HZ = 20
 /** Panels are told less often than the view. */
 const PANEL_MS = 300
+/** Pause before a world that is missing is asked for again. */
+const MISSING_MS = 1000
 /** How often counters are kept, and for how long. */
 const SAMPLE_MS = 500
 const SAMPLES = 40
@@ -40,13 +43,17 @@ export class Live {
   async watch(worldId: bigint, signal: AbortSignal): Promise<void> {
     const { session, world } = this.context
     const request = { worldId, rateHz: RATE_HZ, delta: true }
-    const error = await keepReading(
-      { link: world.link, session, signal },
-      (signal) => world.calls.watchWorld(request, { signal }),
-      (message) => this.take(message),
-    )
-    // A world that is gone is taken off the list by the poll, which says so.
-    if (error !== undefined && failureOf(error) !== 'missing') report(this.context, 'The world cannot be watched', error)
+    while (!signal.aborted) {
+      const error = await keepReading(
+        { link: world.link, session, signal },
+        (signal) => world.calls.watchWorld(request, { signal }),
+        (message) => this.take(message),
+      )
+      if (error === undefined) return
+      if (failureOf(error) !== 'missing') return report(this.context, 'The world cannot be watched', error)
+      // A server that began anew may be about to make it again. One that is gone for good is taken off the list by the poll.
+      await sleep(MISSING_MS, signal)
+    }
   }
 
   forget(): void {

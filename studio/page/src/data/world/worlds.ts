@@ -67,6 +67,8 @@ export class Worlds {
   async drop(id: bigint): Promise<void> {
     try {
       await this.context.world.calls.dropWorld({ worldId: id })
+      // Not taken for one that has ended by itself.
+      if (this.chosenId.peek() === id) this.chosenId.value = undefined
       this.take(this.list.value.filter(({ worldId }) => worldId !== id))
     } catch (error) {
       report(this.context, `World ${id} was not dropped`, error)

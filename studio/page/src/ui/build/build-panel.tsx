@@ -24,7 +24,13 @@ export function BuildPanel({ studio }: { studio: Studio }) {
           {state.kind === 'running' ? (
             <Button label="Cancel the build" icon="close" tone="bad" onClick={() => builds.cancel()} />
           ) : (
-            <Button label="Start the build" icon="play" tone="main" disabled={isGone} onClick={() => void builds.start(world)} />
+            <Button
+              label="Start the build"
+              icon="play"
+              tone="main"
+              disabled={isGone}
+              onClick={() => void builds.start(world)}
+            />
           )}
         </div>
         <Result studio={studio} state={state} />

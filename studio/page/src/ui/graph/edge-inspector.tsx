@@ -64,7 +64,8 @@ function BackLink({ studio: { graphs }, from, to }: Props) {
   const back = graphs.edge(to, from)
   const isOneWay = graphs.loaded.value?.islands[from] !== graphs.loaded.value?.islands[to]
   if (back === undefined) {
-    return <p class={isOneWay ? 'warn' : 'note'}>{isOneWay ? 'One way: nothing leads back.' : 'No edge back, but a way round.'}</p>
+    if (isOneWay) return <p class="warn">One way: nothing leads back.</p>
+    return <p class="note">No edge back, but a way round.</p>
   }
   return (
     <p class="note back">
@@ -76,7 +77,9 @@ function BackLink({ studio: { graphs }, from, to }: Props) {
 
 function EdgeActions({ studio, edge }: { studio: Studio; edge: Edge }) {
   const { graphs, layers } = studio
-  const setPrice = (by: number) => {
+  // Edits of one edge multiply.
+  const setPrice = (factor: number) => {
+    const by = factor / (edge.priceFactor || 1)
     const [from, to] = [graphs.position(edge.from), graphs.position(edge.to)]
     if (from !== undefined && to !== undefined) void layers.apply(priceEdge(from, to, by))
   }

@@ -1,8 +1,9 @@
 import { useComputed } from '@preact/signals'
+import { graphLabel } from '../../data/build/graph-list'
 import { count, duration, percent } from '../../data/format'
 import { passes } from '../../data/graph/filter'
 import type { Studio } from '../../data/studio'
-import { Facts, Section } from '../controls'
+import { Facts, Section, SelectField } from '../controls'
 import { EdgeInspector } from './edge-inspector'
 import { FilterSection } from './filter-section'
 import { NoGraph } from './no-graph'
@@ -26,7 +27,8 @@ export function GraphPanel({ studio }: { studio: Studio }) {
   )
 }
 
-function Summary({ studio: { graphs } }: { studio: Studio }) {
+function Summary({ studio }: { studio: Studio }) {
+  const { graphs } = studio
   const shown = useComputed(() => {
     const filter = graphs.filter.value
     return (graphs.shown.value?.edges ?? []).filter((edge) => passes(edge, filter)).length
@@ -36,6 +38,7 @@ function Summary({ studio: { graphs } }: { studio: Studio }) {
   if (summary === undefined) return null
   return (
     <Section title="Graph">
+      <GraphPicker studio={studio} />
       <Facts
         rows={[
           ['Vertices', count(summary.vertices)],
@@ -49,5 +52,21 @@ function Summary({ studio: { graphs } }: { studio: Studio }) {
         ]}
       />
     </Section>
+  )
+}
+
+/** Chooses among the graphs of this map, where there are several. */
+function GraphPicker({ studio: { graphs, worlds } }: { studio: Studio }) {
+  const mapHash = worlds.chosen.value?.mapHash
+  const here = graphs.list.value.filter(({ summary }) => summary?.mapHash === mapHash)
+  if (mapHash === undefined || here.length < 2) return null
+  const options = here.map((graph) => ({ value: graph.graphId, name: graphLabel(graph) }))
+  return (
+    <SelectField
+      label="Shown"
+      value={graphs.id.value ?? ''}
+      options={options}
+      onChange={(graphId) => graphs.show(mapHash, graphId)}
+    />
   )
 }

@@ -36,7 +36,11 @@ export function ConflictCard({ studio: { layers }, conflict }: { studio: Studio;
         </div>
       ))}
       <div class="row">
-        <Button label={conflict.changes.length > 0 ? 'Apply on top' : 'Apply again'} tone="main" onClick={() => void layers.applyOnTop()} />
+        <Button
+          label={conflict.changes.length > 0 ? 'Apply on top' : 'Apply again'}
+          tone="main"
+          onClick={() => void layers.applyOnTop()}
+        />
         <Button label="Discard" onClick={() => layers.discardConflict()} />
       </div>
     </section>

@@ -24,7 +24,7 @@ function WorldList({ studio: { worlds } }: { studio: Studio }) {
   return (
     <Section title="Worlds">
       {list.length === 0 && worlds.state.value === 'ready' && <Empty title="There is no world yet" />}
-      <ul class="list" aria-label="Worlds">
+      <ul class="list worlds" aria-label="Worlds">
         {list.map((world) => (
           <li key={world.worldId} class={world.worldId === worlds.chosenId.value ? 'chosen' : ''}>
             <button

@@ -145,7 +145,7 @@ function LegActions({ studio, leg }: { studio: Studio; leg: Leg }) {
     const [from, to] = [graphs.position(leg.from), graphs.position(leg.to)]
     const present = graphs.edge(leg.from, leg.to)?.priceFactor || 1
     if (from === undefined || to === undefined) return
-    void layers.apply(priceEdge(from, to, Math.min(MAX_FACTOR, present * DEARER)))
+    void layers.apply(priceEdge(from, to, Math.min(MAX_FACTOR / present, DEARER)))
   }
   return (
     <div class="row wrap" role="group" aria-label="What to do with the leg">
