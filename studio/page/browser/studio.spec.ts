@@ -118,6 +118,38 @@ test('a designer forbids a leg, and the plan and the NPC go another way', async 
   await expect.poll(() => ask(page, ({ state }) => state.graphs.loaded.value!.edges.length)).toBe(edges + 1)
 })
 
+test('vertices are put in and taken out by a click, and an NPC is put elsewhere', async ({ page }) => {
+  await open(page)
+  await withGraph(page)
+  await page.keyboard.press('t')
+  await page.keyboard.press('h')
+  const graph = () => ask(page, ({ state }) => ({ all: state.graphs.loaded.value!.vertices.length, removed: state.graphs.loaded.value!.removed.length }))
+  const before = await graph()
+  await page.getByRole('button', { name: 'Add a vertex' }).click()
+  // In the middle of a graph whose edges are everywhere.
+  await clickMap(page, 0.47, 0.55)
+  await expect.poll(graph).toEqual({ ...before, all: before.all + 1 })
+  await page.getByRole('button', { name: 'Remove a vertex' }).click()
+  await clickMap(page, 0.47, 0.55)
+  await expect.poll(graph).toEqual({ all: before.all + 1, removed: before.removed + 1 })
+  await page.keyboard.press('Control+z')
+  await page.keyboard.press('Control+z')
+  await expect.poll(graph).toEqual(before)
+
+  await page.getByRole('button', { name: 'Spawn an NPC' }).click()
+  await clickMap(page, 0.47, 0.55)
+  const place = () => ask(page, ({ state }) => state.npcs.followed.value?.npc?.position?.x ?? 0)
+  await expect.poll(place).toBeGreaterThan(0)
+  const old = await place()
+  await page.getByRole('tab', { name: 'NPCs' }).click()
+  await page.getByRole('button', { name: 'Teleport' }).click()
+  await clickMap(page, 0.6, 0.5)
+  await expect.poll(async () => Math.abs((await place()) - old)).toBeGreaterThan(15)
+  await page.getByRole('button', { name: 'Remove', exact: true }).click()
+  await page.getByRole('button', { name: 'Yes' }).click()
+  await expect.poll(() => ask(page, ({ state }) => state.npcs.selectedId.value === undefined)).toBe(true)
+})
+
 test('a graph is built while its progress is shown, and compared', async ({ page }) => {
   await open(page)
   await withGraph(page)

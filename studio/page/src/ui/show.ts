@@ -3,6 +3,7 @@
 import { effect } from '@preact/signals'
 import { marksOf } from '../data/edit/edits'
 import type { Studio } from '../data/studio'
+import { PICKABLE } from './tools'
 import { poseOf } from '../data/world/snapshot'
 import type { SelectedNpc, Viewport } from '../view/viewport.types'
 
@@ -21,6 +22,7 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     effect(() => viewport.setGraphFilter(graphs.filter.value)),
     effect(() => showSelection(studio, viewport)),
     effect(() => viewport.setDraggable(studio.tool.value === 'move')),
+    effect(() => viewport.setPickable(PICKABLE[studio.tool.value])),
     effect(() => viewport.setPaths(plans.lines.value)),
     effect(() => {
       const best = plans.plans.value[0]

@@ -24,6 +24,20 @@ export function hintFor(studio: Studio): string {
   return hints[studio.tool.value]
 }
 
+/** What each tool is for: nothing else gets in its way. Select takes everything. */
+export const PICKABLE: Readonly<Record<Tool, ReadonlySet<Hit['kind']> | undefined>> = {
+  select: undefined,
+  plan: new Set(['ground', 'vertex']),
+  forbid: new Set(['edge']),
+  add: new Set(['ground']),
+  move: new Set(['vertex']),
+  remove: new Set(['vertex']),
+  force: new Set(['vertex']),
+  spawn: new Set(['ground', 'vertex']),
+  send: new Set(['ground', 'vertex']),
+  teleport: new Set(['ground', 'vertex']),
+}
+
 export function clicked(studio: Studio, hit: Hit | undefined): void {
   const tool = studio.tool.peek()
   if (EDIT_TOOLS.has(tool) && studio.graphs.id.peek() === undefined) {
@@ -41,15 +55,13 @@ export function dragged(studio: Studio, vertex: number, to: Place): void {
 const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
   select,
   plan: (studio, hit) => {
-    const at = groundOf(studio, hit)
-    if (at !== undefined) studio.plans.click(at)
+    if (hit !== undefined) studio.plans.click(hit.at)
   },
   forbid: (studio, hit) => {
     if (hit?.kind === 'edge') forbid(studio, hit.from, hit.to)
   },
   add: (studio, hit) => {
     if (hit?.kind === 'ground') void studio.layers.apply(addVertex(hit.at))
-    else if (hit !== undefined) studio.context.toasts.say('Click the ground itself, beside edges and vertices.')
   },
   move: (studio, hit) => {
     if (hit?.kind === 'vertex') studio.graphs.select({ kind: 'vertex', index: hit.index })
@@ -62,8 +74,7 @@ const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
   },
   spawn: (studio, hit) => {
     const worldId = studio.worlds.chosenId.peek()
-    const at = groundOf(studio, hit)
-    if (at !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, at)
+    if (hit !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, hit.at)
   },
   send: (studio, hit) => withSelected(studio, hit, (id, at) => void studio.npcs.send(id, at)),
   teleport: (studio, hit) =>
@@ -119,20 +130,7 @@ function forceBetween(studio: Studio, vertex: number): void {
 /** Does something with the selected NPC, and puts the tool down. */
 function withSelected(studio: Studio, hit: Hit | undefined, work: (id: bigint, at: Place) => void): void {
   const id = studio.npcs.selectedId.peek()
-  const at = groundOf(studio, hit)
-  if (at === undefined) return
-  if (id !== undefined) work(id, at)
+  if (hit === undefined) return
+  if (id !== undefined) work(id, hit.at)
   studio.setTool('select')
-}
-
-/** Where one can stand at what was hit. Edges pass through the air: the nearer of their ends is meant. */
-export function groundOf({ graphs }: Pick<Studio, 'graphs'>, hit: Hit | undefined): Place | undefined {
-  if (hit?.kind !== 'edge') return hit?.at
-  const [from, to] = [graphs.position(hit.from), graphs.position(hit.to)]
-  if (from === undefined || to === undefined) return from ?? to
-  return distance(from, hit.at) <= distance(to, hit.at) ? from : to
-}
-
-function distance(a: Place, b: Place): number {
-  return Math.hypot(a.x - b.x, a.y - b.y, a.z - b.z)
 }

@@ -32,6 +32,8 @@ export class Aim {
   private lines: ProjectedLines | undefined
   private readonly matrix = new Float64Array(16)
   section: number | undefined
+  /** Undefined: everything can be picked. */
+  pickable: ReadonlySet<Hit['kind']> | undefined
 
   constructor(private readonly scene: Aimed) {}
 
@@ -44,7 +46,7 @@ export class Aim {
     return this.groundWithDepth(x, y).ground
   }
 
-  pick(x: number, y: number, touch: boolean, only?: Hit['kind']): Hit | undefined {
+  pick(x: number, y: number, touch: boolean): Hit | undefined {
     const { ground, depth } = this.groundWithDepth(x, y)
     const pointer = { x, y, reach: touch ? TOUCH_REACH : MOUSE_REACH }
     const projector = this.projector()
@@ -53,8 +55,7 @@ export class Aim {
       ...this.vertices(pointer, projector),
       ...this.edges(pointer, projector),
     ]
-    const wanted = only ? candidates.filter(({ hit }) => hit.kind === only) : candidates
-    return chooseHit(wanted, ground, depth)
+    return chooseHit(candidates, ground, depth, this.pickable)
   }
 
   private groundWithDepth(x: number, y: number): { ground: GroundHit | undefined; depth: number } {
@@ -95,8 +96,8 @@ export class Aim {
     if (!graph.showsVertices) {
       return []
     }
-    const points = (graph.graph?.vertices ?? []).flatMap(({ position }, index): PickPoint[] =>
-      position.y <= ceiling
+    const points = (graph.graph?.vertices ?? []).flatMap(({ position, removed }, index): PickPoint[] =>
+      position.y <= ceiling && removed !== true
         ? [
             {
               place: { ...position, y: position.y + LIFT_M },

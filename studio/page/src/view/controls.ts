@@ -44,7 +44,7 @@ const PANS: Record<string, [number, number]> = {
   ArrowDown: [0, -1],
   KeyS: [0, -1],
 }
-const TURNS: Record<string, [number, number]> = { KeyQ: [1, 0], KeyE: [-1, 0], KeyR: [0, 1], KeyF: [0, -1] }
+const TURNS: Record<string, [number, number]> = { KeyQ: [1, 0], KeyE: [-1, 0], PageUp: [0, 1], PageDown: [0, -1] }
 const ZOOMS: Record<string, number> = { Equal: -1, NumpadAdd: -1, Minus: 1, NumpadSubtract: 1 }
 
 type Mode = 'turn' | 'pan' | 'pinch' | 'drag'

@@ -117,7 +117,10 @@ export class GraphView extends Group {
     if (!filter.visible) {
       return
     }
-    for (const { position, island, trap } of graph.vertices) {
+    for (const { position, island, trap, removed } of graph.vertices) {
+      if (removed) {
+        continue
+      }
       const at = lifted(position)
       const colour: Rgb = trap ? TRAP : filter.colour === 'island' ? islandColour(island) : this.palette.vertex
       this.dots.sprite(at, { colour, shape: 'disc', size: VERTEX_M, least: 4, most: 15 })

@@ -153,13 +153,16 @@ export function chooseHit(
   candidates: readonly Candidate[],
   ground: GroundHit | undefined,
   groundDepth: number,
+  kinds?: ReadonlySet<Hit['kind']>,
 ): Hit | undefined {
-  const seen = candidates.filter(({ depth }) => !ground || depth <= groundDepth + HIDDEN_M)
+  const wanted = kinds ? candidates.filter(({ hit }) => kinds.has(hit.kind)) : candidates
+  const seen = wanted.filter(({ depth }) => !ground || depth <= groundDepth + HIDDEN_M)
   for (const kind of ORDER) {
     const [best] = seen.filter(({ hit }) => hit.kind === kind).sort((a, b) => a.pixels - b.pixels || a.depth - b.depth)
     if (best) {
       return best.hit
     }
   }
-  return ground && { kind: 'ground', at: ground.at, surface: ground.surface }
+  const isWanted = kinds === undefined || kinds.has('ground')
+  return ground && isWanted ? { kind: 'ground', at: ground.at, surface: ground.surface } : undefined
 }

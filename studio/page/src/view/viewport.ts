@@ -25,6 +25,7 @@ import type {
   Features,
   Graph,
   GraphFilter,
+  Hit,
   MeshTile,
   NpcPose,
   PathLine,
@@ -199,6 +200,10 @@ class View implements Viewport {
 
   setDraggable(draggable: boolean): void {
     this.hand.draggable = draggable
+  }
+
+  setPickable(kinds: ReadonlySet<Hit['kind']> | undefined): void {
+    this.aim.pickable = kinds
   }
 
   setPaths(paths: PathLine[]): void {

@@ -61,6 +61,8 @@ export interface GraphVertex {
   island: number
   /** Whoever gets in stays in. */
   trap: boolean
+  /** A designer took it out: it is neither drawn nor picked. */
+  removed?: boolean
 }
 
 export interface GraphEdge {
@@ -153,6 +155,8 @@ export interface Viewport {
   selectVertex(index: number | undefined): void
   selectEdge(edge: { from: number; to: number } | undefined): void
   setDraggable(draggable: boolean): void
+  /** What clicks, hovers and drags can meet; undefined: everything. */
+  setPickable(kinds: ReadonlySet<Hit['kind']> | undefined): void
   setPaths(paths: PathLine[]): void
   setMarkers(start: Place | undefined, goal: Place | undefined, nearest: Place | undefined): void
   setEditMarks(marks: EditMark[]): void

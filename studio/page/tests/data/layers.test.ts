@@ -15,6 +15,8 @@ import { WorldService } from '../../src/gen/surefoot/world/v1/world_pb'
 class Planner {
   layers: Layer[] = []
   revision = 1n
+  /** What it says about the first edit of the layer `misfits`. */
+  readonly reason = 'no vertex stands there'
   /** Refuses the next change with this. */
   fault: ConnectError | undefined
 
@@ -26,7 +28,8 @@ class Planner {
     const before = this.layers.find((layer) => layer.name === name)?.edits ?? []
     this.layers = withLayer(this.layers, name, edits(before))
     this.revision += 1n
-    return { revision: this.revision, unfit: [] }
+    const isUnfit = this.layers.some((layer) => layer.name === 'misfits')
+    return { revision: this.revision, unfit: isUnfit ? [{ layer: 'misfits', index: 0, reason: this.reason }] : [] }
   }
 
   /** What another designer does. */
@@ -98,6 +101,12 @@ describe('edits', () => {
     await Promise.all([layers.apply(one), layers.apply(two), layers.apply(three)])
     expect(kept()).toEqual([['mine', [one, two, three].map(inWords)]])
     expect(layers.conflict.value).toBeUndefined()
+  })
+
+  it('that find nothing to change say so at once', async () => {
+    layers.setActive('misfits')
+    await layers.apply(one)
+    expect(said()).toEqual([`The edit is kept, but changes nothing: ${planner.reason}.`])
   })
 
   it('that are wrong are not held', async () => {

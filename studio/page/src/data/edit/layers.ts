@@ -207,6 +207,8 @@ export class Layers {
     try {
       await this.sendAppend(layer, edit)
       this.history.value = withStep(this.history.peek(), { kind: 'append', layer, edit })
+      const reason = this.unfitReason(layer, editsOf(this.list.peek(), layer).length - 1)
+      if (reason !== undefined) this.context.toasts.say(`The edit is kept, but changes nothing: ${reason}.`, 'bad')
     } catch (error) {
       const failure = failureOf(error)
       if (failure === 'refused' || failure === 'missing' || failure === 'unsupported') {

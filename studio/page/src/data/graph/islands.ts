@@ -91,12 +91,14 @@ const ORIGIN: Place = { x: 0, y: 0, z: 0 }
 /** A graph as the view shows it. */
 export function graphToShow(graph: GetGraphResponse, islands: readonly Island[]): Graph {
   const traps = new Set(islands.filter(({ standing }) => standing === 'trap').map(({ id }) => id))
+  const removed = new Set(graph.removed)
   const islandOf = (vertex: number) => graph.islands[vertex] ?? 0
   return {
     vertices: graph.vertices.map((position, vertex) => ({
       position: position ?? ORIGIN,
       island: islandOf(vertex),
       trap: traps.has(islandOf(vertex)),
+      removed: removed.has(vertex),
     })),
     edges: graph.edges.map((edge) => ({
       from: edge.from,
