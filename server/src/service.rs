@@ -20,7 +20,7 @@ use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use surefoot_world::Map;
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_stream::{Stream, StreamExt};
 use tonic::{Request, Response, Status, Streaming};
@@ -28,6 +28,8 @@ use tracing::{info, warn};
 
 /// Messages waiting for one worker; observations beyond are lost and their decisions count as missed.
 const WORKER_QUEUE: usize = 256;
+/// Threads that may make tiles of meshes at the same time.
+const MESHES_AT_A_TIME: usize = 2;
 /// How long a new worker may take to say hello.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 /// Fractions of a period between worlds: consecutive multiples of the golden ratio spread evenly however many there are.
@@ -78,6 +80,8 @@ struct Shared {
     maps: MapShelf,
     /// One at a time: two would write the same files.
     saving: tokio::sync::Mutex<()>,
+    /// Tiles of meshes that are made at a time: worlds must go on meanwhile.
+    meshing: Arc<Semaphore>,
     shutdown: Shutdown,
 }
 
@@ -96,6 +100,7 @@ impl WorldApi {
             last_world: AtomicU64::new(0),
             registry: Arc::default(),
             saving: tokio::sync::Mutex::default(),
+            meshing: Arc::new(Semaphore::new(MESHES_AT_A_TIME)),
             shutdown,
         };
         Self { shared: Arc::new(shared) }
@@ -474,7 +479,8 @@ impl WorldService for WorldApi {
         }
         let tiles = move |map: &Map| Tiles::of(map, region.map(|region| region.corners()), cell_m);
         let (patience, shutdown) = (self.shared.config.reader_patience, &self.shared.shutdown);
-        Ok(Response::new(watch::send_mesh(map, tiles, patience, shutdown)))
+        let turns = self.shared.meshing.clone();
+        Ok(Response::new(watch::send_mesh(map, tiles, turns, patience, shutdown)))
     }
 
     async fn get_features(

@@ -15,7 +15,7 @@ use surefoot_proto::serving::{Shutdown, going_away};
 use surefoot_proto::status;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::{Map, Vec3};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
 use tonic::Status;
 
@@ -206,10 +206,11 @@ pub fn watch_world(
     stream
 }
 
-/// Sends a reader the tiles of a map, which are made while they are sent.
+/// Sends a reader the tiles of a map, which are made while they are sent, whenever `turns` has a turn left.
 pub fn send_mesh(
     map: Arc<Map>,
     tiles: impl FnOnce(&Map) -> Tiles + Send + 'static,
+    turns: Arc<Semaphore>,
     patience: Duration,
     shutdown: &Shutdown,
 ) -> ReaderStream<wire::GetMeshResponse> {
@@ -217,13 +218,13 @@ pub fn send_mesh(
     let shutdown = shutdown.clone();
     tokio::spawn(async move {
         let of = map.clone();
-        let Ok(tiles) = tokio::task::spawn_blocking(move || Arc::new(tiles(&of))).await else { return };
+        let Some(tiles) = in_turn(&turns, move || Arc::new(tiles(&of))).await else { return };
         for tile_idx in 0..tiles.count() {
             if shutdown.is_triggered() {
                 return reader.close(going_away());
             }
             let (of, tiles) = (map.clone(), tiles.clone());
-            let Ok(tile) = tokio::task::spawn_blocking(move || tiles.encode(&of, tile_idx)).await else { return };
+            let Some(tile) = in_turn(&turns, move || tiles.encode(&of, tile_idx)).await else { return };
             match reader.send(tile).await {
                 Some(still) => reader = still,
                 None => return,
@@ -231,6 +232,12 @@ pub fn send_mesh(
         }
     });
     stream
+}
+
+/// Works on a thread of its own when it is its turn; `None` if the process ends.
+async fn in_turn<T: Send + 'static>(turns: &Semaphore, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+    let _turn = turns.acquire().await.ok()?;
+    tokio::task::spawn_blocking(work).await.ok()
 }
 
 /// What a reader is told of an NPC at one moment.
