@@ -12,7 +12,11 @@ const ROOT = fileURLToPath(new URL('../../..', import.meta.url))
 
 /** The program: named by SUREFOOT, or the one that was built last for tests. */
 function program(): string {
-  const found = [process.env.SUREFOOT, path.join(ROOT, 'target/debug/surefoot'), path.join(ROOT, 'target/release/surefoot')]
+  const found = [
+    process.env.SUREFOOT,
+    path.join(ROOT, 'target/debug/surefoot'),
+    path.join(ROOT, 'target/release/surefoot'),
+  ]
   const there = found.find((file) => file !== undefined && existsSync(file))
   if (there === undefined) throw new Error('build surefoot first: cargo build --workspace')
   return there
@@ -51,7 +55,19 @@ export class Scene {
 }
 
 async function run(cache: string, listen: string, plannerListen: string) {
-  const args = ['up', '--maps', '1', '--npcs', '8', '--cache', cache, '--listen', listen, '--planner-listen', plannerListen]
+  const args = [
+    'up',
+    '--maps',
+    '1',
+    '--npcs',
+    '8',
+    '--cache',
+    cache,
+    '--listen',
+    listen,
+    '--planner-listen',
+    plannerListen,
+  ]
   const process = spawn(program(), args, { stdio: ['ignore', 'ignore', 'pipe'] })
   const found: Record<string, string> = {}
   const lines = createInterface({ input: process.stderr! })

@@ -86,7 +86,11 @@ test('a designer forbids a leg, and the plan and the NPC go another way', async 
   // An NPC sets out on that way.
   await page.getByRole('button', { name: 'Send an NPC' }).click()
   const planned = () =>
-    ask(page, ({ state }) => state.npcs.followed.value?.plan?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? [])
+    ask(
+      page,
+      ({ state }) =>
+        state.npcs.followed.value?.plan?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? [],
+    )
   await expect.poll(async () => (await planned()).length).toBeGreaterThan(4)
   const before = await planned()
   const pairs = (way: string[]) => way.slice(1).map((place, at) => `${way[at]} > ${place}`)
@@ -107,7 +111,12 @@ test('a designer forbids a leg, and the plan and the NPC go another way', async 
   await expect.poll(async () => pairs(await planned()).includes(forbidden)).toBe(false)
   expect((await planned()).length).toBeGreaterThan(1)
   await expect
-    .poll(() => ask(page, ({ state }) => state.plans.chosen.value?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? []))
+    .poll(() =>
+      ask(
+        page,
+        ({ state }) => state.plans.chosen.value?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? [],
+      ),
+    )
     .not.toEqual(before)
   await page.getByRole('tab', { name: 'Layers' }).click()
   await expect(page.getByText(/^Forbid /).first()).toBeVisible()
@@ -123,7 +132,11 @@ test('vertices are put in and taken out by a click, and an NPC is put elsewhere'
   await withGraph(page)
   await page.keyboard.press('t')
   await page.keyboard.press('h')
-  const graph = () => ask(page, ({ state }) => ({ all: state.graphs.loaded.value!.vertices.length, removed: state.graphs.loaded.value!.removed.length }))
+  const graph = () =>
+    ask(page, ({ state }) => ({
+      all: state.graphs.loaded.value!.vertices.length,
+      removed: state.graphs.loaded.value!.removed.length,
+    }))
   const before = await graph()
   await page.getByRole('button', { name: 'Add a vertex' }).click()
   // In the middle of a graph whose edges are everywhere.

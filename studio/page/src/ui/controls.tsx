@@ -39,7 +39,13 @@ export function Button({ label, onClick, icon, bare, tone = 'plain', disabled, p
 }
 
 /** Asks once more, in its own place, before it does what cannot be taken back. */
-export function SureButton(props: { label: string; question: string; onSure: () => void; icon?: IconName; bare?: boolean }) {
+export function SureButton(props: {
+  label: string
+  question: string
+  onSure: () => void
+  icon?: IconName
+  bare?: boolean
+}) {
   const [asking, setAsking] = useState(false)
   if (!asking) {
     const { label, icon, bare = false } = props
@@ -188,7 +194,11 @@ export function SelectField<T extends string>({ label, value, options, onChange 
 export function Check(props: { label: string; checked: boolean; onChange: (checked: boolean) => void }) {
   return (
     <label class="check">
-      <input type="checkbox" checked={props.checked} onChange={(event) => props.onChange(event.currentTarget.checked)} />
+      <input
+        type="checkbox"
+        checked={props.checked}
+        onChange={(event) => props.onChange(event.currentTarget.checked)}
+      />
       <span>{props.label}</span>
     </label>
   )
@@ -200,12 +210,7 @@ export function Choice<T extends string>({ label, value, options, onChange }: Se
     <div class="choice" role="radiogroup" aria-label={label}>
       {options.map((option) => (
         <label key={option.value} class={option.value === value ? 'chosen' : ''}>
-          <input
-            type="radio"
-            name={label}
-            checked={option.value === value}
-            onChange={() => onChange(option.value)}
-          />
+          <input type="radio" name={label} checked={option.value === value} onChange={() => onChange(option.value)} />
           {option.name}
         </label>
       ))}

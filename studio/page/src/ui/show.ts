@@ -30,7 +30,9 @@ export function show(studio: Studio, viewport: Viewport): () => void {
       viewport.setMarkers(plans.start.value, plans.goal.value, nearest)
     }),
     effect(() => {
-      viewport.setEditMarks(marksOf(layers.list.value, (layer, index) => layers.unfitReason(layer, index) !== undefined))
+      viewport.setEditMarks(
+        marksOf(layers.list.value, (layer, index) => layers.unfitReason(layer, index) !== undefined),
+      )
     }),
     effect(() => {
       const result = builds.comparison.value?.result

@@ -5,7 +5,14 @@ const HEIGHT = 18
 export function Sparkline({ values, label }: { values: readonly number[]; label: string }) {
   if (values.length < 2) return null
   return (
-    <svg class="sparkline" width={WIDTH} height={HEIGHT} viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={label}>
+    <svg
+      class="sparkline"
+      width={WIDTH}
+      height={HEIGHT}
+      viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
+      role="img"
+      aria-label={label}
+    >
       <polyline points={sparkPoints(values, WIDTH, HEIGHT)} />
     </svg>
   )
@@ -16,6 +23,8 @@ export function sparkPoints(values: readonly number[], width: number, height: nu
   const most = Math.max(...values, Number.MIN_VALUE)
   const step = (width - 2) / Math.max(1, values.length - 1)
   return values
-    .map((value, index) => `${(1 + index * step).toFixed(1)},${(height - 1 - (value / most) * (height - 2)).toFixed(1)}`)
+    .map(
+      (value, index) => `${(1 + index * step).toFixed(1)},${(height - 1 - (value / most) * (height - 2)).toFixed(1)}`,
+    )
     .join(' ')
 }

@@ -47,7 +47,9 @@ describe('edits', () => {
   })
 
   it('differ by kind, place and number', () => {
-    const keys = [forbidEdge(a, b), forbidEdge(b, a), forceEdge(a, b), priceEdge(a, b, 2), priceEdge(a, b, 3)].map(editKey)
+    const keys = [forbidEdge(a, b), forbidEdge(b, a), forceEdge(a, b), priceEdge(a, b, 2), priceEdge(a, b, 3)].map(
+      editKey,
+    )
     expect(new Set(keys).size).toBe(keys.length)
     expect(sameEdit(forbidEdge(a, b), undefined)).toBe(false)
   })
@@ -58,7 +60,10 @@ describe('edits', () => {
   })
 
   it('leave marks where they took something out, unless they do not fit', () => {
-    const layers = [layer('day', forbidEdge(a, b), priceEdge(a, b, 2)), layer('night', removeVertex(b), removeVertex(a))]
+    const layers = [
+      layer('day', forbidEdge(a, b), priceEdge(a, b, 2)),
+      layer('night', removeVertex(b), removeVertex(a)),
+    ]
     const marks = marksOf(layers, (name, index) => name === 'night' && index === 1)
     expect(marks.map(({ kind }) => kind)).toEqual(['forbidden', 'removed'])
   })
@@ -69,7 +74,12 @@ describe('differenceOf', () => {
   it.each([
     ['nothing', [layer('x', one)], [layer('x', one)], []],
     ['an edit more', [layer('x', one)], [layer('x', one, two)], ['Layer x changed elsewhere: +1 edit']],
-    ['two more, one less', [layer('x', one)], [layer('x', two, three)], ['Layer x changed elsewhere: +2 edits, -1 edit']],
+    [
+      'two more, one less',
+      [layer('x', one)],
+      [layer('x', two, three)],
+      ['Layer x changed elsewhere: +2 edits, -1 edit'],
+    ],
     ['one of two equal ones', [layer('x', one, one)], [layer('x', one)], ['Layer x changed elsewhere: -1 edit']],
     ['a new layer', [], [layer('y', one)], ['Layer y was made elsewhere: +1 edit']],
     ['a layer gone', [layer('y', one)], [], ['Layer y was deleted elsewhere']],

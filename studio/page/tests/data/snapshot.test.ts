@@ -75,7 +75,11 @@ describe('what is read from NPCs', () => {
   })
 
   it('has a pose even for an NPC without a place', () => {
-    expect(poseOf(create(NpcSchema, { npcId: 5n }))).toMatchObject({ id: 5n, state: 'idle', position: { x: 0, y: 0, z: 0 } })
+    expect(poseOf(create(NpcSchema, { npcId: 5n }))).toMatchObject({
+      id: 5n,
+      state: 'idle',
+      position: { x: 0, y: 0, z: 0 },
+    })
   })
 })
 
@@ -120,7 +124,10 @@ describe('afterMessage', () => {
   })
 
   it('takes a history in place of the one before', () => {
-    const history = [{ attempt: 1, outcome: Outcome.REACHED }, { attempt: 2, outcome: Outcome.FELL }]
+    const history = [
+      { attempt: 1, outcome: Outcome.REACHED },
+      { attempt: 2, outcome: Outcome.FELL },
+    ]
     expect(afterMessage(known, create(FollowNpcResponseSchema, { history })).history).toHaveLength(2)
   })
 })

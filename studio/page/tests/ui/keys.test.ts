@@ -43,7 +43,10 @@ describe('commandFor', () => {
     expect(new Set(TOOL_KEYS.map(({ key }) => key)).size).toBe(TOOL_KEYS.length)
   })
 
-  it.each(OTHER_KEYS.map(({ keys }) => [keys === 'Esc' ? 'Escape' : keys]))('does what the sheet says for %s', (keys) => {
-    expect(commandFor(stroke(keys))).toBeDefined()
-  })
+  it.each(OTHER_KEYS.map(({ keys }) => [keys === 'Esc' ? 'Escape' : keys]))(
+    'does what the sheet says for %s',
+    (keys) => {
+      expect(commandFor(stroke(keys))).toBeDefined()
+    },
+  )
 })

@@ -1,10 +1,7 @@
 // Having a graph built, with the map handed on to a planner that does not know it yet.
 
 import { Code, ConnectError } from '@connectrpc/connect'
-import {
-  type BuildGraphResponse,
-  type BuildSettings,
-} from '../../gen/surefoot/planner/v1/planner_pb'
+import { type BuildGraphResponse, type BuildSettings } from '../../gen/surefoot/planner/v1/planner_pb'
 import { MapFormat } from '../../gen/surefoot/world/v1/maps_pb'
 import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import type { Context } from '../context'

@@ -151,9 +151,7 @@ export class Graphs {
     const { session, planner } = this.context
     const upkeep = { link: planner.link, session, signal }
     try {
-      const answer = await keepAsking(upkeep, () =>
-        planner.calls.listGraphs({}, { signal, timeoutMs: TIMEOUT_MS }),
-      )
+      const answer = await keepAsking(upkeep, () => planner.calls.listGraphs({}, { signal, timeoutMs: TIMEOUT_MS }))
       this.list.value = answer?.graphs ?? []
       const ready = answer?.graphs.find(({ summary }) => summary?.mapHash === world.mapHash)
       if (ready !== undefined) return ready.graphId

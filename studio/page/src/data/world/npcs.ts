@@ -1,13 +1,7 @@
 // The selected NPC, and what can be done with NPCs.
 
 import { batch, signal } from '@preact/signals'
-import type {
-  EndedAttempt,
-  FollowNpcResponse,
-  Npc,
-  NpcPlan,
-  Ray,
-} from '../../gen/surefoot/world/v1/world_pb'
+import type { EndedAttempt, FollowNpcResponse, Npc, NpcPlan, Ray } from '../../gen/surefoot/world/v1/world_pb'
 import type { Place } from '../../view/viewport.types'
 import { type Context, report } from '../context'
 import { failureOf } from '../net/errors'

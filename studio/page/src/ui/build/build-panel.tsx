@@ -18,7 +18,9 @@ export function BuildPanel({ studio }: { studio: Studio }) {
         title="Build a graph"
         actions={<Button label="Defaults" onClick={() => (builds.settings.value = standardSettings())} />}
       >
-        {isGone && <p class="warn">No planner answers. Start one with surefoot plan, or everything with surefoot up.</p>}
+        {isGone && (
+          <p class="warn">No planner answers. Start one with surefoot plan, or everything with surefoot up.</p>
+        )}
         <Options studio={studio} />
         <div class="row">
           {state.kind === 'running' ? (
@@ -103,7 +105,9 @@ function Result({ studio, state }: { studio: Studio; state: BuildState }) {
       const isHere = studio.worlds.chosen.value?.mapHash === mapHash
       return (
         <div class="done">
-          <p role="status">{summary.cached ? 'It was in the cache already.' : `Built in ${duration(summary.buildS)}.`}</p>
+          <p role="status">
+            {summary.cached ? 'It was in the cache already.' : `Built in ${duration(summary.buildS)}.`}
+          </p>
           <Facts
             rows={[
               ['Vertices', count(summary.vertices)],
@@ -128,8 +132,7 @@ function Result({ studio, state }: { studio: Studio; state: BuildState }) {
 function Running({ state: { progress, probingSince } }: { state: Extract<BuildState, { kind: 'running' }> }) {
   const done = Number(progress?.probesDone ?? 0n)
   const total = Number(progress?.probesTotal ?? 0n)
-  const left =
-    probingSince === undefined ? undefined : timeLeft(done, total, (performance.now() - probingSince) / 1000)
+  const left = probingSince === undefined ? undefined : timeLeft(done, total, (performance.now() - probingSince) / 1000)
   return (
     <div class="running" role="status">
       <Progress label="Build" share={total > 0 ? done / total : undefined} />

@@ -43,10 +43,7 @@ function Evidence({ studio: { graphs }, edge }: { studio: Studio; edge: Edge }) 
         ['Ability', <AbilityName ability={edge.ability} />],
         ['Estimated chance', <ChanceBar chance={edge.chance} label="Estimated chance" />],
         ['Arrived', tries === 0 ? 'never tried' : `${count(successes)} of ${counted(tries, 'try', 'tries')}`],
-        [
-          'Time',
-          successes === 0 ? '-' : `${duration(decisionsMean * DECISION_SECONDS)} (${mean} decisions)`,
-        ],
+        ['Time', successes === 0 ? '-' : `${duration(decisionsMean * DECISION_SECONDS)} (${mean} decisions)`],
         [
           'Price',
           <>

@@ -27,7 +27,9 @@ export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
     <Section
       title="Edges shown"
       actions={
-        isFiltered(filter) && <Button label="Show all" onClick={() => graphs.setFilter({ ...SHOW_ALL, visible, colour })} />
+        isFiltered(filter) && (
+          <Button label="Show all" onClick={() => graphs.setFilter({ ...SHOW_ALL, visible, colour })} />
+        )
       }
     >
       <Choice label="Colour by" value={colour} options={COLOURS} onChange={(colour) => graphs.setFilter({ colour })} />
@@ -64,8 +66,16 @@ export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
         onInput={(value) => graphs.setFilter({ maxChance: value, minChance: Math.min(value, filter.minChance) })}
       />
       <div class="checks">
-        <Check label="Only one-way" checked={filter.onlyOneWay} onChange={(onlyOneWay) => graphs.setFilter({ onlyOneWay })} />
-        <Check label="Only edited" checked={filter.onlyEdited} onChange={(onlyEdited) => graphs.setFilter({ onlyEdited })} />
+        <Check
+          label="Only one-way"
+          checked={filter.onlyOneWay}
+          onChange={(onlyOneWay) => graphs.setFilter({ onlyOneWay })}
+        />
+        <Check
+          label="Only edited"
+          checked={filter.onlyEdited}
+          onChange={(onlyEdited) => graphs.setFilter({ onlyEdited })}
+        />
       </div>
     </Section>
   )

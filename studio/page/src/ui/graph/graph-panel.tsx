@@ -17,7 +17,12 @@ export function GraphPanel({ studio }: { studio: Studio }) {
   return (
     <>
       {selection?.kind === 'edge' && (
-        <EdgeInspector key={`${selection.from}>${selection.to}`} studio={studio} from={selection.from} to={selection.to} />
+        <EdgeInspector
+          key={`${selection.from}>${selection.to}`}
+          studio={studio}
+          from={selection.from}
+          to={selection.to}
+        />
       )}
       {selection?.kind === 'vertex' && <VertexInspector studio={studio} index={selection.index} />}
       <Summary studio={studio} />
@@ -48,7 +53,10 @@ function Summary({ studio }: { studio: Studio }) {
           ['Probes', `${count(summary.probes)} for ${count(summary.candidates)} candidates`],
           ['Build', `${duration(summary.buildS)}${summary.cached ? ', from the cache' : ''}`],
           ['Passages of NPCs', count(summary.passages)],
-          ['Edits', summary.unfitEdits > 0 ? `${summary.edits}, ${summary.unfitEdits} do not fit` : count(summary.edits)],
+          [
+            'Edits',
+            summary.unfitEdits > 0 ? `${summary.edits}, ${summary.unfitEdits} do not fit` : count(summary.edits),
+          ],
         ]}
       />
     </Section>

@@ -14,8 +14,8 @@ export function NoGraph({ studio: { graphs, worlds, context } }: { studio: Studi
           Graphs and plans come from a planner. This page looks for it at <code>{context.planner.address}</code>.
         </p>
         <p>
-          Start one with <code>surefoot plan</code>, or everything with <code>surefoot up</code>. It is taken up as soon as
-          it answers; NPCs can be watched without it.
+          Start one with <code>surefoot plan</code>, or everything with <code>surefoot up</code>. It is taken up as soon
+          as it answers; NPCs can be watched without it.
         </p>
       </Empty>
     )

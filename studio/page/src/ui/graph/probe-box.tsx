@@ -22,7 +22,12 @@ export function ProbeBox({ studio, from, to }: { studio: Studio; from: number; t
           onClick={() => void probes.probe(graphId, from, to)}
         />
         {last !== undefined && (
-          <Button label="Replay" icon="redo" disabled={probes.playing.value} onClick={() => probes.replay(last.result)} />
+          <Button
+            label="Replay"
+            icon="redo"
+            disabled={probes.playing.value}
+            onClick={() => probes.replay(last.result)}
+          />
         )}
         {uncounted > 0 && (
           <Button

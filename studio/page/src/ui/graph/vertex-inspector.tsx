@@ -3,7 +3,12 @@ import type { Studio } from '../../data/studio'
 import { AbilityName, Button, ChanceBar, Facts, Section } from '../controls'
 import { remove } from '../tools'
 
-const STANDINGS = { main: 'the main one', trap: 'a one-way trap', source: 'leads to the main one only', apart: 'cut off' }
+const STANDINGS = {
+  main: 'the main one',
+  trap: 'a one-way trap',
+  source: 'leads to the main one only',
+  apart: 'cut off',
+}
 const MAX_ROWS = 40
 
 export function VertexInspector({ studio, index }: { studio: Studio; index: number }) {

@@ -25,7 +25,10 @@ export function ConflictCard({ studio: { layers }, conflict }: { studio: Studio;
         <div key={change.layer}>
           <p>{changeInWords(change)}</p>
           <ul>
-            {[...change.added.map((edit) => ({ sign: '+', edit })), ...change.removed.map((edit) => ({ sign: '-', edit }))]
+            {[
+              ...change.added.map((edit) => ({ sign: '+', edit })),
+              ...change.removed.map((edit) => ({ sign: '-', edit })),
+            ]
               .slice(0, MAX_ROWS)
               .map(({ sign, edit }, index) => (
                 <li key={index}>

@@ -54,9 +54,20 @@ function Actions({ studio, id }: { studio: Studio; id: bigint }) {
   const tool = studio.tool.value
   return (
     <div class="row wrap" role="group" aria-label="What to do with the NPC">
-      <Button label="Follow camera" icon="follow" hint="F" pressed={npcs.camera.value} onClick={() => npcs.toggleCamera()} />
+      <Button
+        label="Follow camera"
+        icon="follow"
+        hint="F"
+        pressed={npcs.camera.value}
+        onClick={() => npcs.toggleCamera()}
+      />
       <Button label="Send somewhere" icon="send" pressed={tool === 'send'} onClick={() => studio.setTool('send')} />
-      <Button label="Teleport" icon="teleport" pressed={tool === 'teleport'} onClick={() => studio.setTool('teleport')} />
+      <Button
+        label="Teleport"
+        icon="teleport"
+        pressed={tool === 'teleport'}
+        onClick={() => studio.setTool('teleport')}
+      />
       <Button label="Plan from here" icon="plan" onClick={planFromHere} />
       <SureButton label="Remove" question="Remove this NPC?" icon="trash" onSure={() => void npcs.remove(id)} />
     </div>

@@ -165,7 +165,8 @@ function SendButton({ studio }: { studio: Studio }) {
     const id = npcs.selectedId.peek() ?? (await npcs.spawn(worldId, start))
     if (id !== undefined) await npcs.send(id, goal)
   }
-  const hint = npcs.selectedId.value === undefined ? 'Spawns one at the start' : 'Sends the selected one from where it is'
+  const hint =
+    npcs.selectedId.value === undefined ? 'Spawns one at the start' : 'Sends the selected one from where it is'
   return <Button label="Send an NPC" icon="send" tone="main" hint={hint} onClick={() => void send()} />
 }
 
