@@ -96,6 +96,21 @@ async fn edits_of_a_level_outlive_its_changes() {
     }
     assert_ne!(graphs[0].0, graphs[1].0);
     assert_eq!((graphs[0].1.edits, graphs[1].1.edits), (0, 1), "the second version has the first one's edit");
+
+    // What one version lost to the other is what the other gains from it.
+    let listed = client.list_graphs(plan::ListGraphsRequest {}).await.unwrap().into_inner().graphs;
+    assert!(listed.iter().map(|graph| &graph.graph_id).eq([&graphs[1].0, &graphs[0].0]));
+    assert!(listed.iter().all(|graph| graph.map.is_none() && !graph.level.is_empty()));
+    let mut compared = Vec::new();
+    for (before, after) in [(&graphs[0], &graphs[1]), (&graphs[1], &graphs[0])] {
+        let request = plan::CompareGraphsRequest { before: before.0.clone(), after: after.0.clone() };
+        compared.push(client.compare_graphs(request).await.unwrap().into_inner());
+    }
+    let [there, back] = compared.try_into().unwrap();
+    assert!(!there.lost.is_empty() || !there.gained.is_empty(), "the two versions are different maps");
+    assert_eq!((&there.lost, &there.gained), (&back.gained, &back.lost));
+    assert_eq!((there.islands_before, there.islands_after), (back.islands_after, back.islands_before));
+    assert_eq!(there.connected_after, back.connected_before);
     planner.stop().await;
 }
 

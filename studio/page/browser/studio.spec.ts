@@ -176,12 +176,39 @@ test('a graph is built while its progress is shown, and compared', async ({ page
   await page.getByRole('button', { name: 'Show this graph' }).click()
   await expect.poll(() => ask(page, ({ state }) => state.graphs.loaded.value?.vertices.length)).toBeGreaterThan(149)
 
+  // What it reaches and the one before did not, or the other way round.
+  await page.getByRole('button', { name: 'Compare', exact: true }).click()
+  await expect(page.getByText('Places lost')).toBeVisible()
+  expect(await page.getByLabel('Before').inputValue()).not.toBe(await page.getByLabel('After').inputValue())
+
   // Another one is begun and cancelled.
   await page.getByLabel('Vertices').fill('700')
   await page.getByRole('button', { name: 'Start the build' }).click()
   await expect(page.getByRole('progressbar')).toBeVisible()
   await page.getByRole('button', { name: 'Cancel the build' }).click()
   await expect(page.getByText('Cancelled.')).toBeVisible()
+})
+
+test('an edge is probed again, and its attempt is played', async ({ page }) => {
+  await open(page)
+  await withGraph(page)
+  await ask(page, ({ state }) => {
+    const { from, to } = state.graphs.loaded.value!.edges[10]!
+    state.graphs.select({ kind: 'edge', from, to })
+    state.openTab('graph')
+  })
+  const probe = page.getByRole('group', { name: 'Probe the edge' })
+  await expect(probe).toContainText('Not probed here yet.')
+  for (const made of [1, 2]) {
+    await probe.getByRole('button', { name: 'Probe again' }).click()
+    await expect.poll(() => ask(page, ({ state }) => state.probes.made.value.length)).toBe(made)
+  }
+  await expect(probe).toContainText(/of 2 probes made here arrived/)
+  expect(await ask(page, ({ state }) => state.probes.playing.value)).toBe(true)
+  await expect.poll(() => ask(page, ({ state }) => state.probes.playing.value)).toBe(false)
+  // The planner takes them as evidence.
+  await probe.getByRole('button', { name: 'Count 2' }).click()
+  await expect(probe.getByRole('button', { name: /^Count/ })).toBeHidden()
 })
 
 test('what another designer did meanwhile is shown, and nothing is lost', async ({ page, context }) => {
