@@ -2,7 +2,8 @@
 //! the table is empty and says why: everything else of Surefoot does without the page.
 //!
 //! `SUREFOOT_STUDIO` decides: `require` fails the build without the page, `off` leaves it out, a folder is a page that was
-//! built before; unset: try, and warn.
+//! built before, its path relative to the repository; unset: try, and warn. Cargo tries again when what the page is made of
+//! or that variable has changed.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -26,14 +27,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let built = match wish.as_str() {
         "off" => Err("it was left out (SUREFOOT_STUDIO=off)".to_owned()),
         "" | "require" => build(&page, &out.join("page")),
-        folder => Ok(PathBuf::from(folder)),
+        folder => {
+            let folder = page.join("../..").join(folder);
+            println!("cargo:rerun-if-changed={}", folder.display());
+            Ok(folder)
+        }
     };
     let table = match built {
         Ok(folder) => table(&folder)?,
         Err(reason) if wish == "require" => return Err(format!("Studio cannot be built: {reason}").into()),
         Err(reason) => {
             if wish != "off" {
-                println!("cargo:warning=built without Studio: {reason}");
+                println!("cargo:warning=built without Studio: {reason}; SUREFOOT_STUDIO=require tries again");
             }
             format!("const FILES: &[File] = &[];\nconst MISSING: &str = {reason:?};\n")
         }

@@ -112,7 +112,7 @@ pub struct Difference {
     pub islands: (usize, usize),
 }
 
-/// Compares two versions of a level, place by place: a place counts as reached if the vertex nearest to it is.
+/// Compares two versions of a level, place by place: a place counts as reached if a vertex that is reached lies near it.
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
     let places = |graph: &NavGraph| -> Vec<(Vec3, bool)> {
         (0..).zip(reached_from_main(graph)).map(|(vertex, reached)| (graph.position(vertex), reached)).collect()

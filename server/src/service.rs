@@ -461,7 +461,9 @@ impl WorldService for WorldApi {
         request: Request<wire::FollowNpcRequest>,
     ) -> Result<Response<Self::FollowNpcStream>, Status> {
         let wire::FollowNpcRequest { npc_id, rate_hz, rays } = request.into_inner();
-        let pause = watch::pause_of(rate_hz)?;
+        let asked = watch::pause_of(rate_hz)?;
+        // Rays are cast on the world's own thread.
+        let pause = if rays { asked.max(watch::pause_of(0.0)?) } else { asked };
         self.with_npc(npc_id, move |world| world.npc(npc_id)).await?;
         let directory = self.directory(world_of(npc_id))?;
         let (patience, shutdown) = (self.shared.config.reader_patience, &self.shared.shutdown);

@@ -216,15 +216,19 @@ pub fn send_mesh(
 ) -> ReaderStream<wire::GetMeshResponse> {
     let (mut reader, stream) = Reader::new(patience);
     let shutdown = shutdown.clone();
+    let lost = || Status::internal("the mesh cannot be made");
     tokio::spawn(async move {
         let of = map.clone();
-        let Some(tiles) = in_turn(&turns, move || Arc::new(tiles(&of))).await else { return };
+        let Some(tiles) = in_turn(&turns, &reader.queue, move || Arc::new(tiles(&of))).await else {
+            return reader.close(lost());
+        };
         for tile_idx in 0..tiles.count() {
             if shutdown.is_triggered() {
                 return reader.close(going_away());
             }
             let (of, tiles) = (map.clone(), tiles.clone());
-            let Some(tile) = in_turn(&turns, move || tiles.encode(&of, tile_idx)).await else { return };
+            let tile = in_turn(&turns, &reader.queue, move || tiles.encode(&of, tile_idx)).await;
+            let Some(tile) = tile else { return reader.close(lost()) };
             match reader.send(tile).await {
                 Some(still) => reader = still,
                 None => return,
@@ -234,9 +238,17 @@ pub fn send_mesh(
     stream
 }
 
-/// Works on a thread of its own when it is its turn; `None` if the process ends.
-async fn in_turn<T: Send + 'static>(turns: &Semaphore, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
-    let _turn = turns.acquire().await.ok()?;
+/// Works on a thread of its own when it is its turn; `None` if it panics, or the reader has left before.
+async fn in_turn<T: Send + 'static, M>(
+    turns: &Semaphore,
+    reader: &mpsc::Sender<M>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    let _turn = tokio::select! {
+        biased;
+        () = reader.closed() => return None,
+        turn = turns.acquire() => turn.ok()?,
+    };
     tokio::task::spawn_blocking(work).await.ok()
 }
 

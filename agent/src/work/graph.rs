@@ -78,11 +78,15 @@ impl Builder {
                     info!(graph_id, "graph ready");
                     ready.send_replace(graph_id.clone());
                     let mut lost = ready.subscribe();
-                    tokio::select! {
+                    let known = tokio::select! {
                         // A query to which the planner no longer knows the graph clears it; then it is built again.
-                        result = lost.wait_for(String::is_empty) => if result.is_err() { return },
-                        () = self.watch(&graph_id, &edited) => drop(ready.send_replace(String::new())),
+                        result = lost.wait_for(String::is_empty) => result.is_ok(),
+                        () = self.watch(&graph_id, &edited) => true,
+                    };
+                    if !known {
+                        return;
                     }
+                    edited.send_replace(0);
                     pause = MIN_PAUSE;
                 }
                 Err(status) => {
@@ -94,7 +98,7 @@ impl Builder {
         }
     }
 
-    /// Follows the edits of a graph until the planner no longer knows it.
+    /// Follows the edits of a graph; never ends.
     async fn watch(&self, graph_id: &str, edited: &watch::Sender<u64>) {
         let mut client = self.client.clone();
         loop {
@@ -114,9 +118,9 @@ impl Builder {
             };
             edited.send_replace(0);
             match ended.code() {
-                Code::NotFound => return,
-                // Planners of an older version do not tell.
-                Code::Unimplemented => std::future::pending().await,
+                // Whoever asks it next for a plan has it built again: a planner may have no room for graphs that nobody asks.
+                // Planners of an older version do not tell at all.
+                Code::NotFound | Code::Unimplemented => std::future::pending().await,
                 _ => tokio::time::sleep(MAX_PAUSE).await,
             }
         }

@@ -71,6 +71,8 @@ const OUT_QUEUE: usize = 256;
 const WORLD_QUEUE: usize = 256;
 /// Passages that are told together, unless one failed.
 const REPORT_LEN: usize = 64;
+/// Plans that are asked for in one batch; planners allow more.
+const MAX_QUERIES: usize = 1024;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
 
@@ -213,6 +215,8 @@ struct Carried {
     is_planning: bool,
     /// State of designers' edits that its plan was made with; 0 without one.
     revision: u64,
+    /// The state for which it last planned anew.
+    followed: u64,
     /// A waypoint that the server has not been told yet.
     new_waypoint: Option<Vec3>,
     /// A plan that the server has not been told yet.
@@ -297,7 +301,9 @@ impl WorldTask {
             }
         }
         self.report();
-        self.ask_for_plans(queries).await;
+        for queries in queries.chunks(MAX_QUERIES) {
+            self.ask_for_plans(queries).await;
+        }
         let waypoints = batch.npc_ids.iter().filter_map(|&id| {
             let position = self.npcs.get_mut(&id)?.new_waypoint.take()?;
             Some(wire::Waypoint { npc_id: id, position: Some(convert::to_wire(position)) })
@@ -334,6 +340,7 @@ impl WorldTask {
             follower: Follower::new(goal, FollowConfig::default()),
             is_planning: false,
             revision: 0,
+            followed: 0,
             new_waypoint: None,
             new_plan: None,
             memory: vec![0.0; memory_len],
@@ -347,8 +354,9 @@ impl WorldTask {
             return Step::Keep;
         }
         // In the air there is no turning round.
-        if grounded && carried.revision != 0 && latest != 0 && carried.revision != latest {
-            carried.revision = 0;
+        let is_outdated = carried.revision != 0 && latest != 0 && carried.revision != latest;
+        if grounded && is_outdated && carried.followed != latest {
+            carried.followed = latest;
             carried.follower.forget_plan();
         }
         let step = carried.follower.note(feet, touched);
@@ -393,11 +401,8 @@ impl WorldTask {
     }
 
     /// Asks the planner; in lockstep waits for the answer, otherwise it is taken up at a later decision.
-    async fn ask_for_plans(&mut self, queries: Vec<(u64, u32, Vec3)>) {
+    async fn ask_for_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
         let Some(graph) = &mut self.graph else { return };
-        if queries.is_empty() {
-            return;
-        }
         if self.is_lockstep && graph.id.wait_for(|id| !id.is_empty()).await.is_err() {
             return;
         }
@@ -406,13 +411,13 @@ impl WorldTask {
             return;
         }
         let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()) };
-        for &(id, _, feet) in &queries {
+        for &(id, _, feet) in queries {
             let carried = self.npcs.get_mut(&id).expect("noted in this batch");
             carried.is_planning = true;
             request.queries.push(query_to_wire(&carried.follower.query(feet)));
         }
         let (client, ready, planned) = (graph.client.clone(), graph.ready.clone(), self.planned.clone());
-        let asked: Vec<(u64, u32)> = queries.into_iter().map(|(id, attempt, _)| (id, attempt)).collect();
+        let asked: Vec<(u64, u32)> = queries.iter().map(|&(id, attempt, _)| (id, attempt)).collect();
         if self.is_lockstep {
             let plans = find_paths(client, request, asked, &ready).await;
             self.apply(plans);

@@ -1,27 +1,28 @@
 //! The gRPC face of the planner: decode, call, encode.
 //!
-//! Builds run one at a time on a thread of their own, and requests for the same graph share one build. Graphs
-//! in use are kept in memory, all of them on disk. What NPCs report counts at once where it makes an edge dearer; a new
-//! table follows within seconds.
+//! Graphs in use (`hosted`) are kept in memory, all of them on disk; `builds` makes new ones. What NPCs report counts at once
+//! where it makes an edge dearer; a new table follows within seconds.
 
+mod builds;
 mod hosted;
 pub mod wire_form;
 
 pub use wire_form::{npc_plan_to_wire, plan_from_wire, plan_to_wire, settings_to_wire};
 
-use crate::build::{BuildError, BuildSettings, Built, GraphId, Progress, build};
+use crate::build::{BuildError, GraphId};
 use crate::cache::{GraphStore, StoreError};
 use crate::edits::{Layer, LayerError};
 use crate::live::LiveEvidence;
 use crate::probe::{self, ProbeContext, Trial};
 use crate::reachability;
 use crate::search::{DEFAULT_TABLE_LIMIT, Query};
-use hosted::{Hosted, Origin, revision_of};
+use builds::{Listed, report};
+use hosted::{Hosted, revision_of};
 use std::collections::{BTreeMap, VecDeque};
 use std::pin::Pin;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, Weak};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
 use surefoot_policy::Policy;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::maps::{DEFAULT_MAX_MAPS, MapShelf, MapSource};
@@ -35,7 +36,7 @@ use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
-use tracing::{info, warn};
+use tracing::warn;
 use wire_form::{
     edits_from_wire, layer_from_wire, layer_to_wire, passage_from_wire, settings_from_wire, unfit_to_wire,
 };
@@ -74,45 +75,15 @@ impl Default for PlannerConfig {
     }
 }
 
-/// How often a build's progress is sent.
-const PROGRESS_PERIOD: Duration = Duration::from_millis(250);
 /// Failed legs that a query may carry.
 const MAX_AVOID: usize = 64;
 /// Passages that one report may hold.
 const MAX_PASSAGES: usize = 4096;
 /// From a report to the table that has learned from it.
 const REFRESH_AFTER: Duration = Duration::from_secs(2);
+/// Those who watch a graph that does not change are told so after this: well before their connection counts as silent.
+const REMIND_AFTER: Duration = Duration::from_secs(20);
 const POISON: &str = "no holder of this lock panics";
-
-/// A build that is going on, or its end.
-type JobState = Option<Result<Arc<Hosted>, Status>>;
-
-/// A build that several requests may share.
-#[derive(Debug, Clone)]
-struct Job {
-    interest: Arc<Interest>,
-    state: watch::Receiver<JobState>,
-}
-
-/// Held by all who wait for a build; when the last of them leaves, it is cancelled.
-#[derive(Debug)]
-struct Interest {
-    progress: Arc<Progress>,
-}
-
-impl Drop for Interest {
-    fn drop(&mut self) {
-        self.progress.cancel.store(true, Ordering::Relaxed);
-    }
-}
-
-/// A build that runs or waits for its turn.
-#[derive(Debug)]
-struct Listed {
-    interest: Weak<Interest>,
-    progress: Arc<Progress>,
-    state: watch::Receiver<JobState>,
-}
 
 /// The service; clones share everything.
 #[derive(Clone)]
@@ -131,10 +102,10 @@ struct Shared {
     jobs: Mutex<BTreeMap<String, Listed>>,
     /// One build at a time: each uses all cores.
     turn: Semaphore,
-    /// One change of layers at a time.
-    editing: tokio::sync::Mutex<()>,
+    /// One change of layers at a time, and no graph that takes them up meanwhile.
+    editing: Arc<tokio::sync::Mutex<()>>,
     /// Probes that run at a time for those who ask for one.
-    probing: Semaphore,
+    probing: Arc<Semaphore>,
     /// The map of the last such probe.
     probed_map: Mutex<Option<Arc<Map>>>,
     plans: std::sync::atomic::AtomicU64,
@@ -196,8 +167,8 @@ impl PlannerApi {
             ready: Mutex::default(),
             jobs: Mutex::default(),
             turn: Semaphore::new(1),
-            editing: tokio::sync::Mutex::default(),
-            probing: Semaphore::new(config.threads.max(1)),
+            editing: Arc::default(),
+            probing: Arc::new(Semaphore::new(config.threads.max(1))),
             probed_map: Mutex::default(),
             plans: std::sync::atomic::AtomicU64::new(0),
             shutdown,
@@ -236,11 +207,20 @@ impl PlannerApi {
         )
     }
 
+    /// A graph that somebody asks something.
     fn ready(&self, graph_id: &str) -> Result<Arc<Hosted>, Status> {
+        let hosted = self.find(graph_id)?;
+        self.recall(&hosted.origin.id);
+        Ok(hosted)
+    }
+
+    /// A graph, without counting as a use of it.
+    fn find(&self, graph_id: &str) -> Result<Arc<Hosted>, Status> {
         let id = GraphId::parse(graph_id)
             .ok_or_else(|| status::invalid("graph_id", "graph_id is not 64 hexadecimal digits"))?;
-        if let Some(ready) = self.recall(&id) {
-            return Ok(ready);
+        let ready = self.shared.ready.lock().expect(POISON);
+        if let Some(hosted) = ready.iter().find(|entry| entry.origin.id == id) {
+            return Ok(hosted.clone());
         }
         let message = format!("graph {graph_id} is not loaded: call BuildGraph first (a cached graph loads at once)");
         Err(status::not_found("graph", graph_id, message))
@@ -263,103 +243,6 @@ impl PlannerApi {
         }
     }
 
-    /// Joins the build of this graph, starting it if nobody has.
-    fn join(&self, source: MapSource, settings: BuildSettings) -> Result<Job, Status> {
-        let key = format!("{} {settings:?}", source.key());
-        let mut jobs = self.shared.jobs.lock().expect(POISON);
-        if let Some(Listed { interest, state, .. }) = jobs.get(&key)
-            && let Some(interest) = interest.upgrade()
-        {
-            return Ok(Job { interest, state: state.clone() });
-        }
-        let limit = self.shared.config.max_builds;
-        if jobs.len() >= limit {
-            return Err(status::exhausted(format!(
-                "{limit} builds run or wait already, the most allowed (--max-builds)"
-            )));
-        }
-        let (sender, state) = watch::channel(None);
-        let progress = Arc::new(Progress::default());
-        let interest = Arc::new(Interest { progress: progress.clone() });
-        // One that everybody has left may still stand here: it is on its way out.
-        let listed = Listed { interest: Arc::downgrade(&interest), progress: progress.clone(), state: state.clone() };
-        jobs.insert(key.clone(), listed);
-        let api = self.clone();
-        tokio::spawn(async move {
-            let result = api.run_build(source, settings, progress.clone()).await;
-            let mut jobs = api.shared.jobs.lock().expect(POISON);
-            if jobs.get(&key).is_some_and(|listed| Arc::ptr_eq(&listed.progress, &progress)) {
-                jobs.remove(&key);
-            }
-            drop(jobs);
-            sender.send_replace(Some(result));
-        });
-        let job = Job { interest, state };
-        Ok(job)
-    }
-
-    async fn run_build(
-        &self,
-        source: MapSource,
-        settings: BuildSettings,
-        progress: Arc<Progress>,
-    ) -> Result<Arc<Hosted>, Status> {
-        let _turn = self.shared.turn.acquire().await.map_err(|_| going_away())?;
-        if progress.cancel.load(Ordering::Relaxed) {
-            return Err(BuildError::Cancelled.into());
-        }
-        let api = self.clone();
-        let task = tokio::task::spawn_blocking(move || api.build_or_load(&source, &settings, &progress));
-        let ready = task.await.map_err(|error| Status::internal(format!("the build failed: {error}")))??;
-        self.remember(ready.clone());
-        Ok(ready)
-    }
-
-    fn build_or_load(
-        &self,
-        source: &MapSource,
-        settings: &BuildSettings,
-        progress: &Progress,
-    ) -> Result<Arc<Hosted>, Status> {
-        let map = source.map()?;
-        let map_hash = map.hash().to_hex();
-        let context = ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() };
-        let id = GraphId::of(&context, settings);
-        if let Some(ready) = self.recall(&id) {
-            return Ok(ready);
-        }
-        let origin = Origin {
-            id,
-            source: source.clone(),
-            settings: *settings,
-            map_hash,
-            policy: self.shared.policy.clone(),
-            thread_count: self.shared.config.threads,
-            table_limit: self.shared.config.table_vertices,
-        };
-        let store = &self.shared.store;
-        let stored = store.get(&id).unwrap_or_else(|error| {
-            warn!(%error, "the graph cache cannot be read: building instead");
-            None
-        });
-        let cached = stored.is_some();
-        let Built { graph, stats } = match stored {
-            Some(built) => built,
-            None => {
-                let started = Instant::now();
-                let built = build(&context, settings, self.shared.config.threads, progress)?;
-                info!(%id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
-                if let Err(error) = store.put(&id, &built) {
-                    warn!(%error, "the graph is not cached");
-                }
-                built
-            }
-        };
-        let live = if cached { or_nothing(store.live(&id)) } else { LiveEvidence::default() };
-        let layers = or_nothing(store.layers(&origin.level()));
-        Ok(Arc::new(Hosted::new(origin, graph, stats, cached, live, layers)))
-    }
-
     /// Lays changed layers over all graphs of a level, remembers them, and says what the graph is like now. Unless `if_revision`
     /// is 0, only if the layers are in that state.
     async fn change_layers(
@@ -368,12 +251,19 @@ impl PlannerApi {
         if_revision: u64,
         change: impl FnOnce(&mut Vec<Layer>) -> Result<Layer, Status> + Send + 'static,
     ) -> Result<LaidOver, Status> {
+        let editing = self.shared.editing.clone().lock_owned().await;
         let hosted = self.ready(graph_id)?;
-        let _editing = self.shared.editing.lock().await;
         let api = self.clone();
         let task = tokio::task::spawn_blocking(move || {
+            // Held until the change is made, even if nobody waits for the answer any more.
+            let _editing = editing;
             let level = hosted.level();
-            let (mut layers, _) = hosted.layers();
+            // What is kept is what counts: a graph shows it a little later.
+            let mut layers = api
+                .shared
+                .store
+                .layers(&level)
+                .map_err(|error| Status::internal(format!("the layers cannot be read: {error}")))?;
             if if_revision != 0 && if_revision != revision_of(&layers) {
                 return Err(Status::aborted(
                     "somebody else has changed the layers of this level meanwhile: GetLayers tells how, then try again",
@@ -390,7 +280,10 @@ impl PlannerApi {
                 .store
                 .put_layer(&level, &changed)
                 .map_err(|error| Status::internal(format!("the layer cannot be kept: {error}")))?;
-            let all: Vec<Arc<Hosted>> = api.shared.ready.lock().expect(POISON).iter().cloned().collect();
+            let mut all: Vec<Arc<Hosted>> = api.shared.ready.lock().expect(POISON).iter().cloned().collect();
+            if !all.iter().any(|other| Arc::ptr_eq(other, &hosted)) {
+                all.push(hosted.clone());
+            }
             for other in all.iter().filter(|other| other.level() == level) {
                 other.lay_over(layers.clone());
             }
@@ -402,12 +295,14 @@ impl PlannerApi {
 
     /// What probes on a graph's map run with. The map that was asked for last is kept, since designers try one edge after another.
     fn context_of(&self, hosted: &Hosted) -> Result<ProbeContext, Status> {
-        let kept = self.shared.probed_map.lock().expect(POISON).clone();
-        let map = match kept.filter(|map| map.hash().to_hex() == hosted.origin.map_hash) {
+        // Others who need it wait until it is made.
+        let mut kept = self.shared.probed_map.lock().expect(POISON);
+        let map = match kept.clone().filter(|map| map.hash().to_hex() == hosted.origin.map_hash) {
             Some(map) => map,
             None => hosted.origin.source.map()?,
         };
-        *self.shared.probed_map.lock().expect(POISON) = Some(map.clone());
+        *kept = Some(map.clone());
+        drop(kept);
         Ok(ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() })
     }
 
@@ -426,10 +321,11 @@ impl PlannerApi {
                 changed = changes.changed() => if changed.is_err() {
                     break status::not_found("graph", &graph_id, format!("graph {graph_id} is no longer loaded: call BuildGraph"));
                 },
+                () = tokio::time::sleep(REMIND_AFTER) => {}
                 () = &mut stopping => break going_away(),
                 () = queue.closed() => return,
             }
-            let told = match self.ready(&graph_id) {
+            let told = match self.find(&graph_id) {
                 Ok(hosted) => wire::WatchGraphResponse { summary: Some(hosted.summary()), revision: hosted.revision() },
                 Err(status) => break status,
             };
@@ -557,9 +453,11 @@ impl PlannerService for PlannerApi {
         });
         let [start, goal] = ends;
         let trial = Trial { start: start?, goal: goal?, stream: 0, keep_track: false };
-        let Ok(_turn) = self.shared.probing.acquire().await else { return Err(going_away()) };
+        let Ok(turn) = self.shared.probing.clone().acquire_owned().await else { return Err(going_away()) };
         let api = self.clone();
         let task = tokio::task::spawn_blocking(move || {
+            // Whoever asked may be gone: the turn is over when the probe is.
+            let _turn = turn;
             let context = api.context_of(&hosted)?;
             Ok::<_, Status>(probe::replay(&context, &trial, seed))
         });
@@ -724,51 +622,4 @@ fn or_nothing<T: Default>(read: Result<T, StoreError>) -> T {
         warn!(%error, "the graph cache cannot be read");
         T::default()
     })
-}
-
-/// Streams a build's progress, then its end.
-async fn report(mut job: Job, queue: mpsc::Sender<Result<wire::BuildGraphResponse, Status>>, shutdown: Shutdown) {
-    let progress = job.interest.progress.clone();
-    let stopping = shutdown.wait();
-    tokio::pin!(stopping);
-    loop {
-        let finished = tokio::select! {
-            state = job.state.wait_for(Option::is_some) => Some(match state {
-                Ok(state) => state.clone().expect("waited for it"),
-                Err(_) => Err(Status::internal("the build was lost: ask again")),
-            }),
-            () = tokio::time::sleep(PROGRESS_PERIOD) => None,
-            () = &mut stopping => Some(Err(going_away())),
-            () = queue.closed() => return,
-        };
-        let (probes_done, probes_total) =
-            (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
-        let (last, message) = match finished {
-            None => {
-                let stage = if probes_total == 0 { "vertices" } else { "probe" };
-                (
-                    false,
-                    Ok(wire::BuildGraphResponse {
-                        stage: stage.to_owned(),
-                        probes_done,
-                        probes_total,
-                        ..Default::default()
-                    }),
-                )
-            }
-            Some(result) => {
-                let done = result.map(|ready| wire::BuildGraphResponse {
-                    graph_id: ready.origin.id.to_string(),
-                    stage: "done".to_owned(),
-                    probes_done,
-                    probes_total,
-                    summary: Some(ready.summary()),
-                });
-                (true, done)
-            }
-        };
-        if queue.send(message).await.is_err() || last {
-            return;
-        }
-    }
 }

@@ -65,8 +65,9 @@ impl Gate {
         let peer = || Caller { name: peer(request).into() };
         let Some(tokens) = &self.tokens else { return Ok(peer()) };
         let access = access(request.uri().path());
-        // What is no method is a page, or nothing.
-        let is_page = is_read(request.method()) && access == Access::Roles(&[]);
+        // What is no method of a service is a page, or nothing.
+        let is_service = ["/surefoot.", "/grpc."].iter().any(|start| request.uri().path().starts_with(start));
+        let is_page = is_read(request.method()) && !is_service && access == Access::Roles(&[]);
         if is_page || access == Access::Open {
             return Ok(peer());
         }
@@ -127,6 +128,9 @@ fn refuse(status: Status, web_kind: Option<HeaderValue>) -> Response {
 
 /// A status as an answer to a plain HTTP request.
 fn refuse_page(status: &Status) -> Response {
+    if status.code() == tonic::Code::PermissionDenied {
+        return (StatusCode::FORBIDDEN, format!("{}\n", status.message())).into_response();
+    }
     let wanted = [(header::WWW_AUTHENTICATE, "Bearer")];
     (StatusCode::UNAUTHORIZED, wanted, format!("{}\n", status.message())).into_response()
 }
