@@ -193,19 +193,26 @@ test('an edge is probed again, and its attempt is played', async ({ page }) => {
   await open(page)
   await withGraph(page)
   await ask(page, ({ state }) => {
-    const { from, to } = state.graphs.loaded.value!.edges[10]!
-    state.graphs.select({ kind: 'edge', from, to })
+    // One that does not go away while NPCs report how they fared.
+    const [best] = [...state.graphs.loaded.value!.edges].sort((a, b) => b.successes - a.successes)
+    state.graphs.select({ kind: 'edge', from: best!.from, to: best!.to })
     state.openTab('graph')
+    // A replay may begin and end between two questions.
+    const played: boolean[] = []
+    state.probes.playing.subscribe((playing) => void played.push(playing))
+    Object.assign(window, { played })
   })
+  const played = () => page.evaluate<boolean[]>('window.played')
   const probe = page.getByRole('group', { name: 'Probe the edge' })
   await expect(probe).toContainText('Not probed here yet.')
+  const replays = [false]
   for (const made of [1, 2]) {
     await probe.getByRole('button', { name: 'Probe again' }).click()
-    await expect.poll(() => ask(page, ({ state }) => state.probes.made.value.length)).toBe(made)
+    await expect.poll(() => ask(page, ({ state }) => state.probes.made.value.length), { timeout: 20_000 }).toBe(made)
+    replays.push(true, false)
+    await expect.poll(played, { timeout: 30_000 }).toEqual(replays)
   }
-  await expect(probe).toContainText(/of 2 probes made here arrived/)
-  expect(await ask(page, ({ state }) => state.probes.playing.value)).toBe(true)
-  await expect.poll(() => ask(page, ({ state }) => state.probes.playing.value)).toBe(false)
+  await expect(probe).toContainText(/(Arrived after|Did not arrive within) .+\. [0-2] of 2 probes made here arrived\./)
   // The planner takes them as evidence.
   await probe.getByRole('button', { name: 'Count 2' }).click()
   await expect(probe.getByRole('button', { name: /^Count/ })).toBeHidden()
@@ -241,10 +248,32 @@ test('what another designer did meanwhile is shown, and nothing is lost', async 
 
 test('when the server is gone the page says so and comes back by itself', async ({ page }) => {
   await open(page)
+  await withGraph(page)
+  const tick = () => ask(page, ({ state }) => Number(state.live.moment.value.tick))
+  // Old enough that the one after it is younger for long.
+  await expect.poll(tick, { timeout: 60_000 }).toBeGreaterThan(1500)
   await scene.kill()
   await expect(page.getByText('The world server is gone')).toBeVisible()
+  const before = await tick()
+  await ask(page, ({ state }) => {
+    Object.assign(window, { summaryBefore: state.graphs.summary.value })
+  })
   await scene.restart()
+  // What the page still knows of the old world does not count.
+  const npcs = () => ask(page, ({ state }) => state.live.moment.value.npcs.size)
+  await expect.poll(async () => (await npcs()) === 8 && (await tick()) < before, { timeout: 30_000 }).toBe(true)
   await expect(page.getByText('The world server is gone')).toBeHidden()
-  await expect.poll(() => ask(page, ({ state }) => state.live.npcs.value.size)).toBe(8)
+  // The planner tells of the graph again: neither what was known before nor what came with the graph itself.
+  await expect
+    .poll(
+      () =>
+        ask(page, ({ state }) => {
+          const { summary, loaded } = state.graphs
+          const old: unknown[] = [undefined, Reflect.get(window, 'summaryBefore'), loaded.value?.summary]
+          return !old.includes(summary.value)
+        }),
+      { timeout: 60_000 },
+    )
+    .toBe(true)
   await withGraph(page)
 })

@@ -61,7 +61,9 @@ async function begin(): Promise<void> {
   window.addEventListener('pagehide', (event) => {
     if (!event.persisted) leaving.abort()
   })
-  document.addEventListener('visibilitychange', () => studio.setVisible(document.visibilityState === 'visible'))
+  const noticeVisibility = () => studio.setVisible(document.visibilityState === 'visible')
+  noticeVisibility()
+  document.addEventListener('visibilitychange', noticeVisibility)
   studio.view.followSystem(matchMedia('(prefers-color-scheme: dark)'))
   effect(() => {
     document.documentElement.dataset.theme = studio.view.dark.value ? 'dark' : 'light'

@@ -98,6 +98,11 @@ export class Studio {
       untracked(() => this.plans.useGraph(graphId))
     })
     effect(() => {
+      void this.graphs.id.value
+      // A vertex of another graph.
+      this.forceFrom.value = undefined
+    })
+    effect(() => {
       if (this.layers.conflict.value !== undefined) untracked(() => this.openTab('layers'))
     })
   }

@@ -41,8 +41,9 @@ function mount(studio: Studio, container: HTMLElement): () => void {
       cameraMoved: () => (studio.npcs.camera.value = false),
       detailWanted: (around, radius) => studio.level.want(around, radius),
     })
-    const end = show(studio, viewport)
+    // First, since the level clears the view before it is loaded into it.
     studio.viewport.value = viewport
+    const end = show(studio, viewport)
     return () => {
       studio.viewport.value = undefined
       end()

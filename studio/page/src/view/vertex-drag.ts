@@ -8,10 +8,17 @@ import type { Place } from './viewport.types'
 
 const lifted = (place: Place): Place => ({ ...place, y: place.y + LIFT_M })
 
+/** Nobody means a shorter way, m. */
+const SAME_M = 0.01
+
+export function samePlace(a: Place, b: Place): boolean {
+  return Math.hypot(a.x - b.x, a.y - b.y, a.z - b.z) < SAME_M
+}
+
 export class VertexDrag extends Group {
   private readonly line: LineBatch
   private readonly dot: SpriteBatch
-  private held: { index: number; from: Place; to: Place | undefined } | undefined
+  private inHand: { index: number; from: Place; to: Place | undefined } | undefined
 
   constructor(materials: Materials) {
     super()
@@ -20,13 +27,18 @@ export class VertexDrag extends Group {
     this.add(this.line, this.dot)
   }
 
+  /** Which vertex it is, and where it was. */
+  get held(): Readonly<{ index: number; from: Place }> | undefined {
+    return this.inHand
+  }
+
   start(index: number, from: Place): void {
-    this.held = { index, from, to: undefined }
+    this.inHand = { index, from, to: undefined }
   }
 
   /** `to`: the ground under the pointer; none: over the edge of the map. */
   move(to: Place | undefined): void {
-    const { held } = this
+    const { inHand: held } = this
     if (!held) {
       return
     }
@@ -42,8 +54,8 @@ export class VertexDrag extends Group {
 
   /** Lets go; where it was put down, if it was. */
   end(): { index: number; to: Place } | undefined {
-    const { held } = this
-    this.held = undefined
+    const { inHand: held } = this
+    this.inHand = undefined
     this.line.commit()
     this.dot.commit()
     return held?.to && { index: held.index, to: held.to }

@@ -19,7 +19,7 @@ import { type Box, Terrain } from './terrain'
 import { paletteOf } from './theme'
 import { TrackView } from './track'
 import { Trails } from './trails'
-import { VertexDrag } from './vertex-drag'
+import { samePlace, VertexDrag } from './vertex-drag'
 import type {
   EditMark,
   Features,
@@ -178,7 +178,12 @@ class View implements Viewport {
   }
 
   setGraph(graph: Graph | undefined): void {
-    this.drag.end()
+    const { held } = this.drag
+    const vertex = held && graph?.vertices[held.index]
+    // Graphs come anew all the time: what is in the user's hand stays there if it is still what it was.
+    if (held && (!vertex || vertex.removed || !samePlace(vertex.position, held.from))) {
+      this.drag.end()
+    }
     this.graph.setGraph(graph)
     this.change()
   }

@@ -2,7 +2,8 @@ import { create } from '@bufbuild/protobuf'
 import { describe, expect, it } from 'vitest'
 import { standardSettings } from '../../src/data/build/builds'
 import { graphLabel, pickGraph, relativeOf } from '../../src/data/build/graph-list'
-import { probeInWords, tally } from '../../src/data/graph/probes'
+import type { Context } from '../../src/data/context'
+import { probeInWords, Probes, tally } from '../../src/data/graph/probes'
 import { type Placement, ProbeEdgeResponseSchema, ReadyGraphSchema } from '../../src/gen/surefoot/planner/v1/planner_pb'
 import { Ability } from '../../src/gen/surefoot/world/v1/map_pb'
 
@@ -69,12 +70,28 @@ describe('probes', () => {
     expect(probeInWords(probe)).toBe(words)
   })
 
-  it('are tallied by edge', () => {
+  it('are tallied by edge and graph', () => {
     const made = [
-      { from: 1, to: 2, result: result(true, 5), counted: false },
-      { from: 1, to: 2, result: result(false, 5), counted: true },
-      { from: 2, to: 1, result: result(true, 5), counted: false },
+      { graphId: 'a', from: 1, to: 2, result: result(true, 5), counted: false },
+      { graphId: 'a', from: 1, to: 2, result: result(false, 5), counted: true },
+      { graphId: 'a', from: 2, to: 1, result: result(true, 5), counted: false },
+      { graphId: 'b', from: 1, to: 2, result: result(true, 5), counted: false },
     ]
-    expect(tally(made, 1, 2)).toEqual({ tries: 2, successes: 1 })
+    expect(tally(made, { graphId: 'a', from: 1, to: 2 })).toEqual({ tries: 2, successes: 1, uncounted: 1 })
+    expect(tally(made, { graphId: 'c', from: 1, to: 2 }).tries).toBe(0)
+  })
+
+  it('are played until the last of them is over', () => {
+    const over: (() => void)[] = []
+    // As the view does it: what is played ends when something else is.
+    const probes = new Probes({} as Context, (_track, _reached, done) => {
+      over.at(-1)?.()
+      over.push(done)
+    })
+    probes.replay(result(true, 5))
+    probes.replay(result(true, 5))
+    expect(probes.playing.value).toBe(true)
+    over.at(-1)?.()
+    expect(probes.playing.value).toBe(false)
   })
 })

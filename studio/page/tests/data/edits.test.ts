@@ -10,6 +10,7 @@ import {
   marksOf,
   moveVertex,
   priceEdge,
+  priceEdits,
   removeVertex,
   sameEdit,
   whereIs,
@@ -95,8 +96,29 @@ describe('differenceOf', () => {
   })
 })
 
+describe('priceEdits', () => {
+  it.each([
+    [1, 2.5, 1],
+    [1, 1000, 1],
+    [1, 0.1, 1],
+    [1000, 1, 3],
+    [1000, 0.1, 4],
+    [0.1, 1000, 2],
+    [20, 0.5, 2],
+    [3, 3, 1],
+  ])('from x%f to x%f are %i', (present, wanted, parts) => {
+    const factors = priceEdits(a, b, present, wanted).map(({ edit }) =>
+      edit.case === 'priceEdge' ? edit.value.factor : NaN,
+    )
+    expect(factors).toHaveLength(parts)
+    // As the planner checks them, in single precision.
+    for (const factor of factors) expect(factor >= Math.fround(0.1) && factor <= 1000).toBe(true)
+    expect(factors.reduce((product, factor) => product * factor, present) / wanted).toBeCloseTo(1, 5)
+  })
+})
+
 describe('history', () => {
-  const step = (edit: Edit): Step => ({ kind: 'append', layer: 'x', edit })
+  const step = (edit: Edit): Step => ({ kind: 'append', layer: 'x', edits: [edit] })
   const [one, two] = [forbidEdge(a, b), addVertex(a)]
 
   it('goes back and forth', () => {
@@ -120,6 +142,12 @@ describe('history', () => {
     ['was in a layer that is gone', [layer('y', one)], false],
   ])('undoes an edit that %s', (_, layers, can) => {
     expect(canUndo(step(one), layers)).toBe(can)
+  })
+
+  it('takes several edits back at once', () => {
+    const both: Step = { kind: 'append', layer: 'x', edits: [one, two] }
+    expect(canUndo(both, [layer('x', two, one, two)])).toBe(true)
+    expect(canUndo(both, [layer('x', two)])).toBe(false)
   })
 
   it.each([

@@ -1,6 +1,6 @@
 import { create } from '@bufbuild/protobuf'
 import { Code, ConnectError, createClient, createRouterTransport } from '@connectrpc/connect'
-import { beforeEach, describe, expect, it } from 'vitest'
+import { beforeEach, describe, expect, it, vi } from 'vitest'
 import type { Context } from '../../src/data/context'
 import { addVertex, describe as inWords, forbidEdge, removeVertex } from '../../src/data/edit/edits'
 import { Layers, withLayer } from '../../src/data/edit/layers'
@@ -19,6 +19,10 @@ class Planner {
   readonly reason = 'no vertex stands there'
   /** Refuses the next change with this. */
   fault: ConnectError | undefined
+  /** Refuses to tell its layers with this. */
+  deaf: ConnectError | undefined
+  /** Takes the next change, but its answer is lost. */
+  isMute = false
 
   change(name: string, ifRevision: bigint, edits: (before: Edit[]) => Edit[]) {
     const { fault } = this
@@ -28,6 +32,10 @@ class Planner {
     const before = this.layers.find((layer) => layer.name === name)?.edits ?? []
     this.layers = withLayer(this.layers, name, edits(before))
     this.revision += 1n
+    if (this.isMute) {
+      this.isMute = false
+      throw new ConnectError('Failed to fetch', Code.Unknown)
+    }
     const isUnfit = this.layers.some((layer) => layer.name === 'misfits')
     return { revision: this.revision, unfit: isUnfit ? [{ layer: 'misfits', index: 0, reason: this.reason }] : [] }
   }
@@ -39,7 +47,10 @@ class Planner {
 
   readonly transport = createRouterTransport(({ service }) => {
     service(PlannerService, {
-      getLayers: () => ({ layers: this.layers, revision: this.revision, unfit: [] }),
+      getLayers: () => {
+        if (this.deaf !== undefined) throw this.deaf
+        return { layers: this.layers, revision: this.revision, unfit: [] }
+      },
       appendEdits: ({ layer, edits, ifRevision }) => this.change(layer, ifRevision, (before) => [...before, ...edits]),
       undoEdits: ({ layer, count, ifRevision }) => this.change(layer, ifRevision, (before) => before.slice(0, -count)),
       putLayer: ({ layer, ifRevision }) => this.change(layer?.name ?? '', ifRevision, () => layer?.edits ?? []),
@@ -119,13 +130,55 @@ describe('edits', () => {
   it.each([
     ['the planner is gone', new ConnectError('Failed to fetch', Code.Unknown)],
     ['the role is too low', new ConnectError('', Code.PermissionDenied)],
+    ['the graph is not loaded', new ConnectError('no such graph', Code.NotFound)],
     ['a token is missing', new ConnectError('', Code.Unauthenticated)],
   ])('are held when %s, and can be applied again', async (_, fault) => {
     planner.fault = fault
     await layers.apply(one)
-    expect(layers.conflict.value?.held.map(({ edit }) => edit)).toEqual([one])
+    expect(layers.conflict.value?.held.flatMap(({ edits }) => edits)).toEqual([one])
     await layers.applyOnTop()
     expect(layers.conflict.value).toBeUndefined()
+    expect(kept()).toEqual([['mine', [inWords(one)]]])
+  })
+
+  it('that belong together are sent, undone and done again as one', async () => {
+    await layers.apply(three)
+    await layers.apply(one, two)
+    expect(kept()).toEqual([['mine', [three, one, two].map(inWords)]])
+    await layers.undo()
+    expect(kept()).toEqual([['mine', [inWords(three)]]])
+    expect(known()).toEqual(kept())
+    await layers.redo()
+    expect(kept()).toEqual([['mine', [three, one, two].map(inWords)]])
+  })
+
+  it('whose answer was lost are not applied twice', async () => {
+    await layers.apply(one)
+    planner.isMute = true
+    await layers.apply(one)
+    await layers.apply(two)
+    await layers.applyOnTop()
+    expect(kept()).toEqual([['mine', [one, one, two].map(inWords)]])
+    expect(layers.conflict.value).toBeUndefined()
+    await layers.undo()
+    await layers.undo()
+    expect(kept()).toEqual([['mine', [inWords(one)]]])
+  })
+
+  it('whose answer was lost are noticed though somebody went on', async () => {
+    planner.isMute = true
+    await layers.apply(one)
+    planner.elsewhere('mine', two)
+    await layers.applyOnTop()
+    expect(kept()).toEqual([['mine', [one, two].map(inWords)]])
+  })
+
+  it('stay held while it cannot be known whether they were taken', async () => {
+    planner.isMute = true
+    await layers.apply(one)
+    planner.deaf = new ConnectError('Failed to fetch', Code.Unknown)
+    await layers.applyOnTop()
+    expect(layers.conflict.value?.held.flatMap(({ edits }) => edits)).toEqual([one])
     expect(kept()).toEqual([['mine', [inWords(one)]]])
   })
 
@@ -144,7 +197,7 @@ describe('a conflict', () => {
 
   it('holds the edit and shows what the other one did', () => {
     const conflict = layers.conflict.value
-    expect(conflict?.held).toEqual([{ layer: 'mine', edit: one }])
+    expect(conflict?.held).toEqual([{ layer: 'mine', edits: [one] }])
     expect(conflict?.changes).toMatchObject([{ layer: 'theirs', kind: 'new', added: [two] }])
     expect(kept()).toEqual([['theirs', [inWords(two)]]])
     expect(known()).toEqual(kept())
@@ -152,7 +205,7 @@ describe('a conflict', () => {
 
   it('holds what comes after it as well', async () => {
     await layers.apply(three)
-    expect(layers.conflict.value?.held.map(({ edit }) => edit)).toEqual([one, three])
+    expect(layers.conflict.value?.held.flatMap(({ edits }) => edits)).toEqual([one, three])
     await layers.applyOnTop()
     expect(kept()).toEqual([
       ['mine', [inWords(one), inWords(three)]],
@@ -164,10 +217,36 @@ describe('a conflict', () => {
     await layers.apply(three)
     planner.elsewhere('theirs', one)
     await layers.applyOnTop()
-    expect(layers.conflict.value?.held.map(({ edit }) => edit)).toEqual([one, three])
+    expect(layers.conflict.value?.held.flatMap(({ edits }) => edits)).toEqual([one, three])
     await layers.applyOnTop()
     expect(layers.conflict.value).toBeUndefined()
     expect(kept()[0]).toEqual(['mine', [inWords(one), inWords(three)]])
+  })
+
+  it.each([
+    ['gone', new ConnectError('Failed to fetch', Code.Unknown)],
+    ['without the graph', new ConnectError('no such graph', Code.NotFound)],
+    ['broken', new ConnectError('', Code.Internal)],
+  ])('holds everything while the planner is %s', async (_, deaf) => {
+    await layers.apply(three)
+    planner.elsewhere('theirs', one)
+    planner.deaf = deaf
+    await layers.applyOnTop()
+    expect(layers.conflict.value?.held.flatMap(({ edits }) => edits)).toEqual([one, three])
+    planner.deaf = undefined
+    await layers.applyOnTop()
+    await layers.applyOnTop()
+    expect(layers.conflict.value).toBeUndefined()
+    expect(kept()[0]).toEqual(['mine', [inWords(one), inWords(three)]])
+  })
+
+  it('is there at once, before the layers were read', async () => {
+    layers.discardConflict()
+    planner.elsewhere('theirs', three)
+    planner.deaf = new ConnectError('Failed to fetch', Code.Unknown)
+    await layers.apply(one)
+    expect(layers.conflict.value?.held).toMatchObject([{ layer: 'mine', edits: [one] }])
+    expect(layers.failure.value).not.toBe('')
   })
 
   it('can be discarded', async () => {
@@ -266,11 +345,59 @@ describe('leaving a world', () => {
     expect(kept()).toEqual([])
   })
 
-  it('forgets it for another map', async () => {
+  it('puts it aside for another map', async () => {
     await layers.apply(one)
+    planner.fault = new ConnectError('Failed to fetch', Code.Unknown)
+    await layers.apply(two)
     await comeBack('other map')
     expect(layers.canUndo.value).toBe(false)
+    expect(layers.conflict.value).toBeUndefined()
     expect(known()).toEqual(kept())
+    await comeBack('map')
+    expect(layers.canUndo.value).toBe(true)
+    expect(layers.conflict.value?.held).toHaveLength(1)
+  })
+
+  it('remembers a few maps only', async () => {
+    await layers.apply(one)
+    for (let other = 0; other < 9; other += 1) await comeBack(`map ${other}`)
+    await comeBack('map')
+    expect(layers.canUndo.value).toBe(false)
+  })
+
+  it('says that nothing can be changed, and forgets nothing', async () => {
+    await layers.apply(one)
+    layers.forget()
+    await layers.undo()
+    expect(said()).toEqual(['Not undone: The graph and its layers are not loaded yet.'])
+    expect(layers.canUndo.value).toBe(true)
+    await layers.apply(two)
+    expect(layers.conflict.value).toMatchObject({ why: 'The graph and its layers are not loaded yet.' })
+  })
+})
+
+describe('layers that cannot be read', () => {
+  const another = async () => {
+    planner.deaf = new ConnectError('Failed to fetch', Code.Unknown)
+    layers.sync({ id: 'other graph', mapHash: 'map', revision: planner.revision })
+    await settle()
+  }
+
+  it('are read again by and by', async () => {
+    planner.elsewhere('night', one)
+    await another()
+    expect(layers.failure.value).not.toBe('')
+    planner.deaf = undefined
+    await vi.waitFor(() => expect(layers.failure.value).toBe(''), 2000)
+    expect(known()).toEqual(kept())
+  })
+
+  it('take nothing away from what was done', async () => {
+    await layers.apply(one)
+    await another()
+    await layers.undo()
+    expect(layers.canUndo.value).toBe(true)
+    expect(kept()).toEqual([['mine', [inWords(one)]]])
   })
 })
 

@@ -4,7 +4,7 @@ import { pauseAfter, sleep } from '../../src/data/net/backoff'
 import { failureOf, inWords, mayPass } from '../../src/data/net/errors'
 import { Link } from '../../src/data/net/link'
 import { Session } from '../../src/data/net/session'
-import { keepAsking, keepReading, type Upkeep } from '../../src/data/net/stream'
+import { keepAsking, keepDoing, keepReading, type Upkeep } from '../../src/data/net/stream'
 
 const gone = () => new ConnectError('Failed to fetch', Code.Unknown)
 
@@ -66,6 +66,46 @@ describe('Link', () => {
   })
 })
 
+describe('calls that go unanswered', () => {
+  const late = () => new ConnectError('', Code.DeadlineExceeded)
+
+  it('are a lost link if there are two in a row', () => {
+    const link = new Link()
+    link.failed(late())
+    link.worked()
+    link.failed(late())
+    expect(link.state.value).toBe('live')
+    link.failed(late())
+    expect(link.state.value).toBe('lost')
+  })
+
+  it('count once, however many tell of it', () => {
+    const [link, error] = [new Link(), late()]
+    link.failed(error)
+    link.failed(error)
+    expect(link.state.value).toBe('connecting')
+  })
+})
+
+describe('keepDoing', () => {
+  beforeEach(() => void vi.useFakeTimers())
+  afterEach(() => void vi.useRealTimers())
+
+  it('stops at the third error within the service, where that is wanted', async () => {
+    const broken = new ConnectError('the mesh has a hole', Code.Internal)
+    let tries = 0
+    const work = async () => {
+      tries += 1
+      throw tries === 2 ? gone() : broken
+    }
+    const error = keepDoing(upkeep(), work, { breakdowns: 3 })
+    await vi.runAllTimersAsync()
+    expect(await error).toBe(broken)
+    expect(tries).toBe(5)
+    expect(inWords(broken)).toBe('The service failed: The mesh has a hole.')
+  })
+})
+
 describe('keepReading', () => {
   beforeEach(() => void vi.useFakeTimers())
   afterEach(() => void vi.useRealTimers())
@@ -88,6 +128,30 @@ describe('keepReading', () => {
     expect(opened.map((at) => at - began)).toEqual([0, 250, 750, 1750, 2000])
     expect(taken).toEqual([1])
     expect(rest.link.state.value).toBe('lost')
+    stop.abort()
+    await vi.runAllTimersAsync()
+    expect(await read).toBeUndefined()
+  })
+
+  it('opens a silent stream again', async () => {
+    const { stop, ...rest } = upkeep()
+    let opened = 0
+    const read = keepReading(
+      rest,
+      async function* (signal) {
+        opened += 1
+        yield opened
+        await sleep(600, signal)
+        yield opened
+        await sleep(60_000, signal)
+      },
+      () => undefined,
+      1000,
+    )
+    await vi.advanceTimersByTimeAsync(1500)
+    expect(opened).toBe(1)
+    await vi.advanceTimersByTimeAsync(400)
+    expect(opened).toBe(2)
     stop.abort()
     await vi.runAllTimersAsync()
     expect(await read).toBeUndefined()

@@ -28,6 +28,15 @@ export function priceEdge(from: Place, to: Place, by: number): Edit {
   return create(EditSchema, { edit: { case: 'priceEdge', value } })
 }
 
+/** Edits that together make a price `wanted` times what it was from `present` times: they multiply, each within limits. */
+export function priceEdits(from: Place, to: Place, present: number, wanted: number): Edit[] {
+  const ratio = wanted / present
+  const limit = ratio < 1 ? LEAST_FACTOR : MOST_FACTOR
+  // Logarithms of powers of ten come out a little off.
+  const parts = Math.max(1, Math.ceil(Math.log(ratio) / Math.log(limit) - 1e-6))
+  return Array.from({ length: parts }, () => priceEdge(from, to, ratio ** (1 / parts)))
+}
+
 export function addVertex(at: Place): Edit {
   return create(EditSchema, { edit: { case: 'addVertex', value: { at: single(at) } } })
 }

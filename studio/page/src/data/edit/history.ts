@@ -1,11 +1,11 @@
 // What this page has done to layers, to be undone and done again.
 
 import type { Edit, Layer } from '../../gen/surefoot/planner/v1/planner_pb'
-import { editKey, sameEdit } from './edits'
+import { editKey } from './edits'
 
 /** One thing that was done. */
 export type Step =
-  | { kind: 'append'; layer: string; edit: Edit }
+  | { kind: 'append'; layer: string; edits: Edit[] }
   /** A layer was put in place of another one. */
   | { kind: 'put'; layer: string; before: Edit[]; after: Edit[] }
 
@@ -44,7 +44,7 @@ export function withoutLast({ done, undone }: History): History {
 /** Whether the layers still end with what the step did to them. */
 export function canUndo(step: Step, layers: readonly Layer[]): boolean {
   const edits = editsOf(layers, step.layer)
-  if (step.kind === 'append') return sameEdit(edits.at(-1), step.edit)
+  if (step.kind === 'append') return endsWith(edits, step.edits)
   return sameEdits(edits, step.after)
 }
 
@@ -55,6 +55,17 @@ export function canRedo(step: Step, layers: readonly Layer[]): boolean {
 
 export function editsOf(layers: readonly Layer[], name: string): Edit[] {
   return layers.find((layer) => layer.name === name)?.edits ?? []
+}
+
+/** Whether the planner took edits that were sent for a layer of `before`, though its answer never came. */
+export function wasTaken(edits: readonly Edit[], before: readonly Edit[], now: readonly Edit[]): boolean {
+  const after = [...before, ...edits]
+  if (sameEdits(now.slice(0, after.length), after)) return true
+  return endsWith(now, edits) && !endsWith(before, edits)
+}
+
+function endsWith(edits: readonly Edit[], last: readonly Edit[]): boolean {
+  return sameEdits(edits.slice(Math.max(0, edits.length - last.length)), last)
 }
 
 function sameEdits(a: readonly Edit[], b: readonly Edit[]): boolean {

@@ -7,7 +7,8 @@ import { create } from '@bufbuild/protobuf'
 import { batch, computed, signal } from '@preact/signals'
 import { type Edit, type Layer, LayerSchema, type UnfitEdit } from '../../gen/surefoot/planner/v1/planner_pb'
 import { type Context, report, reportEdit } from '../context'
-import { failureOf, inWords } from '../net/errors'
+import { pauseAfter, sleep } from '../net/backoff'
+import { type Failure, failureOf, inWords } from '../net/errors'
 import { changeInWords, differenceOf, type LayerChange } from './difference'
 import { describe, sameEdit } from './edits'
 import {
@@ -19,6 +20,7 @@ import {
   type History,
   NOTHING_DONE,
   type Step,
+  wasTaken,
   withoutLast,
   withStep,
 } from './history'
@@ -26,10 +28,24 @@ import {
 const KEPT_AS = 'surefoot.layer'
 const FIRST_LAYER = 'studio'
 
-/** An edit with the layer that it is meant for. */
+/** Maps whose history and held edits are kept. */
+const MAX_MAPS = 8
+/** A planner that takes longer for an edit is not going to answer. */
+const TIMED = { timeoutMs: 30_000 }
+/** A graph that is missing may only not be loaded in the planner just now. */
+const MAY_BE_READ_LATER: ReadonlySet<Failure> = new Set<Failure>(['gone', 'changed', 'missing', 'token'])
+
+/** Edits that belong together, with the layer that they are meant for. */
 interface Held {
   layer: string
-  edit: Edit
+  edits: Edit[]
+  /** The layer that they were sent for, if the planner may have taken them without this page hearing of it. */
+  sentOver?: Edit[] | undefined
+}
+
+/** There is nothing yet that could be edited. */
+class NoGraph extends Error {
+  override message = 'The graph and its layers are not loaded yet.'
 }
 
 /** Edits that were not applied, because somebody else changed the layers first or the planner did not take them. */
@@ -63,6 +79,9 @@ export class Layers {
   private mapHash: string | undefined
   private revision: bigint | undefined
   private queue: Promise<unknown> = Promise.resolve()
+  private readFailures = 0
+  private isReadDue = false
+  private readonly ofMaps = new Map<string, { history: History; conflict: Conflict | undefined }>()
 
   constructor(
     private readonly context: Context,
@@ -86,16 +105,14 @@ export class Layers {
     void this.enqueue(async () => {
       const isOther = id !== this.graphId
       if (!isOther && revision === this.revision) return
-      const before = this.list.peek()
+      if (isOther) this.revision = undefined
       this.graphId = id
-      if (mapHash !== this.mapHash) this.forgetSteps(mapHash)
-      await this.read()
-      if (isOther) return
-      for (const change of differenceOf(before, this.list.peek())) this.context.toasts.say(changeInWords(change))
+      if (mapHash !== this.mapHash) this.turnTo(mapHash)
+      await this.readAndTell()
     })
   }
 
-  /** The world is left. What was done stays known until there is another map: a server that begins anew has the same. */
+  /** The world is left. What was done stays known: a server that begins anew has the same map. */
   forget(): void {
     void this.enqueue(async () => {
       this.graphId = undefined
@@ -103,46 +120,70 @@ export class Layers {
       batch(() => {
         this.list.value = []
         this.unfit.value = []
+        this.failure.value = ''
       })
     })
   }
 
-  private forgetSteps(mapHash: string): void {
+  /** Puts aside what was done and held on one map, and takes out what was on another. */
+  private turnTo(mapHash: string): void {
+    const { ofMaps } = this
+    if (this.mapHash !== undefined) {
+      ofMaps.set(this.mapHash, { history: this.history.peek(), conflict: this.conflict.peek() })
+    }
+    const known = ofMaps.get(mapHash)
+    ofMaps.delete(mapHash)
+    for (const oldest of [...ofMaps.keys()].slice(0, -MAX_MAPS)) ofMaps.delete(oldest)
     this.mapHash = mapHash
     batch(() => {
-      this.history.value = NOTHING_DONE
-      this.conflict.value = undefined
+      this.history.value = known?.history ?? NOTHING_DONE
+      this.conflict.value = known?.conflict
     })
   }
 
-  /** Adds an edit to the active layer. */
-  apply(edit: Edit): Promise<void> {
+  /** Adds edits to the active layer; several are done and undone as one. */
+  apply(...edits: Edit[]): Promise<void> {
     const layer = this.active.peek()
     return this.enqueue(async () => {
       const conflict = this.conflict.peek()
       if (conflict !== undefined) {
-        this.conflict.value = { ...conflict, held: [...conflict.held, { layer, edit }] }
+        this.conflict.value = { ...conflict, held: [...conflict.held, { layer, edits }] }
         this.context.toasts.say('Decide about the conflict first: the edit is held until then.')
         return
       }
-      await this.append(layer, edit)
+      await this.append({ layer, edits })
     })
   }
 
   /** Applies the edits of a conflict to the layers as they are now. */
   applyOnTop(): Promise<void> {
     return this.enqueue(async () => {
-      const held = this.conflict.peek()?.held ?? []
-      this.conflict.value = undefined
-      for (const [index, step] of held.entries()) {
-        await this.append(step.layer, step.edit)
-        const again = this.conflict.peek() as Conflict | undefined
-        if (again === undefined) continue
-        // It is held again, and those behind it with it.
-        this.conflict.value = { ...again, held: held.slice(index) }
+      const { held } = this.conflict.peek() ?? { held: [] }
+      const mayBeTaken = held.some(({ sentOver }) => sentOver !== undefined)
+      if (held.length === 0) return this.discardConflict()
+      try {
+        if (this.graphId === undefined) throw new NoGraph()
+        if (mayBeTaken || this.revision === undefined) await this.read()
+      } catch (error) {
+        this.conflict.value = { why: whyHeld(error), held, changes: this.conflict.peek()?.changes ?? [] }
         return
       }
+      await this.appendAll(held)
     })
+  }
+
+  private async appendAll(held: readonly Held[]): Promise<void> {
+    for (const [index, step] of held.entries()) {
+      this.conflict.value = undefined
+      const now = editsOf(this.list.peek(), step.layer)
+      if (step.sentOver !== undefined && wasTaken(step.edits, step.sentOver, now)) this.noteAppended(step)
+      else await this.append(step)
+      const again = this.conflict.peek() as Conflict | undefined
+      if (again === undefined) continue
+      // It is held again, and those behind it with it.
+      this.conflict.value = { ...again, held: [...again.held, ...held.slice(index + 1)] }
+      return
+    }
   }
 
   discardConflict(): void {
@@ -189,8 +230,9 @@ export class Layers {
     const graphId = this.graphId
     if (graphId === undefined) return
     try {
-      const { layers, unfit, revision } = await this.context.planner.calls.getLayers({ graphId })
+      const { layers, unfit, revision } = await this.context.planner.calls.getLayers({ graphId }, TIMED)
       this.revision = revision
+      this.readFailures = 0
       batch(() => {
         this.list.value = layers
         this.unfit.value = unfit
@@ -198,39 +240,86 @@ export class Layers {
       })
     } catch (error) {
       this.failure.value = inWords(error)
+      this.readFailures += 1
+      void this.readLater(failureOf(error))
       throw error
     }
   }
 
-  /** Sends an edit. One that was not taken, though nothing is wrong with it, is held. */
-  private async append(layer: string, edit: Edit): Promise<void> {
+  /** Reads, and says what others did to a graph that was known. */
+  private async readAndTell(): Promise<void> {
+    const wasKnown = this.revision !== undefined
+    const before = this.list.peek()
+    await this.read()
+    if (!wasKnown) return
+    for (const change of differenceOf(before, this.list.peek())) this.context.toasts.say(changeInWords(change))
+  }
+
+  /** Reads after a pause what could not be read, of the graph that is shown by then. */
+  private async readLater(failure: Failure): Promise<void> {
+    const { session, signal } = this.context
+    if (this.isReadDue || !MAY_BE_READ_LATER.has(failure)) return
+    this.isReadDue = true
+    await (failure === 'token' ? session.nextToken(signal) : sleep(pauseAfter(this.readFailures), signal))
+    this.isReadDue = false
+    if (signal.aborted) return
+    await this.enqueue(async () => {
+      if (this.failure.peek() === '') return
+      // It has been said once, and comes here again.
+      await this.readAndTell().catch(() => undefined)
+    })
+  }
+
+  /** Reads what is certainly out of date; a failure is tried again later. */
+  private async readAgain(): Promise<void> {
+    await this.read().catch(() => undefined)
+    this.onChange()
+  }
+
+  /** Sends edits. Those that were not taken, though nothing is wrong with them, are held. */
+  private async append(step: Held): Promise<void> {
+    const before = editsOf(this.list.peek(), step.layer)
     try {
-      await this.sendAppend(layer, edit)
-      this.history.value = withStep(this.history.peek(), { kind: 'append', layer, edit })
-      const reason = this.unfitReason(layer, editsOf(this.list.peek(), layer).length - 1)
-      if (reason !== undefined) this.context.toasts.say(`The edit is kept, but changes nothing: ${reason}.`, 'bad')
+      await this.sendAppend(step.layer, step.edits)
     } catch (error) {
       const failure = failureOf(error)
-      if (failure === 'refused' || failure === 'missing' || failure === 'unsupported') {
-        return report(this.context, `Not applied: ${describe(edit)}`, error)
+      if (failure === 'refused' || failure === 'unsupported') {
+        return report(this.context, `Not applied: ${step.edits.map(describe).join(', ')}`, error)
       }
       if (failure === 'role') reportEdit(this.context, 'Not applied', error)
-      await this.hold({ layer, edit }, error)
+      const isLost = (failure === 'gone' || failure === 'cancelled') && !(error instanceof NoGraph)
+      return this.hold({ ...step, sentOver: isLost ? before : step.sentOver }, error)
     }
+    this.noteAppended(step)
+  }
+
+  private noteAppended({ layer, edits }: Held): void {
+    this.history.value = withStep(this.history.peek(), { kind: 'append', layer, edits })
+    const end = editsOf(this.list.peek(), layer).length
+    const reason = edits.map((_, at) => this.unfitReason(layer, end - 1 - at)).find((it) => it !== undefined)
+    if (reason !== undefined) this.context.toasts.say(`The edit is kept, but changes nothing: ${reason}.`, 'bad')
   }
 
   private async hold(step: Held, error: unknown): Promise<void> {
     const before = this.list.peek()
-    const isOvertaken = failureOf(error) === 'changed'
-    if (isOvertaken) {
-      await this.read()
-      this.onChange()
-    }
-    const why = isOvertaken ? 'Somebody else changed the layers while you were editing.' : inWords(error)
-    this.conflict.value = { why, held: [step], changes: differenceOf(before, this.list.peek()) }
+    // Held at once: whatever fails from here on, it is not lost.
+    this.conflict.value = { why: whyHeld(error), held: [step], changes: [] }
+    if (failureOf(error) !== 'changed') return
+    await this.readAgain()
+    const conflict = this.conflict.peek()
+    if (conflict === undefined) return
+    this.conflict.value = { ...conflict, changes: differenceOf(before, this.list.peek()) }
+  }
+
+  /** Whether there are layers to change; says so if there are not. */
+  private canChange(what: string): boolean {
+    if (this.graphId !== undefined && this.revision !== undefined) return true
+    this.context.toasts.say(`${what}: ${new NoGraph().message}`, 'bad')
+    return false
   }
 
   private async put(name: string, after: Edit[]): Promise<void> {
+    if (!this.canChange(`Layer ${name} was not changed`)) return
     const before = editsOf(this.list.peek(), name)
     try {
       await this.sendPut(name, after)
@@ -242,7 +331,7 @@ export class Layers {
 
   private async stepBack(): Promise<void> {
     const step = this.history.peek().done.at(-1)
-    if (step === undefined) return
+    if (step === undefined || !this.canChange('Not undone')) return
     try {
       while (canUndo(step, this.list.peek())) {
         if (await this.tookBack(step)) {
@@ -261,7 +350,9 @@ export class Layers {
   /** Whether a step was taken back; it was not if the layers are of another revision. */
   private async tookBack(step: Step): Promise<boolean> {
     try {
-      await (step.kind === 'append' ? this.sendUndo(step.layer) : this.sendPut(step.layer, step.before))
+      await (step.kind === 'append'
+        ? this.sendUndo(step.layer, step.edits.length)
+        : this.sendPut(step.layer, step.before))
       return true
     } catch (error) {
       if (failureOf(error) !== 'changed') throw error
@@ -277,12 +368,12 @@ export class Layers {
 
   private async stepForth(): Promise<void> {
     const step = this.history.peek().undone.at(-1)
-    if (step === undefined) return
+    if (step === undefined || !this.canChange('Not done again')) return
     if (!canRedo(step, this.list.peek())) {
       return this.context.toasts.say(`Cannot redo: layer ${step.layer} has changed since.`, 'bad')
     }
     try {
-      await (step.kind === 'append' ? this.sendAppend(step.layer, step.edit) : this.sendPut(step.layer, step.after))
+      await (step.kind === 'append' ? this.sendAppend(step.layer, step.edits) : this.sendPut(step.layer, step.after))
       this.history.value = afterRedo(this.history.peek())
     } catch (error) {
       await this.explain('Not done again', error)
@@ -291,26 +382,25 @@ export class Layers {
 
   private async explain(what: string, error: unknown): Promise<void> {
     if (failureOf(error) !== 'changed') return reportEdit(this.context, what, error)
-    await this.read()
-    this.onChange()
+    await this.readAgain()
     this.context.toasts.say(`${what}: somebody else changed the layers meanwhile. Look and try again.`, 'bad')
   }
 
-  private sendAppend(layer: string, edit: Edit): Promise<void> {
-    return this.send(layer, [...editsOf(this.list.peek(), layer), edit], (base) =>
-      this.context.planner.calls.appendEdits({ ...base, layer, edits: [edit] }),
+  private sendAppend(layer: string, edits: Edit[]): Promise<void> {
+    return this.send(layer, [...editsOf(this.list.peek(), layer), ...edits], (base) =>
+      this.context.planner.calls.appendEdits({ ...base, layer, edits }, TIMED),
     )
   }
 
-  private sendUndo(layer: string): Promise<void> {
-    return this.send(layer, editsOf(this.list.peek(), layer).slice(0, -1), (base) =>
-      this.context.planner.calls.undoEdits({ ...base, layer, count: 1 }),
+  private sendUndo(layer: string, count: number): Promise<void> {
+    return this.send(layer, editsOf(this.list.peek(), layer).slice(0, -count), (base) =>
+      this.context.planner.calls.undoEdits({ ...base, layer, count }, TIMED),
     )
   }
 
   private sendPut(name: string, edits: Edit[]): Promise<void> {
     return this.send(name, edits, (base) =>
-      this.context.planner.calls.putLayer({ ...base, layer: create(LayerSchema, { name, edits }) }),
+      this.context.planner.calls.putLayer({ ...base, layer: create(LayerSchema, { name, edits }) }, TIMED),
     )
   }
 
@@ -320,7 +410,7 @@ export class Layers {
     after: Edit[],
     call: (base: { graphId: string; ifRevision: bigint }) => Promise<Changed>,
   ): Promise<void> {
-    if (this.graphId === undefined || this.revision === undefined) throw new Error('There is no graph to edit yet')
+    if (this.graphId === undefined || this.revision === undefined) throw new NoGraph()
     this.saving.value += 1
     try {
       const { unfit, revision } = await call({ graphId: this.graphId, ifRevision: this.revision })
@@ -333,6 +423,19 @@ export class Layers {
     } finally {
       this.saving.value -= 1
     }
+  }
+}
+
+/** Why edits are held, for people. */
+function whyHeld(error: unknown): string {
+  if (error instanceof NoGraph) return error.message
+  switch (failureOf(error)) {
+    case 'changed':
+      return 'Somebody else changed the layers while you were editing.'
+    case 'missing':
+      return 'The planner has not loaded this graph just now. Apply again once it is shown.'
+    default:
+      return inWords(error)
   }
 }
 

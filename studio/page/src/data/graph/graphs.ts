@@ -1,5 +1,6 @@
 // The graph of the world that is shown: found or built, loaded, and kept up to date.
 
+import { Code, ConnectError } from '@connectrpc/connect'
 import { batch, computed, signal } from '@preact/signals'
 import type {
   BuildGraphResponse,
@@ -21,6 +22,11 @@ const LIST_MS = 5000
 const TIMEOUT_MS = 8000
 /** What NPCs report changes figures all the time: the graph is loaded again for it no more often than this. */
 const LEARNED_MS = 10_000
+/** The planner says every 20 s how a graph is. */
+const IDLE_MS = 45_000
+/** A build that fails within the planner would fail again, at some cost. */
+const BROKEN_MS = 60_000
+const PATIENCE = { breakdowns: 3 }
 
 export type GraphState =
   | { kind: 'none' }
@@ -130,6 +136,7 @@ export class Graphs {
         failures += 1
         if (this.chosen !== undefined && failureOf(error) === 'missing') this.chosen = undefined
         if (!both.aborted) this.state.value = { kind: 'failed', why: inWords(error) }
+        if (ConnectError.from(error).code === Code.Internal) await sleep(BROKEN_MS, both)
       }
       if (!both.aborted) await sleep(pauseAfter(failures + 3), both)
     }
@@ -166,14 +173,18 @@ export class Graphs {
     const stop = new AbortController()
     const upkeep = { link: planner.link, session, signal: AbortSignal.any([signal, stop.signal]) }
     let graphId: string | undefined
-    const error = await keepDoing(upkeep, async (gotSomething) => {
-      for await (const progress of buildGraph(this.context, world, undefined, signal)) {
-        gotSomething()
-        this.state.value = { kind: 'building', progress }
-        if (progress.summary !== undefined) graphId = progress.graphId
-      }
-      if (graphId !== undefined) stop.abort()
-    })
+    const error = await keepDoing(
+      upkeep,
+      async (gotSomething) => {
+        for await (const progress of buildGraph(this.context, world, undefined, signal)) {
+          gotSomething()
+          this.state.value = { kind: 'building', progress }
+          if (progress.summary !== undefined) graphId = progress.graphId
+        }
+        if (graphId !== undefined) stop.abort()
+      },
+      PATIENCE,
+    )
     if (error !== undefined) throw error
     return graphId
   }
@@ -205,6 +216,7 @@ export class Graphs {
           waiting ??= setTimeout(reload, Math.max(0, LEARNED_MS - (performance.now() - lastLoad)))
         }
       },
+      IDLE_MS,
     )
     clearTimeout(waiting)
     if (error === undefined) return

@@ -12,6 +12,8 @@ const DECISION_SECONDS = 1 / 6
 
 /** A probe that was made here. */
 export interface Probe {
+  /** Indices of vertices mean something in their graph only. */
+  graphId: string
   from: number
   to: number
   result: ProbeEdgeResponse
@@ -24,10 +26,21 @@ export function probeInWords({ reached, decisions, ability }: ProbeEdgeResponse)
   return reached ? `Arrived after ${seconds}, ${abilityDone(ability)}` : `Did not arrive within ${seconds}`
 }
 
+/** An edge of a graph. */
+export type ProbedEdge = Pick<Probe, 'graphId' | 'from' | 'to'>
+
+function along({ graphId, from, to }: ProbedEdge): (probe: Probe) => boolean {
+  return (probe) => probe.graphId === graphId && probe.from === from && probe.to === to
+}
+
 /** Probes made here along an edge. */
-export function tally(probes: readonly Probe[], from: number, to: number): { tries: number; successes: number } {
-  const made = probes.filter((probe) => probe.from === from && probe.to === to)
-  return { tries: made.length, successes: made.filter(({ result }) => result.reached).length }
+export function tally(probes: readonly Probe[], edge: ProbedEdge) {
+  const made = probes.filter(along(edge))
+  return {
+    tries: made.length,
+    successes: made.filter(({ result }) => result.reached).length,
+    uncounted: made.filter(({ counted }) => !counted).length,
+  }
 }
 
 /** Plays the way of a probe; see Viewport.playTrack. */
@@ -38,6 +51,8 @@ export class Probes {
   readonly running = signal(false)
   readonly playing = signal(false)
   private seed = BigInt(Date.now())
+  /** Which replay it is: the one before ends when another begins. */
+  private turn = 0
 
   constructor(
     private readonly context: Context,
@@ -48,16 +63,16 @@ export class Probes {
     this.made.value = []
   }
 
-  last(from: number, to: number): Probe | undefined {
-    return this.made.value.filter((probe) => probe.from === from && probe.to === to).at(-1)
+  last(edge: ProbedEdge): Probe | undefined {
+    return this.made.value.filter(along(edge)).at(-1)
   }
 
-  async probe(graphId: string, from: number, to: number): Promise<void> {
+  async probe({ graphId, from, to }: ProbedEdge): Promise<void> {
     this.running.value = true
     try {
       this.seed += 1n
       const result = await this.context.planner.calls.probeEdge({ graphId, from, to, seed: this.seed })
-      this.made.value = [...this.made.value, { from, to, result, counted: false }]
+      this.made.value = [...this.made.value, { graphId, from, to, result, counted: false }]
       this.replay(result)
     } catch (error) {
       report(this.context, 'The edge was not probed', error)
@@ -67,22 +82,26 @@ export class Probes {
   }
 
   replay(result: ProbeEdgeResponse): void {
+    const turn = ++this.turn
     this.playing.value = true
     this.play(readFloats(result.track), result.reached, () => {
-      this.playing.value = false
+      if (turn === this.turn) this.playing.value = false
     })
   }
 
   /** Adds the probes made here along an edge to its evidence. */
-  async count(graphId: string, from: number, to: number): Promise<void> {
-    const isMeant = (probe: Probe) => probe.from === from && probe.to === to && !probe.counted
-    const traversals = this.made.value
-      .filter(isMeant)
-      .map(({ result }) => ({ from, to, reached: result.reached, decisions: result.decisions }))
+  async count({ graphId, from, to }: ProbedEdge): Promise<void> {
+    const meant = new Set(this.made.value.filter(along({ graphId, from, to })).filter(({ counted }) => !counted))
+    const traversals = [...meant].map(({ result }) => ({
+      from,
+      to,
+      reached: result.reached,
+      decisions: result.decisions,
+    }))
     if (traversals.length === 0) return
     try {
       const { accepted } = await this.context.planner.calls.reportTraversals({ graphId, traversals })
-      this.made.value = this.made.value.map((probe) => (isMeant(probe) ? { ...probe, counted: true } : probe))
+      this.made.value = this.made.value.map((probe) => (meant.has(probe) ? { ...probe, counted: true } : probe))
       this.context.toasts.say(`${accepted} of ${traversals.length} counted as evidence.`, 'good')
     } catch (error) {
       if (failureOf(error) !== 'role') return report(this.context, 'Not counted', error)

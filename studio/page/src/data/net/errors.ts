@@ -39,7 +39,8 @@ export function mayPass(failure: Failure): boolean {
 
 /** A sentence for people. */
 export function inWords(error: unknown): string {
-  const { rawMessage } = ConnectError.from(error)
+  const { code, rawMessage } = ConnectError.from(error)
+  if (code === Code.Internal) return `The service failed: ${sentence(rawMessage)}`
   switch (failureOf(error)) {
     case 'gone':
       return `The service does not answer (${rawMessage}).`

@@ -9,15 +9,20 @@ export type LinkState = 'connecting' | 'live' | 'lost'
 /** What browsers and gateways report when nobody answers. */
 const UNREACHABLE: readonly Code[] = [Code.Unknown, Code.Unavailable]
 /** The page took the call back, or its connection was cut within: neither tells anything of the service. */
-const SAYS_NOTHING: readonly Code[] = [Code.Canceled, Code.DeadlineExceeded, Code.Internal, Code.DataLoss]
+const SAYS_NOTHING: readonly Code[] = [Code.Canceled, Code.Internal, Code.DataLoss]
+/** Calls that may go unanswered in a row: one may only have taken long. */
+const MOST_UNANSWERED = 1
 
 /** The connection to one service, as everything that talks to it has seen it last. */
 export class Link {
   readonly state = signal<LinkState>('connecting')
   /** Why it was lost, for people. */
   readonly reason = signal('')
+  private unanswered = 0
+  private latest: unknown
 
   worked(): void {
+    this.unanswered = 0
     this.state.value = 'live'
     this.reason.value = ''
   }
@@ -25,8 +30,14 @@ export class Link {
   /** Notes an error; one that the service itself gave shows that it is there. */
   failed(error: unknown): void {
     const { code } = ConnectError.from(error)
+    // Both the call and whoever repeats it tell of it.
+    if (error === this.latest) return
+    this.latest = error
     if (SAYS_NOTHING.includes(code)) return
-    if (!UNREACHABLE.includes(code)) return this.worked()
+    if (code === Code.DeadlineExceeded) {
+      this.unanswered += 1
+      if (this.unanswered <= MOST_UNANSWERED) return
+    } else if (!UNREACHABLE.includes(code)) return this.worked()
     this.state.value = 'lost'
     this.reason.value = inWords(error)
   }

@@ -1,5 +1,6 @@
 // Streams that are opened again whenever they break, and calls that are repeated.
 
+import { Code, ConnectError } from '@connectrpc/connect'
 import { pauseAfter, sleep } from './backoff'
 import { failureOf, mayPass } from './errors'
 import type { Link } from './link'
@@ -11,6 +12,11 @@ export interface Upkeep {
   signal: AbortSignal
 }
 
+/** How often in a row `work` may end with an error within the service, where trying again would cost it much. */
+export interface Patience {
+  breakdowns?: number
+}
+
 /**
  * Does `work` again and again until the signal aborts, with growing pauses while it fails. Returns the error that trying
  * again cannot mend, if there was one. `work` says with its argument that it has got something.
@@ -18,8 +24,10 @@ export interface Upkeep {
 export async function keepDoing(
   { link, session, signal }: Upkeep,
   work: (gotSomething: () => void) => Promise<void>,
+  { breakdowns = Infinity }: Patience = {},
 ): Promise<unknown> {
   let failures = 0
+  let broken = 0
   while (!signal.aborted) {
     try {
       await work(() => {
@@ -37,7 +45,8 @@ export async function keepDoing(
         failures = 0
         continue
       }
-      if (!mayPass(failure)) return error
+      broken = ConnectError.from(error).code === Code.Internal ? broken + 1 : 0
+      if (!mayPass(failure) || broken >= breakdowns) return error
       failures += 1
     }
     await sleep(pauseAfter(failures), signal)
@@ -45,19 +54,50 @@ export async function keepDoing(
   return undefined
 }
 
-/** Reads a stream for as long as the signal allows; see `keepDoing`. */
+/** Reads a stream for as long as the signal allows, and opens it again if nothing comes for too long; see `keepDoing`. */
 export function keepReading<T>(
   upkeep: Upkeep,
   open: (signal: AbortSignal) => AsyncIterable<T>,
   take: (message: T) => void,
+  idleMs?: number,
 ): Promise<unknown> {
   return keepDoing(upkeep, async (gotSomething) => {
-    for await (const message of open(upkeep.signal)) {
-      if (upkeep.signal.aborted) return
-      gotSomething()
-      take(message)
+    const watch = new IdleWatch(idleMs)
+    const signal = AbortSignal.any([upkeep.signal, watch.signal])
+    try {
+      for await (const message of open(signal)) {
+        if (signal.aborted) break
+        watch.heard()
+        gotSomething()
+        take(message)
+      }
+    } catch (error) {
+      if (!watch.signal.aborted) throw error
+    } finally {
+      watch.end()
     }
+    if (watch.signal.aborted) throw new ConnectError('nothing came for too long', Code.DeadlineExceeded)
   })
+}
+
+/** Aborts when nothing is heard for some time. */
+class IdleWatch {
+  private readonly stop = new AbortController()
+  readonly signal = this.stop.signal
+  private timer: ReturnType<typeof setTimeout> | undefined
+
+  constructor(private readonly idleMs: number | undefined) {
+    this.heard()
+  }
+
+  heard(): void {
+    clearTimeout(this.timer)
+    if (this.idleMs !== undefined) this.timer = setTimeout(() => this.stop.abort(), this.idleMs)
+  }
+
+  end(): void {
+    clearTimeout(this.timer)
+  }
 }
 
 /** Calls until there is an answer; throws what trying again cannot mend, undefined if the signal aborted. */

@@ -5,7 +5,10 @@ import type { Features, MeshTile, Place } from '../../view/viewport.types'
 import type { Context } from '../context'
 import { inWords } from '../net/errors'
 import { keepAsking, keepDoing } from '../net/stream'
-import { boxOf, firstCell, missingTiles, overlap, readFeatures, readTile, type TileRange } from './tiles'
+import { boxOf, firstCell, missingTiles, overlap, readFeatures, readTile, type TileRange, tilesOf } from './tiles'
+
+/** A mesh that cannot be made would not be made the next time either. */
+const PATIENCE = { breakdowns: 3 }
 
 /** Where a map goes to. */
 export interface LevelSink {
@@ -22,12 +25,25 @@ export type LevelState =
   | { kind: 'ready'; tiles: number; seconds: number }
   | { kind: 'failed'; why: string }
 
+interface Wish {
+  around: Place
+  radius: number
+}
+
+interface Running {
+  wish: Wish
+  range: TileRange
+  stop: AbortController
+}
+
 export class Level {
   readonly state = signal<LevelState>({ kind: 'none' })
   readonly features = signal<Features | undefined>(undefined)
   private loaded: { worldId: bigint; sink: LevelSink; signal: AbortSignal } | undefined
-  private running: { range: TileRange; stop: AbortController } | undefined
-  private wanted: { around: Place; radius: number } | undefined
+  private running: Running | undefined
+  private wanted: Wish | undefined
+  /** Tiles asked for since the last wish: empty ones never come, and others may have had to give way already. */
+  private readonly asked = new Set<string>()
 
   constructor(private readonly context: Context) {}
 
@@ -62,6 +78,7 @@ export class Level {
     this.loaded = undefined
     this.running = undefined
     this.wanted = undefined
+    this.asked.clear()
     this.features.value = undefined
     this.state.value = { kind: 'none' }
   }
@@ -69,6 +86,7 @@ export class Level {
   /** The camera is here: full detail is wanted around it. One region is loaded at a time. */
   want(around: Place, radius: number): void {
     this.wanted = { around, radius }
+    this.asked.clear()
     this.refine()
   }
 
@@ -77,18 +95,22 @@ export class Level {
     const stop = new AbortController()
     let tiles: number | undefined
     const upkeep = { link: world.link, session, signal: AbortSignal.any([signal, stop.signal]) }
-    const error = await keepDoing(upkeep, async (gotSomething) => {
-      let done = 0
-      for await (const message of world.calls.getMesh({ worldId, cellM }, { signal })) {
-        if (signal.aborted) return
-        gotSomething()
-        sink.putTile(readTile(message), cellM === 0)
-        done += 1
-        this.state.value = { kind: 'loading', done, total: message.tileCount }
-      }
-      tiles = done
-      stop.abort()
-    })
+    const error = await keepDoing(
+      upkeep,
+      async (gotSomething) => {
+        let done = 0
+        for await (const message of world.calls.getMesh({ worldId, cellM }, { signal })) {
+          if (signal.aborted) return
+          gotSomething()
+          sink.putTile(readTile(message), cellM === 0)
+          done += 1
+          this.state.value = { kind: 'loading', done, total: message.tileCount }
+        }
+        tiles = done
+        stop.abort()
+      },
+      PATIENCE,
+    )
     if (error !== undefined) throw error
     return tiles
   }
@@ -98,24 +120,25 @@ export class Level {
     const size = this.features.peek()?.size
     if (loaded === undefined || wanted === undefined || size === undefined || loaded.signal.aborted) return
     const fine = loaded.sink.fineTiles()
-    const range = missingTiles(wanted.around, wanted.radius, size, (tile) => fine.has(tile))
+    const range = missingTiles(wanted.around, wanted.radius, size, (tile) => fine.has(tile) || this.asked.has(tile))
     if (range === undefined) return
     if (this.running !== undefined) {
       if (!overlap(this.running.range, range)) this.running.stop.abort()
       return
     }
-    const running = { range, stop: new AbortController() }
+    const running = { wish: wanted, range, stop: new AbortController() }
     this.running = running
+    for (const tile of tilesOf(range)) this.asked.add(tile)
     void this.loadFine(loaded, running).finally(() => {
       if (this.running !== running) return
       this.running = undefined
-      this.refine()
+      if (this.wanted !== running.wish) this.refine()
     })
   }
 
   private async loadFine(
     { worldId, sink, signal }: { worldId: bigint; sink: LevelSink; signal: AbortSignal },
-    { range, stop }: { range: TileRange; stop: AbortController },
+    { wish, range, stop }: Running,
   ): Promise<void> {
     const size = this.features.peek()?.size
     if (size === undefined) return
@@ -128,7 +151,7 @@ export class Level {
       }
     } catch {
       // The coarse map stays. What is wanted next tries again, once the camera moves.
-      if (!both.aborted) this.wanted = undefined
+      if (!both.aborted && this.wanted === wish) this.wanted = undefined
     }
   }
 }

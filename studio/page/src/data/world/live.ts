@@ -9,6 +9,8 @@ import { keepReading } from '../net/stream'
 import { afterSnapshot, type NpcsById, type StatsSample } from './snapshot'
 
 const RATE_HZ = 20
+/** A stream that is silent for so long is taken for dead. */
+const IDLE_MS = 10_000
 /** Panels are told less often than the view. */
 const PANEL_MS = 300
 /** Pause before a world that is missing is asked for again. */
@@ -48,6 +50,7 @@ export class Live {
         { link: world.link, session, signal },
         (signal) => world.calls.watchWorld(request, { signal }),
         (message) => this.take(message),
+        IDLE_MS,
       )
       if (error === undefined) return
       if (failureOf(error) !== 'missing') return report(this.context, 'The world cannot be watched', error)

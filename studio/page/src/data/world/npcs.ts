@@ -9,6 +9,8 @@ import { keepReading } from '../net/stream'
 import { npcNumber } from './snapshot'
 
 const RATE_HZ = 10
+/** A stream that is silent for so long is taken for dead. */
+const IDLE_MS = 10_000
 
 /** What is known of the NPC that is followed. */
 export interface Followed {
@@ -73,6 +75,7 @@ export class Npcs {
         const known = this.followed.peek()
         this.followed.value = afterMessage(known?.id === id ? known : nothing, message)
       },
+      IDLE_MS,
     )
     if (error === undefined || signal.aborted) return
     if (failureOf(error) === 'missing') this.context.toasts.say(`NPC ${npcNumber(id)} was removed.`)

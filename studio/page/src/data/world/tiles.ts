@@ -53,6 +53,13 @@ export function missingTiles(
   return range
 }
 
+/** The tiles of a range. */
+export function* tilesOf({ lowX, lowZ, highX, highZ }: TileRange): Generator<string> {
+  for (let x = lowX; x <= highX; x += 1) {
+    for (let z = lowZ; z <= highZ; z += 1) yield `${x},${z}`
+  }
+}
+
 /** Whether two ranges share a tile. */
 export function overlap(a: TileRange, b: TileRange): boolean {
   return a.lowX <= b.highX && b.lowX <= a.highX && a.lowZ <= b.highZ && b.lowZ <= a.highZ

@@ -1,4 +1,4 @@
-import { priceEdge } from '../../data/edit/edits'
+import { priceEdits } from '../../data/edit/edits'
 import { count, counted, duration, factor, place } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import type { Edge } from '../../gen/surefoot/planner/v1/planner_pb'
@@ -74,11 +74,11 @@ function BackLink({ studio: { graphs }, from, to }: Props) {
 
 function EdgeActions({ studio, edge }: { studio: Studio; edge: Edge }) {
   const { graphs, layers } = studio
-  // Edits of one edge multiply.
   const setPrice = (factor: number) => {
-    const by = factor / (edge.priceFactor || 1)
     const [from, to] = [graphs.position(edge.from), graphs.position(edge.to)]
-    if (from !== undefined && to !== undefined) void layers.apply(priceEdge(from, to, by))
+    if (from !== undefined && to !== undefined) {
+      void layers.apply(...priceEdits(from, to, edge.priceFactor || 1, factor))
+    }
   }
   return (
     <div class="edge-actions" role="group" aria-label="Edit the edge">

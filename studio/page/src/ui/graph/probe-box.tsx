@@ -7,10 +7,10 @@ import { Button } from '../controls'
 export function ProbeBox({ studio, from, to }: { studio: Studio; from: number; to: number }) {
   const { probes, graphs } = studio
   const graphId = graphs.id.value
-  const { tries, successes } = tally(probes.made.value, from, to)
-  const last = probes.last(from, to)
-  const uncounted = probes.made.value.filter((probe) => probe.from === from && probe.to === to && !probe.counted).length
   if (graphId === undefined) return null
+  const edge = { graphId, from, to }
+  const { tries, successes, uncounted } = tally(probes.made.value, edge)
+  const last = probes.last(edge)
   return (
     <div class="probe" role="group" aria-label="Probe the edge">
       <div class="row wrap">
@@ -19,7 +19,7 @@ export function ProbeBox({ studio, from, to }: { studio: Studio; from: number; t
           icon="play"
           tone="main"
           disabled={probes.running.value}
-          onClick={() => void probes.probe(graphId, from, to)}
+          onClick={() => void probes.probe(edge)}
         />
         {last !== undefined && (
           <Button
@@ -34,7 +34,7 @@ export function ProbeBox({ studio, from, to }: { studio: Studio; from: number; t
             label={uncounted === 1 ? 'Count it' : `Count ${uncounted}`}
             icon="check"
             hint="Adds what was tried here to the evidence"
-            onClick={() => void probes.count(graphId, from, to)}
+            onClick={() => void probes.count(edge)}
           />
         )}
       </div>

@@ -14,11 +14,13 @@ export function ConflictCard({ studio: { layers }, conflict }: { studio: Studio;
       <p>{conflict.why}</p>
       <h3>Yours</h3>
       <ul>
-        {conflict.held.map(({ layer, edit }, index) => (
-          <li key={index}>
-            {describe(edit)} <span class="note">in {layer}</span>
-          </li>
-        ))}
+        {conflict.held
+          .flatMap(({ layer, edits }) => edits.map((edit) => ({ layer, edit })))
+          .map(({ layer, edit }, index) => (
+            <li key={index}>
+              {describe(edit)} <span class="note">in {layer}</span>
+            </li>
+          ))}
       </ul>
       {conflict.changes.length > 0 && <h3>Theirs</h3>}
       {conflict.changes.map((change) => (

@@ -1,0 +1,95 @@
+import { createClient, createRouterTransport } from '@connectrpc/connect'
+import { beforeEach, describe, expect, it, vi } from 'vitest'
+import type { Context } from '../../src/data/context'
+import { Link } from '../../src/data/net/link'
+import { Session } from '../../src/data/net/session'
+import { Toasts } from '../../src/data/toasts'
+import { Level, type LevelSink } from '../../src/data/world/level'
+import { MapService } from '../../src/gen/surefoot/world/v1/maps_pb'
+import { WorldService } from '../../src/gen/surefoot/world/v1/world_pb'
+
+/** Regions of full detail that were asked for. */
+let asked: number
+let fine: Set<string>
+
+const transport = createRouterTransport(({ service }) => {
+  service(WorldService, {
+    getFeatures: () => ({ size: { width: 640, height: 80, depth: 640 } }),
+    async *getMesh({ region }) {
+      if (region === undefined) return
+      asked += 1
+      // All but the tile at the corner are empty, and are not sent.
+      yield { tileX: 0, tileZ: 0, tileCount: 1 }
+    },
+  })
+})
+
+function contextFor(): Context {
+  const side = { address: '', link: new Link(), maps: createClient(MapService, transport) }
+  return {
+    session: new Session(undefined),
+    world: { ...side, calls: createClient(WorldService, transport) },
+    planner: {} as Context['planner'],
+    toasts: new Toasts(),
+    store: undefined,
+    signal: new AbortController().signal,
+  }
+}
+
+const sink: LevelSink = {
+  clear: () => undefined,
+  setFeatures: () => undefined,
+  putTile: ({ tileX, tileZ }, isFine) => {
+    if (isFine) fine.add(`${tileX},${tileZ}`)
+  },
+  fineTiles: () => fine,
+  frameMap: () => undefined,
+}
+
+const pause = () => new Promise((resolve) => setTimeout(resolve, 50))
+
+describe('full detail', () => {
+  const corner = { x: 10, y: 0, z: 10 }
+  let level: Level
+
+  beforeEach(async () => {
+    asked = 0
+    fine = new Set()
+    level = new Level(contextFor())
+    void level.load(1n, sink, new AbortController().signal)
+    await vi.waitFor(() => expect(level.state.value.kind).toBe('ready'))
+  })
+
+  it('is asked for once, though tiles are empty', async () => {
+    level.want(corner, 100)
+    await pause()
+    expect(asked).toBe(1)
+  })
+
+  it('is asked for once, though a tile has to give way at once', async () => {
+    sink.putTile = () => undefined
+    level.want(corner, 20)
+    await pause()
+    expect(asked).toBe(1)
+  })
+
+  it('is asked for again with the next wish', async () => {
+    level.want(corner, 100)
+    await pause()
+    level.want(corner, 101)
+    await pause()
+    expect(asked).toBe(2)
+  })
+
+  it('is asked for where the camera went meanwhile', async () => {
+    level.want(corner, 100)
+    level.want({ x: 600, y: 0, z: 600 }, 20)
+    await pause()
+    expect(asked).toBeGreaterThanOrEqual(1)
+    level.want({ x: 600, y: 0, z: 600 }, 20)
+    await pause()
+    const before = asked
+    await pause()
+    expect(asked).toBe(before)
+  })
+})
