@@ -95,36 +95,40 @@ test('a designer forbids a leg, and the plan and the NPC go another way', async 
   const before = await planned()
   const pairs = (way: string[]) => way.slice(1).map((place, at) => `${way[at]} > ${place}`)
 
-  // The last leg between two vertices is forbidden: it is far from there yet.
-  await page.getByRole('tab', { name: 'Plan', exact: true }).click()
-  const last = (await legs.count()) - 2
-  await legs.nth(last).getByRole('button').first().click()
-  const [from, to] = await ask(page, ({ state }) => {
-    const { selection } = state.graphs
-    if (selection.value?.kind !== 'edge') throw new Error('no edge is selected')
-    const ends = [state.graphs.position(selection.value.from), state.graphs.position(selection.value.to)]
-    return ends.map((end) => `${end!.x.toFixed(1)} ${end!.z.toFixed(1)}`)
-  })
-  const forbidden = `${from} > ${to}`
-  expect(pairs(before)).toContain(forbidden)
-  await page.getByRole('button', { name: 'Forbid this leg' }).click()
+  const edges = () => ask(page, ({ state }) => state.graphs.loaded.value!.edges.length)
+  const whole = await edges()
+  // Its last leg between two vertices is forbidden: the NPC is far from there yet.
+  const forbidden = await page.evaluate((before) => {
+    const { state } = window.surefootStudio
+    const graph = state.graphs.loaded.value!
+    const name = (vertex: number) => `${graph.vertices[vertex]!.x.toFixed(1)} ${graph.vertices[vertex]!.z.toFixed(1)}`
+    const pairs = graph.edges.map(({ from, to }) => ({ from, to, pair: `${name(from)} > ${name(to)}` }))
+    const last = before.flatMap((pair) => pairs.filter((edge) => edge.pair === pair))[0]
+    if (last === undefined) throw new Error(`no edge of the graph is on the NPC's way: ${before.join(', ')}`)
+    state.graphs.select({ kind: 'edge', from: last.from, to: last.to })
+    state.openTab('graph')
+    return last.pair
+  }, pairs(before).reverse())
+  await page.getByRole('button', { name: 'Forbid', exact: true }).click()
   await expect.poll(async () => pairs(await planned()).includes(forbidden)).toBe(false)
   expect((await planned()).length).toBeGreaterThan(1)
-  await expect
-    .poll(() =>
-      ask(
-        page,
-        ({ state }) => state.plans.chosen.value?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? [],
-      ),
+  const shown = () =>
+    ask(
+      page,
+      ({ state }) => state.plans.chosen.value?.waypoints.map(({ x, z }) => `${x.toFixed(1)} ${z.toFixed(1)}`) ?? [],
     )
-    .not.toEqual(before)
+  await expect.poll(async () => pairs(await shown()).includes(forbidden)).toBe(false)
+  expect((await shown()).length).toBeGreaterThan(1)
+  await expect.poll(edges).toBe(whole - 1)
+  await page.getByRole('tab', { name: 'Plan', exact: true }).click()
+  await legs.nth(2).getByRole('button').first().click()
+  await expect(page.getByRole('button', { name: 'Forbid this leg' })).toBeVisible()
   await page.getByRole('tab', { name: 'Layers' }).click()
   await expect(page.getByText(/^Forbid /).first()).toBeVisible()
 
   // And back.
-  const edges = await ask(page, ({ state }) => state.graphs.loaded.value!.edges.length)
   await page.keyboard.press('Control+z')
-  await expect.poll(() => ask(page, ({ state }) => state.graphs.loaded.value!.edges.length)).toBe(edges + 1)
+  await expect.poll(edges).toBe(whole)
 })
 
 test('vertices are put in and taken out by a click, and an NPC is put elsewhere', async ({ page }) => {
