@@ -38,6 +38,13 @@ pub struct ProbeContext {
     pub policy: Policy,
 }
 
+impl ProbeContext {
+    /// As the default character.
+    pub fn new(map: Arc<Map>, policy: Policy) -> Self {
+        Self { map, profile: CharacterProfile::default(), policy }
+    }
+}
+
 /// One episode to run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {

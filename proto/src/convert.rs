@@ -102,14 +102,18 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
     Ok(spec)
 }
 
+/// The extent of a map on the wire.
+pub fn map_size_to_wire(MapSize { width, height, depth }: MapSize) -> wire::MapSize {
+    wire::MapSize { width, height, depth }
+}
+
 /// A map spec on the wire.
 pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
-    let MapSize { width, height, depth } = spec.size;
     let Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } =
         spec.features;
     wire::MapSpec {
         seed: spec.seed,
-        size: Some(wire::MapSize { width, height, depth }),
+        size: Some(map_size_to_wire(spec.size)),
         features: Some(wire::Features {
             plateaus,
             buildings,

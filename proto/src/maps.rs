@@ -138,11 +138,10 @@ impl MapShelf {
 }
 
 fn describe(level: &Level) -> wire::KeptMap {
-    let size = level.map.size();
     wire::KeptMap {
         map_hash: level.map.hash().to_hex(),
         name: level.name.clone(),
-        size: Some(wire::MapSize { width: size.width, height: size.height, depth: size.depth }),
+        size: Some(convert::map_size_to_wire(level.map.size())),
     }
 }
 

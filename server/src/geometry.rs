@@ -1,7 +1,7 @@
 //! A world's map for those who look at it: its triangles tile by tile, and what stands on it.
 
 use std::collections::HashMap;
-use surefoot_proto::convert::to_wire;
+use surefoot_proto::convert::{map_size_to_wire, to_wire};
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -125,7 +125,7 @@ pub fn surface_to_wire(surface: Surface) -> wire::Surface {
 
 /// What stands on a map besides rock.
 pub fn features(map: &Map) -> wire::GetFeaturesResponse {
-    let (size, placed) = (map.size(), map.placed());
+    let placed = map.placed();
     let line = |from, to, two_way| wire::LineFeature { from: Some(to_wire(from)), to: Some(to_wire(to)), two_way };
     let pools = placed.pools.iter().map(|pool| {
         let (half_x, half_z) = pool.outline.half_extents();
@@ -140,7 +140,7 @@ pub fn features(map: &Map) -> wire::GetFeaturesResponse {
     });
     let pads = placed.pads.iter().map(|pad| wire::PadFeature { centre: Some(to_wire(pad.centre)), speed: pad.speed });
     wire::GetFeaturesResponse {
-        size: Some(wire::MapSize { width: size.width, height: size.height, depth: size.depth }),
+        size: Some(map_size_to_wire(map.size())),
         pools: pools.collect(),
         pads: pads.collect(),
         zip_lines: placed.zip_lines.iter().map(|it| line(it.from, it.to, false)).collect(),

@@ -12,7 +12,6 @@ use surefoot_proto::maps::MapSource;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::serving::{Shutdown, going_away};
 use surefoot_proto::status;
-use surefoot_world::CharacterProfile;
 use tokio::sync::{mpsc, watch};
 use tonic::Status;
 use tracing::{info, warn};
@@ -109,7 +108,7 @@ impl PlannerApi {
     ) -> Result<Arc<Hosted>, Status> {
         let map = source.map()?;
         let map_hash = map.hash().to_hex();
-        let context = ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() };
+        let context = ProbeContext::new(map, self.shared.policy.clone());
         let id = GraphId::of(&context, settings);
         if let Some(ready) = self.recall(&id) {
             return Ok(ready);

@@ -16,7 +16,7 @@ use surefoot_policy::Policy;
 use surefoot_proto::convert;
 use surefoot_proto::maps::MapSource;
 use surefoot_proto::planner::v1 as wire;
-use surefoot_world::{CharacterProfile, Vec3};
+use surefoot_world::Vec3;
 use tokio::sync::watch;
 
 /// What decides how a hosted graph is edited and searched.
@@ -254,7 +254,7 @@ impl LazyTerrain<'_> {
         self.terrain.get_or_init(|| {
             let Origin { source, policy, settings, thread_count, .. } = self.origin;
             let map = source.map().expect("the graph's map came from there");
-            let context = ProbeContext { map, profile: CharacterProfile::default(), policy: policy.clone() };
+            let context = ProbeContext::new(map, policy.clone());
             MapTerrain { context, settings: *settings, thread_count: *thread_count }
         })
     }

@@ -31,7 +31,7 @@ use surefoot_proto::planner::v1::planner_service_server::{PlannerService, Planne
 use surefoot_proto::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, going_away, with_grpc_web};
 use surefoot_proto::status;
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
-use surefoot_world::{CharacterProfile, Map, Vec3};
+use surefoot_world::{Map, Vec3};
 use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
@@ -303,7 +303,7 @@ impl PlannerApi {
         };
         *kept = Some(map.clone());
         drop(kept);
-        Ok(ProbeContext { map, profile: CharacterProfile::default(), policy: self.shared.policy.clone() })
+        Ok(ProbeContext::new(map, self.shared.policy.clone()))
     }
 
     /// Tells one reader what a graph is like now, and again whenever it has changed.
