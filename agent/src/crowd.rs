@@ -2,8 +2,8 @@
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use surefoot_proto::client::Link;
-use surefoot_proto::serving::MAX_MESSAGE_BYTES;
+use surefoot_net::client::Link;
+use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, NpcStatus};
 use tokio::sync::watch;

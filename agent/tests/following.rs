@@ -3,19 +3,17 @@
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use surefoot_agent::eval::{EvalConfig, EvalError, Method, Rate, evaluate};
-use surefoot_agent::follow::{FollowConfig, Follower, Step};
-use surefoot_agent::rollout::{DEFAULT_NOISE_SHARE, Goal};
-use surefoot_planner::search::{Leg, Plan};
-use surefoot_planner::{Ability, BuildSettings};
+use surefoot_planner::{BuildSettings, EdgeKey, Leg, Plan};
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
+use surefoot_rollout::follow::{FollowConfig, Follower, Step};
+use surefoot_rollout::{DEFAULT_NOISE_SHARE, Goal};
+use surefoot_world::{Ability, Chance, CharacterProfile, Map, MapSpec, Seconds, Vec3, navigable};
 
 fn plan(waypoints: &[f32]) -> Plan {
     let legs = (0..waypoints.len() as u32).map(|idx| Leg {
-        from: idx,
-        to: idx + 1,
-        seconds: 1.0,
-        chance: 0.9,
+        key: EdgeKey::new(idx, idx + 1).into(),
+        seconds: Seconds(1.0),
+        chance: Chance::new(0.9),
         ability: Ability::Walk,
     });
     Plan {
@@ -53,7 +51,7 @@ fn a_leg_without_progress_is_planned_anew_and_avoided_until_patience_ends() {
             Step::Keep => {}
             Step::Plan => {
                 replans += 1;
-                assert!(follower.query(stuck).avoid.contains(&(0, 1)));
+                assert!(follower.query(stuck).avoid.contains(&EdgeKey::new(0, 1).into()));
                 follower.take_plan(plan(&[10.0, 30.0]));
             }
             Step::GiveUp => {
@@ -81,7 +79,7 @@ fn intervals_contain_the_rate_and_shrink_with_more_attempts() {
 
 #[test]
 fn drawn_goals_have_the_asked_distance() {
-    let map = Map::generate(&MapSpec::with_side(1001, 100)).unwrap();
+    let map = Map::generate(&MapSpec::with_side(1001, 100).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 200, &mut rng).unwrap();
     let goals = Goal::draw(&points, 10.0..20.0, 50, &mut rng);
@@ -91,7 +89,7 @@ fn drawn_goals_have_the_asked_distance() {
 
 fn config(method: Method) -> EvalConfig {
     EvalConfig {
-        maps: vec![MapSpec::with_side(1000, 120)],
+        maps: vec![MapSpec::with_side(1000, 120).unwrap()],
         goals: 30,
         seeds: vec![0],
         method,
@@ -113,7 +111,13 @@ fn the_shipped_policy_reaches_most_near_goals_on_an_unseen_map() {
 
 #[test]
 fn an_evaluation_by_plan_does_not_depend_on_the_number_of_threads() {
-    let settings = BuildSettings { vertices: 60, neighbours: 8, repeats: 1, ..BuildSettings::default() };
+    let settings = BuildSettings::default()
+        .with(|it| {
+            it.vertices = 60;
+            it.neighbours = 8;
+            it.repeats = 1;
+        })
+        .unwrap();
     let policy = Policy::shipped().unwrap();
     let run = |thread_count| {
         evaluate(&policy, &EvalConfig { thread_count, ..config(Method::Graph(settings)) }, |_, _| {}).unwrap()

@@ -3,9 +3,9 @@
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::AtomicBool;
-use surefoot_agent::train::collector::CollectorConfig;
-use surefoot_agent::train::run::{Processor, Run};
-use surefoot_agent::train::sac::SacConfig;
+use surefoot_agent::train::CollectorConfig;
+use surefoot_agent::train::SacConfig;
+use surefoot_agent::train::{Processor, Run};
 use surefoot_agent::train::{TrainConfig, TrainError, run};
 use surefoot_policy::ActorConfig;
 use surefoot_policy::checkpoint::module_bytes;
@@ -22,7 +22,7 @@ fn tiny() -> TrainConfig {
         checkpoint_every: 1000,
         validation_goals: 1,
         validation_seeds: vec![1000],
-        sac: SacConfig { network: ActorConfig { ray_features: 8, hidden: 16, memory: 0 }, ..SacConfig::default() },
+        sac: SacConfig { network: ActorConfig { ray_features: 8, hidden: 16, memory: None }, ..SacConfig::default() },
         collector: CollectorConfig {
             map_side: 60,
             world_count: 2,
@@ -39,7 +39,7 @@ fn tiny() -> TrainConfig {
 }
 
 fn tiny_recurrent() -> TrainConfig {
-    let network = ActorConfig { ray_features: 8, hidden: 16, memory: 6 };
+    let network = ActorConfig { ray_features: 8, hidden: 16, memory: std::num::NonZeroUsize::new(6) };
     TrainConfig { burn_in: 3, learn: 5, batch: 4, sac: SacConfig { network, ..SacConfig::default() }, ..tiny() }
 }
 
@@ -105,7 +105,8 @@ fn configurations_that_contradict_themselves_are_refused() {
 #[test]
 fn a_run_ends_early_when_validation_no_longer_improves() {
     let folder = tempfile::tempdir().unwrap();
-    let config = TrainConfig { total_updates: 10_000, stop_after: 30, validate_every: 1, ..tiny() };
+    let config =
+        TrainConfig { total_updates: 10_000, stop_after: std::num::NonZeroU64::new(30), validate_every: 1, ..tiny() };
     let mut last = String::new();
     run(config, folder.path(), false, &AtomicBool::new(false), |line| last = line.to_owned()).unwrap();
     let updates: u64 = last.split_whitespace().nth(3).unwrap().parse().unwrap();

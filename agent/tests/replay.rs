@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use surefoot_agent::train::replay::{Batch, MEMORY_STRIDE, Replay, RowKind, Sampling, Step};
-use surefoot_policy::network::RAY_LEN;
+use surefoot_policy::config::RAY_LEN;
 use surefoot_world::OBSERVATION_LEN;
 
 const DISCOUNT: f32 = 0.5;

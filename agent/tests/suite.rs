@@ -7,7 +7,7 @@ use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
 fn maps() -> Vec<MapSpec> {
-    vec![MapSpec::with_side(1000, 60), MapSpec::with_side(1001, 60)]
+    [1000, 1001].map(|seed| MapSpec::with_side(seed, 60).unwrap()).to_vec()
 }
 
 fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfig {
@@ -64,7 +64,7 @@ fn the_suite_stands_beside_the_papers_table() {
             models: maps().into_iter().map(|spec| (policy.clone(), vec![spec])).collect(),
         },
     ];
-    let splits = [("training", vec![MapSpec::with_side(0, 60)]), ("test", maps())];
+    let splits = [("training", vec![MapSpec::with_side(0, 60).unwrap()]), ("test", maps())];
     // The method is each entry's, whatever the base says.
     let base = EvalConfig { method: Method::Graph(BuildSettings::default()), ..config(None, 2) };
     let report = suite::run(&entries, &splits, &base, |_, _, _| {}).unwrap();

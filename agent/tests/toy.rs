@@ -3,25 +3,25 @@
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::sync::Arc;
-use surefoot_agent::rollout::{Goal, Rollout};
+use surefoot_agent::train::CollectorConfig;
+use surefoot_agent::train::Run;
 use surefoot_agent::train::TrainConfig;
-use surefoot_agent::train::collector::CollectorConfig;
 use surefoot_agent::train::replay::Batch;
-use surefoot_agent::train::run::Run;
-use surefoot_agent::train::sac::{Learner, SacConfig};
-use surefoot_policy::network::RAY_LEN;
+use surefoot_agent::train::{Learner, SacConfig};
+use surefoot_policy::config::RAY_LEN;
 use surefoot_policy::{ActorConfig, Manifest, Policy};
+use surefoot_rollout::{Goal, Rollout};
 use surefoot_world::map::Features;
 use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, navigable};
 
 /// Short goals on small maps of bare terrain.
 fn field(network: ActorConfig) -> TrainConfig {
-    let base = if network.memory > 0 { TrainConfig::recurrent() } else { TrainConfig::default() };
+    let base = if network.memory.is_some() { TrainConfig::recurrent() } else { TrainConfig::default() };
     TrainConfig {
         seed: 5,
-        batch: if network.memory > 0 { 12 } else { 128 },
-        burn_in: if network.memory > 0 { 4 } else { 0 },
-        learn: if network.memory > 0 { 10 } else { 1 },
+        batch: if network.memory.is_some() { 12 } else { 128 },
+        burn_in: if network.memory.is_some() { 4 } else { 0 },
+        learn: if network.memory.is_some() { 10 } else { 1 },
         steps_per_round: 4,
         updates_per_round: 16,
         replay_capacity: 60_000,
@@ -45,7 +45,7 @@ fn field(network: ActorConfig) -> TrainConfig {
 
 /// Share of goals reached on a map that was not trained on.
 fn success(policy: &Policy, config: &CollectorConfig) -> f64 {
-    let map = Arc::new(Map::generate(&config.spec(1000)).unwrap());
+    let map = Arc::new(Map::generate(&config.spec(1000).unwrap()));
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 400, &mut rng).unwrap();
     let goals = Goal::draw(&points, 2.0..10.0, 100, &mut rng);
@@ -69,12 +69,12 @@ fn learns_to_reach_goals(network: ActorConfig, updates: u64) {
 
 #[test]
 fn the_reactive_agent_learns_to_reach_goals_from_scratch() {
-    learns_to_reach_goals(ActorConfig { ray_features: 16, hidden: 64, memory: 0 }, 2500);
+    learns_to_reach_goals(ActorConfig { ray_features: 16, hidden: 64, memory: None }, 2500);
 }
 
 #[test]
 fn the_recurrent_agent_learns_to_reach_goals_from_scratch() {
-    learns_to_reach_goals(ActorConfig { ray_features: 16, hidden: 64, memory: 16 }, 2500);
+    learns_to_reach_goals(ActorConfig { ray_features: 16, hidden: 64, memory: std::num::NonZeroUsize::new(16) }, 2500);
 }
 
 const SEQUENCES: usize = 16;
@@ -111,12 +111,12 @@ fn cued_batch(rng: &mut ChaCha8Rng, memory: usize) -> Batch {
 
 #[test]
 fn the_recurrent_agent_acts_on_what_it_saw_before() {
-    let network = ActorConfig { ray_features: 8, hidden: 32, memory: 16 };
+    let network = ActorConfig { ray_features: 8, hidden: 32, memory: std::num::NonZeroUsize::new(16) };
     let config = SacConfig { network, learning_rate: 2.0e-3, ..SacConfig::default() };
     let mut learner = Learner::new(config, ChaCha8Rng::seed_from_u64(1));
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     for _ in 0..1500 {
-        let batch = cued_batch(&mut rng, network.memory);
+        let batch = cued_batch(&mut rng, network.memory_len());
         learner.update(&batch);
     }
     let policy = Policy::new(learner.actor(), Manifest::new("cued", network, &[], serde_json::Value::Null));
@@ -136,7 +136,7 @@ fn the_recurrent_agent_acts_on_what_it_saw_before() {
 
 #[test]
 fn the_reactive_agent_finds_the_better_action_of_a_bandit() {
-    let network = ActorConfig { ray_features: 8, hidden: 32, memory: 0 };
+    let network = ActorConfig { ray_features: 8, hidden: 32, memory: None };
     let config = SacConfig { network, learning_rate: 1.0e-3, ..SacConfig::default() };
     let mut learner = Learner::new(config, ChaCha8Rng::seed_from_u64(1));
     let mut rng = ChaCha8Rng::seed_from_u64(2);

@@ -1,15 +1,17 @@
 //! The `surefoot` command: argument parsing and wiring only.
 
+// Documentation of arguments is what `--help` prints, not a page.
+#![allow(rustdoc::broken_intra_doc_links, rustdoc::bare_urls)]
+
 mod commands;
 mod config;
 #[cfg(feature = "otel")]
 mod otel;
-mod plots;
-mod render;
+mod signals;
 mod terminal;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use commands::{bench, eval, export, graph, health, map, services, top, train, up};
+use commands::{bench, eval, export, graph, health, licenses, map, services, top, train, up};
 
 /// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
 #[derive(Parser)]
@@ -46,6 +48,8 @@ enum Command {
     Bench(bench::Args),
     /// Ask a service whether it is serving.
     Health(health::Args),
+    /// Print the licences of surefoot and of all crates in it.
+    Licenses(licenses::Args),
     /// Watch a running world server.
     Top(top::Args),
     /// Look at maps.
@@ -85,6 +89,7 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Graph(command) => graph::run(&command),
         Command::Bench(args) => bench::run(&args),
         Command::Health(args) => health::run(&args),
+        Command::Licenses(args) => licenses::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Map(command) => map::run(&command),
     }

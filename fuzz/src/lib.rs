@@ -10,19 +10,22 @@ use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
-use surefoot_planner::service::{PlannerConfig, plan_from_wire, plan_to_wire, wire_form};
-use surefoot_planner::{Built, NavGraph, Query, Router, cache};
+use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, store as cache};
+use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
+use surefoot_proto::plans;
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
-use surefoot_server::checks;
-use surefoot_server::hosted::{HostedWorld, SavedMap, SavedWorld, TimeMode};
+use surefoot_server::hosted::{HostedWorld, NpcStatus, SavedMap, SavedWorld, TimeMode};
+use surefoot_server::ids::WorkerId;
+use surefoot_server::messages::{Answer, ToWorker};
 use surefoot_server::quota::Quota;
-use surefoot_server::registry::{Registry, ToWorker, WorkerId};
+use surefoot_server::registry::Registry;
+use surefoot_server::{NpcId, WorldId, wire as server_wire};
 use surefoot_world::exchange::{self, ImportError, ImportOptions, Imported};
 use surefoot_world::map::{MapSize, Outline, Placed, Pool};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
-use surefoot_world::{Map, MapSpec, Vec3};
+use surefoot_world::{Decisions, Map, MapSpec, Vec3};
 use tokio::sync::mpsc;
 
 /// A decoder's trial.
@@ -49,7 +52,7 @@ const MAX_TICKS: u64 = 3000;
 /// The first NPC of the world that answers are given to.
 pub const FIRST_NPC: u64 = 1 << 32 | 1;
 /// Sizes of the network that is to be filled.
-pub const NETWORK: ActorConfig = ActorConfig { ray_features: 1, hidden: 2, memory: 1 };
+pub const NETWORK: ActorConfig = ActorConfig { ray_features: 1, hidden: 2, memory: Some(std::num::NonZeroUsize::MIN) };
 
 /// The value, or nothing and the certainty that the error says something.
 fn answered<T, E: Display>(result: Result<T, E>) -> Option<T> {
@@ -95,7 +98,7 @@ pub fn world_messages(bytes: &[u8]) {
         let _ = answered(convert::in_range(f64::from(request.rate_hz), 0.0, 60.0, "rate_hz"));
     }
     if let Some(request) = message::<wire::WorkRequest>(bytes) {
-        let _ = answered(checks::hello(Some(request.clone())));
+        let _ = answered(server_wire::hello(Some(request.clone())));
         if let Some(wire::work_request::Message::Actions(batch)) = request.message {
             answer(&batch);
         }
@@ -113,7 +116,7 @@ pub fn world_messages(bytes: &[u8]) {
 /// the queues.
 fn served() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
     let (registry, quota) = (Arc::new(Registry::default()), Quota::new(3, "NPCs"));
-    let mut world = HostedWorld::new(1, FLOOR.clone(), TimeMode::Lockstep, registry.clone());
+    let mut world = HostedWorld::new(WorldId(1), FLOOR.clone(), TimeMode::Lockstep, registry.clone());
     let mut queues = Vec::new();
     for capacity in [2, 1] {
         let (queue, reader) = mpsc::channel(64);
@@ -131,12 +134,12 @@ fn served() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
 /// An answer of the first worker, checked and, if nothing is wrong with it, taken; whatever it is, the second worker's NPC
 /// goes on. NPCs are numbered from [`FIRST_NPC`], the third is the second worker's.
 pub fn answer(batch: &wire::ActionBatch) -> bool {
-    let Some(checked) = answered(checks::answer(batch.clone())) else { return false };
-    assert_eq!(checked.npc_ids.len(), checked.actions.len());
+    let Some(checked) = answered(server_wire::answer(batch.clone())) else { return false };
+    assert_eq!(checked.npcs.len(), checked.actions.len());
     let (mut world, _queues) = served();
     world.answer(WorkerId(1), checked);
-    let other = FIRST_NPC + 2;
-    let mut own = surefoot_server::hosted::Answer { npc_ids: vec![other], ..Default::default() };
+    let other = NpcId(FIRST_NPC + 2);
+    let mut own = Answer { npcs: vec![other], ..Default::default() };
     own.actions.push(surefoot_world::Action { forward: 1.0, ..Default::default() });
     world.answer(WorkerId(2), own);
     let before = world.npc(other).expect("it was spawned");
@@ -144,11 +147,10 @@ pub fn answer(batch: &wire::ActionBatch) -> bool {
         world.step();
     }
     let after = world.npc(other).expect("it is still there");
-    assert_eq!(after.status, i32::from(wire::NpcStatus::Seeking));
+    assert_eq!(after.status, NpcStatus::Seeking);
     assert_ne!(before.position, after.position, "it walks as it was told");
     for npc in world.snapshot().npcs {
-        assert!(convert::point(npc.position.as_ref(), "position").is_ok());
-        assert!(convert::point(npc.velocity.as_ref(), "velocity").is_ok());
+        assert!(npc.position.is_finite() && npc.velocity.is_finite());
     }
     true
 }
@@ -158,39 +160,38 @@ pub fn planner_messages(bytes: &[u8]) {
     if let Some(request) = message::<plan::BuildGraphRequest>(bytes) {
         let _ = answered(convert::map_spec(request.map.as_ref()));
         if let Some(settings) =
-            answered(wire_form::settings_from_wire(request.settings.as_ref(), &PlannerConfig::default()))
+            answered(planner_wire::settings_from_wire(request.settings.as_ref(), &PlannerConfig::default()))
         {
-            settings.validate().expect("settings from the wire are checked");
-            let back = wire_form::settings_to_wire(&settings);
-            let again = wire_form::settings_from_wire(Some(&back), &PlannerConfig::default());
-            assert_eq!(wire_form::settings_to_wire(&again.expect("what was just written")), back);
+            let back = plans::settings_to_wire(&settings);
+            let again = planner_wire::settings_from_wire(Some(&back), &PlannerConfig::default());
+            assert_eq!(plans::settings_to_wire(&again.expect("what was just written")), back);
         }
     }
     if let Some(request) = message::<plan::FindPathsRequest>(bytes) {
         for query in &request.queries {
-            let _ = answered(convert::point(query.start.as_ref(), "query.start"));
-            let _ = answered(convert::point(query.goal.as_ref(), "query.goal"));
+            let Some(query) = answered(plans::query(query)) else { continue };
+            assert_eq!(plans::query(&plans::query_to_wire(&query)), Ok(query));
         }
     }
     if let Some(plan) = message::<plan::FindPathResponse>(bytes).and_then(|response| response.plan)
-        && let Some(plan) = answered(plan_from_wire(&plan))
+        && let Some(plan) = answered(plans::plan(&plan))
     {
         assert_eq!(plan.waypoints.len(), plan.legs.len());
-        let again = plan_from_wire(&plan_to_wire(&plan)).expect("what was just written");
+        let again = plans::plan(&plans::plan_to_wire(&plan)).expect("what was just written");
         assert_eq!(format!("{again:?}"), format!("{plan:?}"));
     }
     if let Some(request) = message::<plan::ReportTraversalsRequest>(bytes) {
         for traversal in &request.traversals {
-            let _ = answered(wire_form::passage_from_wire(traversal));
+            let _ = answered(plans::passage(traversal));
         }
     }
     if let Some(request) = message::<plan::PutLayerRequest>(bytes)
-        && let Some(layer) = answered(wire_form::layer_from_wire(request.layer.as_ref()))
+        && let Some(layer) = answered(planner_wire::layer_from_wire(request.layer.as_ref()))
     {
         layer_comes_back(&layer);
     }
     if let Some(request) = message::<plan::AppendEditsRequest>(bytes)
-        && let Some(edits) = answered(wire_form::edits_from_wire(&request.edits))
+        && let Some(edits) = answered(planner_wire::edits_from_wire(&request.edits))
     {
         layer_comes_back(&Layer { name: request.layer, edits });
     }
@@ -198,7 +199,10 @@ pub fn planner_messages(bytes: &[u8]) {
 
 fn layer_comes_back(layer: &Layer) {
     if answered(layer.validate()).is_some() {
-        assert_eq!(wire_form::layer_from_wire(Some(&wire_form::layer_to_wire(layer))).expect("just written"), *layer);
+        assert_eq!(
+            planner_wire::layer_from_wire(Some(&planner_wire::layer_to_wire(layer))).expect("just written"),
+            *layer
+        );
         assert_eq!(cache::decode_layer(&cache::encode_layer(layer)).expect("just written"), *layer);
     }
 }
@@ -322,7 +326,7 @@ pub fn cache_entry(bytes: &[u8]) {
         }
         if let Some(live) = answered(cache::decode_live(bytes)) {
             assert_eq!(cache::decode_live(&cache::encode_live(&live)).expect("just written"), live);
-            live.lay_over(&SOME_GRAPH);
+            live.apply_to(&SOME_GRAPH);
         }
         if let Some(layer) = answered(cache::decode_layer(bytes)) {
             layer_comes_back(&layer);
@@ -363,7 +367,7 @@ pub fn saved_world(bytes: &[u8]) {
             world.step();
         }
         for npc in world.snapshot().npcs {
-            assert!(convert::point(npc.position.as_ref(), "position").is_ok());
+            assert!(npc.position.is_finite());
         }
     };
     decode(bytes);
@@ -377,15 +381,15 @@ const TABLE_LIMIT: usize = 64;
 /// A row of three vertices.
 static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
     let vertices = [3.0, 9.0, 15.0].map(|x| Vec3::new(x, 1.0, 9.0)).to_vec();
-    let proved = surefoot_planner::graph::Evidence::vouched(8.0);
-    NavGraph::prove(vertices, &[(0, 1), (1, 2), (2, 1)], &[proved; 3], 0.5)
+    let proved = surefoot_planner::evidence::Evidence::vouched(Decisions(8.0));
+    NavGraph::prove(vertices, &[(0, 1), (1, 2), (2, 1)].map(|(from, to)| EdgeKey::new(from, to)), &[proved; 3], 0.5)
 });
 
 /// Plans on a checked graph have a leg for each waypoint and end at the goal.
 fn graph_answers(graph: NavGraph) {
     let router = Router::new(graph, TABLE_LIMIT, 1);
     for (start, goal) in [([0.0; 3], [9.0, 1.0, 30.0]), ([1.0e9; 3], [-1.0e9; 3])] {
-        for avoid in [vec![], vec![(0, 1)]] {
+        for avoid in [vec![], vec![EdgeKey::new(0, 1).into()]] {
             let query = Query { start: start.into(), goal: goal.into(), avoid };
             let plan = router.find_path(&query);
             assert_eq!(plan.waypoints.len(), plan.legs.len());

@@ -1,32 +1,23 @@
-//! The planner: a directed graph per map, each edge proved by running the policy along it, and plans on it.
+//! The planner service: graphs that are built, cached, edited and searched for clients over gRPC.
 //!
-//! A build is a row of stages, each its own module: [`placement`] places vertices, [`candidates`] pairs them, [`prove`]
-//! tries pairs with the help of a [`predictor`] and a [`probe`] executor, [`graph`] keeps what was proved with its
-//! evidence. [`build`] strings them together, [`search`] answers queries, [`cache`] remembers the result, [`service`]
-//! speaks gRPC. Nothing below [`service`] knows a wire type or an async runtime.
+//! [`planner`] is the service without a wire: [`hosted`] one graph in memory, [`builds`] how it gets there, [`layers`] how designers
+//! change it. [`store`] keeps graphs and layers on disk. [`grpc`] decodes, calls and encodes, [`wire`] converts; nothing else knows a
+//! wire type. Building and searching themselves are the pure library `surefoot-planner`.
 
-pub mod build;
-pub mod cache;
-pub mod candidates;
-pub mod edits;
-pub mod export;
-pub mod graph;
-mod grid;
-pub mod legs;
-pub mod live;
-pub mod placement;
-mod predictor;
-pub mod probe;
-pub mod prove;
-pub mod reachability;
-mod regression;
-pub mod search;
-pub mod service;
-mod table;
-pub mod update;
+pub mod builds;
+mod config;
+mod error;
+pub mod grpc;
+pub mod hosted;
+pub mod jobs;
+pub mod layers;
+mod locks;
+pub mod planner;
+mod serve;
+pub mod store;
+pub mod wire;
 
-pub use build::{BuildError, BuildSettings, BuildStats, Built, build};
-pub use graph::{Ability, Edge, NavGraph};
-pub use placement::Placement;
-pub use prove::Probing;
-pub use search::{NoPath, Plan, Query, Router};
+pub use config::PlannerConfig;
+pub use error::PlannerError;
+pub use planner::Planner;
+pub use serve::serve;

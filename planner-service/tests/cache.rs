@@ -2,21 +2,24 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use surefoot_planner::build::{BuildStats, GraphId};
-use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore, GraphStore, LevelId, decode_layer, decode_live};
 use surefoot_planner::edits::{Edit, Layer};
-use surefoot_planner::graph::{Evidence, GraphData};
+use surefoot_planner::evidence::Evidence;
+use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Passage};
-use surefoot_planner::{Ability, Built, Edge, NavGraph};
+use surefoot_planner::store::{GraphStore, LevelId, decode_layer, decode_live};
+use surefoot_planner::{BuildStats, GraphId};
+use surefoot_planner::{Built, Edge, EdgeKey, NavGraph};
+use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_world::Vec3;
+use surefoot_world::{Ability, Decisions};
 
 /// A graph that is told apart by its size.
 fn built(vertices: u32) -> Built {
     let edges = (1..vertices).map(|to| {
         let mut evidence = Evidence::default();
         evidence.note(true, 7, Ability::Jump);
-        Edge { from: to - 1, to, evidence }
+        Edge { key: EdgeKey::new(to - 1, to), evidence }
     });
     let graph = NavGraph::check(GraphData {
         vertices: (0..vertices).map(|idx| Vec3::new(3.0 * idx as f32, 0.0, 0.0)).collect(),
@@ -108,7 +111,7 @@ fn layers_and_live_evidence_are_remembered() {
     let layer = |name: &str| Layer { name: name.to_owned(), edits: vec![Edit::AddVertex { at: Vec3::ONE }] };
     let graph = built(5);
     let mut live = LiveEvidence::default();
-    live.note(&graph.graph, &Passage { from: 0, to: 1, reached: false, decisions: 9 }).unwrap();
+    live.note(&graph.graph, &Passage { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
     {
         let store = open(folder.path());
         store.put_layer(&level, &layer("night")).unwrap();
@@ -131,7 +134,7 @@ fn evidence_and_layers_that_cannot_be_are_damage() {
     struct Stored(BTreeMap<(u32, u32), Evidence>);
     let sealed = |content: Vec<u8>| [blake3::hash(&content).as_bytes().as_slice(), &content].concat();
     let entry = |change: fn(&mut Evidence)| {
-        let mut evidence = Evidence::vouched(7.0);
+        let mut evidence = Evidence::vouched(Decisions(7.0));
         change(&mut evidence);
         sealed(postcard::to_stdvec(&Stored(BTreeMap::from([((0, 1), evidence)]))).unwrap())
     };
@@ -154,6 +157,6 @@ fn a_proof_of_very_many_tries_takes_live_evidence_all_the_same() {
     (evidence.tries, evidence.successes) = (u32::MAX, u32::MAX);
     let graph = NavGraph::check(data).unwrap();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &Passage { from: 0, to: 1, reached: true, decisions: 9 }).unwrap();
-    assert_eq!(live.lay_over(&graph).edge(0, 1).unwrap().evidence.tries, u32::MAX);
+    live.note(&graph, &Passage { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
+    assert_eq!(live.apply_to(&graph).edge(EdgeKey::new(0, 1)).unwrap().evidence.tries, u32::MAX);
 }

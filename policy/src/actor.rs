@@ -5,61 +5,17 @@
 //! Gaussian (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). Linear layers stand where
 //! the paper has a small CNN: on this backend they learn several times faster (docs/adr/0003-linear-ray-encoder.md).
 
-use crate::lstm::{GATES, Recall};
-use crate::network::{Dense, Encoding, Past, RAY_LEN, Trunk};
+use crate::config::ActorConfig;
+use crate::dense::Dense;
+use crate::network::{Encoding, Past, Trunk};
+use crate::state::HiddenState;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::{Rng, RngExt};
-use serde::{Deserialize, Serialize};
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::sense::STATE_LEN;
 
 /// Bounds of the log standard deviation.
 pub(crate) const LOG_STD_RANGE: (f32, f32) = (-5.0, 2.0);
-
-/// Sizes of the layers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ActorConfig {
-    /// Features of the ray encoder.
-    pub ray_features: usize,
-    /// Width of both hidden layers.
-    pub hidden: usize,
-    /// Length of the LSTM's state; 0 for a reactive agent.
-    #[serde(default)]
-    pub memory: usize,
-}
-
-impl Default for ActorConfig {
-    fn default() -> Self {
-        Self { ray_features: 128, hidden: 256, memory: 0 }
-    }
-}
-
-/// Widest layer that a file may ask for.
-const MAX_WIDTH: usize = 4096;
-
-impl ActorConfig {
-    /// Whether a network can have these sizes.
-    pub fn is_sound(&self) -> bool {
-        let widths = 1..=MAX_WIDTH;
-        widths.contains(&self.ray_features) && widths.contains(&self.hidden) && self.memory <= MAX_WIDTH
-    }
-
-    /// Parameters of an actor of these sizes, which must be sound: what its weights' file must hold before room is made
-    /// for them.
-    pub fn parameter_count(&self) -> usize {
-        let &Self { ray_features, hidden, memory } = self;
-        let dense = |inputs: usize, outputs: usize| (inputs + 1) * outputs;
-        let sensed = ray_features + STATE_LEN;
-        let lstm = if memory > 0 { dense(sensed, GATES * memory) + memory * GATES * memory } else { 0 };
-        dense(RAY_LEN, ray_features)
-            + lstm
-            + dense(sensed + memory, hidden)
-            + dense(hidden, hidden)
-            + dense(hidden, 2 * ACTION_LEN)
-    }
-}
 
 /// The policy network.
 #[derive(Module, Debug)]
@@ -101,16 +57,20 @@ impl Actor {
     ///
     /// # Panics
     /// If the actor has a memory and is given no past.
-    pub fn forward(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (ActionDistribution, Option<Recall>) {
-        let (encoding, recall) = self.encode(observations, past);
-        (self.decide(encoding), recall)
+    pub fn forward(
+        &self,
+        observations: Tensor<2>,
+        past: Option<Past<'_>>,
+    ) -> (ActionDistribution, Option<HiddenState>) {
+        let (encoding, state) = self.encode(observations, past);
+        (self.decide(encoding), state)
     }
 
     /// The first half of [`forward`](Self::forward): what is made of observations.
     ///
     /// # Panics
     /// If the actor has a memory and is given no past.
-    pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<Recall>) {
+    pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<HiddenState>) {
         self.trunk.encode(observations, past)
     }
 

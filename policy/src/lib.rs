@@ -1,128 +1,24 @@
 //! Inference: actor networks, checkpoints and batched policy evaluation.
 //!
 //! This crate turns observation rows (`surefoot_world::sense`) into actions. It knows nothing of training,
-//! of sockets or of graphs. Start at [`Policy`].
+//! of sockets or of graphs. Start at [`Policy`]; below it are [`actor`], [`network`], and the layers [`dense`] and [`lstm`] with
+//! their fast paths in [`cpu`].
 
 pub mod actor;
 pub mod checkpoint;
+pub mod config;
 pub mod cpu;
+pub mod dense;
 pub mod exchange;
 pub mod lstm;
+mod manifest;
 pub mod memories;
 pub mod network;
+mod policy;
+pub mod state;
 
-use actor::{ActionDistribution, gaussian};
-pub use actor::{Actor, ActorConfig};
-pub use checkpoint::{CheckpointError, Manifest};
-use lstm::Recall;
+pub use actor::Actor;
+pub use config::ActorConfig;
+pub use manifest::{CheckpointError, Manifest};
 pub use memories::Memories;
-use network::Past;
-
-use burn::module::Module;
-use burn::tensor::{Device, Tensor, TensorData};
-use rand::Rng;
-use surefoot_world::OBSERVATION_LEN;
-use surefoot_world::character::{ACTION_LEN, Action};
-
-/// A trained actor, ready to decide for many NPCs at once. Cheap to clone: clones share the weights.
-#[derive(Debug, Clone)]
-pub struct Policy {
-    actor: Actor,
-    manifest: Manifest,
-    device: Device,
-}
-
-impl Policy {
-    /// Wraps an actor for inference on the CPU.
-    pub fn new(actor: &Actor, manifest: Manifest) -> Self {
-        let device = Device::flex();
-        Self { actor: actor.valid().to_device(&device), manifest, device }
-    }
-
-    /// What is known about these weights.
-    pub fn manifest(&self) -> &Manifest {
-        &self.manifest
-    }
-
-    /// Name and weights for people, ASCII, at most 64 bytes, such as `general-reactive (1a2b3c4d5e6f)`.
-    pub fn label(&self) -> String {
-        let short = |text: &str, most: usize| text.chars().filter(char::is_ascii).take(most).collect::<String>();
-        format!("{} ({})", short(&self.manifest.name, 40), short(&self.manifest.weights_hash, 12))
-    }
-
-    /// The network.
-    pub fn actor(&self) -> &Actor {
-        &self.actor
-    }
-
-    /// Values that each NPC has to be given back at its next decision; 0 for a reactive policy.
-    pub fn memory_len(&self) -> usize {
-        2 * self.actor.memory_size().unwrap_or(0)
-    }
-
-    /// An action for each observation: the policy's mean plus `noise_share` times its own exploration noise.
-    ///
-    /// Share 0 is the most likely action, 1 the policy as it was trained. Some noise frees characters from
-    /// places where the mean alone runs in circles. The rest is as for [`act_with_noise`](Self::act_with_noise).
-    ///
-    /// # Panics
-    /// As [`act_with_noise`](Self::act_with_noise).
-    pub fn act(
-        &self,
-        observations: &[f32],
-        memory: &mut [f32],
-        noise_share: f32,
-        rng: &mut impl Rng,
-        actions: &mut Vec<Action>,
-    ) {
-        let row_count = observations.len() / OBSERVATION_LEN;
-        let count = if noise_share > 0.0 { row_count * ACTION_LEN } else { 0 };
-        let noise = gaussian(rng, count).into_iter().map(|value| value * noise_share).collect();
-        self.act_with_noise(observations, memory, noise, actions);
-    }
-
-    /// An action for each observation: the policy's mean plus `noise` in units of its own standard deviation, one row of
-    /// [`ACTION_LEN`] values for each observation; empty for none.
-    ///
-    /// `observations` holds rows of [`OBSERVATION_LEN`] values and `memory` as many rows of
-    /// [`memory_len`](Self::memory_len), zeros at the start of an attempt, which are replaced by those for the next
-    /// decision; `actions` is cleared and gets one entry a row.
-    ///
-    /// # Panics
-    /// If `observations` is not a whole number of rows, or `memory` or `noise` not as many.
-    pub fn act_with_noise(&self, observations: &[f32], memory: &mut [f32], noise: Vec<f32>, actions: &mut Vec<Action>) {
-        assert_eq!(observations.len() % OBSERVATION_LEN, 0, "whole observation rows");
-        actions.clear();
-        let row_count = observations.len() / OBSERVATION_LEN;
-        assert_eq!(memory.len(), row_count * self.memory_len(), "a row of memory for each observation");
-        if row_count == 0 {
-            return;
-        }
-        let rows = TensorData::new(observations.to_vec(), [row_count, OBSERVATION_LEN]);
-        let ActionDistribution { mean, log_std } = self.distribution(Tensor::from_data(rows, &self.device), memory);
-        let raw = if noise.is_empty() {
-            mean
-        } else {
-            let noise = TensorData::new(noise, [row_count, ACTION_LEN]);
-            mean + log_std.exp() * Tensor::<2>::from_data(noise, &self.device)
-        };
-        let data = raw.tanh().into_data();
-        let values = data.as_slice::<f32>().expect("the flex backend computes in f32");
-        actions.extend(
-            values
-                .chunks_exact(ACTION_LEN)
-                .map(|row| Action::from_array([row[0], row[1], row[2], row[3]]).unwrap_or_default()),
-        );
-    }
-
-    /// The distribution of each row's action; `memory` is replaced.
-    fn distribution(&self, observations: Tensor<2>, memory: &mut [f32]) -> ActionDistribution {
-        let [row_count, _] = observations.dims();
-        let Some(size) = self.actor.memory_size() else { return self.actor.forward(observations, None).0 };
-        let recall = Recall::from_rows(memory, size, &self.device);
-        let keep = vec![1.0; row_count];
-        let (distribution, next) = self.actor.forward(observations, Some(Past { recall: &recall, keep: &keep }));
-        next.expect("an actor with a memory remembers").write_rows(memory);
-        distribution
-    }
-}
+pub use policy::Policy;

@@ -3,15 +3,14 @@
 //! Gates are computed by one matrix for all four. On the CPU a sequence is one operation with a backward pass of its own
 //! ([`crate::cpu::lstm`]); elsewhere it is composed of tensor operations, which is also what the fast path is tested against.
 
+use crate::config::GATES;
 use crate::cpu;
-use crate::network::{Dense, blend};
+use crate::dense::{Dense, blend};
+use crate::state::HiddenState;
 use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, RngExt};
-
-/// The gates in the order of their columns; candidates come last.
-pub(crate) const GATES: usize = 4;
 
 /// An LSTM layer for several members side by side.
 #[derive(Module, Debug)]
@@ -20,48 +19,6 @@ pub struct Lstm {
     input: Dense,
     /// From the previous hidden state to the same gates, `[members, size, 4 size]`.
     recurrent: Param<Tensor<3>>,
-}
-
-/// What an LSTM carries from step to step, each `[members, batch, size]`.
-#[derive(Debug, Clone)]
-pub struct Recall {
-    /// The hidden state: also the output.
-    pub hidden: Tensor<3>,
-    /// The cell state.
-    pub cell: Tensor<3>,
-}
-
-impl Recall {
-    /// Nothing remembered.
-    pub fn empty([members, batch, size]: [usize; 3], device: &Device) -> Self {
-        let zeros = || Tensor::zeros([members, batch, size], device);
-        Self { hidden: zeros(), cell: zeros() }
-    }
-
-    /// One member's memory from rows that hold a hidden state and then a cell state of `size` values each.
-    pub fn from_rows(rows: &[f32], size: usize, device: &Device) -> Self {
-        let batch = rows.len() / (2 * size);
-        let part = |which: usize| {
-            let mut values = Vec::with_capacity(batch * size);
-            for row in rows.chunks_exact(2 * size) {
-                values.extend_from_slice(&row[which * size..][..size]);
-            }
-            Tensor::from_data(TensorData::new::<f32, _>(values, [1, batch, size]), device)
-        };
-        Self { hidden: part(0), cell: part(1) }
-    }
-
-    /// Writes one member's memory into rows as [`from_rows`](Self::from_rows) reads them.
-    pub fn write_rows(self, rows: &mut [f32]) {
-        let [_, _, size] = self.hidden.dims();
-        for (which, tensor) in [self.hidden, self.cell].into_iter().enumerate() {
-            let data = tensor.into_data();
-            let values = data.as_slice::<f32>().expect("f32 tensors");
-            for (row, values) in rows.chunks_exact_mut(2 * size).zip(values.chunks_exact(size)) {
-                row[which * size..][..size].copy_from_slice(values);
-            }
-        }
-    }
 }
 
 impl Lstm {
@@ -84,28 +41,28 @@ impl Lstm {
     /// `inputs` are `[members, steps * batch, features]`, all of step 0 first. `keep`, one value for each of those rows, is
     /// multiplied onto the state that the row starts from: 0 where memory starts anew. Returns the hidden states,
     /// `[members, steps * batch, size]`, and the state after the last step, which carries no gradient.
-    pub fn forward(&self, inputs: Tensor<3>, past: &Recall, keep: &[f32]) -> (Tensor<3>, Recall) {
+    pub fn forward(&self, inputs: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
         let gates = self.input.forward(inputs);
         sequence(gates, self.recurrent.val(), past, keep)
     }
 
     /// Moves every weight by `share` towards `source`'s.
     #[must_use]
-    pub fn follow(self, source: &Self, share: f32) -> Self {
+    pub fn soft_update(self, source: &Self, share: f32) -> Self {
         Self {
-            input: self.input.follow(&source.input, share),
+            input: self.input.soft_update(&source.input, share),
             recurrent: blend(self.recurrent, &source.recurrent, share),
         }
     }
 }
 
 /// The recurrence itself, from gates before activation `[members, steps * batch, 4 size]`; see [`Lstm::forward`].
-pub fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f32]) -> (Tensor<3>, Recall) {
+pub fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
     cpu::lstm::sequence(&gates, &recurrent, past, keep).unwrap_or_else(|| composed(gates, recurrent, past, keep))
 }
 
 /// The recurrence as tensor operations, for any device.
-pub fn composed(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f32]) -> (Tensor<3>, Recall) {
+pub fn composed(gates: Tensor<3>, recurrent: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
     let [members, batch, size] = past.hidden.dims();
     let device = gates.device();
     // The state carries no gradient, whatever it comes from.
@@ -125,6 +82,6 @@ pub fn composed(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f
         outputs.push(hidden.clone());
     }
     debug_assert_eq!(outputs[0].dims(), [members, batch, size]);
-    let last = Recall { hidden: hidden.detach(), cell: cell.detach() };
+    let last = HiddenState { hidden: hidden.detach(), cell: cell.detach() };
     (Tensor::cat(outputs, 1), last)
 }

@@ -1,6 +1,6 @@
 //! What each NPC remembers, for policies with a memory.
 
-use crate::Policy;
+use crate::policy::Policy;
 use rand::Rng;
 use surefoot_world::character::Action;
 
@@ -14,7 +14,26 @@ pub struct Memories {
 impl Memories {
     /// No NPCs yet.
     pub fn new(policy: &Policy) -> Self {
-        Self { len: policy.memory_len(), rows: Vec::new() }
+        Self::of_len(policy.memory_len())
+    }
+
+    /// No NPCs yet, each to have so many values.
+    pub fn of_len(len: usize) -> Self {
+        Self { len, rows: Vec::new() }
+    }
+
+    /// All rows, one after the other.
+    pub fn rows(&self) -> &[f32] {
+        &self.rows
+    }
+
+    /// Puts back rows that [`rows`](Self::rows) gave.
+    ///
+    /// # Panics
+    /// If they are not a whole number of rows.
+    pub fn set_rows(&mut self, rows: Vec<f32>) {
+        assert!(rows.len().is_multiple_of(self.len.max(1)), "whole rows");
+        self.rows = rows;
     }
 
     /// Lets NPC `idx` start from nothing.

@@ -14,7 +14,7 @@ use surefoot_world::OBSERVATION_LEN;
 const ROWS: usize = 6;
 
 fn policy(memory: usize) -> Policy {
-    let config = ActorConfig { ray_features: 12, hidden: 20, memory };
+    let config = ActorConfig { ray_features: 12, hidden: 20, memory: std::num::NonZeroUsize::new(memory) };
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(9));
     let weights = module_bytes(&actor).unwrap();
     Policy::new(&actor, Manifest::new("exchanged", config, &weights, serde_json::json!({ "seed": 9 })))
@@ -134,7 +134,7 @@ fn a_memory_grown_onto_an_actor_changes_nothing_at_first() {
     let reactive = policy(0);
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let grown = reactive.actor().clone().with_memory(7, &Device::flex(), &mut rng);
-    let config = ActorConfig { memory: 7, ..reactive.manifest().actor };
+    let config = ActorConfig { memory: std::num::NonZeroUsize::new(7), ..reactive.manifest().actor };
     let grown = Policy::new(&grown, Manifest::new("grown", config, &[], serde_json::Value::Null));
     let mut memory = vec![0.0; ROWS * grown.memory_len()];
     for _ in 0..3 {

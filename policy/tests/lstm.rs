@@ -2,7 +2,8 @@
 
 use burn::tensor::{Device, Distribution, Tensor};
 use surefoot_policy::cpu;
-use surefoot_policy::lstm::{Recall, composed};
+use surefoot_policy::lstm::composed;
+use surefoot_policy::state::HiddenState;
 
 const MEMBERS: usize = 2;
 const STEPS: usize = 5;
@@ -21,12 +22,12 @@ fn assert_close(name: &str, fast: &[f32], slow: &[f32]) {
 }
 
 /// Gates, recurrent weights and a past; large gates reach the flat ends of the activations.
-fn inputs(device: &Device) -> (Tensor<3>, Tensor<3>, Recall) {
+fn inputs(device: &Device) -> (Tensor<3>, Tensor<3>, HiddenState) {
     device.seed(7);
     let draw = |shape: [usize; 3], width: f64| Tensor::<3>::random(shape, Distribution::Uniform(-width, width), device);
     let gates = draw([MEMBERS, STEPS * BATCH, 4 * SIZE], 6.0);
     let recurrent = draw([MEMBERS, SIZE, 4 * SIZE], 1.0);
-    let recall = Recall { hidden: draw([MEMBERS, BATCH, SIZE], 1.0), cell: draw([MEMBERS, BATCH, SIZE], 2.0) };
+    let recall = HiddenState { hidden: draw([MEMBERS, BATCH, SIZE], 1.0), cell: draw([MEMBERS, BATCH, SIZE], 2.0) };
     (gates, recurrent, recall)
 }
 
@@ -54,7 +55,7 @@ fn its_gradients_are_those_of_the_composed_one() {
     let (gates, recurrent, recall) = inputs(&Device::flex());
     let weights =
         values(Tensor::<3>::random([MEMBERS, STEPS * BATCH, SIZE], Distribution::Uniform(-1.0, 1.0), &Device::flex()));
-    let gradients = |run: fn(Tensor<3>, Tensor<3>, &Recall, &[f32]) -> (Tensor<3>, Recall)| {
+    let gradients = |run: fn(Tensor<3>, Tensor<3>, &HiddenState, &[f32]) -> (Tensor<3>, HiddenState)| {
         let gates = Tensor::<3>::from_data(gates.to_data(), &device).require_grad();
         let recurrent = Tensor::<3>::from_data(recurrent.to_data(), &device).require_grad();
         let (hidden, _) = run(gates.clone(), recurrent.clone(), &recall, &keep());
@@ -83,6 +84,6 @@ fn a_sequence_in_one_call_equals_its_steps_one_by_one() {
 }
 
 /// The fast path itself, so that these tests do not compare the slow one with itself.
-fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &Recall, keep: &[f32]) -> (Tensor<3>, Recall) {
+fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
     cpu::lstm::sequence(&gates, &recurrent, past, keep).expect("tensors on the CPU")
 }

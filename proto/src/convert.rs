@@ -2,7 +2,8 @@
 
 use crate::world::v1 as wire;
 use surefoot_world::map::{Features, MapSize};
-use surefoot_world::{End, MapSpec, SpecError, Vec3};
+use surefoot_world::{Ability, End, MapSpec, RawMapSpec, SpecError, Vec3};
+use tonic_types::{ErrorDetails, StatusExt};
 
 /// A field of a request that cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -28,6 +29,18 @@ pub enum FieldError {
         /// Largest allowed value.
         max: f64,
     },
+    /// There are too many of something.
+    #[error("{field} has {found} {what}, allowed are {limit}")]
+    Count {
+        /// Path of the field.
+        field: &'static str,
+        /// What it holds.
+        what: &'static str,
+        /// How many were sent.
+        found: usize,
+        /// How many are allowed.
+        limit: usize,
+    },
     /// A packed array has the wrong length.
     #[error("{field} holds {found} bytes, expected {expected}")]
     Length {
@@ -46,14 +59,18 @@ impl FieldError {
         match self {
             FieldError::Missing(field) | FieldError::NotFinite(field) => (*field).to_owned(),
             FieldError::Spec(SpecError { field, .. }) => format!("map.{field}"),
-            FieldError::Range { field, .. } | FieldError::Length { field, .. } => (*field).to_owned(),
+            FieldError::Range { field, .. } | FieldError::Count { field, .. } | FieldError::Length { field, .. } => {
+                (*field).to_owned()
+            }
         }
     }
 }
 
 impl From<FieldError> for tonic::Status {
     fn from(error: FieldError) -> Self {
-        crate::status::invalid(error.field(), error.to_string())
+        let message = error.to_string();
+        let details = ErrorDetails::with_bad_request_violation(error.field(), message.clone());
+        tonic::Status::with_error_details(tonic::Code::InvalidArgument, message, details)
     }
 }
 
@@ -78,7 +95,7 @@ pub fn to_wire(point: Vec3) -> wire::Vec3 {
 /// If it is missing or a number is out of range.
 pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
     let value = value.ok_or(FieldError::Missing("map"))?;
-    let mut spec = MapSpec::new(value.seed);
+    let mut spec = RawMapSpec::new(value.seed);
     if let Some(size) = &value.size {
         spec.size = MapSize { width: size.width, height: size.height, depth: size.depth };
     }
@@ -98,8 +115,7 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
         spec.features =
             Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
     }
-    spec.validate()?;
-    Ok(spec)
+    Ok(spec.try_into()?)
 }
 
 /// The extent of a map on the wire.
@@ -146,6 +162,32 @@ pub fn outcome(end: Option<End>) -> wire::Outcome {
         Some(End::Burnt) => wire::Outcome::Burnt,
         Some(End::Drowned) => wire::Outcome::Drowned,
         Some(End::NoProgress) => wire::Outcome::NoProgress,
+    }
+}
+
+/// An ability on the wire.
+pub fn ability_to_wire(ability: Ability) -> wire::Ability {
+    match ability {
+        Ability::Walk => wire::Ability::Walk,
+        Ability::Jump => wire::Ability::Jump,
+        Ability::DoubleJump => wire::Ability::DoubleJump,
+        Ability::Pad => wire::Ability::Pad,
+        Ability::ZipLine => wire::Ability::ZipLine,
+        Ability::Teleporter => wire::Ability::Teleporter,
+        Ability::Jetpack => wire::Ability::Jetpack,
+    }
+}
+
+/// An ability from the wire; one that is not set or not known counts as walking.
+pub fn ability(value: i32) -> Ability {
+    match wire::Ability::try_from(value) {
+        Ok(wire::Ability::Jump) => Ability::Jump,
+        Ok(wire::Ability::DoubleJump) => Ability::DoubleJump,
+        Ok(wire::Ability::Pad) => Ability::Pad,
+        Ok(wire::Ability::ZipLine) => Ability::ZipLine,
+        Ok(wire::Ability::Teleporter) => Ability::Teleporter,
+        Ok(wire::Ability::Jetpack) => Ability::Jetpack,
+        Ok(wire::Ability::Walk | wire::Ability::Unspecified) | Err(_) => Ability::Walk,
     }
 }
 

@@ -1,15 +1,10 @@
-//! The gRPC contracts of Surefoot: generated code, file descriptors and conversions to checked types.
+//! The gRPC contracts of Surefoot: generated code, file descriptors, and conversions of the types that several services share.
 //!
-//! Shapes, units, ranges and errors are documented in the `.proto` files beside this crate. [`convert`] is the
-//! only place where wire types become the world's own; [`serving`] is what every endpoint has in common, [`client`] the
-//! other end of its connections.
+//! Shapes, units, ranges and errors are documented in the `.proto` files beside this crate. [`convert`] turns wire types into the
+//! world's own and back, [`plans`] those of planners, workers and clients; what only one service sends is converted by the file `wire.rs` of that service.
 
-pub mod client;
 pub mod convert;
-pub mod maps;
-pub mod secret;
-pub mod serving;
-pub mod status;
+pub mod plans;
 
 /// Generated code of `surefoot.world.v1`.
 pub mod world {

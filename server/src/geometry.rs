@@ -1,9 +1,6 @@
-//! A world's map for those who look at it: its triangles tile by tile, and what stands on it.
+//! A world's map for those who look at it: its triangles tile by tile.
 
 use std::collections::HashMap;
-use surefoot_proto::convert::{map_size_to_wire, to_wire};
-use surefoot_proto::world::v1 as wire;
-use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Map, Vec3};
 
@@ -11,6 +8,19 @@ use surefoot_world::{Map, Vec3};
 const TILE_M: f32 = 64.0;
 /// Corners of exact tiles that lie within a cube of this side are one, m.
 const WELD_M: f32 = 1.0e-3;
+
+/// A tile as an indexed triangle mesh.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TileMesh {
+    /// Its place along x and z.
+    pub place: [u32; 2],
+    /// Corners, m.
+    pub positions: Vec<Vec3>,
+    /// Three for each triangle.
+    pub indices: Vec<u32>,
+    /// One for each triangle.
+    pub surfaces: Vec<Surface>,
+}
 
 /// The tiles of one answer, and how their corners are merged.
 #[derive(Debug)]
@@ -58,15 +68,10 @@ impl Tiles {
         self.tiles.len()
     }
 
-    /// One of them, as it is sent.
-    pub fn encode(&self, map: &Map, tile_idx: usize) -> wire::GetMeshResponse {
-        let ([tile_x, tile_z], tile) = &self.tiles[tile_idx];
-        let mut message = wire::GetMeshResponse {
-            tile_x: *tile_x,
-            tile_z: *tile_z,
-            tile_count: self.tiles.len() as u32,
-            ..Default::default()
-        };
+    /// One of them, as an indexed mesh.
+    pub fn mesh(&self, map: &Map, tile_idx: usize) -> TileMesh {
+        let (place, tile) = &self.tiles[tile_idx];
+        let mut mesh = TileMesh { place: *place, ..TileMesh::default() };
         let mut known: HashMap<[i32; 3], u32> = HashMap::new();
         for &idx in tile {
             let triangle = &map.mesh().triangles()[idx as usize];
@@ -78,14 +83,14 @@ impl Tiles {
                 let next = known.len() as u32;
                 let index = *known.entry(key).or_insert_with(|| {
                     let at = self.merged.as_ref().map_or(corner, |(_, means)| means[&key]);
-                    at.to_array().iter().for_each(|value| message.positions.extend(value.to_le_bytes()));
+                    mesh.positions.push(at);
                     next
                 });
-                message.indices.extend(index.to_le_bytes());
+                mesh.indices.push(index);
             }
-            message.surfaces.push(surface_to_wire(triangle.surface()) as u8);
+            mesh.surfaces.push(triangle.surface());
         }
-        message
+        mesh
     }
 }
 
@@ -108,43 +113,4 @@ fn means<'a>(triangles: impl Iterator<Item = &'a Triangle>, cell_m: f32) -> Hash
         *count += 1.0;
     }
     sums.into_iter().map(|(key, (sum, count))| (key, sum / count)).collect()
-}
-
-/// A surface on the wire.
-pub fn surface_to_wire(surface: Surface) -> wire::Surface {
-    match surface {
-        Surface::Ground => wire::Surface::Ground,
-        Surface::Water => wire::Surface::Water,
-        Surface::Lava => wire::Surface::Lava,
-        Surface::Pad => wire::Surface::Pad,
-        Surface::ZipLine => wire::Surface::ZipLine,
-        Surface::Teleporter => wire::Surface::Teleporter,
-        Surface::Jetpack => wire::Surface::Jetpack,
-    }
-}
-
-/// What stands on a map besides rock.
-pub fn features(map: &Map) -> wire::GetFeaturesResponse {
-    let placed = map.placed();
-    let line = |from, to, two_way| wire::LineFeature { from: Some(to_wire(from)), to: Some(to_wire(to)), two_way };
-    let pools = placed.pools.iter().map(|pool| {
-        let (half_x, half_z) = pool.outline.half_extents();
-        wire::PoolFeature {
-            centre: Some(to_wire(pool.centre)),
-            half_x,
-            half_z,
-            round: matches!(pool.outline, Outline::Round { .. }),
-            depth: pool.depth,
-            lava: pool.liquid == Liquid::Lava,
-        }
-    });
-    let pads = placed.pads.iter().map(|pad| wire::PadFeature { centre: Some(to_wire(pad.centre)), speed: pad.speed });
-    wire::GetFeaturesResponse {
-        size: Some(map_size_to_wire(map.size())),
-        pools: pools.collect(),
-        pads: pads.collect(),
-        zip_lines: placed.zip_lines.iter().map(|it| line(it.from, it.to, false)).collect(),
-        teleporters: placed.teleporters.iter().map(|it| line(it.from, it.to, it.two_way)).collect(),
-        jetpacks: placed.jetpacks.iter().map(|it| to_wire(it.centre)).collect(),
-    }
 }

@@ -1,8 +1,9 @@
 //! The Prometheus text of a server.
 
 use crate::hosted::{Counters, Tally};
+use crate::ids::WorldId;
 use crate::registry::WorkerLoad;
-use crate::sim::Seat;
+use crate::sim::SimState;
 use crate::times::TickTimes;
 use std::fmt::Write;
 use std::time::Duration;
@@ -11,7 +12,7 @@ use surefoot_world::End;
 /// Figures of one world, copied out of its thread.
 #[derive(Debug, Clone)]
 pub struct WorldFigures {
-    id: u64,
+    id: WorldId,
     tally: Tally,
     watchers: usize,
     ticks: u64,
@@ -21,12 +22,12 @@ pub struct WorldFigures {
 
 impl WorldFigures {
     /// Copies the figures of a world.
-    pub fn of(Seat { world, snapshots, .. }: &Seat) -> Self {
+    pub fn of(SimState { world, snapshots, .. }: &SimState) -> Self {
         Self {
             watchers: snapshots.receiver_count(),
             id: world.id(),
             tally: world.tally(),
-            ticks: world.tick(),
+            ticks: world.tick().0,
             counters: world.counters().clone(),
             times: world.times().clone(),
         }

@@ -1,19 +1,12 @@
 //! NPC workers: who is connected, who carries how many NPCs, and the bounded queues to them.
 
+use crate::ids::WorkerId;
+use crate::messages::ToWorker;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
-use surefoot_proto::world::v1::WorkResponse;
 use tokio::sync::Notify;
 use tokio::sync::mpsc::Sender;
-use tonic::Status;
 use tracing::warn;
-
-/// Id of a connected worker on this server; never reused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct WorkerId(pub u64);
-
-/// A message to a worker, or the status that ends its stream.
-pub type ToWorker = Result<WorkResponse, Status>;
 
 /// A worker that has just joined.
 #[derive(Debug)]
@@ -134,19 +127,19 @@ impl Registry {
     }
 
     /// Queues observations. If the queue is full they are lost, and their decisions count as missed.
-    pub fn offer(&self, id: WorkerId, message: WorkResponse) {
+    pub fn offer(&self, id: WorkerId, message: ToWorker) {
         let queue = self.inner().workers.get(&id).map(|entry| entry.queue.clone());
         if let Some(queue) = queue {
             // A worker that is gone has no use for it either.
-            let _ = queue.try_send(Ok(message));
+            let _ = queue.try_send(message);
         }
     }
 
     /// Queues what a worker must not miss. If the queue is full the worker is cut off: its NPCs go to others.
-    pub fn tell(&self, id: WorkerId, message: WorkResponse) {
+    pub fn tell(&self, id: WorkerId, message: ToWorker) {
         let inner = self.inner();
         let Some(entry) = inner.workers.get(&id) else { return };
-        if entry.queue.try_send(Ok(message)).is_err() {
+        if entry.queue.try_send(message).is_err() {
             warn!(worker = id.0, name = entry.name, "worker does not read its messages: cut off");
             entry.cut.notify_one();
         }

@@ -2,18 +2,14 @@
 //!
 //! One thread per world (ADR 16): a world that stalls or is slow to step cannot hold another up.
 
-use crate::hosted::{HostedWorld, TimeMode};
+use crate::errors::{INBOX, SimError};
+use crate::hosted::{HostedWorld, Snapshot, TimeMode};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
-use surefoot_proto::status;
-use surefoot_proto::world::v1::WatchWorldResponse;
 use surefoot_world::TICKS_PER_SECOND;
 use tokio::sync::{oneshot, watch};
-use tonic::Status;
 
-/// Calls waiting for a world; one more is refused with RESOURCE_EXHAUSTED.
-const INBOX: usize = 4096;
 /// Ticks that are made up for after a stall; the rest of the lost time is dropped and counted.
 const MAX_CATCH_UP: u32 = 2;
 /// How long a thread with nothing to do waits for a call.
@@ -21,15 +17,15 @@ const IDLE: Duration = Duration::from_millis(50);
 /// Ticks from one look for NPCs without a worker to the next.
 const ASSIGN_EVERY: u64 = 30;
 
-type Call = Box<dyn FnOnce(&mut Seat) + Send>;
+type Call = Box<dyn FnOnce(&mut SimState) + Send>;
 
 /// A world with the watchers of its snapshots.
 #[derive(Debug)]
-pub struct Seat {
+pub struct SimState {
     /// The world.
     pub world: HostedWorld,
     /// Latest snapshot; old ones are overwritten, so slow readers cost nothing.
-    pub snapshots: watch::Sender<Arc<WatchWorldResponse>>,
+    pub snapshots: watch::Sender<Arc<Snapshot>>,
     /// Set to end the thread.
     pub is_over: bool,
 }
@@ -48,21 +44,19 @@ impl SimHandle {
     /// If the system refuses a thread.
     pub fn start(name: String, world: HostedWorld, phase: f64) -> std::io::Result<Self> {
         let (inbox, calls) = sync_channel(INBOX);
-        let seat = Seat { world, snapshots: watch::Sender::new(Arc::default()), is_over: false };
-        std::thread::Builder::new().name(name).spawn(move || run(seat, &calls, phase))?;
+        let state = SimState { world, snapshots: watch::Sender::new(Arc::default()), is_over: false };
+        std::thread::Builder::new().name(name).spawn(move || run(state, &calls, phase))?;
         Ok(Self { inbox })
     }
 
     /// Runs `call` on the thread between two ticks, without waiting for it.
     ///
     /// # Errors
-    /// RESOURCE_EXHAUSTED if too many calls are waiting, UNAVAILABLE if the thread is gone.
-    pub fn cast(&self, call: impl FnOnce(&mut Seat) + Send + 'static) -> Result<(), Status> {
+    /// If too many calls are waiting, or the thread is gone.
+    pub fn cast(&self, call: impl FnOnce(&mut SimState) + Send + 'static) -> Result<(), SimError> {
         self.inbox.try_send(Box::new(call)).map_err(|error| match error {
-            TrySendError::Full(_) => {
-                status::exhausted(format!("{INBOX} calls are waiting for this world already: try again"))
-            }
-            TrySendError::Disconnected(_) => status::unavailable("the world has stopped"),
+            TrySendError::Full(_) => SimError::Busy,
+            TrySendError::Disconnected(_) => SimError::Stopped,
         })
     }
 
@@ -72,70 +66,70 @@ impl SimHandle {
     /// As [`SimHandle::cast`].
     pub async fn call<R: Send + 'static>(
         &self,
-        call: impl FnOnce(&mut Seat) -> R + Send + 'static,
-    ) -> Result<R, Status> {
+        call: impl FnOnce(&mut SimState) -> R + Send + 'static,
+    ) -> Result<R, SimError> {
         let (reply, result) = oneshot::channel();
-        self.cast(move |seat| {
+        self.cast(move |state| {
             // Whoever asked may have gone away in the meantime.
-            let _ = reply.send(call(seat));
+            let _ = reply.send(call(state));
         })?;
-        result.await.map_err(|_| status::unavailable("the world has stopped"))
+        result.await.map_err(|_| SimError::Stopped)
     }
 }
 
-fn run(mut seat: Seat, calls: &Receiver<Call>, phase: f64) {
-    match seat.world.mode() {
-        TimeMode::Realtime => run_realtime(&mut seat, calls, phase),
-        TimeMode::Lockstep => run_lockstep(&mut seat, calls),
+fn run(mut state: SimState, calls: &Receiver<Call>, phase: f64) {
+    match state.world.mode() {
+        TimeMode::Realtime => run_realtime(&mut state, calls, phase),
+        TimeMode::Lockstep => run_lockstep(&mut state, calls),
     }
-    seat.world.release_all();
+    state.world.release_all();
 }
 
 /// Takes calls until `due`; false if the world is over.
-fn take_calls(seat: &mut Seat, calls: &Receiver<Call>, due: Instant) -> bool {
-    while !seat.is_over {
+fn take_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> bool {
+    while !state.is_over {
         let left = due.saturating_duration_since(Instant::now());
         match calls.recv_timeout(left) {
-            Ok(call) => call(seat),
+            Ok(call) => call(state),
             Err(RecvTimeoutError::Timeout) => return true,
             Err(RecvTimeoutError::Disconnected) => return false,
         }
         // A flood of calls must not keep the world from stepping.
         if due.elapsed() > IDLE {
-            return !seat.is_over;
+            return !state.is_over;
         }
     }
     false
 }
 
-fn run_realtime(seat: &mut Seat, calls: &Receiver<Call>, phase: f64) {
+fn run_realtime(state: &mut SimState, calls: &Receiver<Call>, phase: f64) {
     let period = Duration::from_secs(1) / TICKS_PER_SECOND;
     let mut due = Instant::now() + period.mul_f64(phase);
-    while take_calls(seat, calls, due) {
+    while take_calls(state, calls, due) {
         let behind = (due.elapsed().as_nanos() / period.as_nanos()) as u32;
         let dropped = behind.saturating_sub(MAX_CATCH_UP);
         due += period * dropped;
-        seat.world.note_dropped(u64::from(dropped));
-        if seat.world.tick().is_multiple_of(ASSIGN_EVERY) {
-            seat.world.assign_workers();
+        state.world.note_dropped(u64::from(dropped));
+        if state.world.tick().0.is_multiple_of(ASSIGN_EVERY) {
+            state.world.assign_workers();
         }
-        seat.world.step();
+        state.world.step();
         let took = due.elapsed();
-        seat.world.note_tick(took, took > period);
-        seat.publish();
+        state.world.note_tick(took, took > period);
+        state.publish();
         due += period;
     }
 }
 
-fn run_lockstep(seat: &mut Seat, calls: &Receiver<Call>) {
+fn run_lockstep(state: &mut SimState, calls: &Receiver<Call>) {
     let mut due = Instant::now();
-    while take_calls(seat, calls, due) {
+    while take_calls(state, calls, due) {
         due = Instant::now();
-        if seat.world.is_ready() {
-            seat.world.step();
+        if state.world.is_ready() {
+            state.world.step();
             let took = due.elapsed();
-            seat.world.note_tick(took, false);
-            seat.publish();
+            state.world.note_tick(took, false);
+            state.publish();
         } else {
             // Nothing but a call can make it ready.
             due += IDLE;
@@ -143,7 +137,7 @@ fn run_lockstep(seat: &mut Seat, calls: &Receiver<Call>) {
     }
 }
 
-impl Seat {
+impl SimState {
     /// Replaces the latest snapshot if anyone watches.
     pub fn publish(&self) {
         if self.snapshots.receiver_count() > 0 {

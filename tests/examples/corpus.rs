@@ -15,15 +15,17 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::Path;
 use std::sync::Arc;
-use surefoot_planner::build::BuildStats;
+use surefoot_planner::BuildStats;
 use surefoot_planner::edits::{Edit, Layer};
+use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export};
-use surefoot_planner::graph::Evidence;
 use surefoot_planner::live::{LiveEvidence, Passage};
-use surefoot_planner::service::{plan_to_wire, settings_to_wire, wire_form};
-use surefoot_planner::{BuildSettings, Built, NavGraph, Query, Router, cache};
+use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
+use surefoot_planner_service::wire as planner_wire;
 use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
+use surefoot_proto::plans::{plan_to_wire, settings_to_wire};
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
+use surefoot_server::WorldId;
 use surefoot_server::hosted::{HostedWorld, SavedMap, TimeMode};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
@@ -31,7 +33,7 @@ use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, 
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::sense::OBSERVATION_VERSION;
 use surefoot_world::{
-    Action, CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig, exchange,
+    Action, CharacterProfile, Decisions, Map, MapSpec, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig, exchange,
 };
 use untrusted::{FIRST_NPC, FLOOR, NETWORK};
 
@@ -67,7 +69,7 @@ fn at(x: f32, y: f32, z: f32) -> Option<wire::Vec3> {
 }
 
 fn spec() -> wire::MapSpec {
-    convert::map_spec_to_wire(&MapSpec::with_side(7, 60))
+    convert::map_spec_to_wire(&MapSpec::with_side(7, 60).unwrap())
 }
 
 fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
@@ -137,7 +139,7 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     let found = router.find_path(&Query { start: Vec3::ONE, goal: Vec3::new(36.0, 1.0, 9.0), avoid: Vec::new() });
     let leg = plan::Leg { from: 0, to: 1, seconds: 1.0, chance: 0.9, ability: 1 };
     let query = plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg] };
-    let on_wire = wire_form::layer_to_wire(&layer());
+    let on_wire = planner_wire::layer_to_wire(&layer());
     let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9 }];
     let settings = Some(settings_to_wire(&BuildSettings::default()));
     vec![
@@ -205,7 +207,7 @@ fn obj() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 fn recording() -> Vec<u8> {
-    let profiles = vec![CharacterProfile::default(), CharacterProfile { height: 1.2, ..CharacterProfile::default() }];
+    let profiles = vec![CharacterProfile::default(), CharacterProfile::default().with(|it| it.height = 1.2).unwrap()];
     let config = WorldConfig { profiles, task: TaskConfig::default(), npc_collision: true };
     let mut world = World::with_config(FLOOR.clone(), config);
     let standing = world.spawn(Vec3::new(5.0, 1.0, 15.0), 0.0);
@@ -227,11 +229,11 @@ fn recording() -> Vec<u8> {
 
 /// A world with one NPC on its way and one at rest, on a level or on a generated map.
 fn saved_world(level: Option<&Arc<Map>>) -> Vec<u8> {
-    let small = MapSpec { size: MapSize { width: 50, height: 40, depth: 50 }, ..MapSpec::new(7) };
-    let generated = || Arc::new(Map::generate(&small).expect("a spec within its limits"));
+    let small = MapSpec::new(7).with(|it| it.size = MapSize { width: 50, height: 40, depth: 50 }).unwrap();
+    let generated = || Arc::new(Map::generate(&small));
     let map = level.cloned().unwrap_or_else(generated);
     let quota = Quota::new(2, "NPCs");
-    let mut world = HostedWorld::new(1, map.clone(), TimeMode::Lockstep, Arc::new(Registry::default()));
+    let mut world = HostedWorld::new(WorldId(1), map.clone(), TimeMode::Lockstep, Arc::new(Registry::default()));
     let mut spawn =
         |x: f32| world.spawn(Vec3::new(x, 9.0, 10.0), 0.0, 2, quota.grant("corpus")).expect("a place on the map");
     let [walker, _] = [spawn(8.0), spawn(12.0)];
@@ -253,15 +255,20 @@ fn networks() -> Vec<(&'static str, Vec<u8>)> {
 
 fn graph() -> NavGraph {
     let vertices = [3.0, 9.0, 15.0, 60.0].map(|x| Vec3::new(x, 1.0, 9.0)).to_vec();
-    NavGraph::prove(vertices, &[(0, 1), (1, 0), (1, 2)], &[8.0, 9.0, 6.5].map(Evidence::vouched), 0.5)
+    NavGraph::prove(
+        vertices,
+        &[(0, 1), (1, 0), (1, 2)].map(|(from, to)| EdgeKey::new(from, to)),
+        &[8.0, 9.0, 6.5].map(|decisions| Evidence::vouched(Decisions(decisions))),
+        0.5,
+    )
 }
 
 /// Without the checksums, which the trial puts before them, and one with it.
 fn cache_entries() -> Vec<(&'static str, Vec<u8>)> {
     let graph = graph();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &Passage { from: 0, to: 1, reached: true, decisions: 7 });
-    live.note(&graph, &Passage { from: 1, to: 2, reached: false, decisions: 30 });
+    live.note(&graph, &Passage { edge: EdgeKey::new(0, 1), reached: true, decisions: 7 });
+    live.note(&graph, &Passage { edge: EdgeKey::new(1, 2), reached: false, decisions: 30 });
     let whole = cache::encode_entry(&Built { graph, stats: BuildStats::default() });
     vec![
         ("graph", whole[32..].to_vec()),

@@ -1,16 +1,20 @@
 //! Shared scaffolding of the whole-system tests: real services on real sockets, on free ports.
 
+pub mod packages;
+pub mod source;
+
 use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 use surefoot_agent::work::{WorkConfig, WorkError, work};
-use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore};
-use surefoot_planner::service::{self as planner_service, PlannerConfig};
+use surefoot_net::client::Credentials;
+use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
+use surefoot_planner::BuildSettings;
+use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
+use surefoot_planner_service::{self as planner_service, PlannerConfig};
 use surefoot_policy::Policy;
-use surefoot_proto::client::Credentials;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_proto::world::v1 as world;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
@@ -139,8 +143,15 @@ pub fn start_worker_as(
         credentials,
         capacity,
         name: "e2e".to_owned(),
-        graph: small_graph(),
-        noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
+        graph: BuildSettings::default()
+            .with(|it| {
+                it.vertices = 50;
+                it.neighbours = 8;
+                it.repeats = 1;
+                it.threshold = 0.5;
+            })
+            .unwrap(),
+        noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
     };
     let stop = shutdown.clone();
     Worker { shutdown, task: tokio::spawn(work(config, policy, stop)) }

@@ -1,71 +1,107 @@
-//! The dependency directions of the workspace stay as ARCHITECTURE.md draws them.
+//! The house stays as ARCHITECTURE.md draws it: who may depend on whom, who knows wire types, no circles.
 
+use e2e::source::{Crate, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// What each crate may depend on inside the workspace.
-const ALLOWED: [(&str, &[&str]); 9] = [
-    ("surefoot-world", &[]),
-    ("surefoot-proto", &["surefoot-world"]),
-    ("surefoot-policy", &["surefoot-world"]),
-    ("surefoot-server", &["surefoot-world", "surefoot-proto"]),
-    ("surefoot-planner", &["surefoot-world", "surefoot-policy", "surefoot-proto"]),
-    ("surefoot-agent", &["surefoot-world", "surefoot-policy", "surefoot-proto", "surefoot-planner"]),
-    ("surefoot-studio", &[]),
+const ALLOWED: [(&str, &str, &[&str]); 11] = [
+    ("world", "surefoot-world", &[]),
+    ("policy", "surefoot-policy", &["surefoot-world"]),
+    ("planner", "surefoot-planner", &["surefoot-world"]),
+    ("rollout", "surefoot-rollout", &["surefoot-world", "surefoot-policy", "surefoot-planner"]),
+    ("proto", "surefoot-proto", &["surefoot-world", "surefoot-planner"]),
+    ("net", "surefoot-net", &["surefoot-world", "surefoot-proto"]),
+    ("server", "surefoot-server", &["surefoot-world", "surefoot-rollout", "surefoot-proto", "surefoot-net"]),
     (
-        "surefoot-cli",
+        "planner-service",
+        "surefoot-planner-service",
         &[
-            "surefoot-studio",
             "surefoot-world",
             "surefoot-policy",
-            "surefoot-proto",
             "surefoot-planner",
-            "surefoot-agent",
-            "surefoot-server",
+            "surefoot-rollout",
+            "surefoot-proto",
+            "surefoot-net",
         ],
     ),
     (
-        "e2e",
+        "agent",
+        "surefoot-agent",
         &[
-            "surefoot-studio",
             "surefoot-world",
             "surefoot-policy",
-            "surefoot-proto",
             "surefoot-planner",
-            "surefoot-agent",
-            "surefoot-server",
+            "surefoot-rollout",
+            "surefoot-proto",
+            "surefoot-net",
         ],
     ),
+    ("report", "surefoot-report", &["surefoot-world"]),
+    ("studio", "surefoot-studio", &[]),
 ];
 
-/// Crates that the simulation must not know.
-const FOREIGN_TO_WORLD: [&str; 5] = ["burn", "tonic", "tokio", "prost", "tracing"];
+/// Crates that may depend on all others.
+const OUTERMOST: [&str; 2] = ["surefoot-cli", "e2e"];
+
+/// Crates from elsewhere that some of ours must not know.
+const FOREIGN: [(&str, &[&str]); 5] = [
+    ("surefoot-world", &["burn", "tonic", "tokio", "prost", "tracing", "surefoot-policy"]),
+    ("surefoot-planner", &["burn", "tonic", "tokio", "prost", "tracing", "redb"]),
+    ("surefoot-policy", &["tonic", "tokio"]),
+    ("surefoot-rollout", &["tonic", "tokio", "prost"]),
+    ("surefoot-server", &["burn"]),
+];
+
+/// Files that may know generated wire types, beside all of `proto`, the command line and the tests.
+const KNOW_THE_WIRE: [&str; 20] = [
+    "net/src/levels/grpc.rs",
+    "server/src/wire.rs",
+    "server/src/serve.rs",
+    "server/src/grpc/mod.rs",
+    "server/src/grpc/env.rs",
+    "server/src/grpc/errors.rs",
+    "server/src/grpc/readers.rs",
+    "server/src/grpc/work.rs",
+    "planner-service/src/wire.rs",
+    "planner-service/src/serve.rs",
+    "planner-service/src/grpc/mod.rs",
+    "planner-service/src/grpc/errors.rs",
+    "planner-service/src/grpc/streams.rs",
+    // Clients: they speak to services of other processes.
+    "agent/src/work/session.rs",
+    "agent/src/work/world.rs",
+    "agent/src/work/graph.rs",
+    "agent/src/crowd.rs",
+    "cli/src/commands/up.rs",
+    "cli/src/commands/top.rs",
+    "cli/src/commands/health.rs",
+];
+
+/// Files that may turn something into a `tonic::Status`, beside those that know wire types.
+const KNOW_STATUSES: [&str; 7] = [
+    "net/src/status.rs",
+    "net/src/client.rs",
+    "net/src/serving/access.rs",
+    "net/src/serving/gate.rs",
+    "net/src/serving/origin.rs",
+    "net/src/serving/shutdown.rs",
+    "agent/src/work/mod.rs",
+];
 
 fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
     let output = Command::new(env!("CARGO"))
-        .args([
-            "metadata",
-            "--format-version",
-            "1",
-            "--no-deps",
-            "--offline",
-            "--manifest-path",
-            concat!(env!("CARGO_MANIFEST_DIR"), "/../Cargo.toml"),
-        ])
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline", "--manifest-path"])
+        .arg(root().join("Cargo.toml"))
         .output()
         .expect("cargo runs");
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("metadata is JSON");
     let text = |value: &serde_json::Value| value.as_str().expect("a name").to_owned();
-    metadata["packages"]
-        .as_array()
-        .expect("packages")
-        .iter()
+    let packages = metadata["packages"].as_array().expect("packages").iter();
+    packages
         .map(|package| {
-            let normal = package["dependencies"]
-                .as_array()
-                .expect("dependencies")
-                .iter()
-                .filter(|dependency| dependency["kind"].is_null());
+            let all = package["dependencies"].as_array().expect("dependencies").iter();
+            let normal = all.filter(|dependency| dependency["kind"].is_null());
             (text(&package["name"]), normal.map(|dependency| text(&dependency["name"])).collect())
         })
         .collect()
@@ -74,14 +110,81 @@ fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
 #[test]
 fn crates_depend_only_in_the_agreed_directions() {
     let found = dependencies();
-    assert_eq!(found.len(), ALLOWED.len(), "{:?}", found.keys());
-    for (name, allowed) in ALLOWED {
-        let inside = found[name].iter().filter(|dependency| ALLOWED.iter().any(|(other, _)| other == dependency));
+    assert_eq!(found.len(), ALLOWED.len() + OUTERMOST.len(), "{:?}", found.keys());
+    for (_, name, allowed) in ALLOWED {
+        let inside = found[name].iter().filter(|dependency| dependency.starts_with("surefoot-"));
         for dependency in inside {
             assert!(allowed.contains(&dependency.as_str()), "{name} must not depend on {dependency}");
         }
     }
-    for foreign in FOREIGN_TO_WORLD {
-        assert!(!found["surefoot-world"].contains(foreign), "the simulation must not know {foreign}");
+    for (name, foreign) in FOREIGN {
+        for dependency in foreign {
+            assert!(!found[name].contains(*dependency), "{name} must not know {dependency}");
+        }
+    }
+}
+
+#[test]
+fn no_files_of_a_crate_import_each_other_in_a_circle() {
+    for folder in ALLOWED.map(|(folder, ..)| folder).into_iter().chain(["cli"]) {
+        let source = Crate::read(folder);
+        assert_eq!(source.circles(), Vec::<Vec<&str>>::new(), "circles in {folder}");
+    }
+}
+
+#[test]
+fn wire_types_and_statuses_are_known_at_the_rim_only() {
+    for (folder, ..) in ALLOWED {
+        if folder == "proto" {
+            continue;
+        }
+        let source = Crate::read(folder);
+        for (path, code) in source.files() {
+            let knows_wire =
+                ["surefoot_proto::world::v1", "surefoot_proto::planner::v1"].iter().any(|it| code.contains(it));
+            assert!(!knows_wire || KNOW_THE_WIRE.contains(&path), "{path} must not know wire types");
+            let knows_status =
+                code.contains("tonic::Status") || code.contains("Status,") && code.contains("use tonic::");
+            let may = KNOW_THE_WIRE.contains(&path) || KNOW_STATUSES.contains(&path);
+            assert!(!knows_status || may, "{path} must not know tonic's statuses");
+        }
+    }
+}
+
+#[test]
+fn simulation_and_search_never_await() {
+    for folder in ["world", "policy", "planner", "rollout", "report"] {
+        for (path, code) in Crate::read(folder).files() {
+            assert!(!code.contains("async ") && !awaits(code), "{path} awaits");
+        }
+    }
+    for (path, code) in Crate::read("server").files() {
+        let is_hosted = path.starts_with("server/src/hosted/");
+        assert!(!is_hosted || !awaits(code), "{path} awaits");
+    }
+}
+
+/// Whether the keyword stands in the code; fields such as `awaiting` do not count.
+fn awaits(code: &str) -> bool {
+    code.split(".await").skip(1).any(|rest| !rest.starts_with(|next: char| next.is_alphanumeric() || next == '_'))
+}
+
+#[test]
+fn every_file_says_at_its_top_what_it_owns() {
+    for folder in ALLOWED.map(|(folder, ..)| folder).into_iter().chain(["cli", "tests"]) {
+        for (path, _) in Crate::read(folder).files() {
+            let text = std::fs::read_to_string(root().join(path)).expect("a source file");
+            assert!(text.starts_with("//! "), "{path} does not say what it owns");
+        }
+    }
+}
+
+#[test]
+fn unsafe_code_is_forbidden_everywhere() {
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("the manifest");
+    assert!(manifest.contains("unsafe_code = \"forbid\""));
+    for folder in ALLOWED.map(|(folder, ..)| folder).into_iter().chain(["cli", "tests"]) {
+        let own = std::fs::read_to_string(root().join(folder).join("Cargo.toml")).expect("a manifest");
+        assert!(own.contains("[lints]\nworkspace = true"), "{folder} does not take the workspace's lints");
     }
 }

@@ -5,7 +5,7 @@ use e2e::{
     start_worker, until_metrics_say, watch, watch_until, world_client,
 };
 use std::time::Duration;
-use surefoot_planner::service::PlannerConfig;
+use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::convert::pack;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;

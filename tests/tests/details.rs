@@ -4,7 +4,7 @@ use e2e::{
     build_graph, create_world, ground, planner_client, small_graph, small_map, start_planner, start_server,
     world_client,
 };
-use surefoot_planner::service::PlannerConfig;
+use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::planner::v1 as plan;
 use surefoot_proto::world::v1 as wire;
 use surefoot_server::ServerConfig;

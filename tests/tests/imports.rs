@@ -4,10 +4,10 @@ use e2e::{
     LIMIT, ground, planner_client, set_goal, small_graph, small_map, spawn, start_planner, start_planner_at,
     start_server, start_worker, watch_until, world_client,
 };
-use surefoot_planner::service::PlannerConfig;
+use surefoot_net::serving::{EndpointConfig, Limits};
+use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::convert::map_spec;
 use surefoot_proto::planner::v1 as plan;
-use surefoot_proto::serving::{EndpointConfig, Limits};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_server::ServerConfig;
@@ -18,7 +18,7 @@ use tonic::transport::Channel;
 
 /// A map as a file that remembers no spec.
 fn level() -> Vec<u8> {
-    exchange::export_glb(&Map::generate(&map_spec(Some(&small_map(1000))).unwrap()).unwrap())
+    exchange::export_glb(&Map::generate(&map_spec(Some(&small_map(1000))).unwrap()))
 }
 
 async fn maps(uri: &str) -> MapServiceClient<Channel> {
@@ -73,7 +73,7 @@ async fn edits_of_a_level_outlive_its_changes() {
     let mut graphs = Vec::new();
     for seed in [7, 8] {
         // Two versions of a level are two maps of one name.
-        let map = Map::generate(&map_spec(Some(&small_map(seed))).unwrap()).unwrap();
+        let map = Map::generate(&map_spec(Some(&small_map(seed))).unwrap());
         let request = import(wire::MapFormat::Saved, exchange::encode(&map));
         let kept = maps(&planner.uri).await.import_map(request).await;
         let map_hash = kept.unwrap().into_inner().map.unwrap().map_hash;
@@ -151,7 +151,7 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
     assert!(graphs.build_graph(neither).await.unwrap_err().message().contains("map is missing"));
 
     // There is room for one: nothing stands on the first, so it goes.
-    let other = exchange::encode(&Map::generate(&map_spec(Some(&small_map(3))).unwrap()).unwrap());
+    let other = exchange::encode(&Map::generate(&map_spec(Some(&small_map(3))).unwrap()));
     client.import_map(import(wire::MapFormat::Saved, other)).await.unwrap();
     assert_eq!(client.list_maps(wire::ListMapsRequest {}).await.unwrap().into_inner().maps.len(), 1);
     planner.stop().await;

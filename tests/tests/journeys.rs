@@ -4,7 +4,7 @@ use e2e::{
     build_graph, create_world, distance, ground, planner_client, set_goal, spawn, start_planner, start_server,
     start_worker, start_worker_with, watch_until, world_client,
 };
-use surefoot_planner::service::PlannerConfig;
+use surefoot_planner_service::PlannerConfig;
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
@@ -104,7 +104,7 @@ async fn a_worker_that_starts_before_the_server_finds_it() {
     placeholder.stop().await;
     let address = uri.trim_start_matches("http://").parse().unwrap();
     let (endpoint, shutdown) =
-        (surefoot_proto::serving::Endpoint::bind(address).unwrap(), surefoot_proto::serving::Shutdown::default());
+        (surefoot_net::serving::Endpoint::bind(address).unwrap(), surefoot_net::serving::Shutdown::default());
     let serving = tokio::spawn(surefoot_server::serve(endpoint, ServerConfig::default(), shutdown.clone()));
     let mut client = WorldServiceClient::connect(uri).await.unwrap();
     let world = create_world(&mut client, 1002, wire::TimeMode::Realtime).await;

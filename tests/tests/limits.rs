@@ -3,9 +3,9 @@
 use e2e::{Running, create_world, metrics, planner_client, small_map, start_planner, start_server_at, world_client};
 use std::io::ErrorKind;
 use std::time::Duration;
-use surefoot_planner::service::PlannerConfig;
+use surefoot_net::serving::{EndpointConfig, Limits};
+use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::planner::v1 as plan;
-use surefoot_proto::serving::{EndpointConfig, Limits};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;

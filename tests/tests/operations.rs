@@ -2,7 +2,7 @@
 
 use e2e::{create_world, metrics, planner_client, start_planner, start_server, world_client};
 use std::time::Duration;
-use surefoot_planner::service::PlannerConfig;
+use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::world::v1 as wire;
 use surefoot_server::ServerConfig;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};

@@ -1,7 +1,7 @@
 //! What designers and NPCs tell the planner changes plans for everybody, over real sockets.
 
 use e2e::{build_graph, planner_client, small_graph, small_map, start_planner};
-use surefoot_planner::service::PlannerConfig;
+use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1::Vec3;

@@ -6,23 +6,30 @@ mod untrusted;
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use surefoot_planner::build::BuildStats;
+use surefoot_planner::BuildStats;
 use surefoot_planner::edits::{Edit, Layer};
+use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export, import_json};
-use surefoot_planner::graph::{Evidence, GraphData};
+use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Passage};
-use surefoot_planner::search::Leg;
-use surefoot_planner::service::{PlannerConfig, plan_from_wire, plan_to_wire, settings_to_wire, wire_form};
-use surefoot_planner::{Ability, BuildSettings, Built, Edge, NavGraph, NoPath, Placement, Plan, Probing, cache};
+use surefoot_planner::{
+    BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Placement, Plan, Probing, RawBuildSettings,
+    Stop, VertexId, store as cache,
+};
+use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_proto::convert;
+use surefoot_proto::plans::{self, plan_to_wire, settings_to_wire};
 use surefoot_world::map::{
     Building, Cave, Features, Jetpack, Liquid, MapSize, Outline, Pad, Placed, Plateau, Pool, Ravine, Teleporter,
     ZipLine,
 };
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
-use surefoot_world::{Action, CharacterProfile, Map, MapSpec, TaskConfig, Vec3, World, WorldConfig, exchange};
+use surefoot_world::{
+    Ability, Action, Chance, CharacterProfile, Decisions, Map, MapSpec, RawMapSpec, Seconds, TaskConfig, Vec3, World,
+    WorldConfig, exchange,
+};
 use untrusted::FLOOR;
 
 fn config(cases: u32) -> ProptestConfig {
@@ -171,11 +178,12 @@ fn graph() -> impl Strategy<Value = NavGraph> {
         evidence
     });
     // Sums with all the digits that a number can have.
-    let evidence = prop_oneof![3 => evidence, 1 => (0.0..1.0e100).prop_map(Evidence::vouched)];
+    let evidence =
+        prop_oneof![3 => evidence, 1 => (0.0..1.0e100).prop_map(|decisions| Evidence::vouched(Decisions(decisions)))];
     let edges = prop::collection::vec((0..12u32, 0..12u32, evidence), 0..30);
     (prop::collection::vec(anywhere(), 12), edges).prop_map(|(vertices, edges)| {
         let edges = edges.into_iter().filter(|(from, to, _)| from != to);
-        let edges = edges.map(|(from, to, evidence)| Edge { from, to, evidence }).collect();
+        let edges = edges.map(|(from, to, evidence)| Edge { key: EdgeKey::new(from, to), evidence }).collect();
         NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
     })
 }
@@ -210,22 +218,32 @@ fn settings() -> impl Strategy<Value = BuildSettings> {
     let probing = prop::sample::select(vec![Probing::Frugal, Probing::Exhaustive]);
     let numbers = (2..2000usize, 1..65usize, 1..33u32, 0.01..1.0f32, any::<u64>());
     (placement, probing, numbers, any::<bool>()).prop_map(
-        |(placement, probing, (vertices, neighbours, repeats, threshold, seed), special_moves)| BuildSettings {
-            placement,
-            vertices,
-            neighbours,
-            repeats,
-            threshold: f64::from(threshold),
-            seed,
-            probing,
-            special_moves,
+        |(placement, probing, (vertices, neighbours, repeats, threshold, seed), special_moves)| {
+            let raw = RawBuildSettings {
+                placement,
+                vertices,
+                neighbours,
+                repeats,
+                threshold: f64::from(threshold),
+                seed,
+                probing,
+                special_moves,
+            };
+            BuildSettings::try_from(raw).unwrap()
         },
     )
 }
 
 fn plan() -> impl Strategy<Value = Plan> {
-    let leg = (any::<u32>(), any::<u32>(), 0.0..1.0e6f32, 0.0..1.0f32, ability())
-        .prop_map(|(from, to, seconds, chance, ability)| Leg { from, to, seconds, chance, ability });
+    let stop = |off_graph| prop_oneof![Just(off_graph), (0..u32::MAX).prop_map(|id| Stop::Vertex(VertexId(id)))];
+    let leg = (stop(Stop::Start), stop(Stop::Goal), 0.0..1.0e6f32, 0.0..1.0f32, ability()).prop_map(
+        |(from, to, seconds, chance, ability)| Leg {
+            key: LegKey { from, to },
+            seconds: Seconds(seconds),
+            chance: Chance::new(f64::from(chance)),
+            ability,
+        },
+    );
     let reasons = vec![NoPath::StartOffGraph, NoPath::GoalOffGraph, NoPath::DifferentIslands, NoPath::OneWay];
     let no_path = prop::option::of(prop::sample::select(reasons));
     (prop::collection::vec((anywhere(), leg), 1..9), no_path, prop::option::of(anywhere())).prop_map(
@@ -245,7 +263,7 @@ fn spec() -> impl Strategy<Value = MapSpec> {
             densities;
         let features =
             Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
-        MapSpec { seed, size: MapSize { width, height, depth }, features }
+        MapSpec::try_from(RawMapSpec { seed, size: MapSize { width, height, depth }, features }).unwrap()
     })
 }
 
@@ -266,25 +284,25 @@ proptest! {
     fn live_evidence_comes_back(graph in graph(), passages in prop::collection::vec((0..12u32, 0..12u32, any::<bool>(), any::<u32>()), 0..200)) {
         let mut live = LiveEvidence::default();
         for (from, to, reached, decisions) in passages {
-            live.note(&graph, &Passage { from, to, reached, decisions });
+            live.note(&graph, &Passage { edge: EdgeKey::new(from, to), reached, decisions });
         }
         prop_assert_eq!(&cache::decode_live(&cache::encode_live(&live)).unwrap(), &live);
-        prop_assert_eq!(live.lay_over(&graph).edge_count(), graph.edge_count());
+        prop_assert_eq!(live.apply_to(&graph).edge_count(), graph.edge_count());
     }
 
     #[test]
     fn layers_come_back_from_the_cache_and_from_the_wire(layer in layer()) {
         prop_assert_eq!(layer.validate(), Ok(()));
         prop_assert_eq!(&cache::decode_layer(&cache::encode_layer(&layer)).unwrap(), &layer);
-        let on_wire = wire_form::layer_to_wire(&layer);
-        prop_assert_eq!(wire_form::layer_from_wire(Some(&on_wire)).unwrap(), layer);
+        let on_wire = planner_wire::layer_to_wire(&layer);
+        prop_assert_eq!(planner_wire::layer_from_wire(Some(&on_wire)).unwrap(), layer);
     }
 
     #[test]
     fn settings_plans_and_specs_come_back_from_the_wire(settings in settings(), plan in plan(), spec in spec()) {
         let on_wire = settings_to_wire(&settings);
-        prop_assert_eq!(wire_form::settings_from_wire(Some(&on_wire), &PlannerConfig::default()).unwrap(), settings);
-        prop_assert_eq!(plan_from_wire(&plan_to_wire(&plan)).unwrap(), plan);
+        prop_assert_eq!(planner_wire::settings_from_wire(Some(&on_wire), &PlannerConfig::default()).unwrap(), settings);
+        prop_assert_eq!(plans::plan(&plan_to_wire(&plan)).unwrap(), plan);
         prop_assert_eq!(convert::map_spec(Some(&convert::map_spec_to_wire(&spec))).unwrap(), spec);
     }
 

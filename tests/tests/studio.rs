@@ -4,7 +4,7 @@ use e2e::{
     LIMIT, build_graph, create_world, ground, planner_client, set_goal, small_map, spawn, start_planner, start_server,
     start_worker, watch_until, world_client,
 };
-use surefoot_planner::service::PlannerConfig;
+use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::convert::{map_spec, point, unpack};
 use surefoot_proto::planner::v1 as plan;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
@@ -49,7 +49,7 @@ async fn the_mesh_of_a_world_is_its_map_in_tiles_whole_or_coarse() {
     let server = start_server(ServerConfig::default());
     let mut client = world_client(&server).await;
     let world_id = create_world(&mut client, 21, wire::TimeMode::Realtime).await.world_id;
-    let map = Map::generate(&map_spec(Some(&small_map(21))).unwrap()).unwrap();
+    let map = Map::generate(&map_spec(Some(&small_map(21))).unwrap());
     let whole = tiles(&mut client, world_id, 0.0, None).await;
     assert_eq!(whole.len(), 4, "a map of 100 m has two tiles each way");
     let area = |[a, b, c]: [Vec3; 3]| f64::from((b - a).cross(c - a).length() / 2.0);
@@ -110,7 +110,7 @@ async fn whoever_follows_an_npc_sees_its_rays_and_how_its_attempts_ended() {
     assert!(first.rays.len() == 64 && first.history.is_empty());
     let eyes = point(first.eyes.as_ref(), "eyes").unwrap();
     assert!((1.0..2.0).contains(&(eyes.y - first.npc.unwrap().position.unwrap().y)));
-    let map = Map::generate(&map_spec(Some(&small_map(10))).unwrap()).unwrap();
+    let map = Map::generate(&map_spec(Some(&small_map(10))).unwrap());
     for ray in &first.rays {
         let end = point(ray.end.as_ref(), "end").unwrap();
         let hit = map.mesh().cast_ray(eyes, (end - eyes).normalize(), 30.0);

@@ -2,8 +2,9 @@
 
 use crate::Vec3;
 use crate::character::{CharacterProfile, MoveScratch};
+use crate::float::hypot;
 use crate::map::Map;
-use crate::world::Npc;
+use crate::npc::Npc;
 
 /// Side of a cell of the grid that finds neighbours, m: no two bodies further apart than this touch.
 const CELL_M: f32 = 2.0;
@@ -67,7 +68,7 @@ fn push(npc: &Npc, other: &Npc, is_first: bool, profiles: &[CharacterProfile]) -
     let [own, others] = [npc, other].map(|npc| &profiles[usize::from(npc.profile.0)]);
     let offset = npc.body.feet - other.body.feet;
     let clear = if offset.y > 0.0 { others.height } else { own.height };
-    let distance = offset.x.hypot(offset.z);
+    let distance = hypot(offset.x, offset.z);
     let overlap = own.radius + others.radius - distance;
     if overlap <= 0.0 || offset.y.abs() >= clear {
         return Vec3::ZERO;

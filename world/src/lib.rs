@@ -10,26 +10,34 @@
 //! Conventions: right-handed, y up, metres, seconds, radians. Yaw 0 faces +z and grows counter-clockwise
 //! seen from above, so +x lies to the *left* of an NPC with yaw 0.
 
+mod ability;
 pub mod character;
 mod crowd;
 pub mod exchange;
+pub mod float;
 pub mod map;
 pub mod mesh;
 pub mod navigable;
+mod npc;
 mod parallel;
 pub mod reach;
+mod recording;
 pub mod replay;
 pub mod sealed;
 pub mod sense;
 pub mod task;
+mod units;
 mod world;
 
-pub use character::{Action, Body, CharacterProfile};
-pub use map::{Map, MapHash, MapSpec, SpecError};
-pub use parry3d::math::Vec3;
+pub use ability::Ability;
+pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
+pub use glam::Vec3;
+pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};
+pub use npc::{Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 pub use sense::{OBSERVATION_LEN, RAY_COUNT};
 pub use task::{End, Episode, TaskConfig};
-pub use world::{DecisionOutcome, Npc, NpcSlot, ProfileIdx, World, WorldConfig, WorldState};
+pub use units::{Chance, Decisions, Seconds, Seed, Tick};
+pub use world::{DecisionOutcome, World};
 
 /// Physics ticks per second (the paper: "60 times per second").
 pub const TICKS_PER_SECOND: u32 = 60;

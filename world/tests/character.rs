@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Action, CharacterProfile, End, Map, NpcSlot, ProfileIdx, TaskConfig, Vec3, World, WorldConfig};
+use surefoot_world::{
+    Action, CharacterProfile, End, Map, NpcSlot, ProfileIdx, RawCharacterProfile, TaskConfig, Vec3, World, WorldConfig,
+};
 
 const GROUND: f32 = 10.0;
 const MIDDLE: Vec3 = Vec3::new(30.0, GROUND, 30.0);
@@ -89,7 +91,7 @@ fn a_jump_rises_two_and_a_half_metres_and_a_double_jump_five() {
 #[test]
 fn walks_slopes_of_thirty_degrees_and_slides_on_fifty() {
     let ramp = |degrees: f32| {
-        let rise = 20.0 * degrees.to_radians().tan();
+        let rise = 20.0 * libm::tanf(degrees.to_radians());
         profile_along_z(&[(0.0, GROUND), (30.0, GROUND), (50.0, GROUND + rise), (60.0, GROUND + rise)])
     };
     let mut gentle = on(ramp(30.0), MIDDLE - Vec3::new(0.0, 0.0, 4.0));
@@ -106,7 +108,7 @@ fn walks_slopes_of_thirty_degrees_and_slides_on_fifty() {
 
 #[test]
 fn does_not_creep_on_a_slope_it_can_stand_on() {
-    let slope = profile_along_z(&[(0.0, 0.5), (60.0, 0.5 + 60.0 * 30.0f32.to_radians().tan())]);
+    let slope = profile_along_z(&[(0.0, 0.5), (60.0, 0.5 + 60.0 * libm::tanf(30.0f32.to_radians()))]);
     let mut standing = on(slope, Vec3::new(30.0, 18.0, 30.0));
     let before = feet(&standing);
     run(&mut standing, &[STAND; 60]);
@@ -115,7 +117,7 @@ fn does_not_creep_on_a_slope_it_can_stand_on() {
 
 #[test]
 fn stays_on_the_ground_when_running_downhill() {
-    let slope = profile_along_z(&[(0.0, 40.0), (60.0, 40.0 - 60.0 * 30.0f32.to_radians().tan())]);
+    let slope = profile_along_z(&[(0.0, 40.0), (60.0, 40.0 - 60.0 * libm::tanf(30.0f32.to_radians()))]);
     let mut running = on(slope, Vec3::new(30.0, 37.2, 5.0));
     for _ in 0..20 {
         running.decide(NPC, FORWARD);
@@ -289,7 +291,7 @@ fn a_jump_lets_go_of_a_zip_line() {
 fn characters_that_cannot_use_zip_lines_walk_past() {
     let line = ZipLine { from: MIDDLE, to: MIDDLE + Vec3::new(0.0, -4.0, 25.0) };
     let map = Map::from_parts(SIZE, flat(), Placed { zip_lines: vec![line], ..Placed::default() });
-    let profile = CharacterProfile { uses_zip_lines: false, ..CharacterProfile::default() };
+    let profile = CharacterProfile::default().with(|it| it.uses_zip_lines = false).unwrap();
     let mut walking = World::new(Arc::new(map), profile, TaskConfig::default());
     walking.spawn(MIDDLE, 0.0);
     run(&mut walking, &[FORWARD; 3]);
@@ -330,7 +332,7 @@ fn a_jetpack_lifts_higher_than_two_jumps_until_its_fuel_is_gone() {
 
 #[test]
 fn a_body_slides_down_from_what_is_too_steep_to_stand_on() {
-    let slope = profile_along_z(&[(0.0, 50.0), (60.0, 50.0 - 60.0 * 45.0f32.to_radians().tan() * 0.8)]);
+    let slope = profile_along_z(&[(0.0, 50.0), (60.0, 50.0 - 60.0 * libm::tanf(45.0f32.to_radians()) * 0.8)]);
     let mut sliding = on(slope, Vec3::new(30.0, 26.5, 30.0));
     run(&mut sliding, &[STAND; 12]);
     assert!(feet(&sliding).z > 36.0, "stuck at {:?}", feet(&sliding));
@@ -397,7 +399,12 @@ fn npcs_push_each_other_aside_only_where_the_world_says_so() {
 #[test]
 fn characters_of_several_profiles_share_a_world() {
     let map = Arc::new(Map::from_parts(SIZE, flat(), Placed::default()));
-    let slow = CharacterProfile { forward_speed: 3.0, height: 1.2, ..CharacterProfile::default() };
+    let slow = CharacterProfile::default()
+        .with(|it| {
+            it.forward_speed = 3.0;
+            it.height = 1.2
+        })
+        .unwrap();
     let profiles = vec![CharacterProfile::default(), slow];
     let config = WorldConfig { profiles, task: TaskConfig::default(), npc_collision: false };
     let mut world = World::with_config(map, config);
@@ -414,12 +421,8 @@ fn characters_of_several_profiles_share_a_world() {
 
 #[test]
 fn profiles_out_of_range_are_refused_by_the_name_of_the_field() {
-    let field = |change: fn(&mut CharacterProfile)| {
-        let mut profile = CharacterProfile::default();
-        change(&mut profile);
-        profile.validate().unwrap_err().field
-    };
-    assert!(CharacterProfile::default().validate().is_ok());
+    let field = |change: fn(&mut RawCharacterProfile)| CharacterProfile::default().with(change).unwrap_err().field;
+    assert!(CharacterProfile::try_from(RawCharacterProfile::default()).is_ok());
     assert_eq!(field(|profile| profile.radius = f32::NAN), "radius");
     assert_eq!(field(|profile| profile.height = 0.3), "height");
     assert_eq!(field(|profile| profile.gravity = 0.0), "gravity");

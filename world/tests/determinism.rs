@@ -6,8 +6,8 @@ use std::sync::Arc;
 use surefoot_world::map::Features;
 use surefoot_world::replay::{Recording, ReplayError};
 use surefoot_world::{
-    Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, ProfileIdx, TaskConfig, World, WorldConfig,
-    navigable,
+    Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, ProfileIdx, RawMapSpec, TaskConfig, World,
+    WorldConfig, navigable,
 };
 
 fn crowd(map: &Arc<Map>, count: usize) -> World {
@@ -35,15 +35,15 @@ fn step(world: &mut World, rng: &mut ChaCha8Rng) {
 
 #[test]
 fn a_spec_always_generates_the_same_map_and_another_seed_another() {
-    let spec = MapSpec::with_side(11, 100);
-    let first = Map::generate(&spec).unwrap();
-    assert_eq!(first.hash(), Map::generate(&spec).unwrap().hash());
-    assert_ne!(first.hash(), Map::generate(&MapSpec::with_side(12, 100)).unwrap().hash());
+    let spec = MapSpec::with_side(11, 100).unwrap();
+    let first = Map::generate(&spec);
+    assert_eq!(first.hash(), Map::generate(&spec).hash());
+    assert_ne!(first.hash(), Map::generate(&MapSpec::with_side(12, 100).unwrap()).hash());
 }
 
 #[test]
 fn equal_actions_give_equal_worlds_also_after_a_restore_in_the_middle() {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 100)).unwrap());
+    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 100).unwrap()));
     let (mut one, mut other) = (crowd(&map, 24), crowd(&map, 24));
     let (mut rng_one, mut rng_other) = (ChaCha8Rng::seed_from_u64(9), ChaCha8Rng::seed_from_u64(9));
     for round in 0..120 {
@@ -66,11 +66,7 @@ fn equal_actions_give_equal_worlds_also_after_a_restore_in_the_middle() {
 
 #[test]
 fn specs_out_of_range_are_refused_by_the_name_of_the_field() {
-    let with = |change: fn(&mut MapSpec)| {
-        let mut spec = MapSpec::new(1);
-        change(&mut spec);
-        Map::generate(&spec).unwrap_err().field
-    };
+    let with = |change: fn(&mut RawMapSpec)| MapSpec::new(1).with(change).unwrap_err().field;
     assert_eq!(with(|spec| spec.size.width = 49), "size.width");
     assert_eq!(with(|spec| spec.size.height = 201), "size.height");
     assert_eq!(with(|spec| spec.size.depth = 100_000), "size.depth");
@@ -83,7 +79,7 @@ fn specs_out_of_range_are_refused_by_the_name_of_the_field() {
 /// Runs NPCs with random actions for ten minutes of the world's time, now and then moved, despawned and respawned.
 fn recorded(map: &Arc<Map>, seed: u64) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let profiles = vec![CharacterProfile::default(), CharacterProfile { height: 1.2, ..CharacterProfile::default() }];
+    let profiles = vec![CharacterProfile::default(), CharacterProfile::default().with(|it| it.height = 1.2).unwrap()];
     let config = WorldConfig { profiles, task: TaskConfig::default(), npc_collision: !seed.is_multiple_of(2) };
     let points = navigable::sample_many(map, &config.profiles[0], 32, &mut rng).unwrap();
     let mut world = World::with_config(map.clone(), config);
@@ -117,7 +113,8 @@ fn recorded(map: &Arc<Map>, seed: u64) -> Recording {
 
 #[test]
 fn recordings_of_ten_minutes_replay_to_the_same_state_on_any_thread_and_over_a_restore() {
-    let map = Arc::new(Map::generate(&MapSpec { features: Features::all(), ..MapSpec::with_side(4, 100) }).unwrap());
+    let map =
+        Arc::new(Map::generate(&MapSpec::with_side(4, 100).unwrap().with(|it| it.features = Features::all()).unwrap()));
     let check = |seeds: std::ops::Range<u64>| {
         for seed in seeds {
             let recording = recorded(&map, seed);
@@ -138,7 +135,7 @@ fn recordings_of_ten_minutes_replay_to_the_same_state_on_any_thread_and_over_a_r
 
 #[test]
 fn a_recording_says_where_a_replay_differs_and_what_is_wrong_with_a_file() {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 60)).unwrap());
+    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 60).unwrap()));
     let mut world = crowd(&map, 3);
     world.start_recording();
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -146,7 +143,7 @@ fn a_recording_says_where_a_replay_differs_and_what_is_wrong_with_a_file() {
         step(&mut world, &mut rng);
     }
     let recording = world.finish_recording().unwrap();
-    let other = Arc::new(Map::generate(&MapSpec::with_side(5, 60)).unwrap());
+    let other = Arc::new(Map::generate(&MapSpec::with_side(5, 60).unwrap()));
     assert!(matches!(recording.replay(other, None), Err(ReplayError::OtherMap { .. })));
     let bytes = recording.encode();
     assert_eq!(Recording::decode(b"something else"), Err(ReplayError::Magic));
@@ -165,7 +162,7 @@ fn a_recording_says_where_a_replay_differs_and_what_is_wrong_with_a_file() {
 
 #[test]
 fn a_changed_input_is_found_by_the_replay() {
-    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 60)).unwrap());
+    let map = Arc::new(Map::generate(&MapSpec::with_side(4, 60).unwrap()));
     let run = |turn: f32| {
         let mut world = crowd(&map, 1);
         world.start_recording();

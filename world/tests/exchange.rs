@@ -12,7 +12,7 @@ use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Ve
 const PLAIN: ImportOptions = ImportOptions { scale: 1.0, up: UpAxis::Y };
 
 fn generated(seed: u64) -> Map {
-    Map::generate(&MapSpec::with_side(seed, 60)).expect("a valid spec")
+    Map::generate(&MapSpec::with_side(seed, 60).unwrap())
 }
 
 /// A floor of 30 x 30 m at 1 m with two of everything that can be placed.
@@ -628,8 +628,9 @@ fn near(one: Vec3, other: Vec3) -> bool {
 
 #[test]
 fn an_exported_map_is_imported_as_it_was() {
-    let all = MapSpec { features: surefoot_world::map::Features::all(), ..MapSpec::with_side(5, 100) };
-    for map in [generated(5), Map::generate(&all).expect("a valid spec"), small_map()] {
+    let all =
+        MapSpec::with_side(5, 100).unwrap().with(|it| it.features = surefoot_world::map::Features::all()).unwrap();
+    for map in [generated(5), Map::generate(&all), small_map()] {
         let back = exchange::import_gltf(&exchange::export_glb(&map), None, &PLAIN).expect("an exported map").map;
         assert_eq!(back.size(), map.size());
         let (solids, expected) = (corners(&back), corners(&map));

@@ -15,7 +15,7 @@ use surefoot_world::{Action, CharacterProfile, Map, MapSpec, NpcSlot, TaskConfig
 fn map() -> &'static (Map, TriMesh) {
     static MAP: OnceLock<(Map, TriMesh)> = OnceLock::new();
     MAP.get_or_init(|| {
-        let map = Map::generate(&MapSpec::with_side(21, 80)).unwrap();
+        let map = Map::generate(&MapSpec::with_side(21, 80).unwrap());
         let corners: Vec<Vec3> = map.mesh().triangles().iter().flat_map(Triangle::corners).collect();
         let indices = (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let mesh = TriMesh::new(corners, indices).unwrap();
@@ -113,7 +113,7 @@ fn the_uppermost_surface_faces_up() {
 
 #[test]
 fn sampled_ground_holds_the_body_clear_of_all_geometry() {
-    let map = Map::generate(&MapSpec::with_side(5, 120)).unwrap();
+    let map = Map::generate(&MapSpec::with_side(5, 120).unwrap());
     let profile = CharacterProfile::default();
     let points = navigable::sample_many(&map, &profile, 1500, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
     let slack = 0.02;
@@ -145,8 +145,8 @@ fn sampled_ground_holds_the_body_clear_of_all_geometry() {
 fn solid_map() -> &'static (Arc<Map>, TriMesh) {
     static MAP: OnceLock<(Arc<Map>, TriMesh)> = OnceLock::new();
     MAP.get_or_init(|| {
-        let spec = MapSpec { features: Features::all(), ..MapSpec::with_side(8, 120) };
-        let map = Arc::new(Map::generate(&spec).unwrap());
+        let spec = MapSpec::with_side(8, 120).unwrap().with(|it| it.features = Features::all()).unwrap();
+        let map = Arc::new(Map::generate(&spec));
         let mesh = parry_mesh(&map);
         (map, mesh)
     })
@@ -282,7 +282,9 @@ fn of_a_million_spawns_none_is_off_the_ground_or_inside_geometry() {
                         return;
                     }
                     let features = if idx.is_multiple_of(2) { Features::all() } else { Features::default() };
-                    let map = Map::generate(&MapSpec { features, ..MapSpec::with_side(40 + idx as u64, 150) }).unwrap();
+                    let map = Map::generate(
+                        &MapSpec::with_side(40 + idx as u64, 150).unwrap().with(|it| it.features = features).unwrap(),
+                    );
                     check_spawns(&map, SPAWNS / MAPS, idx as u64);
                 }
             });

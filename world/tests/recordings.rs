@@ -5,7 +5,9 @@ use surefoot_world::character::Ride;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::{Input, Recording, ReplayError};
-use surefoot_world::{Action, CharacterProfile, Map, MapSpec, Npc, NpcSlot, ProfileIdx, TaskConfig, Vec3, World};
+use surefoot_world::{
+    Action, CharacterProfile, Map, MapSpec, Npc, NpcSlot, ProfileIdx, RawCharacterProfile, TaskConfig, Vec3, World,
+};
 
 fn floor() -> Arc<Map> {
     let corners = [Vec3::Y, Vec3::new(0.0, 1.0, 20.0), Vec3::new(20.0, 1.0, 20.0)];
@@ -18,7 +20,7 @@ type Spoil = fn(&mut Parts, Vec3);
 
 /// What a recording's file holds, field by field, to be spoilt before it is sealed.
 struct Parts {
-    profiles: Vec<CharacterProfile>,
+    profiles: Vec<RawCharacterProfile>,
     start_tick: u64,
     npcs: Vec<Option<Npc>>,
     inputs: Vec<(u64, Input)>,
@@ -35,7 +37,7 @@ impl Parts {
         let npcs = vec![world.npc(slot).copied()];
         world.tick_decision();
         Self {
-            profiles: vec![CharacterProfile::default()],
+            profiles: vec![RawCharacterProfile::default()],
             start_tick: 0,
             npcs,
             inputs: Vec::new(),
@@ -66,9 +68,9 @@ fn what_cannot_have_happened_is_refused() {
     assert_eq!(Parts::new(&map).replay(&map), Ok(()));
     let at = Vec3::new(10.0, 1.0, 10.0);
     let cases: [(&str, Spoil); 17] = [
-        ("profile is out of range", |parts, _| parts.profiles.clear()),
-        ("profile is out of range", |parts, _| parts.profiles[0].forward_speed = f32::INFINITY),
-        ("profile is out of range", |parts, _| parts.profiles = vec![CharacterProfile::default(); 257]),
+        ("character profile", |parts, _| parts.profiles.clear()),
+        ("character profile", |parts, _| parts.profiles[0].forward_speed = f32::INFINITY),
+        ("character profile", |parts, _| parts.profiles = vec![RawCharacterProfile::default(); 257]),
         ("state that it begins with", |parts, _| parts.npc().profile = ProfileIdx(1)),
         ("state that it begins with", |parts, _| parts.npc().body.feet.x = f32::NAN),
         ("state that it begins with", |parts, _| parts.npc().body.feet.x = 1.0e30),

@@ -1,12 +1,12 @@
 //! From units to rates.
 
-use super::EvalConfig;
+use super::config::EvalConfig;
 use super::unit::{GraphFigures, Unit};
-use crate::follow::Fault;
-use crate::rollout::Attempt;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use surefoot_policy::Policy;
+use surefoot_rollout::Attempt;
+use surefoot_rollout::follow::Fault;
 use surefoot_world::{DECISION_SECONDS, End};
 
 /// A share of successes with its 95 % Wilson interval.

@@ -1,13 +1,14 @@
 //! The paper's table with our rows beside it.
 
+use super::config::{EvalConfig, EvalError, Method};
 use super::report::{self, Rate, Success};
+use super::run::run_units;
 use super::unit::{GraphFigures, Unit};
-use super::{EvalConfig, EvalError, Method, run_units};
-use crate::follow::Fault;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
 use surefoot_policy::Policy;
+use surefoot_rollout::follow::Fault;
 use surefoot_world::{End, MapSpec};
 
 /// Width of the bins that success is counted in by distance, m.

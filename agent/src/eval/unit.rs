@@ -1,7 +1,6 @@
 //! One map with one seed: every goal attempted once.
 
-use super::{EvalConfig, EvalError, Method};
-use crate::rollout::{Attempt, Goal, Rollout};
+use super::config::{EvalConfig, EvalError, Method};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -10,12 +9,15 @@ use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
+use surefoot_planner::Progress;
 use surefoot_planner::Router;
-use surefoot_planner::build::{BUILDER_VERSION, BuildSettings, Progress, build};
-use surefoot_planner::probe::ProbeContext;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::settings::BUILDER_VERSION;
 use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_whole;
+use surefoot_rollout::ProbeContext;
+use surefoot_rollout::graphs::build;
+use surefoot_rollout::{Attempt, Goal, Rollout};
 use surefoot_world::{CharacterProfile, Map, MapSpec, TaskConfig, navigable};
 
 /// Navigable points that the goals of one map are drawn from.
@@ -80,7 +82,7 @@ pub fn load_or_run(
     }
     let map = match map {
         Some(map) => map.clone(),
-        None => map.insert(Arc::new(Map::generate(spec)?)).clone(),
+        None => map.insert(Arc::new(Map::generate(spec))).clone(),
     };
     let unit = run(policy, config, &map, spec.seed, seed)?;
     if let Some(path) = path {
@@ -119,7 +121,7 @@ fn run(policy: &Policy, config: &EvalConfig, map: &Arc<Map>, map_seed: u64, seed
         Method::Policy => None,
         Method::Graph(settings) => {
             let context = ProbeContext { map: map.clone(), profile, policy: policy.clone() };
-            let settings = BuildSettings { seed, ..settings };
+            let settings = settings.with_seed(seed);
             Some(build(&context, &settings, config.thread_count, &Progress::default())?)
         }
     };

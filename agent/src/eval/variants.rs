@@ -1,7 +1,8 @@
 //! One split, many variants: graphs of growing size, or the 1 km map with and without them.
 
+use super::config::{EvalConfig, EvalError, Method};
 use super::report::{self, Rate, Report};
-use super::{EvalConfig, EvalError, Method, run_units};
+use super::run::run_units;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use surefoot_planner::{BuildSettings, Placement};
@@ -43,12 +44,12 @@ pub fn sweep(policy: &Policy) -> Vec<Variant> {
     let sizes = SWEEP_VERTICES.iter().flat_map(|&vertices| SWEEP_NEIGHBOURS.map(|neighbours| (vertices, neighbours)));
     sizes
         .map(|(vertices, neighbours)| {
-            let settings = BuildSettings { vertices, neighbours, ..BuildSettings::of_paper(Placement::Spaced) };
-            Variant {
-                name: format!("{vertices} x {neighbours}"),
-                policy: policy.clone(),
-                method: Method::Graph(settings),
-            }
+            let settings = BuildSettings::of_paper(Placement::Spaced).with(|it| {
+                it.vertices = vertices;
+                it.neighbours = neighbours;
+            });
+            let method = Method::Graph(settings.expect("sizes within the limits"));
+            Variant { name: format!("{vertices} x {neighbours}"), policy: policy.clone(), method }
         })
         .collect()
 }

@@ -4,8 +4,9 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
 use surefoot_policy::ActorConfig;
-use surefoot_policy::lstm::Recall;
-use surefoot_policy::network::{Dense, Encoding, Past, Trunk};
+use surefoot_policy::dense::Dense;
+use surefoot_policy::network::{Encoding, Past, Trunk};
+use surefoot_policy::state::HiddenState;
 use surefoot_world::character::ACTION_LEN;
 
 /// Critics in all (Fujimoto et al. 2018, "Addressing Function Approximation Error in Actor-Critic Methods").
@@ -34,7 +35,7 @@ impl Critics {
     }
 
     /// Everything that does not depend on the action, and the memory after the last step.
-    pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<Recall>) {
+    pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<HiddenState>) {
         self.trunk.encode(observations, past)
     }
 
@@ -51,7 +52,7 @@ impl Critics {
 
     /// Moves every weight by `share` towards `source`'s.
     #[must_use]
-    pub fn follow(self, source: &Self, share: f32) -> Self {
-        Self { trunk: self.trunk.follow(&source.trunk, share), head: self.head.follow(&source.head, share) }
+    pub fn soft_update(self, source: &Self, share: f32) -> Self {
+        Self { trunk: self.trunk.soft_update(&source.trunk, share), head: self.head.soft_update(&source.head, share) }
     }
 }

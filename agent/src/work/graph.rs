@@ -1,11 +1,11 @@
 //! The planner's graph of a world's map: built, kept, and built again when the planner has lost it.
 
-use super::{MAX_PAUSE, MIN_PAUSE};
+use super::config::{MAX_PAUSE, MIN_PAUSE};
 use std::time::Duration;
-use surefoot_proto::client::Link;
+use surefoot_net::client::Link;
+use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use tokio::sync::watch;
@@ -16,6 +16,11 @@ use tracing::{info, warn};
 /// Longest wait for an imported map to be fetched or taken.
 const IMPORT_LIMIT: Duration = Duration::from_secs(60);
 
+/// A revision from the wire, where 0 stands for none.
+pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
+    (revision != 0).then_some(revision)
+}
+
 /// The planner's graph of one map.
 pub(super) struct Graph {
     pub client: PlannerServiceClient<Link>,
@@ -23,8 +28,8 @@ pub(super) struct Graph {
     pub id: watch::Receiver<String>,
     /// Where that is said.
     pub ready: watch::Sender<String>,
-    /// State of designers' edits, as the planner names it; 0 while it is not known.
-    pub revision: watch::Receiver<u64>,
+    /// State of designers' edits, as the planner names it; none while it is not known.
+    pub revision: watch::Receiver<Option<u64>>,
     build: tokio::task::JoinHandle<()>,
 }
 
@@ -33,7 +38,7 @@ impl Graph {
     pub fn keep(server: Link, planner: Link, assignment: &wire::Assignment, settings: planner::BuildSettings) -> Self {
         let client = PlannerServiceClient::new(planner.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (ready, id) = watch::channel(String::new());
-        let (edited, revision) = watch::channel(0);
+        let (edited, revision) = watch::channel(None);
         let maps = |link| {
             MapServiceClient::new(link)
                 .max_decoding_message_size(MAX_MESSAGE_BYTES)
@@ -70,7 +75,7 @@ struct Builder {
 
 impl Builder {
     /// Builds the graph, again whenever that fails, and says when it is ready and when it is edited.
-    async fn run(mut self, ready: watch::Sender<String>, edited: watch::Sender<u64>) {
+    async fn run(mut self, ready: watch::Sender<String>, edited: watch::Sender<Option<u64>>) {
         let mut pause = MIN_PAUSE;
         loop {
             match self.build().await {
@@ -86,7 +91,7 @@ impl Builder {
                     if !known {
                         return;
                     }
-                    edited.send_replace(0);
+                    edited.send_replace(None);
                     pause = MIN_PAUSE;
                 }
                 Err(status) => {
@@ -99,7 +104,7 @@ impl Builder {
     }
 
     /// Follows the edits of a graph; never ends.
-    async fn watch(&self, graph_id: &str, edited: &watch::Sender<u64>) {
+    async fn watch(&self, graph_id: &str, edited: &watch::Sender<Option<u64>>) {
         let mut client = self.client.clone();
         loop {
             let request = planner::WatchGraphRequest { graph_id: graph_id.to_owned() };
@@ -108,7 +113,7 @@ impl Builder {
                     let mut changes = changes.into_inner();
                     loop {
                         match changes.next().await {
-                            Some(Ok(change)) => drop(edited.send_replace(change.revision)),
+                            Some(Ok(change)) => drop(edited.send_replace(revision_from_wire(change.revision))),
                             Some(Err(status)) => break status,
                             None => break Status::unavailable("the stream ended"),
                         }
@@ -116,7 +121,7 @@ impl Builder {
                 }
                 Err(status) => status,
             };
-            edited.send_replace(0);
+            edited.send_replace(None);
             match ended.code() {
                 // Whoever asks it next for a plan has it built again: a planner may have no room for graphs that nobody asks.
                 // Planners of an older version do not tell at all.

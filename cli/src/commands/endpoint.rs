@@ -3,11 +3,11 @@
 use anyhow::{Context, bail};
 use std::path::PathBuf;
 use std::time::Duration;
-use surefoot_proto::client::{ClientTlsFiles, Credentials};
-use surefoot_proto::secret::Secret;
-use surefoot_proto::serving::security::ServerTls;
-use surefoot_proto::serving::tokens::Tokens;
-use surefoot_proto::serving::{EndpointConfig, Limits, Security};
+use surefoot_net::client::{ClientTlsFiles, Credentials};
+use surefoot_net::secret::Secret;
+use surefoot_net::serving::security::ServerTls;
+use surefoot_net::serving::tokens::Tokens;
+use surefoot_net::serving::{EndpointConfig, Limits, Security};
 
 /// Limits and protection of a service.
 #[derive(clap::Args)]

@@ -2,7 +2,6 @@
 
 use super::services::GraphArgs;
 use super::{core_count, load_policy, parse_maps, parse_seeds};
-use crate::plots;
 use crate::terminal::{print_json, progress_bar};
 use anyhow::{Context, bail};
 use std::ops::Range;
@@ -10,9 +9,10 @@ use std::path::{Path, PathBuf};
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::variants::{self, Variant};
 use surefoot_agent::eval::{EvalConfig, Method, Rate, Report, evaluate};
-use surefoot_agent::rollout::DEFAULT_NOISE_SHARE;
-use surefoot_planner::{BuildSettings, Placement, Probing};
+use surefoot_planner::{Placement, Probing};
 use surefoot_policy::Policy;
+use surefoot_report::plots;
+use surefoot_rollout::DEFAULT_NOISE_SHARE;
 use surefoot_world::MapSpec;
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
@@ -91,8 +91,7 @@ impl Args {
         if !(0.0..=1.0).contains(&self.noise) {
             bail!("--noise is {}, allowed are 0 to 1", self.noise);
         }
-        let settings = self.graph.settings();
-        settings.validate()?;
+        let settings = self.graph.settings()?;
         let method = if self.method == "policy" { Method::Policy } else { Method::Graph(settings) };
         Ok(EvalConfig {
             maps: parse_maps(&self.maps, self.size)?,
@@ -143,11 +142,14 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
         ("flood graph with grandchild edges", Placement::FloodGrandchildren),
     ];
     for (name, placement) in rows {
-        let settings =
-            BuildSettings { probing: Probing::Exhaustive, special_moves: false, placement, ..args.graph.settings() };
+        let settings = args.graph.settings()?.with(|it| {
+            it.probing = Probing::Exhaustive;
+            it.special_moves = false;
+            it.placement = placement;
+        })?;
         push(name, Method::Graph(settings), on_all(reactive.clone()));
     }
-    push("ours: frugal, with special moves", Method::Graph(args.graph.settings()), on_all(reactive));
+    push("ours: frugal, with special moves", Method::Graph(args.graph.settings()?), on_all(reactive));
     Ok(entries)
 }
 
@@ -179,8 +181,9 @@ fn run_sweep(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let policy = load_policy(Some(&args.models.join("general-reactive")))?;
     let outcomes = run_variants(args, &base, &variants::sweep(&policy), 25.0)?;
     if let Some(folder) = &args.out {
-        plots::sweep(&outcomes, &folder.join("success.svg"))?;
-        plots::run_time(&outcomes, &folder.join("run-time.svg"))?;
+        let sizes = size_outcomes(&outcomes);
+        plots::sweep(&sizes, &folder.join("success.svg"))?;
+        plots::run_time(&sizes, &folder.join("run-time.svg"))?;
     }
     Ok(())
 }
@@ -198,19 +201,24 @@ fn run_big_map(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let base = EvalConfig { maps: parse_maps(&seed.to_string(), side)?, ..base.clone() };
     let specific = load_policy(Some(&args.models.join(format!("lstm-map-{seed}"))))?;
     let general = load_policy(Some(&args.models.join("general-reactive")))?;
-    let graph =
-        |vertices| Method::Graph(BuildSettings { vertices, neighbours: BIG_NEIGHBOURS, ..args.graph.settings() });
+    let graph = |vertices| -> anyhow::Result<Method> {
+        let settings = args.graph.settings()?.with(|it| {
+            it.vertices = vertices;
+            it.neighbours = BIG_NEIGHBOURS;
+        });
+        Ok(Method::Graph(settings?))
+    };
     let mut entries = vec![Variant { name: "no graph".to_owned(), policy: specific.clone(), method: Method::Policy }];
     for vertices in BIG_VERTICES {
         let name = format!("{vertices} vertices");
-        entries.push(Variant { name, policy: specific.clone(), method: graph(vertices) });
+        entries.push(Variant { name, policy: specific.clone(), method: graph(vertices)? });
     }
     let most = BIG_VERTICES[BIG_VERTICES.len() - 1];
     let name = format!("{most} vertices, general weights");
-    entries.push(Variant { name, policy: general, method: graph(most) });
+    entries.push(Variant { name, policy: general, method: graph(most)? });
     let outcomes = run_variants(args, &base, &entries, 100.0)?;
     if let Some(folder) = &args.out {
-        let lines = outcomes.iter().map(|outcome| (outcome.name.as_str(), outcome.by_distance.as_slice()));
+        let lines = outcomes.iter().map(|outcome| (outcome.name.as_str(), bins(&outcome.by_distance)));
         plots::success_by_distance(&lines.collect::<Vec<_>>(), 50.0, &folder.join("success-by-distance.svg"))?;
     }
     Ok(())
@@ -251,9 +259,34 @@ fn write_into(folder: &Path, name: &str, text: &str) -> anyhow::Result<()> {
 fn write_suite(report: &suite::SuiteReport, folder: &Path) -> anyhow::Result<()> {
     write_into(folder, "results.json", &serde_json::to_string_pretty(report)?)?;
     write_into(folder, "table.md", &report.markdown())?;
-    let lines = report.rows.iter().map(|row| (row.name.as_str(), row.by_distance.as_slice()));
+    let lines = report.rows.iter().map(|row| (row.name.as_str(), bins(&row.by_distance)));
     plots::success_by_distance(&lines.collect::<Vec<_>>(), 12.5, &folder.join("success-by-distance.svg"))?;
-    plots::generalisation(report, &folder.join("generalisation.svg"))
+    let groups = report.generalisation.iter().map(|group| plots::BarGroup {
+        name: &group.name,
+        bars: group.splits.iter().map(|(split, rate)| (split.as_str(), rate.rate)).collect(),
+        paper: suite::PAPER.iter().find(|paper| paper.name == group.name).map(|paper| paper.all),
+    });
+    Ok(plots::generalisation(&groups.collect::<Vec<_>>(), &folder.join("generalisation.svg"))?)
+}
+
+fn bins(by_distance: &[(f32, Rate)]) -> Vec<plots::DistanceBin> {
+    let bin = |&(far_m, rate): &(f32, Rate)| plots::DistanceBin { far_m, rate: rate.rate, count: rate.n };
+    by_distance.iter().map(bin).collect()
+}
+
+/// Those that used a graph, by its size.
+fn size_outcomes(outcomes: &[variants::Outcome]) -> Vec<plots::SizeOutcome> {
+    let size = |outcome: &variants::Outcome| {
+        let graph = outcome.report.graph.as_ref()?;
+        Some(plots::SizeOutcome {
+            vertices: outcome.vertices,
+            neighbours: outcome.neighbours,
+            rate: outcome.report.success.all.rate,
+            total_s: graph.build_s + graph.eval_s,
+            search_us: graph.search_us_median,
+        })
+    };
+    outcomes.iter().filter_map(size).collect()
 }
 
 fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {

@@ -3,14 +3,13 @@
 use super::load_policy;
 use crate::terminal::print_json;
 use anyhow::{Context, bail};
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surefoot_policy::checkpoint::{self, module_bytes};
 use surefoot_policy::exchange::{from_safetensors, to_onnx, to_safetensors};
 use surefoot_policy::{Manifest, Policy};
-use surefoot_world::{CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
+use surefoot_rollout::crowd::{Sample, sample_decisions};
+use surefoot_world::{Map, MapSpec};
 
 /// Write a model for other programs: ONNX for the runtimes of game engines, safetensors for Python.
 #[derive(clap::Args)]
@@ -73,34 +72,10 @@ fn check(policy: &Policy, count: usize) -> anyhow::Result<()> {
     if !(1..=10_000).contains(&rows) {
         bail!("--check is {count}, allowed are 1 to 100000");
     }
-    let profile = CharacterProfile::default();
-    let map = Arc::new(Map::generate(&MapSpec::new(0))?);
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng)?;
-    let mut world = World::new(map, profile, TaskConfig::default());
-    let slots: Vec<NpcSlot> = points
-        .chunks_exact(2)
-        .map(|pair| {
-            let slot = world.spawn(pair[0], 0.0);
-            world.set_goal(slot, pair[1]);
-            slot
-        })
-        .collect();
-    let (mut observations, mut actions) = (vec![0.0; rows * OBSERVATION_LEN], Vec::new());
-    let mut memory = vec![0.0; rows * policy.memory_len()];
-    let mut steps = Vec::new();
-    for _ in 0..STEPS {
-        for (&slot, row) in slots.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
-            world.observe(slot, row);
-        }
-        policy.act(&observations, &mut memory, 0.0, &mut rng, &mut actions);
-        for (&slot, &action) in slots.iter().zip(&actions) {
-            world.decide(slot, action);
-        }
-        world.tick_decision();
-        let values: Vec<f32> = actions.iter().flat_map(|action| action.to_array()).collect();
-        steps.push(serde_json::json!({ "observations": observations, "actions": values }));
-    }
+    let map = Arc::new(Map::generate(&MapSpec::new(0)));
+    let samples = sample_decisions(map, policy, rows, STEPS)?;
+    let step = |sample: &Sample| serde_json::json!({ "observations": sample.observations, "actions": sample.actions });
+    let steps: Vec<_> = samples.iter().map(step).collect();
     print_json(&serde_json::json!({ "rows": rows, "steps": steps }))
 }
 
@@ -116,7 +91,7 @@ pub fn import(args: &ImportArgs) -> anyhow::Result<()> {
     checkpoint::save(&args.folder, &manifest, &weights)?;
     // What was written must be what can be read.
     Policy::load(&args.folder)?;
-    println!("{}: {} with memory {}, weights {}", name, manifest.kind, config.memory, manifest.weights_hash);
+    println!("{}: {} with memory {}, weights {}", name, manifest.kind, config.memory_len(), manifest.weights_hash);
     Ok(())
 }
 

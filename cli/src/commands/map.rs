@@ -1,23 +1,19 @@
 //! `surefoot map`.
 
 use super::core_count;
-use crate::render::{self, Picture, View};
 use crate::terminal::{print_json, progress_bar};
 use anyhow::{Context, bail};
-use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_policy::Policy;
+use surefoot_report::render::{self, Picture, View};
 use surefoot_world::exchange::{self, ImportOptions, UpAxis};
-use surefoot_world::map::generate::Stage;
+use surefoot_world::map::stage::Stage;
 use surefoot_world::map::{Features, MapSize};
 use surefoot_world::reach::{Means, Reach};
 use surefoot_world::replay::Recording;
-use surefoot_world::{
-    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TICKS_PER_DECISION, TaskConfig, World, navigable,
-};
+use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, TICKS_PER_DECISION};
 
 /// Generate, look at, exchange and replay maps.
 #[derive(clap::Subcommand)]
@@ -66,12 +62,12 @@ impl Source {
             return exchange::decode(&bytes).with_context(|| format!("cannot use {}", path.display()));
         };
         let size = MapSize { width: self.size, height: self.height, depth: self.size };
-        let spec = MapSpec { size, features: self.features, ..MapSpec::new(seed) };
+        let spec = MapSpec::try_from(RawMapSpec { seed, size, features: self.features })?;
         let bar = progress_bar(Stage::ALL.len() as u64 - 1, "map");
         let map = Map::generate_with(&spec, core_count(), |stage| {
             bar.set_position(Stage::ALL.iter().position(|&other| other == stage).unwrap_or(0) as u64);
             bar.set_message(stage.name());
-        })?;
+        });
         bar.finish_and_clear();
         Ok(map)
     }
@@ -388,38 +384,8 @@ fn import(args: &ImportArgs) -> anyhow::Result<()> {
 fn record(args: &RecordArgs) -> anyhow::Result<()> {
     let map = Arc::new(args.source.load()?);
     let policy = Policy::shipped().context("cannot use the shipped model")?;
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let profile = CharacterProfile::default();
-    let points = navigable::sample_many(&map, &profile, args.npcs as usize * 4, &mut rng)?;
-    let mut world = World::new(map, profile, TaskConfig::default());
-    world.start_recording();
-    let slots: Vec<NpcSlot> = (0..args.npcs as usize).map(|idx| world.spawn(points[idx], 0.0)).collect();
-    let (mut observations, mut actions) = (vec![0.0; slots.len() * OBSERVATION_LEN], Vec::new());
-    let mut memory = vec![0.0; slots.len() * policy.memory_len()];
-    for _ in 0..args.ticks / u64::from(TICKS_PER_DECISION) {
-        for &slot in &slots {
-            let npc = world.npc(slot).context("a spawned NPC")?;
-            let (harmed, episode) = (npc.harm.is_some(), npc.episode);
-            if harmed {
-                world.teleport(slot, points[rng.random_range(0..points.len())], 0.0);
-            }
-            if harmed || episode.is_none_or(|episode| episode.end.is_some()) {
-                world.set_goal(slot, points[rng.random_range(0..points.len())]);
-            }
-        }
-        for (slot, row) in slots.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
-            world.observe(*slot, row);
-        }
-        policy.act(&observations, &mut memory, 0.5, &mut rng, &mut actions);
-        for (slot, action) in slots.iter().zip(&actions) {
-            world.decide(*slot, *action);
-        }
-        world.tick_decision();
-        for &slot in &slots {
-            world.close_decision(slot);
-        }
-    }
-    let recording = world.finish_recording().context("a recording under way")?;
+    let decision_count = args.ticks / u64::from(TICKS_PER_DECISION);
+    let recording = surefoot_rollout::crowd::record(map, &policy, args.npcs as usize, decision_count)?;
     println!("{} ticks, {} inputs", recording.tick_count(), recording.input_count());
     write(&args.out, &recording.encode())
 }
@@ -433,7 +399,7 @@ fn replay(args: &ReplayArgs) -> anyhow::Result<()> {
     }
     let map = match (&args.map, recording.spec) {
         (Some(path), _) => exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?,
-        (None, Some(spec)) => Map::generate(&spec)?,
+        (None, Some(spec)) => Map::generate(&spec),
         (None, None) => bail!("the recording was made on an imported map: name its file with --map"),
     };
     let started = Instant::now();

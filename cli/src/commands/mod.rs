@@ -6,6 +6,7 @@ pub mod eval;
 pub mod export;
 pub mod graph;
 pub mod health;
+pub mod licenses;
 pub mod map;
 pub mod services;
 pub mod top;
@@ -54,7 +55,5 @@ fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
         "test" => vec![2000, 2001, 2002, 2003],
         seeds => parse_seeds(seeds).context("--maps takes training, validation, test, or seeds such as 7 or 0..4")?,
     };
-    let specs: Vec<MapSpec> = seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect();
-    specs[0].validate().context("--size")?;
-    Ok(specs)
+    seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect::<Result<_, _>>().context("--size")
 }

@@ -2,16 +2,16 @@
 
 use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::{core_count, load_policy};
+use crate::signals::shutdown_signal;
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use surefoot_agent::work::{WorkConfig, work};
-use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore};
-use surefoot_planner::service::{self as planner, PlannerConfig, settings_to_wire};
-use surefoot_planner::{BuildSettings, Placement, Probing};
-use surefoot_proto::planner::v1 as wire;
-use surefoot_proto::serving::{Endpoint, Shutdown};
-use surefoot_server::{ServerConfig, shutdown_signal};
+use surefoot_net::serving::{Endpoint, Shutdown};
+use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
+use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
+use surefoot_planner_service::{self as planner, PlannerConfig};
+use surefoot_server::ServerConfig;
 use tracing::info;
 
 /// Run the world server until Ctrl-C or SIGTERM.
@@ -216,9 +216,9 @@ fn parse_placement(name: &str) -> Result<Placement, String> {
 }
 
 impl GraphArgs {
-    /// The settings; not yet checked.
-    pub fn settings(self) -> BuildSettings {
-        BuildSettings {
+    /// The settings, checked.
+    pub fn settings(self) -> Result<BuildSettings, SettingError> {
+        let asked = RawBuildSettings {
             placement: self.placement,
             vertices: self.vertices as usize,
             neighbours: self.neighbours as usize,
@@ -227,11 +227,8 @@ impl GraphArgs {
             seed: 0,
             probing: if self.exhaustive { Probing::Exhaustive } else { Probing::Frugal },
             special_moves: !self.no_special_moves,
-        }
-    }
-
-    pub fn to_wire(self) -> wire::BuildSettings {
-        settings_to_wire(&self.settings())
+        };
+        asked.try_into()
     }
 }
 
@@ -304,8 +301,8 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
         credentials: args.credentials.credentials()?,
         capacity: args.npcs,
         name: args.name.clone().unwrap_or_else(default_name),
-        graph: args.graph.to_wire(),
-        noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
+        graph: args.graph.settings()?,
+        noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
     };
     run_until_signal(|shutdown| async move { Ok(work(config, policy, shutdown).await?) })
 }

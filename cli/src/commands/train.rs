@@ -2,10 +2,11 @@
 
 use super::parse_seeds;
 use anyhow::Context;
+use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use surefoot_agent::train::run::Processor;
+use surefoot_agent::train::Processor;
 use surefoot_agent::train::{self, TrainConfig};
 
 /// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and ends; --resume continues exactly.
@@ -60,8 +61,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     if let Some(updates) = args.updates {
         config.total_updates = updates;
-        config.sac.decay_updates = updates;
-        config.stop_after = updates / 5;
+        config.sac.decay_updates = NonZeroU64::new(updates);
+        config.stop_after = NonZeroU64::new(updates / 5);
     }
     config.seed = args.seed.unwrap_or(config.seed);
     config.start_from = args.from.or(config.start_from);
@@ -84,7 +85,7 @@ fn stop_on_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let signal = {
         let _inside = runtime.enter();
-        surefoot_server::shutdown_signal()
+        crate::signals::shutdown_signal()
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
         runtime.block_on(signal);

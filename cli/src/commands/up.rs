@@ -10,10 +10,10 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_agent::work::{WorkConfig, work};
-use surefoot_planner::service::{self as planner, PlannerConfig};
-use surefoot_proto::client::Credentials;
+use surefoot_net::client::Credentials;
+use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
+use surefoot_planner_service::{self as planner, PlannerConfig};
 use surefoot_proto::convert::map_spec_to_wire;
-use surefoot_proto::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_proto::world::v1::{WatchWorldResponse, WorldStats};
 use surefoot_world::MapSpec;
 use tokio::sync::watch;
@@ -106,8 +106,8 @@ async fn scene(
             credentials: credentials.clone(),
             capacity: (args.npcs as u32).max(1),
             name: format!("up-{idx}"),
-            graph: args.graph.to_wire(),
-            noise_share: surefoot_agent::rollout::DEFAULT_NOISE_SHARE,
+            graph: args.graph.settings()?,
+            noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         };
         let (policy, stop) = (policy.clone(), shutdown.clone());
         parts.spawn(async move { Ok(work(config, policy, stop).await?) });

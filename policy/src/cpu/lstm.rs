@@ -5,7 +5,8 @@
 //! Hochreiter & Schmidhuber's equations) is written out.
 
 use super::{Tracked, contiguous, tensor};
-use crate::lstm::{GATES, Recall};
+use crate::config::GATES;
+use crate::state::HiddenState;
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -15,15 +16,20 @@ use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{Tensor, TensorData};
 
-/// The recurrence, if the tensors live on the CPU; see [`crate::lstm::Lstm::forward`].
-pub fn sequence(gates: &Tensor<3>, recurrent: &Tensor<3>, past: &Recall, keep: &[f32]) -> Option<(Tensor<3>, Recall)> {
+/// The recurrence, if the tensors live on the CPU; see `Lstm::forward`.
+pub fn sequence(
+    gates: &Tensor<3>,
+    recurrent: &Tensor<3>,
+    past: &HiddenState,
+    keep: &[f32],
+) -> Option<(Tensor<3>, HiddenState)> {
     let [members, batch, size] = past.hidden.dims();
     let shape = Shape { members, steps: keep.len() / batch, batch, size };
     let values = |tensor: &Tensor<3>| tensor.clone().into_data().try_into_vec::<f32>().ok();
     let start = Start { hidden: values(&past.hidden)?, cell: values(&past.cell)?, keep: keep.to_vec() };
     let device = past.hidden.device();
     let state = |values| Tensor::from_data(TensorData::new::<f32, _>(values, [members, batch, size]), &device);
-    let last = |run: &Run| Recall { hidden: state(run.last(&run.hiddens)), cell: state(run.last(&run.cells)) };
+    let last = |run: &Run| HiddenState { hidden: state(run.last(&run.hiddens)), cell: state(run.last(&run.cells)) };
     if let Ok(primitive) = gates.clone().try_into_primitive::<Flex>() {
         let recurrent = recurrent.clone().try_into_primitive::<Flex>().ok()?;
         let run = forward(&primitive, &recurrent, shape, start);
@@ -34,12 +40,12 @@ pub fn sequence(gates: &Tensor<3>, recurrent: &Tensor<3>, past: &Recall, keep: &
     let guards = [gates.node(), recurrent.node()];
     let recurrent_values = recurrent.into_primitive();
     let run = forward(gates.primitive(), &recurrent_values, shape, start);
-    let (output, recall) = (run.output(), last(&run));
+    let (output, state) = (run.output(), last(&run));
     let output = match Recurrence.prepare::<NoCheckpointing>(guards).compute_bound().stateful() {
         OpsKind::Tracked(preparation) => preparation.finish((run, recurrent_values), output),
         OpsKind::UnTracked(preparation) => preparation.finish(output),
     };
-    Some((Tensor::from_primitive::<Tracked>(output), recall))
+    Some((Tensor::from_primitive::<Tracked>(output), state))
 }
 
 /// The operation whose backward pass is registered.

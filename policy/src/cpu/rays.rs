@@ -4,7 +4,7 @@
 //! block goes through a matrix product, the rest value by value: four fifths of the layer's work are left out.
 
 use super::{Tracked, dims, finish, packed, sum_rows, tensor, through_relu};
-use crate::network::RAY_LEN;
+use crate::config::RAY_LEN;
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;

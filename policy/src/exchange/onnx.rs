@@ -13,7 +13,7 @@
 
 use super::{Weights, named_weights};
 use crate::actor::LOG_STD_RANGE;
-use crate::network::RAY_LEN;
+use crate::config::RAY_LEN;
 use crate::{Actor, Manifest};
 use prost::Message;
 use std::collections::BTreeMap;

@@ -8,6 +8,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::collections::{BTreeMap, HashMap};
+use std::num::NonZeroUsize;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::OBSERVATION_VERSION;
 
@@ -88,15 +89,18 @@ fn sizes(found: &BTreeMap<String, Weights>) -> Result<ActorConfig, CheckpointErr
         None => Err(mismatch("no ".to_owned() + name, name.to_owned())),
     };
     let memory = if found.contains_key("trunk.memory.recurrent") { width("trunk.memory.recurrent")? / 4 } else { 0 };
-    let config =
-        ActorConfig { ray_features: width("trunk.rays.weight")?, hidden: width("trunk.second.weight")?, memory };
+    let config = ActorConfig {
+        ray_features: width("trunk.rays.weight")?,
+        hidden: width("trunk.second.weight")?,
+        memory: NonZeroUsize::new(memory),
+    };
     if config.is_sound() { Ok(config) } else { Err(CheckpointError::Sizes(config)) }
 }
 
 /// Whether there are as many values as a network of these sizes has, before room is made for it: a few bytes of shapes
 /// can call for gigabytes. Names come first, as a missing parameter is the likelier fault.
 fn check_count(config: &ActorConfig, found: &BTreeMap<String, Weights>) -> Result<(), CheckpointError> {
-    let smallest = ActorConfig { ray_features: 1, hidden: 1, memory: config.memory.min(1) };
+    let smallest = ActorConfig { ray_features: 1, hidden: 1, memory: config.memory.and(Some(NonZeroUsize::MIN)) };
     let named = named_weights(&Actor::new(&smallest, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(0)));
     if let Some(name) = named.keys().find(|name| !found.contains_key(*name)) {
         return Err(mismatch(format!("no {name}"), name.clone()));

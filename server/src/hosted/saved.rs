@@ -1,6 +1,9 @@
 //! What of a world outlives the process.
 
-use super::{Counters, HostedWorld, Record, TimeMode, world_of};
+use super::mode::TimeMode;
+use super::snapshot::Counters;
+use super::world::{HostedWorld, Record};
+use crate::ids::{NpcId, WorldId};
 use crate::quota::Quota;
 use crate::registry::Registry;
 use serde::{Deserialize, Serialize};
@@ -9,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surefoot_world::exchange;
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
+use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState};
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
@@ -19,7 +22,7 @@ const SUFFIX: &str = "world";
 /// A world as it was when the server stopped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SavedWorld {
-    id: u64,
+    id: WorldId,
     owner: String,
     map: MapHash,
     source: SavedMap,
@@ -48,7 +51,7 @@ impl SavedMap {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct SavedNpc {
-    id: u64,
+    id: NpcId,
     slot: NpcSlot,
     owner: String,
     goal: Option<Vec3>,
@@ -70,18 +73,15 @@ pub enum SavedError {
     Damaged(PathBuf),
     /// This program generates another map from the spec than the one that saved it.
     #[error("world {0} stood on another map: this version generates it differently")]
-    OtherMap(u64),
-    /// The map cannot be generated.
-    #[error("world {0}: {1}")]
-    Spec(u64, surefoot_world::SpecError),
+    OtherMap(WorldId),
     /// Its imported map cannot be read.
     #[error("world {0}: {1}")]
-    File(u64, surefoot_world::exchange::FileError),
+    File(WorldId, surefoot_world::exchange::FileError),
 }
 
 impl SavedWorld {
     /// Its id on the server.
-    pub fn id(&self) -> u64 {
+    pub fn id(&self) -> WorldId {
         self.id
     }
 
@@ -104,7 +104,7 @@ impl SavedWorld {
     /// If it is not the one that the world stood on.
     pub fn map(&self) -> Result<Arc<Map>, SavedError> {
         let map = match &self.source {
-            SavedMap::Spec(spec) => Map::generate(spec).map_err(|error| SavedError::Spec(self.id, error))?,
+            SavedMap::Spec(spec) => Map::generate(spec),
             SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
         };
         if map.hash() == self.map && self.state.fits(1, map.placed().zip_lines.len()) {
@@ -156,7 +156,7 @@ impl SavedWorld {
     /// Whether a world can have been saved like that: a checksum makes bytes whole, not true.
     fn makes_sense(&self) -> bool {
         let slots: BTreeSet<NpcSlot> = self.npcs.iter().map(|npc| npc.slot).collect();
-        let is_ours = |npc: &SavedNpc| world_of(npc.id) == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
+        let is_ours = |npc: &SavedNpc| npc.id.world() == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
         self.npcs.iter().all(is_ours)
             && slots.len() == self.npcs.len()
             && self.state.slots().eq(slots)
@@ -184,7 +184,7 @@ impl SavedWorld {
             .filter(|path| path.extension().is_some_and(|suffix| suffix == SUFFIX))
             .map(|path| Self::read(path))
             .collect();
-        worlds.sort_by_key(|world| world.as_ref().map_or(u64::MAX, |world| world.id));
+        worlds.sort_by_key(|world| world.as_ref().map_or(WorldId(u64::MAX), |world| world.id));
         Ok(worlds)
     }
 
@@ -192,7 +192,7 @@ impl SavedWorld {
     ///
     /// # Errors
     /// If the file cannot be removed.
-    pub fn forget(folder: &Path, id: u64) -> Result<(), SavedError> {
+    pub fn forget(folder: &Path, id: WorldId) -> Result<(), SavedError> {
         let path = Self::path(folder, id);
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(SavedError::Io(path, error)),
@@ -200,7 +200,7 @@ impl SavedWorld {
         }
     }
 
-    fn path(folder: &Path, id: u64) -> PathBuf {
+    fn path(folder: &Path, id: WorldId) -> PathBuf {
         folder.join(format!("{id}.{SUFFIX}"))
     }
 }
@@ -238,7 +238,7 @@ impl HostedWorld {
         for npc in &saved.npcs {
             let mut record = Record::new(npc.slot, npc_quota.grant(&npc.owner));
             (record.goal, record.last_outcome, record.attempts) = (npc.goal, npc.last_outcome, npc.attempts);
-            record.began = saved.state.tick();
+            record.began = Tick(saved.state.tick());
             world.records.insert(npc.id, record);
             if let Some(goal) = npc.goal {
                 // It may have headed for a waypoint of a plan that is gone.

@@ -61,7 +61,8 @@ fn add_pools(scene: &mut SceneWriter, map: &Map) {
 fn add_devices(scene: &mut SceneWriter, map: &Map) {
     let placed = map.placed();
     for (idx, pad) in placed.pads.iter().enumerate() {
-        let height = f64::from(pad.speed).powi(2) / (2.0 * PAD_GRAVITY) - PAD_EXTRA_M;
+        let speed = f64::from(pad.speed);
+        let height = speed * speed / (2.0 * PAD_GRAVITY) - PAD_EXTRA_M;
         scene.add_disc(format!("pad_{idx}"), Surface::Pad, pad.centre, json!({ "height": height }));
     }
     for (idx, line) in placed.zip_lines.iter().enumerate() {

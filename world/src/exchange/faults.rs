@@ -2,7 +2,7 @@
 //!
 //! Messages speak of the level's own nodes and meshes, and say what to change.
 
-use super::Overload;
+use super::load::Overload;
 use crate::Vec3;
 use crate::map::MapSize;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};

@@ -10,10 +10,10 @@
 //! Numbers are little-endian. Vertices are shared by bits, so a map comes back with the very same corners. The
 //! search grid is built anew: that takes less time than reading it would.
 
-use super::{Overload, check_load, is_allowed};
+use super::load::{Overload, check_load, is_allowed};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::{Map, MapHash, MapSize, MapSpec, Placed, SpecError};
+use crate::map::{Map, MapHash, MapSize, MapSpec, Placed, RawMapSpec, SpecError};
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
@@ -208,23 +208,20 @@ fn checked_payload(bytes: &[u8]) -> Result<&[u8], FileError> {
 }
 
 fn read_description(bytes: &[u8]) -> Result<(Option<MapSpec>, MapSize, Placed), FileError> {
-    let (description, rest) = postcard::take_from_bytes::<(Option<MapSpec>, MapSize, Placed)>(bytes)
+    let ((spec, size, placed), rest) = postcard::take_from_bytes::<(Option<RawMapSpec>, MapSize, Placed)>(bytes)
         .map_err(|error| FileError::Description(error.to_string()))?;
     if !rest.is_empty() {
         return Err(FileError::Description(format!("{} bytes too long", rest.len())));
     }
-    let (spec, size, placed) = &description;
-    if !is_allowed(*size) {
-        return Err(FileError::Size(*size));
+    if !is_allowed(size) {
+        return Err(FileError::Size(size));
     }
-    if let Some(spec) = spec {
-        spec.validate()?;
-        if spec.size != *size {
-            return Err(FileError::SpecSize);
-        }
+    let spec = spec.map(MapSpec::try_from).transpose()?;
+    if spec.is_some_and(|spec| spec.size != size) {
+        return Err(FileError::SpecSize);
     }
-    check_placed(placed)?;
-    Ok(description)
+    check_placed(&placed)?;
+    Ok((spec, size, placed))
 }
 
 fn read_vertices(bytes: &[u8]) -> Result<Vec<Vec3>, FileError> {

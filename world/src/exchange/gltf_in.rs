@@ -4,14 +4,14 @@
 //! its own validation indexes with a number from the file. Here every index, offset and length is checked on use.
 
 use super::faults::{ImportError, MAX_TRIANGLES};
-use super::import::{Node, Scene, node_label};
+use super::scene::{Node, Scene, node_label};
 use crate::Vec3;
 use crate::map::MapSize;
+use glam::{Mat4, Quat};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Root};
-use parry3d::glamx::{Mat4, Quat};
 use serde::Deserialize;
 use std::borrow::Cow;
 

@@ -5,13 +5,14 @@
 
 use super::faults::{ImportError, Warning};
 use super::inspect;
+use super::load::{check_load, is_allowed};
 use super::named::{self, Found};
-use super::{check_load, gltf_in, is_allowed, obj_in};
+use super::scene::{Frame, ImportOptions, Scene, node_label};
+use super::{gltf_in, obj_in};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use crate::map::{Map, MapSize};
 use crate::mesh::{Surface, Triangle};
-use serde_json::value::RawValue;
 
 /// Space left around a level, m.
 const MARGIN_M: f32 = 2.0;
@@ -24,31 +25,6 @@ const ROUNDING_M: f32 = 0.001;
 /// How far an exported map's triangles may stick out of its box and still be taken back as they are, m.
 const STICK_OUT_M: f32 = 5.0;
 
-/// Which way is up in the level.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum UpAxis {
-    /// As in glTF and here.
-    #[default]
-    Y,
-    /// As in many OBJ files: (x, y, z) becomes (x, z, -y).
-    Z,
-}
-
-/// How to read a level's coordinates.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImportOptions {
-    /// Metres for each unit of the level.
-    pub scale: f32,
-    /// Its vertical.
-    pub up: UpAxis,
-}
-
-impl Default for ImportOptions {
-    fn default() -> Self {
-        Self { scale: 1.0, up: UpAxis::Y }
-    }
-}
-
 /// A level as a map.
 #[derive(Debug)]
 pub struct Imported {
@@ -56,54 +32,6 @@ pub struct Imported {
     pub map: Map,
     /// What a designer may want to correct.
     pub warnings: Vec<Warning>,
-}
-
-/// A level as named nodes, in its own coordinates; parents come before their children.
-pub(super) struct Scene {
-    pub(super) nodes: Vec<Node>,
-    /// The size that an exported map had.
-    pub(super) former_size: Option<MapSize>,
-    /// Sets of points and lines that were left out.
-    pub(super) skipped_count: usize,
-}
-
-/// One node with its mesh.
-pub(super) struct Node {
-    /// Empty if it has none.
-    pub(super) name: String,
-    pub(super) parent: Option<usize>,
-    pub(super) origin: Vec3,
-    /// Corners counter-clockwise seen from outside.
-    pub(super) triangles: Vec<[Vec3; 3]>,
-    /// What the designer attached to it, as JSON.
-    pub(super) extras: Option<Box<RawValue>>,
-}
-
-/// Turns the level's coordinates into metres, y up.
-#[derive(Clone, Copy)]
-pub(super) struct Frame(ImportOptions);
-
-impl Frame {
-    fn new(options: &ImportOptions) -> Result<Self, ImportError> {
-        let is_length = options.scale > 0.0 && options.scale.is_finite();
-        if is_length { Ok(Self(*options)) } else { Err(ImportError::Scale(options.scale)) }
-    }
-
-    pub(super) fn to_metres(self, point: Vec3) -> Vec3 {
-        let upright = match self.0.up {
-            UpAxis::Y => point,
-            UpAxis::Z => Vec3::new(point.x, point.z, -point.y),
-        };
-        upright * self.0.scale
-    }
-
-    fn to_level(self, point: Vec3) -> Vec3 {
-        let point = point / self.0.scale;
-        match self.0.up {
-            UpAxis::Y => point,
-            UpAxis::Z => Vec3::new(point.x, -point.z, point.y),
-        }
-    }
 }
 
 /// Imports a level from glTF 2.0: a `.glb`, or a `.gltf` with embedded buffers. `sidecar` is the text of its
@@ -198,11 +126,6 @@ fn convert(scene: &mut Scene, frame: Frame) -> Result<(), ImportError> {
         }
     }
     Ok(())
-}
-
-/// How messages call a node.
-pub(super) fn node_label(name: &str, idx: usize) -> String {
-    if name.is_empty() { format!("node {idx}") } else { format!("node `{name}`") }
 }
 
 /// Where a level lies on its map.

@@ -6,7 +6,7 @@
 //! children. A node without a mesh counts by its origin, or as a mere group if there are such nodes below it.
 
 use super::faults::ImportError;
-use super::import::{Frame, Node, node_label};
+use super::scene::{Frame, Node, node_label};
 use crate::Vec3;
 use crate::map::spec::MAX_HEIGHT_M;
 use crate::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features};

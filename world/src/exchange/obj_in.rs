@@ -4,7 +4,7 @@
 //! their indices are one thing less to trust.
 
 use super::faults::{ImportError, MAX_TRIANGLES};
-use super::import::{Node, Scene};
+use super::scene::{Node, Scene};
 use crate::Vec3;
 use tobj::{LoadError, LoadOptions};
 

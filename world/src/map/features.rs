@@ -1,6 +1,7 @@
 //! What stands on a map besides its bare ground.
 
 use crate::Vec3;
+use crate::float::hypot;
 use serde::{Deserialize, Serialize};
 
 /// What a pool is filled with.
@@ -154,7 +155,7 @@ impl Building {
 
     /// Radius of the circle around its footprint, m.
     pub fn radius(&self) -> f32 {
-        self.half[0].hypot(self.half[1])
+        hypot(self.half[0], self.half[1])
     }
 
     /// Centre of its roof.

@@ -2,20 +2,20 @@
 //! ground that has no way in or out. Each is its own phase.
 
 use super::features::{
-    Building, Cave, DISC_RADIUS_M, JETPACK_FUEL_S, Jetpack, Liquid, Outline, PAD_EXTRA_M, PAD_GRAVITY, Pad, Placed,
-    Plateau, Pool, Ravine,
+    Building, Cave, DISC_RADIUS_M, JETPACK_FUEL_S, Jetpack, Liquid, Outline, PAD_EXTRA_M, Pad, Placed, Plateau, Pool,
+    Ravine,
 };
+use super::stage::{Stage, count_on, pad};
 use super::structures::{self, MIN_HOUSE_HALF, STOREY_M};
 use super::terrain::{Lattice, VOXEL_M};
-use super::{Map, MapSpec, SpecError, repair};
+use super::{Map, MapSpec, repair};
+use crate::float::hypot;
 use crate::mesh::{Surface, Triangle};
 use crate::{Vec3, parallel};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::TAU;
 
-/// Area that the feature counts below are given for: the default map's, m2.
-const REFERENCE_AREA_M2: f32 = 62_500.0;
 /// Counts of each feature on a default map at density 1.
 const PLATEAU_COUNT: f32 = 12.0;
 const BUILDING_COUNT: f32 = 16.0;
@@ -32,61 +32,15 @@ const RIM_M: f32 = 14.0;
 /// Rises above this need a pad: a double jump reaches 5 m.
 const JUMPABLE_M: f32 = 4.4;
 
-/// Where a generation stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// Sampling noise.
-    Terrain,
-    /// Placing what is cut into the ground and stands on it.
-    Features,
-    /// Extracting and indexing triangles.
-    Mesh,
-    /// Surveying which ground is connected.
-    Survey,
-    /// Adding devices where ground has no way in or out.
-    Repair,
-    /// Done.
-    Done,
-}
-
-impl Stage {
-    /// All stages in their order.
-    pub const ALL: [Stage; 6] =
-        [Stage::Terrain, Stage::Features, Stage::Mesh, Stage::Survey, Stage::Repair, Stage::Done];
-
-    /// A few words on what goes on.
-    pub fn name(self) -> &'static str {
-        match self {
-            Stage::Terrain => "shaping the terrain",
-            Stage::Features => "placing features",
-            Stage::Mesh => "indexing triangles",
-            Stage::Survey => "surveying the ground",
-            Stage::Repair => "connecting the ground",
-            Stage::Done => "done",
-        }
-    }
-}
-
 impl Map {
     /// Generates the map of `spec` on all cores.
-    ///
-    /// # Errors
-    /// If a field of the spec is out of range.
-    pub fn generate(spec: &MapSpec) -> Result<Self, SpecError> {
+    pub fn generate(spec: &MapSpec) -> Self {
         Self::generate_with(spec, parallel::core_count(), |_| {})
     }
 
     /// Generates the map of `spec` on `thread_count` threads (equal bits for any number of them) and tells
     /// `progress` of each stage as it begins.
-    ///
-    /// # Errors
-    /// If a field of the spec is out of range.
-    pub fn generate_with(
-        spec: &MapSpec,
-        thread_count: usize,
-        mut progress: impl FnMut(Stage),
-    ) -> Result<Self, SpecError> {
-        spec.validate()?;
+    pub fn generate_with(spec: &MapSpec, thread_count: usize, mut progress: impl FnMut(Stage)) -> Self {
         let mut placer = Placer::new(spec);
         progress(Stage::Terrain);
         let mut lattice = Lattice::sample(spec.seed, spec.size, thread_count);
@@ -107,7 +61,7 @@ impl Map {
         let bare = Self::assemble(Some(*spec), spec.size, triangles, placed);
         let connected = repair::connect(bare, spec, &mut placer.rng, thread_count, &mut progress);
         progress(Stage::Done);
-        Ok(connected)
+        connected
     }
 }
 
@@ -252,7 +206,7 @@ impl Placer {
                 (false, true) => self.rng.random_range(2.6..4.2),
                 (false, false) => self.rng.random_range(6.0..12.0),
             };
-            let radius = half[0].hypot(half[1]);
+            let radius = hypot(half[0], half[1]);
             // Houses want ground that can be levelled; a few draws are given to find some.
             let site = (0..6).find_map(|_| {
                 let (x, z) = self.spot(radius)?;
@@ -387,21 +341,10 @@ impl Placer {
     }
 }
 
-/// How many of a feature belong on a map of `spec`'s area.
-pub(super) fn count_on(spec: &MapSpec, reference: f32, density: f32) -> usize {
-    let area = (spec.size.width * spec.size.depth) as f32;
-    (reference * density * area / REFERENCE_AREA_M2).round() as usize
-}
-
-/// A pad that throws 10 m higher than `rise`: `v = sqrt(2 g (rise + 10))`.
-pub(super) fn pad(centre: Vec3, rise: f32) -> Pad {
-    Pad { centre, speed: (2.0 * PAD_GRAVITY * (rise.max(-4.0) + PAD_EXTRA_M)).sqrt() }
-}
-
 fn is_in_pool(pools: &[Pool], x: f32, z: f32) -> bool {
     pools.iter().any(|pool| {
         let reach = pool.outline.half_extents().0 + 2.0;
-        (pool.centre.x - x).hypot(pool.centre.z - z) < reach
+        hypot(pool.centre.x - x, pool.centre.z - z) < reach
     })
 }
 
@@ -428,7 +371,7 @@ fn level_ground(lattice: &mut Lattice, building: &Building) {
     lattice.edit_box(low, high, |point, density| {
         let (dx, dz) = (point.x - building.base.x, point.z - building.base.z);
         let (u, v) = ((dx * cos - dz * sin).abs() - hx, (dx * sin + dz * cos).abs() - hz);
-        let outside = u.max(0.0).hypot(v.max(0.0));
+        let outside = hypot(u.max(0.0), v.max(0.0));
         let share = (1.0 - (outside - APRON_M) / BLEND_M).clamp(0.0, 1.0);
         let levelled = level - point.y;
         density + (levelled - density) * share
@@ -447,10 +390,10 @@ fn carve_tunnel(lattice: &mut Lattice, from: Vec3, to: Vec3, radius: f32) {
         let t = ((offset.x * axis.x + offset.z * axis.z) / run_squared).clamp(-0.02, 1.02);
         let floor = from.y + axis.y * t;
         let (dx, dz) = (offset.x - axis.x * t, offset.z - axis.z * t);
-        let aside = dx.hypot(dz);
+        let aside = hypot(dx, dz);
         let above = point.y - floor;
         // Positive outside the tunnel: a round vault over a floor.
-        let vault = aside.hypot((above - 0.6 * radius).max(0.0)) - radius;
+        let vault = hypot(aside, (above - 0.6 * radius).max(0.0)) - radius;
         density.min(vault.max(-above))
     });
 }

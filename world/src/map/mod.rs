@@ -7,6 +7,7 @@ pub mod features;
 pub mod generate;
 mod repair;
 pub mod spec;
+pub mod stage;
 mod structures;
 mod terrain;
 pub(crate) mod zones;
@@ -18,7 +19,7 @@ pub use features::{
     Teleporter, ZipLine,
 };
 use serde::{Deserialize, Serialize};
-pub use spec::{Features, MapSize, MapSpec, SpecError};
+pub use spec::{Features, MapSize, MapSpec, RawMapSpec, SpecError};
 use std::fmt;
 pub use zones::Zone;
 use zones::ZoneGrid;

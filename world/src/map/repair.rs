@@ -2,10 +2,11 @@
 //! ground has no way in or out.
 
 use super::features::{CATCH_HEIGHT_M, DISC_RADIUS_M, Pad, Placed, Teleporter, ZipLine};
-use super::generate::{Stage, count_on, pad};
+use super::stage::{Stage, count_on, pad};
 use super::{Map, MapSpec};
 use crate::Vec3;
 use crate::character::{CharacterProfile, MoveScratch, is_clear};
+use crate::float::hypot;
 use crate::mesh::Surface;
 use crate::reach::ground::{Cell, Ground};
 use crate::reach::leap::{self, Leap};
@@ -158,7 +159,7 @@ impl Repair<'_> {
     /// Hangs a zip line between two cells if it fits.
     fn try_zip_line(&mut self, from: &Cell, to: &Cell) -> bool {
         let line = ZipLine { from: from.feet, to: to.feet };
-        let run = (to.feet.x - from.feet.x).hypot(to.feet.z - from.feet.z);
+        let run = hypot(to.feet.x - from.feet.x, to.feet.z - from.feet.z);
         let fall = (from.feet.y - to.feet.y) / run.max(0.1);
         if !ZIP_LENGTH_M.contains(&run) || !ZIP_FALL.contains(&fall) {
             return false;
@@ -261,7 +262,7 @@ impl Repair<'_> {
         for z in (row - 12..=row + 12).step_by(2) {
             for x in (column - 12..=column + 12).step_by(2) {
                 for cell in &ground.cells()[ground.column(x, z)] {
-                    let distance = (cell.feet.x - centre.x).hypot(cell.feet.z - centre.z);
+                    let distance = hypot(cell.feet.x - centre.x, cell.feet.z - centre.z);
                     if is_main[cell.island as usize] && (2.5..14.0).contains(&distance) {
                         found.push((distance, *cell));
                     }

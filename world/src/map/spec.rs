@@ -2,6 +2,7 @@
 
 use crate::Vec3;
 use serde::{Deserialize, Serialize};
+use std::ops::Deref;
 use std::str::FromStr;
 
 /// Smallest side of a map in metres.
@@ -16,8 +17,15 @@ pub const MAX_HEIGHT_M: u32 = 200;
 pub const MAX_DENSITY: f32 = 4.0;
 
 /// Everything that decides a generated map: same spec, same bits, on every run and thread count.
+///
+/// It exists only checked; [`RawMapSpec`] is what can be asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct MapSpec {
+#[serde(try_from = "RawMapSpec")]
+pub struct MapSpec(RawMapSpec);
+
+/// The numbers of a [`MapSpec`], as somebody asks for them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RawMapSpec {
     /// Seed of the noise and of every placement.
     pub seed: u64,
     /// Width (x), height (y) and depth (z) in metres.
@@ -154,19 +162,51 @@ impl MapSize {
 impl MapSpec {
     /// The default map of 250 x 80 x 250 m with the paper's set of features.
     pub fn new(seed: u64) -> Self {
-        Self { seed, size: MapSize { width: 250, height: 80, depth: 250 }, features: Features::default() }
+        Self(RawMapSpec::new(seed))
     }
 
     /// A square default map with `side` metres to a side and 80 m of height.
-    pub fn with_side(seed: u64, side: u32) -> Self {
-        Self { size: MapSize { width: side, height: 80, depth: side }, ..Self::new(seed) }
+    ///
+    /// # Errors
+    /// If `side` is out of range.
+    pub fn with_side(seed: u64, side: u32) -> Result<Self, SpecError> {
+        Self::new(seed).with(|spec| spec.size = MapSize { width: side, height: 80, depth: side })
     }
 
-    /// Checks every number.
+    /// This spec with a change.
     ///
     /// # Errors
     /// Names the first field that lies outside its range.
-    pub fn validate(&self) -> Result<(), SpecError> {
+    pub fn with(&self, change: impl FnOnce(&mut RawMapSpec)) -> Result<Self, SpecError> {
+        let mut raw = self.0;
+        change(&mut raw);
+        raw.try_into()
+    }
+}
+
+impl Deref for MapSpec {
+    type Target = RawMapSpec;
+
+    fn deref(&self) -> &RawMapSpec {
+        &self.0
+    }
+}
+
+impl TryFrom<RawMapSpec> for MapSpec {
+    type Error = SpecError;
+
+    fn try_from(raw: RawMapSpec) -> Result<Self, SpecError> {
+        raw.check().map(|()| Self(raw))
+    }
+}
+
+impl RawMapSpec {
+    /// The default map's numbers.
+    pub fn new(seed: u64) -> Self {
+        Self { seed, size: MapSize { width: 250, height: 80, depth: 250 }, features: Features::default() }
+    }
+
+    fn check(&self) -> Result<(), SpecError> {
         let sides = [
             ("size.width", self.size.width, MIN_SIDE_M, MAX_SIDE_M),
             ("size.height", self.size.height, MIN_HEIGHT_M, MAX_HEIGHT_M),

@@ -5,6 +5,7 @@
 //! that changes sign.
 
 use super::spec::MapSize;
+use crate::float::hypot;
 use crate::{Vec3, parallel};
 use noise::{NoiseFn, Perlin};
 
@@ -116,7 +117,7 @@ impl Lattice {
             Vec3::new(x - radius, 0.0, z - radius),
             Vec3::new(x + radius, top, z + radius),
             |point, density| {
-                let distance = (point.x - x).hypot(point.z - z);
+                let distance = hypot(point.x - x, point.z - z);
                 if distance > radius { density } else { edit(distance, point.y, density) }
             },
         );

@@ -2,6 +2,7 @@
 
 use super::Reach;
 use super::ground::NEIGHBOURS;
+use crate::float::hypot;
 use crate::map::{Liquid, Map};
 use crate::{Vec3, navigable};
 use serde::Serialize;
@@ -105,7 +106,7 @@ fn cause_of(map: &Map, feet: Vec3, ahead: Vec3) -> Cause {
     if on(ahead) || on(feet) {
         return Cause::Building;
     }
-    let near = |centre: Vec3, reach: f32| (ahead.x - centre.x).hypot(ahead.z - centre.z) < reach;
+    let near = |centre: Vec3, reach: f32| hypot(ahead.x - centre.x, ahead.z - centre.z) < reach;
     if placed.plateaus.iter().any(|plateau| near(plateau.top, plateau.radius + 2.0) && feet.y < plateau.top.y + 1.0) {
         return Cause::Plateau;
     }

@@ -1,6 +1,7 @@
 //! Places to stand, on a grid, joined into islands by walking.
 
 use crate::character::{CharacterProfile, MoveScratch, is_clear};
+use crate::float::hypot;
 use crate::map::Map;
 use crate::mesh::Surface;
 use crate::{Vec3, navigable, parallel};
@@ -197,7 +198,7 @@ fn find_row(
 /// nowhere steeper than it can walk, dry, and nothing stands in the way.
 fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     let offset = b - a;
-    let run = offset.x.hypot(offset.z);
+    let run = hypot(offset.x, offset.z);
     let slope = libm::tanf(profile.max_slope);
     if offset.y.abs() > run * slope + profile.step_height {
         return false;

@@ -4,6 +4,7 @@ use super::ground::{Cell, Ground, NEIGHBOURS, SPACING_M};
 use super::leap::{self, Leap};
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
+use crate::float::hypot;
 use crate::map::Map;
 use crate::{Vec3, navigable};
 use std::collections::BTreeMap;
@@ -186,7 +187,7 @@ pub(crate) fn islands_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
         for x in column - 2..=column + 2 {
             for cell in &ground.cells()[ground.column(x, z)] {
                 let offset = cell.feet - centre;
-                if offset.y.abs() < 0.8 && offset.x.hypot(offset.z) < 2.4 {
+                if offset.y.abs() < 0.8 && hypot(offset.x, offset.z) < 2.4 {
                     islands.push(cell.island);
                 }
             }
@@ -205,7 +206,7 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
     for z in row - span..=row + span {
         for x in column - span..=column + span {
             for cell in &ground.cells()[ground.column(x, z)] {
-                let distance = (cell.feet.x - centre.x).hypot(cell.feet.z - centre.z);
+                let distance = hypot(cell.feet.x - centre.x, cell.feet.z - centre.z);
                 if distance <= reach && cell.feet.y - centre.y < rise {
                     by_island.entry(cell.island).or_default().push((distance, *cell));
                 }

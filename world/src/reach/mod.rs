@@ -93,7 +93,7 @@ impl Reach {
     /// Share of ordered pairs of places that are connected on foot: walking, slopes and steps; no drops, no jumps.
     pub fn share_on_foot(&self) -> f64 {
         let total = self.ground.cells().len() as f64;
-        self.ground.islands().iter().map(|island| (f64::from(island.cell_count) / total).powi(2)).sum()
+        self.ground.islands().iter().map(|island| f64::from(island.cell_count) / total).map(|share| share * share).sum()
     }
 
     /// Share of ordered pairs of places that are connected by the links that `usable` lets through; 0 where there is no

@@ -6,10 +6,10 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::sync::Arc;
+use surefoot_agent::train::Learner;
+use surefoot_agent::train::Run;
 use surefoot_agent::train::TrainConfig;
 use surefoot_agent::train::replay::Batch;
-use surefoot_agent::train::run::Run;
-use surefoot_agent::train::sac::Learner;
 use surefoot_policy::{Manifest, Policy};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
@@ -78,7 +78,7 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
         learn: config.learn,
         observations: observations(steps * size),
         keep: vec![1.0; steps * size],
-        memory: noise(size * 2 * config.sac.network.memory, &mut rng),
+        memory: noise(size * 2 * config.sac.network.memory_len(), &mut rng),
         actions: noise(learned * ACTION_LEN, &mut rng),
         returns: noise(learned, &mut rng),
         bootstrap: vec![0.98; learned],
@@ -95,7 +95,7 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
 /// Rows as NPCs see them on their first map: the share of zeros matters to the ray encoder.
 fn observations(rows: usize) -> Vec<f32> {
     let profile = CharacterProfile::default();
-    let map = Arc::new(Map::generate(&MapSpec::new(0)).expect("a valid spec"));
+    let map = Arc::new(Map::generate(&MapSpec::new(0)));
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let points = navigable::sample_many(&map, &profile, 2 * rows, &mut rng).expect("generated maps have ground");
     let mut world = World::new(map, profile, TaskConfig::default());

@@ -2,6 +2,7 @@
 
 mod learn;
 mod plan;
+#[cfg(feature = "reference")]
 mod reference;
 mod serve;
 mod world;
@@ -52,6 +53,14 @@ impl Figure {
 
     fn target(self, target: f64) -> Self {
         Self { target: Some(target), ..self }
+    }
+
+    /// The same, where the other system is part of this build.
+    fn beside(self, name: &'static str, reference: Option<f64>, higher_is_better: bool) -> Self {
+        match reference {
+            Some(reference) => self.against(name, reference, higher_is_better),
+            None => self,
+        }
     }
 
     /// What another system needs for the same, measured in this run; the ratio says how many times better ours is.

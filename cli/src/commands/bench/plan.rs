@@ -10,17 +10,20 @@ use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use surefoot_planner::build::{GraphId, Progress, build};
-use surefoot_planner::cache::{DEFAULT_LIMIT_BYTES, DiskStore, GraphStore};
-use surefoot_planner::probe::ProbeContext;
-use surefoot_planner::search::{DEFAULT_TABLE_LIMIT, OFF_GRAPH};
-use surefoot_planner::service::{self, PlannerConfig, settings_to_wire};
-use surefoot_planner::{BuildSettings, NavGraph, Query, Router};
+use surefoot_net::serving::{Endpoint, Shutdown};
+use surefoot_planner::Progress;
+use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::store::GraphStore;
+use surefoot_planner::{BuildSettings, NavGraph, Query, Router, Stop, VertexId};
+use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
+use surefoot_planner_service::{self as service, PlannerConfig};
 use surefoot_policy::Policy;
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::serving::{Endpoint, Shutdown};
+use surefoot_proto::plans::settings_to_wire;
+use surefoot_rollout::ProbeContext;
+use surefoot_rollout::graphs;
 use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
 use tonic::transport::Channel;
 
@@ -42,19 +45,22 @@ const WIRE_BATCH: usize = 2000;
 
 /// All figures of the planner.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
-    let settings = BuildSettings { vertices: 800, neighbours: 20, ..BuildSettings::default() };
+    let settings = BuildSettings::default().with(|it| {
+        it.vertices = 800;
+        it.neighbours = 20;
+    })?;
     let context = |spec: &MapSpec| -> anyhow::Result<ProbeContext> {
         Ok(ProbeContext {
-            map: Arc::new(Map::generate(spec)?),
+            map: Arc::new(Map::generate(spec)),
             profile: CharacterProfile::default(),
             policy: Policy::shipped()?,
         })
     };
-    let small = build(&context(&MapSpec::new(1000))?, &settings, core_count(), &Progress::default())?;
-    let spec = MapSpec::with_side(3000, 1000);
-    let settings = BuildSettings { vertices: 1600, ..settings };
+    let small = graphs::build(&context(&MapSpec::new(1000))?, &settings, core_count(), &Progress::default())?;
+    let spec = MapSpec::with_side(3000, 1000)?;
+    let settings = settings.with(|it| it.vertices = 1600)?;
     let context = context(&spec)?;
-    let big = build(&context, &settings, core_count(), &Progress::default())?;
+    let big = graphs::build(&context, &settings, core_count(), &Progress::default())?;
     let exhaustive = |vertices: f64| vertices * 20.0 * 2.0;
     let saved = |probes: u64, vertices: f64| 100.0 * (1.0 - probes as f64 / exhaustive(vertices));
     let mut figures = vec![
@@ -75,7 +81,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     figures.push(batch(&router, &queries));
     let folder = std::env::temp_dir().join(format!("surefoot-bench-{}", std::process::id()));
     let store = DiskStore::open(&folder, DEFAULT_LIMIT_BYTES)?;
-    store.put(&GraphId::of(&context, &settings), &big)?;
+    store.put(&graphs::id_of(&context, &settings), &big)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let served = runtime.block_on(over_grpc(context.policy.clone(), store, &spec, &settings, &queries));
     runtime.shutdown_timeout(Duration::from_secs(2));
@@ -93,20 +99,22 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
     let plans: Vec<_> = queries.iter().map(|query| router.find_path(query)).collect();
     let passes = (0..PASSES).flat_map(|_| queries);
     let ours = median(passes.map(|query| micros(|| drop(black_box(router.find_path(query))))).collect());
-    let ends: Vec<(u32, u32)> = plans
-        .iter()
-        .filter(|plan| plan.legs.len() > 2)
-        .map(|plan| (plan.legs[0].to, plan.legs[plan.legs.len() - 1].from))
-        .filter(|&(from, to)| from != OFF_GRAPH && to != OFF_GRAPH)
-        .take(REFERENCE_QUERIES)
-        .collect();
-    let node = |vertex: u32| NodeIndex::new(vertex as usize);
+    let ends = plans.iter().filter(|plan| plan.legs.len() > 2).filter_map(|plan| {
+        match (plan.legs[0].key.to, plan.legs[plan.legs.len() - 1].key.from) {
+            (Stop::Vertex(from), Stop::Vertex(to)) => Some((from, to)),
+            _ => None,
+        }
+    });
+    let ends: Vec<(VertexId, VertexId)> = ends.take(REFERENCE_QUERIES).collect();
+    let node = |vertex: VertexId| NodeIndex::new(vertex.idx());
     let petgraph = graph.as_petgraph();
     let cost = |edge: petgraph::graph::EdgeReference<'_, surefoot_planner::Edge>| edge.weight().evidence.cost();
     // The rate that makes straight-line distance a lower bound of what is left.
     let rate = graph
         .edges()
-        .map(|edge| f64::from(graph.position(edge.from).distance(graph.position(edge.to))) / edge.evidence.cost())
+        .map(|edge| {
+            f64::from(graph.position(edge.key.from).distance(graph.position(edge.key.to))) / edge.evidence.cost()
+        })
         .fold(f64::MIN_POSITIVE, f64::max);
     let by_dijkstra =
         ends.iter().map(|&(from, to)| micros(|| drop(black_box(dijkstra(petgraph, node(from), Some(node(to)), cost)))));

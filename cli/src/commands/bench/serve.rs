@@ -1,19 +1,19 @@
 //! The world server under load: separate processes for server, planner and two workers, realtime worlds, a crowd that is never done.
 
 use super::{Args, Figure};
-use crate::plots;
 use anyhow::{Context, bail};
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
+use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::convert::map_spec_to_wire;
-use surefoot_proto::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, WatchWorldResponse, WorldStats};
-use surefoot_server::env::{Env, actions_of};
+use surefoot_report::plots;
+use surefoot_rollout::env::{Env, actions_of};
 use surefoot_server::times::TickTimes;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{Map, MapSpec};
@@ -389,7 +389,7 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
     let actions = |step: usize| Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)) });
     let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
 
-    let mut env = Env::new(Map::generate(&spec)?.into(), ENV_NPCS, (0.0, 40.0), 0)?;
+    let mut env = Env::new(Map::generate(&spec).into(), ENV_NPCS, (0.0, 40.0), 0)?;
     let started = Instant::now();
     for step in 0..ENV_STEPS {
         let actions = actions_of(&values(step).collect::<Vec<f32>>(), |idx| idx as u64).map_err(anyhow::Error::msg)?;

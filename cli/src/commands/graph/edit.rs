@@ -3,8 +3,8 @@
 use super::Target;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
-use surefoot_planner::cache::GraphStore;
 use surefoot_planner::edits::{Edit, Layer};
+use surefoot_planner::store::GraphStore;
 use surefoot_world::Vec3;
 
 /// Change a graph by hand, in named layers that outlive rebuilds.

@@ -13,12 +13,12 @@ use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use surefoot_planner::build::{GraphId, Progress, build};
-use surefoot_planner::cache::{DiskStore, GraphStore, LevelId};
-use surefoot_planner::edits::{MapTerrain, Unfit, lay_over};
-use surefoot_planner::probe::ProbeContext;
-use surefoot_planner::update::update;
-use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, NavGraph};
+use surefoot_planner::edits::{Unfit, apply_layers};
+use surefoot_planner::store::{GraphStore, LevelId};
+use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress};
+use surefoot_planner_service::store::DiskStore;
+use surefoot_rollout::ProbeContext;
+use surefoot_rollout::graphs;
 use surefoot_world::{CharacterProfile, Map};
 
 /// Build, look at, check, edit and export graphs.
@@ -60,7 +60,7 @@ pub struct Target {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
-    /// Leave out the layers of edits that lie over the graph
+    /// Leave out the layers of edits of the graph
     #[arg(long)]
     without_edits: bool,
 }
@@ -69,7 +69,7 @@ pub struct Target {
 struct Loaded {
     context: ProbeContext,
     id: GraphId,
-    /// With edits laid over it.
+    /// With edits applied.
     graph: NavGraph,
     stats: BuildStats,
     cached: bool,
@@ -80,9 +80,7 @@ struct Loaded {
 
 impl Target {
     fn settings(&self) -> anyhow::Result<BuildSettings> {
-        let settings = self.graph.settings();
-        settings.validate()?;
-        Ok(settings)
+        Ok(self.graph.settings()?)
     }
 
     fn context(&self) -> anyhow::Result<ProbeContext> {
@@ -104,13 +102,13 @@ impl Target {
         }
     }
 
-    /// Takes the graph from the cache or builds it, from that of an earlier version of the map if one is given, and lays
-    /// the level's edits over it.
+    /// Takes the graph from the cache or builds it, from that of an earlier version of the map if one is given, and applies
+    /// the level's edits to it.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
         let settings = self.settings()?;
         let context = self.context()?;
         let store = self.cache.open()?;
-        let id = GraphId::of(&context, &settings);
+        let id = graphs::id_of(&context, &settings);
         let mut retried = None;
         let (built, cached) = match (store.get(&id)?, changed_from) {
             (Some(built), _) => (built, true),
@@ -119,8 +117,10 @@ impl Target {
                 let source = Source { map: earlier.to_owned(), ..self.source.clone() };
                 let old = ProbeContext { map: Arc::new(source.load()?), ..context.clone() };
                 let (graph, _) = get_or_build(&store, &old, &settings)?;
-                let updated =
-                    with_bar(|progress| update(&graph.graph, &old.map, &context, &settings, core_count(), progress))?;
+                let updated = with_bar(|progress| {
+                    let old = (&graph.graph, &*old.map);
+                    graphs::update(old, &context, &settings, core_count(), progress)
+                })?;
                 retried = Some(updated.retried);
                 (updated.built, false)
             }
@@ -132,8 +132,9 @@ impl Target {
         let mut unfit = Vec::new();
         let layers = store.layers(&self.level(&context.map))?;
         if !self.without_edits && !layers.is_empty() {
-            let terrain = MapTerrain { context: context.clone(), settings, thread_count: core_count() };
-            let edited = lay_over(&graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;
+            let terrain = graphs::terrain(&context, settings, core_count());
+            let edited =
+                apply_layers(&graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;
             (graph, unfit) = (edited.graph, edited.unfit);
         }
         Ok(Loaded { context, id, graph, stats, cached, unfit, retried })
@@ -141,7 +142,7 @@ impl Target {
 }
 
 fn get_or_build(store: &DiskStore, context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<(Built, bool)> {
-    let id = GraphId::of(context, settings);
+    let id = graphs::id_of(context, settings);
     if let Some(built) = store.get(&id)? {
         return Ok((built, true));
     }
@@ -151,7 +152,7 @@ fn get_or_build(store: &DiskStore, context: &ProbeContext, settings: &BuildSetti
 }
 
 fn build_with_bar(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
-    with_bar(|progress| build(context, settings, core_count(), progress))
+    with_bar(|progress| graphs::build(context, settings, core_count(), progress))
 }
 
 /// Shows the progress of a build.

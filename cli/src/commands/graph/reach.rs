@@ -2,7 +2,6 @@
 
 use super::{Loaded, Target};
 use crate::commands::core_count;
-use crate::render::Picture;
 use crate::terminal::print_json;
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -12,6 +11,7 @@ use std::path::{Path, PathBuf};
 use surefoot_planner::NavGraph;
 use surefoot_planner::export::import_json;
 use surefoot_planner::reachability::{Connection, Difference, compare, describe, reached_from_main};
+use surefoot_report::render::Picture;
 use surefoot_world::Vec3;
 use surefoot_world::reach::{Means, Reach};
 
@@ -232,7 +232,8 @@ fn junit(report: &Report) -> String {
 /// Places by how near a vertex of the graph's main island is; red where geometry knows no way.
 fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
     let Loaded { context, graph, .. } = loaded;
-    let reached: Vec<Vec3> = (0..)
+    let reached: Vec<Vec3> = graph
+        .vertices()
         .zip(reached_from_main(graph))
         .filter(|(_, reached)| *reached)
         .map(|(vertex, _)| graph.position(vertex))

@@ -2,18 +2,17 @@
 
 use super::{Loaded, Target};
 use crate::commands::core_count;
-use crate::render::Picture;
 use crate::terminal::print_json;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::PathBuf;
 use std::sync::Arc;
-use surefoot_agent::follow::{FollowConfig, Follower};
-use surefoot_agent::rollout::{DEFAULT_NOISE_SHARE, follow, plan};
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
-use surefoot_planner::{Ability, NavGraph, Router};
+use surefoot_planner::{NavGraph, Router};
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, Vec3, World, navigable};
+use surefoot_report::render::Picture;
+use surefoot_rollout::{Goal, Rollout};
+use surefoot_world::{Ability, CharacterProfile, End, Map, TaskConfig, Vec3, navigable};
 
 /// Build the graph of a map into the cache, or find it there, and describe or draw it.
 #[derive(clap::Args)]
@@ -117,9 +116,9 @@ fn ability_colour(ability: Ability) -> [u8; 3] {
 fn draw_graph(picture: &mut Picture, graph: &NavGraph) {
     for edge in graph.edges() {
         let colour = ability_colour(edge.evidence.ability);
-        picture.line(graph.position(edge.from), graph.position(edge.to), colour, 0.16);
+        picture.line(graph.position(edge.key.from), graph.position(edge.key.to), colour, 0.16);
     }
-    for vertex in 0..graph.vertex_count() as u32 {
+    for vertex in graph.vertices() {
         picture.dot(graph.position(vertex), 1.5, [250, 250, 250]);
     }
 }
@@ -134,49 +133,21 @@ fn draw_tracks(
 ) -> anyhow::Result<usize> {
     const COLOURS: [[u8; 3]; 6] =
         [[255, 80, 160], [255, 150, 40], [160, 90, 255], [40, 230, 170], [255, 60, 60], [60, 200, 255]];
-    let mut rng = ChaCha8Rng::seed_from_u64(7);
-    let points = navigable::sample_many(map, &CharacterProfile::default(), 2 * count, &mut rng)?;
-    let mut arrived = 0;
-    for (idx, pair) in points.chunks_exact(2).enumerate() {
-        let (track, reached) = run_one(map, policy, router, pair[0], pair[1], &mut rng);
+    let profile = CharacterProfile::default();
+    let points = navigable::sample_many(map, &profile, 2 * count, &mut ChaCha8Rng::seed_from_u64(7))?;
+    let goal = |pair: &[Vec3]| Goal { start: pair[0], yaw: 0.0, goal: pair[1] };
+    let goals: Vec<Goal> = points.chunks_exact(2).map(goal).collect();
+    let rollout = Rollout::new(map.clone(), profile, TaskConfig::default());
+    let tracks = rollout.track_by_plan(policy, router, &goals);
+    for ((goal, (_, track)), colour) in goals.iter().zip(&tracks).zip(COLOURS.iter().cycle()) {
         for step in track.windows(2) {
             for shift in [0.0, 0.25] {
                 let aside = Vec3::new(shift, 0.0, shift);
-                picture.line(step[0] + aside, step[1] + aside, COLOURS[idx % COLOURS.len()], 1.0);
+                picture.line(step[0] + aside, step[1] + aside, *colour, 1.0);
             }
         }
-        picture.dot(pair[0], 4.0, [20, 20, 20]);
-        picture.dot(pair[1], 5.0, COLOURS[idx % COLOURS.len()]);
-        arrived += usize::from(reached);
+        picture.dot(goal.start, 4.0, [20, 20, 20]);
+        picture.dot(goal.goal, 5.0, *colour);
     }
-    Ok(arrived)
-}
-
-fn run_one(
-    map: &Arc<Map>,
-    policy: &Policy,
-    router: &Router,
-    start: Vec3,
-    goal: Vec3,
-    rng: &mut ChaCha8Rng,
-) -> (Vec<Vec3>, bool) {
-    let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
-    let slot = world.spawn(start, 0.0);
-    let mut follower = Follower::new(goal, FollowConfig::default());
-    let (mut row, mut actions, mut track) = (vec![0.0; OBSERVATION_LEN], Vec::new(), vec![start]);
-    let mut memory = vec![0.0; policy.memory_len()];
-    let mut search_us = Vec::new();
-    let waypoint = plan(&mut follower, router, start, &mut search_us);
-    world.set_goal(slot, waypoint);
-    loop {
-        world.observe(slot, &mut row);
-        policy.act(&row, &mut memory, DEFAULT_NOISE_SHARE, rng, &mut actions);
-        world.decide(slot, actions[0]);
-        world.tick_decision();
-        let leg_end = world.close_decision(slot).and_then(|outcome| outcome.end);
-        track.push(world.npc(slot).expect("the only NPC").body.feet);
-        if let Some(end) = follow(&mut world, slot, &mut follower, router, leg_end, &mut search_us) {
-            return (track, end == End::Reached);
-        }
-    }
+    Ok(tracks.iter().filter(|(attempt, _)| attempt.end == End::Reached).count())
 }

@@ -1,25 +1,15 @@
-// The 3D view: puts its parts together and draws when something has changed.
+// The 3D view as the page uses it: hands what the page says to the parts of the scene, and moves them on.
 
 import { Aim } from './aim'
 import { CameraRig } from './camera-rig'
 import { Controls } from './controls'
 import { DetailWish } from './detail'
-import { FeatureView } from './features'
-import { GraphView } from './graph-view'
+import { FrameLoop, type Show } from './frame-loop'
 import { Hand } from './hand'
-import { Materials } from './materials'
-import { NpcView } from './npcs'
-import { setSeeThrough } from './overlays'
 import { PoseBuffer } from './poses'
-import { PictureCounter, ResolutionGovernor } from './quality'
-import { MarkerView, MarkView, PathView } from './routes'
-import { SelectionView } from './selection'
+import { Scene } from './scene'
 import { Stage } from './stage'
-import { type Box, Terrain } from './terrain'
-import { paletteOf } from './theme'
-import { TrackView } from './track'
-import { Trails } from './trails'
-import { samePlace, VertexDrag } from './vertex-drag'
+import { samePlace } from './vertex-drag'
 import type {
   EditMark,
   Features,
@@ -48,8 +38,6 @@ export {
 } from './colours'
 export { secondsRange } from './edge-shape'
 
-/** The camera counts as standing still so long after its last move, ms. */
-const REST_MS = 180
 /** Trails fade for so long after the last move, ms. */
 const TRAIL_MS = 5200
 
@@ -58,149 +46,118 @@ export function createViewport(container: HTMLElement, events: Partial<ViewportE
   return new View(container, events)
 }
 
-class View implements Viewport {
-  private readonly palette = paletteOf({ dark: true })
+class View implements Viewport, Show {
   private readonly stage: Stage
-  private readonly materials = new Materials()
+  private readonly scene: Scene
   private readonly rig: CameraRig
-  private readonly terrain = new Terrain(this.materials, this.palette)
-  private readonly features = new FeatureView(this.materials, this.palette)
-  private readonly graph = new GraphView(this.materials, this.palette)
-  private readonly paths = new PathView(this.materials)
-  private readonly markers = new MarkerView(this.materials)
-  private readonly marks = new MarkView(this.materials)
-  private readonly npcs = new NpcView(this.materials)
-  private readonly trails = new Trails(this.materials)
-  private readonly selection = new SelectionView(this.materials)
-  private readonly track = new TrackView(this.materials)
-  private readonly drag = new VertexDrag(this.materials)
   private readonly poses = new PoseBuffer()
   private readonly aim: Aim
   private readonly hand: Hand
   private readonly controls: Controls
   private readonly detail = new DetailWish((around, radius) => this.events.detailWanted?.(around, radius))
   private readonly resizes: ResizeObserver
-  private readonly counter = new PictureCounter()
-  /** A moving picture is to be quick, a standing one sharp. */
-  private readonly roaming = new ResolutionGovernor(31, 0.5)
-  private readonly standing = new ResolutionGovernor(55, 0.64)
-  private request: number | undefined
-  private restTimer: number | undefined
-  private last = 0
-  private running: ResolutionGovernor | undefined
-  private cameraMoved = 0
+  private readonly frames: FrameLoop
   private npcMoved = -TRAIL_MS
-  private stillChanged = true
-  private movingChanged = true
   private scale = 1
   private framed = false
-  private disposed = false
 
   constructor(
     container: HTMLElement,
     private readonly events: Partial<ViewportEvents>,
   ) {
     this.stage = new Stage(container)
-    const { stage } = this
-    this.rig = new CameraRig(stage.camera)
-    stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks)
-    stage.moving.add(this.trails.lines, this.npcs, this.selection, this.track, this.drag)
-    this.aim = new Aim({ stage, rig: this.rig, terrain: this.terrain, graph: this.graph, poses: this.poses })
-    const { rig, aim, drag: vertex } = this
-    this.hand = new Hand({ stage, rig, aim, vertex, events, changed: () => this.changeMoving() })
+    this.scene = new Scene(this.stage)
+    this.rig = new CameraRig(this.stage.camera)
+    this.frames = new FrameLoop(this.stage, this)
+    const { stage, rig, poses, frames } = this
+    const { terrain, graph, drag: vertex } = this.scene
+    this.aim = new Aim({ stage, rig, terrain, graph, poses })
+    const { aim } = this
+    this.hand = new Hand({ stage, rig, aim, vertex, events, changed: () => frames.changeMoving() })
     this.controls = new Controls(stage.canvas, this.hand)
     this.resizes = new ResizeObserver(() => this.resize(container))
     this.resizes.observe(container)
-    stage.canvas.addEventListener('webglcontextrestored', () => this.change())
+    stage.canvas.addEventListener('webglcontextrestored', () => frames.change())
     this.setTheme({ dark: true })
     this.resize(container)
   }
 
   clear(): void {
-    this.terrain.clearTiles()
-    this.features.set(undefined)
-    this.graph.setGraph(undefined)
-    this.graph.select(undefined, undefined)
-    this.paths.set([])
-    this.markers.set({ start: undefined, goal: undefined, nearest: undefined })
-    this.marks.setEdits([])
-    this.marks.setDifference([], [])
+    this.scene.clear()
     this.poses.clear()
-    this.trails.clear()
-    this.selection.set(undefined)
-    this.track.stop()
-    this.drag.end()
     this.rig.following = undefined
     this.framed = false
     this.detail.forget()
-    this.change()
+    this.frames.change()
   }
 
   setFeatures(features: Features): void {
-    this.features.set(features)
+    this.scene.features.set(features)
     this.frameOnce()
-    this.change()
+    this.frames.change()
   }
 
   putTile(tile: MeshTile, fine: boolean): void {
-    this.terrain.put(tile, fine, this.rig.pose.target)
-    const box = this.terrain.box()
+    this.scene.terrain.put(tile, fine, this.rig.pose.target)
+    const box = this.scene.terrain.box()
     if (box) {
       this.rig.setExtent(box)
     }
-    this.change()
+    this.frames.change()
   }
 
   fineTiles(): ReadonlySet<string> {
-    return this.terrain.fineKeys
+    return this.scene.terrain.fineKeys
   }
 
   setNpcs(tick: bigint, npcs: NpcPose[]): void {
     const count = this.poses.shown.length
     this.poses.receive(Number(tick), npcs, performance.now())
-    this.movingChanged ||= count !== npcs.length
-    this.wake()
+    if (count !== npcs.length) {
+      this.frames.markMoving()
+    }
+    this.frames.wake()
   }
 
   setTrails(visible: boolean): void {
-    this.trails.lines.visible = visible
-    this.changeMoving()
+    this.scene.trails.lines.visible = visible
+    this.frames.changeMoving()
   }
 
   setSelectedNpc(npc: SelectedNpc | undefined): void {
-    this.selection.set(npc)
-    this.changeMoving()
+    this.scene.selection.set(npc)
+    this.frames.changeMoving()
   }
 
   follow(id: bigint | undefined): void {
     this.rig.following = id
-    this.wake()
+    this.frames.wake()
   }
 
   setGraph(graph: Graph | undefined): void {
-    const { held } = this.drag
+    const { held } = this.scene.drag
     const vertex = held && graph?.vertices[held.index]
     // Graphs come anew all the time: what is in the user's hand stays there if it is still what it was.
     if (held && (!vertex || vertex.removed || !samePlace(vertex.position, held.from))) {
-      this.drag.end()
+      this.scene.drag.end()
     }
-    this.graph.setGraph(graph)
-    this.change()
+    this.scene.graph.setGraph(graph)
+    this.frames.change()
   }
 
   setGraphFilter(filter: GraphFilter): void {
-    this.graph.setFilter(filter)
-    this.change()
+    this.scene.graph.setFilter(filter)
+    this.frames.change()
   }
 
   selectVertex(index: number | undefined): void {
-    this.graph.select(index, this.graph.selection.edge)
-    this.change()
+    this.scene.graph.select(index, this.scene.graph.selection.edge)
+    this.frames.change()
   }
 
   selectEdge(edge: { from: number; to: number } | undefined): void {
-    this.graph.select(this.graph.selection.vertex, edge)
-    this.change()
+    this.scene.graph.select(this.scene.graph.selection.vertex, edge)
+    this.frames.change()
   }
 
   setDraggable(draggable: boolean): void {
@@ -212,62 +169,56 @@ class View implements Viewport {
   }
 
   setPaths(paths: PathLine[]): void {
-    this.paths.set(paths)
-    this.change()
+    this.scene.paths.set(paths)
+    this.frames.change()
   }
 
   setMarkers(start: Place | undefined, goal: Place | undefined, nearest: Place | undefined): void {
-    this.markers.set({ start, goal, nearest })
-    this.change()
+    this.scene.markers.set({ start, goal, nearest })
+    this.frames.change()
   }
 
   setEditMarks(marks: EditMark[]): void {
-    this.marks.setEdits(marks)
-    this.change()
+    this.scene.marks.setEdits(marks)
+    this.frames.change()
   }
 
   setDifference(lost: Place[], gained: Place[]): void {
-    this.marks.setDifference(lost, gained)
-    this.change()
+    this.scene.marks.setDifference(lost, gained)
+    this.frames.change()
   }
 
   playTrack(track: Float32Array, reached: boolean, done: () => void): void {
-    this.track.play(track, reached, done)
-    this.changeMoving()
+    this.scene.track.play(track, reached, done)
+    this.frames.changeMoving()
   }
 
   setSection(height: number | undefined): void {
-    this.materials.setSection(height)
-    this.terrain.setSection(height !== undefined)
+    this.scene.setSection(height)
     this.aim.section = height
-    this.change()
+    this.frames.change()
   }
 
   setTopView(top: boolean): void {
     this.rig.setTop(top)
-    this.wake()
+    this.frames.wake()
   }
 
   frameMap(): void {
     this.rig.following = undefined
     this.frame(this.framed)
-    this.wake()
+    this.frames.wake()
   }
 
   lookAt(place: Place): void {
     this.rig.following = undefined
     this.rig.lookAt(place)
-    this.wake()
+    this.frames.wake()
   }
 
   setTheme(theme: Theme): void {
-    const palette = paletteOf(theme)
-    this.materials.setPalette(palette)
-    this.stage.setBackground(palette.background)
-    this.terrain.setPalette(palette)
-    this.features.setPalette(palette)
-    this.graph.setPalette(palette)
-    this.change()
+    this.scene.setTheme(theme)
+    this.frames.change()
   }
 
   snapshot(): { width: number; height: number; pixels: Uint8Array } {
@@ -278,90 +229,44 @@ class View implements Viewport {
   }
 
   framesPerSecond(): number {
-    return this.counter.perSecond(performance.now())
+    return this.frames.framesPerSecond()
   }
 
   dispose(): void {
-    this.disposed = true
-    cancelAnimationFrame(this.request ?? 0)
-    clearTimeout(this.restTimer)
+    this.frames.dispose()
     this.detail.dispose()
     this.resizes.disconnect()
     this.controls.dispose()
-    this.terrain.clearTiles()
-    for (const part of [this.features, this.graph, this.paths, this.markers, this.marks, this.npcs, this.trails]) {
-      part.dispose()
-    }
-    this.selection.dispose()
-    this.track.dispose()
-    this.drag.dispose()
-    this.materials.dispose()
+    this.scene.dispose()
     this.stage.dispose()
   }
 
-  /** What stands still has changed. */
-  private change(): void {
-    this.stillChanged = true
-    this.aim.invalidate()
-    this.wake()
-  }
-
-  private changeMoving(): void {
-    this.movingChanged = true
-    this.wake()
-  }
-
-  private wake(): void {
-    if (this.request === undefined && !this.disposed) {
-      this.request = requestAnimationFrame((now) => this.tick(now))
-    }
-  }
-
-  private tick(now: number): void {
-    this.request = undefined
-    const pause = now - this.last
-    this.last = now
-    const goesOn = this.advance(now, this.running ? Math.min(pause, 100) : 16)
-    if (this.stillChanged || this.movingChanged) {
-      this.draw(now, pause)
-    } else {
-      this.running = undefined
-    }
-    if (goesOn) {
-      this.wake()
-    } else {
-      this.running = undefined
-    }
-  }
-
-  /** Moves everything on; tells whether there is more to come. */
-  private advance(now: number, elapsed: number): boolean {
+  advance(now: number, elapsed: number): boolean {
     const keys = this.controls.update(elapsed)
     const npcs = this.poses.advance(now, elapsed)
-    const played = this.track.update(now / 1000, this.stage.camera.position, this.scale)
+    const played = this.scene.track.update(now / 1000, this.stage.camera.position, this.scale)
     const { following } = this.rig
     const camera = this.rig.update(elapsed, following === undefined ? undefined : this.poses.find(following))
     if (camera) {
-      this.cameraMoved = now
-      this.stillChanged = true
-      this.aim.invalidate()
+      this.frames.cameraMoved(now)
       this.detail.moved(this.rig.pose)
     }
     if (npcs) {
       this.npcMoved = now
     }
-    const trails = this.trails.lines.visible && now - this.npcMoved < TRAIL_MS
-    this.movingChanged ||= npcs || played || trails
+    const trails = this.scene.trails.lines.visible && now - this.npcMoved < TRAIL_MS
+    if (npcs || played || trails) {
+      this.frames.markMoving()
+    }
     this.place(now)
     return keys || npcs || played || camera || trails
   }
 
-  /** Puts everything where it is to be drawn. */
-  private place(now: number): void {
-    const { stage, rig, materials } = this
+  place(now: number): void {
+    const { stage, rig, scene } = this
     const { width, height } = stage.size
     this.scale = rig.apply(width, height)
-    const { uniforms } = materials
+    const { uniforms } = scene.materials
     uniforms.uScale.value = this.scale
     uniforms.uRatio.value = stage.ratio
     uniforms.uHalf.value.set(stage.canvas.width / 2, stage.canvas.height / 2)
@@ -369,61 +274,32 @@ class View implements Viewport {
     uniforms.uThin.value = Math.min(1, Math.max(0.6, 1.2 - rig.pose.distance / 900))
     uniforms.uFogRange.value.set(...rig.fogRange())
     const eye = stage.camera.position
-    const selected = this.selection.selected?.id
-    this.npcs.update(this.poses.shown, {
+    const selected = this.scene.selection.selected?.id
+    this.scene.npcs.update(this.poses.shown, {
       eye,
       scale: this.scale,
       polar: rig.pose.polar,
       ceiling: this.aim.section ?? Infinity,
       selected,
     })
-    if (this.trails.lines.visible) {
-      this.trails.update(this.poses.shown, now / 1000)
+    if (this.scene.trails.lines.visible) {
+      this.scene.trails.update(this.poses.shown, now / 1000)
     }
-    this.selection.update(selected === undefined ? undefined : this.poses.find(selected), eye, this.scale)
-    this.markers.scaleFor(eye, this.scale)
+    this.scene.selection.update(selected === undefined ? undefined : this.poses.find(selected), eye, this.scale)
+    this.scene.markers.scaleFor(eye, this.scale)
   }
 
-  private draw(now: number, pause: number): void {
-    const moved = now - this.cameraMoved
-    const governor = moved < REST_MS ? this.roaming : this.standing
-    if (this.running === governor) {
-      governor.add(pause)
-    }
-    this.running = governor
-    if (this.stage.setShare(governor.share)) {
-      this.place(now)
-      this.stillChanged = true
-    }
-    if (this.stillChanged) {
-      this.stage.invalidate()
-      this.setQuick(this.stage.software && governor === this.roaming)
-    }
-    this.stage.draw(!this.stillChanged)
-    this.counter.add(now)
-    this.stillChanged = false
-    this.movingChanged = false
-    if (governor === this.roaming && (this.stage.software || this.roaming.share < 1)) {
-      this.sharpenSoon()
-    }
+  setQuick(quick: boolean): void {
+    this.scene.setQuick(quick)
   }
 
-  /** Leaves out what can be missed while the camera moves. */
-  private setQuick(quick: boolean): void {
-    this.terrain.setQuick(quick, this.stage.camera)
-    setSeeThrough(this.stage.still, !quick)
-    setSeeThrough(this.stage.moving, !quick)
-  }
-
-  /** Once the camera rests, draws with all pixels again. */
-  private sharpenSoon(): void {
-    clearTimeout(this.restTimer)
-    this.restTimer = window.setTimeout(() => this.change(), REST_MS + 20)
+  stillChanged(): void {
+    this.aim.invalidate()
   }
 
   private resize(container: HTMLElement): void {
     this.stage.resize(container.clientWidth, container.clientHeight)
-    this.change()
+    this.frames.change()
   }
 
   private frameOnce(): void {
@@ -434,17 +310,12 @@ class View implements Viewport {
   }
 
   private frame(flight: boolean): void {
-    const box = this.terrain.box() ?? this.featureBox()
+    const box = this.scene.box()
     const { width, height } = this.stage.size
     if (box) {
       this.rig.setExtent(box)
       this.rig.frame(box, width / height, flight)
       this.framed = true
     }
-  }
-
-  private featureBox(): Box | undefined {
-    const { size } = this.features
-    return size && { low: { x: 0, y: 0, z: 0 }, high: { x: size.width, y: size.height * 0.6, z: size.depth } }
   }
 }

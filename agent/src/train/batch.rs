@@ -1,0 +1,93 @@
+//! A batch of the replay buffer as tensors.
+
+use super::replay::Batch;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use surefoot_policy::network::Past;
+use surefoot_policy::state::HiddenState;
+use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::character::ACTION_LEN;
+
+/// A batch as tensors.
+pub(super) struct Rows<'a> {
+    batch: &'a Batch,
+    /// The device that tensors without gradients live on.
+    pub device: Device,
+    /// Observations to learn from, `[learned, OBSERVATION_LEN]`.
+    pub learned: Tensor<2>,
+    /// `[learned, ACTION_LEN]`.
+    pub actions: Tensor<2>,
+    /// `[learned, 1]`.
+    pub returns: Tensor<2>,
+    /// `[learned, 1]`.
+    pub bootstrap: Tensor<2>,
+    /// Share of each row in the losses' means, `[learned, 1]`.
+    pub weights: Tensor<2>,
+    /// Row of each successor among all rows, `[learned]`.
+    pub successors: Tensor<1, Int>,
+}
+
+impl<'a> Rows<'a> {
+    pub fn new(batch: &'a Batch, device: &Device) -> Self {
+        let count = batch.returns.len();
+        let column = |values: Vec<f32>| Tensor::from_data(TensorData::new(values, [count, 1]), device);
+        let total: f32 = batch.weights.iter().sum();
+        let skip = batch.burn_in * batch.size * OBSERVATION_LEN;
+        let learned = batch.observations[skip..skip + count * OBSERVATION_LEN].to_vec();
+        let successors = batch.successors.iter().map(|&row| row as i64).collect::<Vec<_>>();
+        Self {
+            batch,
+            device: device.clone(),
+            learned: Tensor::from_data(TensorData::new(learned, [count, OBSERVATION_LEN]), device),
+            actions: Tensor::from_data(TensorData::new(batch.actions.clone(), [count, ACTION_LEN]), device),
+            returns: column(batch.returns.clone()),
+            bootstrap: column(batch.bootstrap.clone()),
+            weights: column(batch.weights.iter().map(|weight| weight / total.max(1.0)).collect()),
+            successors: Tensor::from_data(TensorData::new(successors, [count]), device),
+        }
+    }
+
+    pub fn learned_count(&self) -> usize {
+        self.batch.returns.len()
+    }
+
+    /// Observations of every step.
+    pub fn all(&self) -> Tensor<2> {
+        let rows = self.batch.keep.len();
+        Tensor::from_data(TensorData::new(self.batch.observations.clone(), [rows, OBSERVATION_LEN]), &self.device)
+    }
+
+    /// Observations that only warm up memories.
+    pub fn burn_in(&self) -> Option<Tensor<2>> {
+        let rows = self.batch.burn_in * self.batch.size;
+        let values = self.batch.observations[..rows * OBSERVATION_LEN].to_vec();
+        (rows > 0).then(|| Tensor::from_data(TensorData::new(values, [rows, OBSERVATION_LEN]), &self.device))
+    }
+
+    /// Length of a hidden state.
+    pub fn memory_size(&self) -> usize {
+        self.batch.memory.len() / self.batch.size / 2
+    }
+
+    /// What the actor remembered before the first step.
+    pub fn actor_memory(&self) -> HiddenState {
+        HiddenState::from_rows(&self.batch.memory, self.memory_size(), &self.device)
+    }
+
+    /// Nothing remembered by some members of the actor's size.
+    pub fn empty_memory(&self, members: usize) -> HiddenState {
+        HiddenState::empty([members, self.batch.size, self.memory_size()], &self.device)
+    }
+
+    pub fn whole_past<'r>(&'r self, state: &'r HiddenState) -> Past<'r> {
+        Past { state, keep: &self.batch.keep }
+    }
+
+    pub fn burn_in_past<'r>(&'r self, state: &'r HiddenState) -> Past<'r> {
+        Past { state, keep: &self.batch.keep[..self.batch.burn_in * self.batch.size] }
+    }
+
+    /// For the steps to learn from.
+    pub fn past<'r>(&'r self, state: &'r HiddenState) -> Past<'r> {
+        Past { state, keep: &self.batch.keep[self.batch.burn_in * self.batch.size..][..self.learned_count()] }
+    }
+}

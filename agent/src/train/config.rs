@@ -1,0 +1,325 @@
+//! Everything that decides a training run.
+
+use super::error::TrainError;
+use super::replay::Sampling;
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+use std::num::{NonZeroU64, NonZeroUsize};
+use std::path::PathBuf;
+use surefoot_policy::ActorConfig;
+use surefoot_world::map::Features;
+use surefoot_world::{MapSpec, SpecError};
+
+/// The configuration inside a run's folder.
+pub(super) const CONFIG_FILE: &str = "config.json";
+
+/// What a learner computes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Processor {
+    /// The CPU.
+    #[default]
+    Cpu,
+    /// The first CUDA device; only in builds with the feature `cuda`.
+    Cuda,
+}
+
+impl Processor {
+    /// The device to compute on.
+    ///
+    /// # Errors
+    /// If this program was built without it.
+    pub fn device(self) -> Result<Device, TrainError> {
+        match self {
+            Processor::Cpu => Ok(Device::flex()),
+            #[cfg(feature = "cuda")]
+            Processor::Cuda => Ok(Device::cuda(0)),
+            #[cfg(not(feature = "cuda"))]
+            Processor::Cuda => Err(TrainError::Config {
+                field: "processor",
+                problem: "is cuda, but this program was built without it: build with `--features cuda`",
+            }),
+        }
+    }
+}
+
+/// Everything that decides a run; written to `config.json` beside its results.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrainConfig {
+    /// Name of the model.
+    pub name: String,
+    /// Seed of weights, noise, batches, maps and goals.
+    pub seed: u64,
+    /// What the learner computes on; collecting always takes the CPU.
+    #[serde(default)]
+    pub processor: Processor,
+    /// Updates after which the run is complete.
+    pub total_updates: u64,
+    /// Decisions of every NPC per round.
+    pub steps_per_round: usize,
+    /// Updates per round.
+    pub updates_per_round: usize,
+    /// Sequences per batch; for a reactive agent each is one transition.
+    pub batch: usize,
+    /// Steps of each sequence that only warm up memories; 0 for a reactive agent.
+    #[serde(default)]
+    pub burn_in: usize,
+    /// Steps of each sequence that are learned from; 1 for a reactive agent.
+    #[serde(default = "one")]
+    pub learn: usize,
+    /// Rewards summed before bootstrapping.
+    pub n_step: usize,
+    /// Discount per decision.
+    pub discount: f32,
+    /// Reflect half of the sequences left to right.
+    pub mirror: bool,
+    /// Rows kept in the replay buffer.
+    pub replay_capacity: usize,
+    /// Rounds between validations.
+    pub validate_every: u64,
+    /// Rounds between full checkpoints.
+    pub checkpoint_every: u64,
+    /// Goals per validation map, up to 25 m away and again beyond.
+    pub validation_goals: usize,
+    /// Seeds of the validation maps.
+    pub validation_seeds: Vec<u64>,
+    /// Updates without a better validation after which the run ends early; none for never, which files write as 0.
+    #[serde(default, with = "zero_is_none")]
+    pub stop_after: Option<NonZeroU64>,
+    /// Folder of a run or model to start from: `weights.bpk` and `critics.bpk`. A reactive one may start a recurrent one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_from: Option<PathBuf>,
+    /// The learner.
+    pub sac: SacConfig,
+    /// The collector.
+    pub collector: CollectorConfig,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            name: "general-reactive".to_owned(),
+            seed: 1,
+            processor: Processor::Cpu,
+            total_updates: 120_000,
+            steps_per_round: 8,
+            updates_per_round: 16,
+            batch: 256,
+            burn_in: 0,
+            learn: 1,
+            n_step: 3,
+            discount: 0.98,
+            mirror: true,
+            replay_capacity: 1_000_000,
+            validate_every: 400,
+            checkpoint_every: 1500,
+            validation_goals: 100,
+            validation_seeds: vec![1000, 1001, 1002, 1003],
+            stop_after: NonZeroU64::new(24_000),
+            start_from: None,
+            sac: SacConfig::default(),
+            collector: CollectorConfig::default(),
+        }
+    }
+}
+
+fn one() -> usize {
+    1
+}
+
+impl TrainConfig {
+    /// The defaults of the recurrent agent: burn-in of 20 decisions as in the paper, and 20 to learn from.
+    pub fn recurrent() -> Self {
+        let network = ActorConfig { memory: NonZeroUsize::new(64), ..ActorConfig::default() };
+        Self {
+            name: "general-lstm".to_owned(),
+            batch: 32,
+            burn_in: 20,
+            learn: 20,
+            updates_per_round: 4,
+            sac: SacConfig { network, ..SacConfig::default() },
+            ..Self::default()
+        }
+    }
+
+    /// Trains on these maps. For a single map, all collecting happens on it and validation too: a map-specific policy.
+    pub fn train_on(&mut self, map_seeds: Vec<u64>) {
+        if map_seeds.len() == 1 {
+            self.collector.npcs_per_world *= self.collector.world_count;
+            self.collector.world_count = 1;
+            self.collector.rounds_per_map = u64::MAX;
+            self.validation_seeds.clone_from(&map_seeds);
+            self.validation_goals *= 4;
+        }
+        self.collector.map_seeds = map_seeds;
+    }
+
+    /// Whether the parts fit each other.
+    ///
+    /// # Errors
+    /// Names the field that does not.
+    pub fn validate(&self) -> Result<(), TrainError> {
+        let refuse = |field: &'static str, problem: &'static str| Err(TrainError::Config { field, problem });
+        let is_recurrent = self.sac.network.memory.is_some();
+        if !is_recurrent && (self.burn_in, self.learn) != (0, 1) {
+            return refuse("burn_in and learn", "a reactive agent (memory 0) learns from single steps: 0 and 1");
+        }
+        if is_recurrent && self.learn < 2 {
+            return refuse("learn", "a recurrent agent (memory above 0) needs sequences of 2 steps or more");
+        }
+        for (field, value) in [
+            ("batch", self.batch),
+            ("n_step", self.n_step),
+            ("steps_per_round", self.steps_per_round),
+            ("sac.network.hidden", self.sac.network.hidden),
+            ("sac.network.ray_features", self.sac.network.ray_features),
+            ("collector.world_count", self.collector.world_count),
+            ("collector.npcs_per_world", self.collector.npcs_per_world),
+        ] {
+            if value == 0 {
+                return refuse(field, "must be at least 1");
+            }
+        }
+        if self.collector.map_seeds.is_empty() {
+            return refuse("collector.map_seeds", "is empty");
+        }
+        if self.collector.spec(0).is_err() {
+            return refuse(
+                "collector.map_side and map_features",
+                "make no valid map: see `surefoot map generate --help`",
+            );
+        }
+        Ok(())
+    }
+
+    /// How batches are drawn.
+    pub fn sampling(&self) -> Sampling {
+        Sampling {
+            batch: self.batch,
+            burn_in: self.burn_in,
+            learn: self.learn,
+            n_step: self.n_step,
+            discount: self.discount,
+            mirror: self.mirror,
+        }
+    }
+}
+
+/// Constants of the learner.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SacConfig {
+    /// Layer sizes of actor and critics.
+    pub network: ActorConfig,
+    /// Adam's step size for all networks and the temperature.
+    pub learning_rate: f64,
+    /// Share by which the target critics follow the critics at each update.
+    pub tau: f32,
+    /// Entropy that the temperature holds the policy at, in nats.
+    pub target_entropy: f32,
+    /// Temperature at the start; see docs/adr/0009-low-initial-temperature.md.
+    pub initial_alpha: f32,
+    /// Smallest temperature.
+    pub min_alpha: f32,
+    /// Critic updates per actor update.
+    pub actor_interval: u64,
+    /// Updates over which the step size falls linearly to a tenth; none for a constant one, which files write as 0.
+    #[serde(default, with = "zero_is_none")]
+    pub decay_updates: Option<NonZeroU64>,
+}
+
+impl Default for SacConfig {
+    fn default() -> Self {
+        Self {
+            network: ActorConfig::default(),
+            learning_rate: 3.0e-4,
+            tau: 0.005,
+            target_entropy: -2.0,
+            initial_alpha: 0.004,
+            min_alpha: 1.0e-4,
+            actor_interval: 2,
+            decay_updates: NonZeroU64::new(120_000),
+        }
+    }
+}
+
+/// How experience is collected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CollectorConfig {
+    /// Seeds of the maps to train on.
+    pub map_seeds: Vec<u64>,
+    /// Side of those maps, m.
+    pub map_side: u32,
+    /// What stands on them.
+    #[serde(default)]
+    pub map_features: Features,
+    /// Maps in use at a time.
+    pub world_count: usize,
+    /// NPCs on each.
+    pub npcs_per_world: usize,
+    /// Rounds after which the oldest map is exchanged for another.
+    pub rounds_per_map: u64,
+    /// Share of goals drawn from `near_goals`; the rest is drawn from `far_goals`.
+    pub near_share: f64,
+    /// Distance of near goals, m.
+    pub near_goals: (f32, f32),
+    /// Distance of far goals, m.
+    pub far_goals: (f32, f32),
+    /// After reaching a goal, chance of heading on to another from the run instead of respawning: a policy
+    /// that follows waypoints lives in that switch.
+    pub switch_chance: f64,
+    /// Share of lives that begin with an attempt that failed before on the same map, where there is one.
+    #[serde(default)]
+    pub retry_share: f64,
+    /// Chance at each decision of being sent elsewhere before the goal is reached, as by a re-plan.
+    #[serde(default)]
+    pub redirect_chance: f64,
+    /// Decisions without progress after which an attempt is cut off (truncated).
+    pub give_up_after: u32,
+    /// Decisions made at random at the start of the run.
+    pub random_decisions: u64,
+}
+
+impl Default for CollectorConfig {
+    fn default() -> Self {
+        Self {
+            map_seeds: (0..128).collect(),
+            map_side: 250,
+            map_features: Features::default(),
+            world_count: 8,
+            npcs_per_world: 32,
+            rounds_per_map: 120,
+            near_share: 0.85,
+            near_goals: (2.0, 40.0),
+            far_goals: (40.0, 120.0),
+            switch_chance: 0.6,
+            retry_share: 0.3,
+            redirect_chance: 0.003,
+            give_up_after: 200,
+            random_decisions: 20_000,
+        }
+    }
+}
+
+impl CollectorConfig {
+    /// The map of a seed.
+    ///
+    /// # Errors
+    /// If the side or the features are out of range.
+    pub fn spec(&self, seed: u64) -> Result<MapSpec, SpecError> {
+        MapSpec::with_side(seed, self.map_side)?.with(|spec| spec.features = self.map_features)
+    }
+}
+
+/// Files write an absent count as 0.
+mod zero_is_none {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::num::NonZeroU64;
+
+    pub fn serialize<S: Serializer>(count: &Option<NonZeroU64>, serializer: S) -> Result<S::Ok, S::Error> {
+        count.map_or(0, NonZeroU64::get).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<NonZeroU64>, D::Error> {
+        Ok(NonZeroU64::new(u64::deserialize(deserializer)?))
+    }
+}

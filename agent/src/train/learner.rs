@@ -1,0 +1,311 @@
+//! The learner: actor, twin critics, their targets and the temperature, and one update of all of them.
+//!
+//! [`Learner::update`] reads as its steps; the losses themselves are in [`losses`](super::losses). Actor and critics have separate
+//! encoders, as the GameRLand3D paper found more stable.
+
+use super::adam::adam;
+use super::batch::Rows;
+use super::config::SacConfig;
+use super::critic::{CRITIC_COUNT, Critics};
+use super::losses::{actor_loss, critic_loss, soft_targets, temperature_loss};
+use super::replay::Batch;
+use super::rng::RngState;
+use super::squash::sample_squashed;
+use burn::module::{Module, Param};
+use burn::optim::{GradientsParams, ModuleOptimizer};
+use burn::tensor::{Bytes, Device, Tensor, TensorData};
+use rand::rngs::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use surefoot_policy::actor::gaussian;
+use surefoot_policy::checkpoint::{WEIGHTS_FILE, load_module, module_bytes};
+use surefoot_policy::network::Encoding;
+use surefoot_policy::state::HiddenState;
+use surefoot_policy::{Actor, CheckpointError, Manifest};
+use surefoot_world::character::ACTION_LEN;
+
+/// Name of the critics' weights inside a model's folder.
+pub const CRITICS_FILE: &str = "critics.bpk";
+
+/// The logarithm of the temperature, as a module so that Adam can hold its moments.
+#[derive(Module, Debug)]
+struct Temperature {
+    log_alpha: Param<Tensor<1>>,
+}
+
+/// All learner state.
+pub struct Learner {
+    config: SacConfig,
+    actor: Actor,
+    critics: Critics,
+    target: Critics,
+    temperature: Temperature,
+    actor_optimizer: ModuleOptimizer,
+    critic_optimizer: ModuleOptimizer,
+    temperature_optimizer: ModuleOptimizer,
+    updates: u64,
+    rng: ChaCha8Rng,
+    device: Device,
+}
+
+/// Means over one update, for the log.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct UpdateStats {
+    /// Sum of both critics' squared Bellman errors.
+    pub critic_loss: f32,
+    /// Mean action value.
+    pub q_mean: f32,
+    /// Mean of alpha log pi - Q; NaN when the actor was not updated.
+    pub actor_loss: f32,
+    /// Mean negative log probability of the policy's actions.
+    pub entropy: f32,
+    /// Temperature.
+    pub alpha: f32,
+}
+
+/// A learner's state as bytes.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct LearnerState {
+    modules: [Vec<u8>; 4],
+    optimizers: [Vec<u8>; 3],
+    updates: u64,
+    rng: RngState,
+}
+
+impl Learner {
+    /// Fresh networks drawn from `rng`, on the CPU.
+    pub fn new(config: SacConfig, rng: ChaCha8Rng) -> Self {
+        Self::on(Device::flex(), config, rng)
+    }
+
+    /// Fresh networks drawn from `rng`, on some device.
+    pub fn on(device: Device, config: SacConfig, mut rng: ChaCha8Rng) -> Self {
+        let device = device.autodiff();
+        let actor = Actor::new(&config.network, &device, &mut rng);
+        let critics = Critics::new(&config.network, &device, &mut rng);
+        let log_alpha = TensorData::new(vec![config.initial_alpha.ln()], [1]);
+        Self {
+            actor,
+            target: critics.valid(),
+            critics,
+            temperature: Temperature { log_alpha: Param::from_data(log_alpha, &device) },
+            actor_optimizer: adam(),
+            critic_optimizer: adam(),
+            temperature_optimizer: adam(),
+            updates: 0,
+            config,
+            rng,
+            device,
+        }
+    }
+
+    /// Takes over the networks of a trained model; a reactive one gives a recurrent one everything but its memory.
+    ///
+    /// # Errors
+    /// If the model cannot be read or does not fit.
+    pub fn start_from(&mut self, folder: &Path) -> Result<(), CheckpointError> {
+        let manifest = Manifest::load(folder)?;
+        let read = |file: &str| {
+            let path = folder.join(file);
+            std::fs::read(&path).map_err(|source| CheckpointError::Io { path, source })
+        };
+        let (weights, critics) = (read(WEIGHTS_FILE)?, read(CRITICS_FILE)?);
+        manifest.check(&weights)?;
+        let mut actor = load_module(Actor::new(&manifest.actor, &self.device, &mut self.rng), &weights)?;
+        let mut critic = load_module(Critics::new(&manifest.actor, &self.device, &mut self.rng), &critics)?;
+        if let (None, Some(size)) = (manifest.actor.memory, self.config.network.memory) {
+            actor = actor.with_memory(size.get(), &self.device, &mut self.rng);
+            critic = critic.with_memory(size.get(), &self.device, &mut self.rng);
+        }
+        // Loading checks that the shapes are those of the configuration.
+        self.actor = load_module(self.actor.clone(), &module_bytes(&actor)?)?;
+        self.critics = load_module(self.critics.clone(), &module_bytes(&critic)?)?;
+        self.target = self.critics.valid();
+        Ok(())
+    }
+
+    /// The policy network as it stands.
+    pub fn actor(&self) -> &Actor {
+        &self.actor
+    }
+
+    /// The critics as they stand.
+    pub fn critics(&self) -> &Critics {
+        &self.critics
+    }
+
+    /// Updates made so far.
+    pub fn updates(&self) -> u64 {
+        self.updates
+    }
+
+    /// The generator that batches are drawn with.
+    pub fn rng(&mut self) -> &mut ChaCha8Rng {
+        &mut self.rng
+    }
+
+    /// One update of the critics and, at every `actor_interval`-th, of actor and temperature.
+    pub fn update(&mut self, batch: &Batch) -> UpdateStats {
+        let rows = Rows::new(batch, &self.device.clone().inner());
+        let alpha = self.alpha();
+        let targets = self.targets(&rows, alpha);
+
+        let state = self.warm_critics(&rows);
+        let past = state.as_ref().map(|state| rows.past(state));
+        let (encoding, _) = self.critics.encode(rows.learned.clone().autodiff(), past);
+        let values = self.critics.value(encoding.clone(), rows.actions.clone().autodiff());
+        let loss = critic_loss(values.clone(), targets.autodiff(), rows.weights.clone().autodiff());
+        let mut stats = UpdateStats {
+            critic_loss: scalar(loss.clone()),
+            q_mean: scalar(values.mean()),
+            actor_loss: f32::NAN,
+            entropy: f32::NAN,
+            alpha,
+        };
+        let critic_gradients = GradientsParams::from_grads(loss.backward(), &self.critics);
+        if self.updates.is_multiple_of(self.config.actor_interval) {
+            // What the critics made of the observations serves the actor's loss too.
+            let mean_log_prob = self.update_actor(&rows, encoding.detach(), alpha, &mut stats);
+            self.update_temperature(mean_log_prob);
+        }
+        self.critics = self.critic_optimizer.step(self.learning_rate(), self.critics.clone(), critic_gradients);
+        self.target = self.target.clone().soft_update(&self.critics.valid(), self.config.tau);
+        self.updates += 1;
+        stats
+    }
+
+    /// What the critics should have said: see [`soft_targets`].
+    fn targets(&mut self, rows: &Rows<'_>, alpha: f32) -> Tensor<2> {
+        let noise = self.noise(rows.learned_count(), &rows.device);
+        let actor = self.actor.valid();
+        let (seen, encoding) = if actor.memory_size().is_some() {
+            // Memories need every step; only then can the successors be picked.
+            let all = rows.all();
+            let state = rows.actor_memory();
+            let critic_state = rows.empty_memory(CRITIC_COUNT);
+            let (seen, _) = actor.encode(all.clone(), Some(rows.whole_past(&state)));
+            let (encoding, _) = self.target.encode(all, Some(rows.whole_past(&critic_state)));
+            (seen.select(&rows.successors), encoding.select(&rows.successors))
+        } else {
+            let successors = rows.all().select(0, rows.successors.clone());
+            (actor.encode(successors.clone(), None).0, self.target.encode(successors, None).0)
+        };
+        let distribution = actor.decide(seen);
+        let (actions, log_prob) = sample_squashed(distribution, noise);
+        let value = self.target.smaller_value(encoding, actions);
+        soft_targets(rows.returns.clone(), rows.bootstrap.clone(), value, log_prob, alpha)
+    }
+
+    /// The critics' memory after burning in, from nothing.
+    fn warm_critics(&self, rows: &Rows<'_>) -> Option<HiddenState> {
+        self.actor.memory_size()?;
+        let empty = rows.empty_memory(CRITIC_COUNT);
+        let Some(observations) = rows.burn_in() else { return Some(empty) };
+        self.critics.valid().encode(observations, Some(rows.burn_in_past(&empty))).1
+    }
+
+    /// The actor's memory after burning in, from what was stored.
+    fn warm_actor(&self, rows: &Rows<'_>) -> Option<HiddenState> {
+        self.actor.memory_size()?;
+        let stored = rows.actor_memory();
+        let Some(observations) = rows.burn_in() else { return Some(stored) };
+        self.actor.valid().encode(observations, Some(rows.burn_in_past(&stored))).1
+    }
+
+    /// One step of the actor; the mean log probability of its actions.
+    fn update_actor(&mut self, rows: &Rows<'_>, encoding: Encoding, alpha: f32, stats: &mut UpdateStats) -> f32 {
+        let noise = self.noise(rows.learned_count(), &rows.device).autodiff();
+        let weights = rows.weights.clone().autodiff();
+        let state = self.warm_actor(rows);
+        let past = state.as_ref().map(|state| rows.past(state));
+        let (distribution, _) = self.actor.forward(rows.learned.clone().autodiff(), past);
+        let (actions, log_prob) = sample_squashed(distribution, noise);
+        let value = self.critics.clone().no_grad().smaller_value(encoding, actions);
+        let loss = actor_loss(log_prob.clone(), value, weights.clone(), alpha);
+        stats.actor_loss = scalar(loss.clone());
+        let mean_log_prob = scalar((log_prob * weights).sum());
+        stats.entropy = -mean_log_prob;
+        let gradients = GradientsParams::from_grads(loss.backward(), &self.actor);
+        self.actor = self.actor_optimizer.step(self.learning_rate(), self.actor.clone(), gradients);
+        mean_log_prob
+    }
+
+    fn update_temperature(&mut self, mean_log_prob: f32) {
+        let loss = temperature_loss(self.temperature.log_alpha.val(), mean_log_prob, self.config.target_entropy);
+        let gradients = GradientsParams::from_grads(loss.backward(), &self.temperature);
+        self.temperature = self.temperature_optimizer.step(self.learning_rate(), self.temperature.clone(), gradients);
+    }
+
+    fn learning_rate(&self) -> f64 {
+        let done =
+            self.config.decay_updates.map_or(0.0, |updates| (self.updates as f64 / updates.get() as f64).min(1.0));
+        self.config.learning_rate * (1.0 - 0.9 * done)
+    }
+
+    fn alpha(&self) -> f32 {
+        scalar(self.temperature.log_alpha.val()).exp().max(self.config.min_alpha)
+    }
+
+    /// Standard normal values `[size, ACTION_LEN]` from the learner's own generator.
+    fn noise(&mut self, size: usize, device: &Device) -> Tensor<2> {
+        let values = gaussian(&mut self.rng, size * ACTION_LEN);
+        Tensor::from_data(TensorData::new(values, [size, ACTION_LEN]), device)
+    }
+
+    /// All state as bytes.
+    ///
+    /// # Errors
+    /// If a module cannot be encoded.
+    pub fn save(&self) -> Result<LearnerState, CheckpointError> {
+        let optimizer = |optimizer: &ModuleOptimizer| {
+            optimizer
+                .into_bytes()
+                .map(|bytes| bytes.to_vec())
+                .map_err(|error| CheckpointError::Decode(error.to_string()))
+        };
+        Ok(LearnerState {
+            modules: [
+                module_bytes(&self.actor)?,
+                module_bytes(&self.critics)?,
+                module_bytes(&self.target)?,
+                module_bytes(&self.temperature)?,
+            ],
+            optimizers: [
+                optimizer(&self.actor_optimizer)?,
+                optimizer(&self.critic_optimizer)?,
+                optimizer(&self.temperature_optimizer)?,
+            ],
+            updates: self.updates,
+            rng: RngState::of(&self.rng),
+        })
+    }
+
+    /// Continues from saved state.
+    ///
+    /// # Errors
+    /// If it does not fit the configured networks.
+    pub fn restore(device: Device, config: SacConfig, state: LearnerState) -> Result<Self, CheckpointError> {
+        let mut learner = Self::on(device, config, state.rng.generator());
+        let [actor, critic, target, temperature] = state.modules;
+        learner.actor = load_module(learner.actor, &actor)?;
+        learner.critics = load_module(learner.critics, &critic)?;
+        learner.target = load_module(learner.target, &target)?;
+        learner.temperature = load_module(learner.temperature, &temperature)?;
+        let load = |optimizer: ModuleOptimizer, bytes: Vec<u8>| {
+            optimizer
+                .from_bytes(Bytes::from_bytes_vec(bytes))
+                .map_err(|error| CheckpointError::Decode(error.to_string()))
+        };
+        let [actor, critic, temperature] = state.optimizers;
+        learner.actor_optimizer = load(learner.actor_optimizer, actor)?;
+        learner.critic_optimizer = load(learner.critic_optimizer, critic)?;
+        learner.temperature_optimizer = load(learner.temperature_optimizer, temperature)?;
+        learner.updates = state.updates;
+        learner.rng = state.rng.generator();
+        Ok(learner)
+    }
+}
+
+fn scalar<const D: usize>(tensor: Tensor<D>) -> f32 {
+    tensor.into_data().as_slice::<f32>().expect("f32 tensors")[0]
+}

@@ -1,0 +1,103 @@
+//! What a run says of itself: lines for people and curves for TensorBoard.
+
+use super::collector::CollectorStats;
+use super::error::TrainError;
+use super::learner::UpdateStats;
+use super::tensorboard::EventWriter;
+use super::validation::Validation;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The log of one run.
+pub(super) struct Log<'a> {
+    folder: PathBuf,
+    report: &'a mut dyn FnMut(&str),
+    events: EventWriter,
+    /// The last update with an actor's loss.
+    recent: UpdateStats,
+    since: Instant,
+    updates_before: u64,
+}
+
+impl<'a> Log<'a> {
+    /// A log whose lines go to `report` and whose curves go into `folder`.
+    pub fn create(folder: &Path, updates: u64, report: &'a mut dyn FnMut(&str)) -> Result<Self, TrainError> {
+        let events = EventWriter::create(&folder.join("tensorboard"))
+            .map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            report,
+            events,
+            recent: UpdateStats::default(),
+            since: Instant::now(),
+            updates_before: updates,
+        })
+    }
+
+    /// One line.
+    pub fn line(&mut self, text: &str) {
+        (self.report)(text);
+    }
+
+    fn scalars(&mut self, updates: u64, values: &[(&str, f32)]) -> Result<(), TrainError> {
+        let written = self.events.scalars(updates, values);
+        written.map_err(|source| TrainError::Io { path: self.folder.clone(), source })
+    }
+
+    /// Takes note of a round's updates.
+    pub fn note_updates(&mut self, stats: &[UpdateStats]) {
+        if let Some(last) = stats.iter().rfind(|stats| stats.actor_loss.is_finite()) {
+            self.recent = *last;
+        }
+    }
+
+    /// Where the run stands, and how fast it has gone since the last such line.
+    pub fn progress(&mut self, updates: u64, decisions: u64, stats: CollectorStats) -> Result<(), TrainError> {
+        let seconds = self.since.elapsed().as_secs_f64();
+        let rate = |count: u64| count as f64 / seconds;
+        let success = stats.reached as f64 / stats.episodes.max(1) as f64;
+        let (decisions_s, updates_s) = (rate(stats.decisions), rate(updates - self.updates_before));
+        let UpdateStats { critic_loss, q_mean, actor_loss, entropy, alpha } = self.recent;
+        self.line(&format!(
+            "updates {updates} decisions {decisions} | {decisions_s:.0} decisions/s {updates_s:.1} updates/s | success {:.1} % of {} | q {q_mean:.3} critic {critic_loss:.4} entropy {entropy:.2} alpha {alpha:.4}",
+            100.0 * success,
+            stats.episodes,
+        ));
+        self.scalars(
+            updates,
+            &[
+                ("collect/success", success as f32),
+                ("collect/reward_per_decision", (stats.reward / stats.decisions.max(1) as f64) as f32),
+                ("speed/decisions_s", decisions_s as f32),
+                ("speed/updates_s", updates_s as f32),
+                ("sac/critic_loss", critic_loss),
+                ("sac/actor_loss", actor_loss),
+                ("sac/q_mean", q_mean),
+                ("sac/entropy", entropy),
+                ("sac/alpha", alpha),
+            ],
+        )?;
+        (self.since, self.updates_before) = (Instant::now(), updates);
+        Ok(())
+    }
+
+    /// How the policy does on validation maps, with its usual noise and without.
+    pub fn validation(&mut self, updates: u64, noisy: Validation, greedy: Validation) -> Result<(), TrainError> {
+        self.line(&format!(
+            "validation at {updates} updates: {:.1} % up to 25 m, {:.1} % at 25-60 m (without noise {:.1} %, {:.1} %)",
+            100.0 * noisy.near,
+            100.0 * noisy.far,
+            100.0 * greedy.near,
+            100.0 * greedy.far,
+        ));
+        self.scalars(
+            updates,
+            &[
+                ("validation/near", noisy.near as f32),
+                ("validation/far", noisy.far as f32),
+                ("validation/near_without_noise", greedy.near as f32),
+                ("validation/far_without_noise", greedy.far as f32),
+            ],
+        )
+    }
+}

@@ -1,0 +1,103 @@
+//! The losses of soft actor-critic, as pure functions of what the networks said.
+//!
+//! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (arXiv 1812.05905). Where we
+//! differ from them, and why, is in docs/training.md. `rows` are those of a batch; each has a weight, its share in the mean: the
+//! weights of a batch add up to 1.
+
+use burn::tensor::Tensor;
+
+/// The targets of the critics, eq. (3) within (6): `returns + bootstrap (min Q(s', a') - alpha log pi(a'|s'))`, all `[rows, 1]`.
+///
+/// `bootstrap` is the discount up to the successor, 0 where the episode terminated; it is not 0 where it was truncated.
+pub fn soft_targets(
+    returns: Tensor<2>,
+    bootstrap: Tensor<2>,
+    next_value: Tensor<2>,
+    next_log_prob: Tensor<2>,
+    alpha: f32,
+) -> Tensor<2> {
+    returns + bootstrap * (next_value - next_log_prob * alpha)
+}
+
+/// The loss of the critics, eq. (5) without its factor 1/2: squared Bellman errors, summed over the critics.
+///
+/// `values` are `[critics, rows, 1]`, `targets` and `weights` `[rows, 1]`; the result is `[1]`.
+pub fn critic_loss(values: Tensor<3>, targets: Tensor<2>, weights: Tensor<2>) -> Tensor<1> {
+    let errors = (values - targets.unsqueeze::<3>()).square();
+    (errors * weights.unsqueeze::<3>()).sum()
+}
+
+/// The loss of the actor, eq. (9): the mean of `alpha log pi - Q`, through the critics' values but not their weights.
+///
+/// `log_prob`, `value` and `weights` are `[rows, 1]`; the result is `[1]`.
+pub fn actor_loss(log_prob: Tensor<2>, value: Tensor<2>, weights: Tensor<2>, alpha: f32) -> Tensor<1> {
+    ((log_prob * alpha - value) * weights).sum()
+}
+
+/// The loss of the temperature, eq. (18) in its usual form on `log alpha`: `-log alpha (mean log pi + target entropy)`, `[1]`.
+///
+/// It carries no gradient for the policy: `mean_log_prob` is a number.
+pub fn temperature_loss(log_alpha: Tensor<1>, mean_log_prob: f32, target_entropy: f32) -> Tensor<1> {
+    (log_alpha * -(mean_log_prob + target_entropy)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::{Device, TensorData};
+
+    fn column(values: &[f32]) -> Tensor<2> {
+        Tensor::from_data(TensorData::new(values.to_vec(), [values.len(), 1]), &Device::flex())
+    }
+
+    fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+        tensor.into_data().try_into_vec().unwrap()
+    }
+
+    fn assert_close(found: &[f32], expected: &[f32]) {
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1.0e-6, "{found} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn a_target_is_the_return_and_the_discounted_soft_value_of_the_successor() {
+        // Terminated, truncated, and going on: 1; 0.5 + 0.9 (2 - 0.1 x -3); 0.2 + 0.81 (-1 - 0.1 x 1).
+        let targets = soft_targets(
+            column(&[1.0, 0.5, 0.2]),
+            column(&[0.0, 0.9, 0.81]),
+            column(&[7.0, 2.0, -1.0]),
+            column(&[5.0, -3.0, 1.0]),
+            0.1,
+        );
+        assert_close(&values(targets), &[1.0, 2.57, -0.691]);
+    }
+
+    #[test]
+    fn the_critics_are_charged_their_squared_errors_by_weight() {
+        let critics = TensorData::new(vec![1.0f32, 2.0, 0.0, 4.0], [2, 2, 1]);
+        let critics = Tensor::<3>::from_data(critics, &Device::flex());
+        // 0.25 (1 - 2)^2 + 0.75 (2 - 3)^2 + 0.25 (0 - 2)^2 + 0.75 (4 - 3)^2
+        let loss = critic_loss(critics, column(&[2.0, 3.0]), column(&[0.25, 0.75]));
+        assert_close(&values(loss), &[2.75]);
+    }
+
+    #[test]
+    fn the_actor_trades_entropy_for_value() {
+        // 0.5 (0.2 x -1 - 3) + 0.5 (0.2 x 2 - 1)
+        let loss = actor_loss(column(&[-1.0, 2.0]), column(&[3.0, 1.0]), column(&[0.5, 0.5]), 0.2);
+        assert_close(&values(loss), &[-1.9]);
+    }
+
+    #[test]
+    fn the_temperature_falls_where_there_is_more_entropy_than_wanted() {
+        let device = Device::flex().autodiff();
+        let log_alpha = Tensor::<1>::from_data([-2.0f32], &device).require_grad();
+        // Entropy 3 (log pi -3) where 1 is wanted: loss -(-2) (-3 + 1) = -4, slope 2, so a step lowers log alpha.
+        let loss = temperature_loss(log_alpha.clone(), -3.0, 1.0);
+        assert_close(&values(loss.clone()), &[-4.0]);
+        let gradient = log_alpha.grad(&loss.backward()).unwrap();
+        assert_close(&values(gradient), &[2.0]);
+    }
+}

@@ -1,0 +1,96 @@
+//! A run as files: its whole state, which resumes exactly, and its weights.
+
+use super::collector::{Collector, CollectorState};
+use super::config::{CONFIG_FILE, TrainConfig};
+use super::error::TrainError;
+use super::learner::{CRITICS_FILE, Learner, LearnerState};
+use super::replay::Replay;
+use super::run::{Best, Run};
+use super::validation::Validation;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use surefoot_policy::Manifest;
+use surefoot_policy::checkpoint::{self, module_bytes, write_whole};
+
+/// The state inside a run's folder.
+const STATE_FILE: &str = "state.bin";
+
+#[derive(Serialize, Deserialize)]
+struct RunState {
+    collector: CollectorState,
+    learner: LearnerState,
+    replay: Replay,
+    rounds: u64,
+    best: Best,
+    hours: f64,
+}
+
+impl Run {
+    /// Writes the whole state, and the weights as they stand.
+    pub(super) fn save(&self, folder: &Path) -> Result<(), TrainError> {
+        // Borrowing twin of `RunState`, so that a gigabyte of replay is not copied.
+        #[derive(Serialize)]
+        struct Saved<'a> {
+            collector: CollectorState,
+            learner: LearnerState,
+            replay: &'a Replay,
+            rounds: u64,
+            best: Best,
+            hours: f64,
+        }
+        let state = Saved {
+            collector: self.collector.save(),
+            learner: self.learner.save()?,
+            replay: &self.replay,
+            rounds: self.rounds,
+            best: self.best,
+            hours: self.hours,
+        };
+        let mut bytes = postcard::to_stdvec(&state).expect("run state is plain data");
+        bytes.extend(crc32c::crc32c(&bytes).to_le_bytes());
+        write_whole(&folder.join(STATE_FILE), &bytes)?;
+        self.save_weights(&folder.join("last"), None)
+    }
+
+    /// Writes a model's folder.
+    pub(super) fn save_weights(&self, folder: &Path, validation: Option<&Validation>) -> Result<(), TrainError> {
+        let weights = module_bytes(self.actor())?;
+        let training = serde_json::json!({
+            "config": self.config,
+            "updates": self.updates(),
+            "decisions": self.collector.total_decisions(),
+            "hours": self.hours,
+            "validation": validation,
+        });
+        let manifest = Manifest::new(&self.config.name, self.config.sac.network, &weights, training);
+        checkpoint::save(folder, &manifest, &weights)?;
+        write_whole(&folder.join(CRITICS_FILE), &module_bytes(self.learner.critics())?)?;
+        Ok(())
+    }
+
+    /// The run that `folder` holds.
+    pub(super) fn load(folder: &Path) -> Result<Self, TrainError> {
+        let read = |path: PathBuf| {
+            std::fs::read(&path).map(|bytes| (path.clone(), bytes)).map_err(|source| TrainError::Io { path, source })
+        };
+        let (path, bytes) = read(folder.join(CONFIG_FILE))?;
+        let config: TrainConfig =
+            serde_json::from_slice(&bytes).map_err(|error| TrainError::Damaged { path, reason: error.to_string() })?;
+        let (path, bytes) = read(folder.join(STATE_FILE))?;
+        let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
+        let (body, crc) = bytes.split_last_chunk::<4>().ok_or_else(|| damaged("too short"))?;
+        if crc32c::crc32c(body) != u32::from_le_bytes(*crc) {
+            return Err(damaged("its checksum does not match"));
+        }
+        let state: RunState = postcard::from_bytes(body).map_err(|error| damaged(&error.to_string()))?;
+        Ok(Self {
+            collector: Collector::restore(config.collector.clone(), state.collector),
+            learner: Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?,
+            replay: state.replay,
+            rounds: state.rounds,
+            best: state.best,
+            hours: state.hours,
+            config,
+        })
+    }
+}

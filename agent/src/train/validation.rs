@@ -1,0 +1,69 @@
+//! Fixed goals on maps that are not trained on, by which checkpoints are chosen.
+
+use super::config::TrainConfig;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use surefoot_policy::Policy;
+use surefoot_rollout::{Goal, Rollout};
+use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
+
+/// Success of the deterministic policy on validation maps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    /// Share of goals up to 25 m away that were reached.
+    pub near: f64,
+    /// Share of goals 25 to 60 m away that were reached.
+    pub far: f64,
+}
+
+/// The fixed goals that a run is validated on.
+pub(super) struct ValidationSet {
+    maps: Vec<(Arc<Map>, Vec<Goal>, Vec<Goal>)>,
+    task: TaskConfig,
+}
+
+impl ValidationSet {
+    pub fn new(config: &TrainConfig) -> Self {
+        let maps = config
+            .validation_seeds
+            .iter()
+            .map(|&seed| {
+                let map = Arc::new(Map::generate(&config.collector.spec(seed).expect("a valid spec")));
+                let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x5EED);
+                let points = navigable::sample_many(&map, &CharacterProfile::default(), 800, &mut rng).expect("ground");
+                let near = Goal::draw(&points, 2.0..25.0, config.validation_goals, &mut rng);
+                let far = Goal::draw(&points, 25.0..60.0, config.validation_goals, &mut rng);
+                (map, near, far)
+            })
+            .collect();
+        Self { maps, task: TaskConfig::default() }
+    }
+
+    pub fn measure(&self, policy: &Policy, noise_share: f32) -> Validation {
+        let mut reached = [0usize; 2];
+        let mut tried = [0usize; 2];
+        for (map, near, far) in &self.maps {
+            for (band, goals) in [near, far].into_iter().enumerate() {
+                let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), self.task.clone());
+                // Shorter than the task's patience: this only ranks checkpoints.
+                rollout.give_up_after = 90;
+                rollout.noise_share = noise_share;
+                for end in rollout.run(policy, goals) {
+                    tried[band] += 1;
+                    reached[band] += usize::from(end.end == End::Reached);
+                }
+            }
+        }
+        let share = |band: usize| reached[band] as f64 / tried[band].max(1) as f64;
+        Validation { near: share(0), far: share(1) }
+    }
+}
+
+impl Validation {
+    /// What checkpoints are ranked by.
+    pub(super) fn score(&self) -> f64 {
+        self.near + 0.5 * self.far
+    }
+}

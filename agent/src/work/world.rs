@@ -1,0 +1,346 @@
+//! All NPCs of one world that a worker carries: plans, waypoints and decisions.
+
+use super::graph::{Graph, revision_from_wire};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::collections::BTreeMap;
+use std::time::Duration;
+use surefoot_net::client::Link;
+use surefoot_planner::Plan;
+use surefoot_planner::live::Passage;
+use surefoot_policy::Policy;
+use surefoot_proto::convert;
+use surefoot_proto::planner::v1 as planner;
+use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::plans::{self, npc_plan_to_wire, passage_to_wire, query_to_wire};
+use surefoot_proto::world::v1 as wire;
+use surefoot_rollout::follow::{FollowConfig, Follower, Step};
+use surefoot_world::{OBSERVATION_LEN, Vec3};
+use tokio::sync::{mpsc, watch};
+use tonic::Code;
+use tracing::warn;
+
+/// Batches of plans that have come and wait to be taken.
+const PLAN_QUEUE: usize = 256;
+/// Passages that are reported together, unless one failed.
+const REPORT_LEN: usize = 64;
+/// Plans that are asked for in one batch; planners allow more.
+const MAX_QUERIES: usize = 1024;
+/// Longest wait for a batch of plans.
+const PLAN_LIMIT: Duration = Duration::from_secs(5);
+
+/// What a world's task is told.
+pub(super) enum WorldMessage {
+    Release(Vec<u64>),
+    Ended(wire::AttemptsEnded),
+    Observations(wire::ObservationBatch),
+}
+
+/// An NPC that this worker carries.
+struct Carried {
+    attempt: u32,
+    follower: Follower,
+    /// A plan has been asked for and not come yet.
+    is_planning: bool,
+    /// State of designers' edits that its plan was made with.
+    revision: Option<u64>,
+    /// The state for which it last planned anew.
+    followed: Option<u64>,
+    /// A waypoint that the server has not been told yet.
+    new_waypoint: Option<Vec3>,
+    /// A plan that the server has not been told yet.
+    new_plan: Option<wire::NpcPlan>,
+    /// What the policy remembers of the attempt.
+    memory: Vec<f32>,
+}
+
+/// Plans that have come.
+struct Planned {
+    /// With the attempts they are for; `None` where the planner failed.
+    plans: Vec<(u64, u32, Option<Plan>)>,
+    /// State of designers' edits that they were made with.
+    revision: Option<u64>,
+}
+
+/// All NPCs of one world that this worker carries.
+pub(super) struct WorldTask {
+    world_id: u64,
+    is_lockstep: bool,
+    policy: Policy,
+    noise_share: f32,
+    graph: Option<Graph>,
+    npcs: BTreeMap<u64, Carried>,
+    planned: mpsc::Sender<Planned>,
+    plans: mpsc::Receiver<Planned>,
+    /// Passages along edges that the planner has not been told of.
+    passages: Vec<Passage>,
+    out: mpsc::Sender<wire::WorkRequest>,
+}
+
+impl WorldTask {
+    /// A task for the NPCs of one world; answers go to `out`.
+    pub fn new(
+        assignment: &wire::Assignment,
+        policy: Policy,
+        noise_share: f32,
+        graph: Option<Graph>,
+        out: mpsc::Sender<wire::WorkRequest>,
+    ) -> Self {
+        let (planned, plans) = mpsc::channel(PLAN_QUEUE);
+        Self {
+            world_id: assignment.world_id,
+            is_lockstep: assignment.mode() == wire::TimeMode::Lockstep,
+            policy,
+            noise_share,
+            graph,
+            npcs: BTreeMap::new(),
+            planned,
+            plans,
+            passages: Vec::new(),
+            out,
+        }
+    }
+
+    /// Answers batches until there are no more messages.
+    pub async fn run(mut self, mut messages: mpsc::Receiver<WorldMessage>) {
+        while let Some(message) = messages.recv().await {
+            match message {
+                WorldMessage::Release(npc_ids) => {
+                    for id in npc_ids {
+                        self.npcs.remove(&id);
+                    }
+                }
+                WorldMessage::Ended(ended) => self.note_ends(&ended),
+                WorldMessage::Observations(batch) => {
+                    let Some(answer) = self.decide(batch).await else { return };
+                    let request = wire::WorkRequest { message: Some(wire::work_request::Message::Actions(answer)) };
+                    if self.out.send(request).await.is_err() {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Answers one batch; `None` if the batch cannot be understood.
+    async fn decide(&mut self, batch: wire::ObservationBatch) -> Option<wire::ActionBatch> {
+        let count = batch.npc_ids.len();
+        let vectors = |bytes: &[u8], field| convert::unpack(bytes, count * 3, field);
+        let (observations, positions, goals) = match (
+            convert::unpack(&batch.observations, count * OBSERVATION_LEN, "observations"),
+            vectors(&batch.positions, "positions"),
+            vectors(&batch.goals, "goals"),
+        ) {
+            (Ok(observations), Ok(positions), Ok(goals)) => (observations, positions, goals),
+            _ => {
+                warn!(world = self.world_id, "the server sent a batch of another shape");
+                return None;
+            }
+        };
+        let at = |values: &[f32], idx: usize| Vec3::new(values[3 * idx], values[3 * idx + 1], values[3 * idx + 2]);
+        self.take_plans();
+        let mut gave_up = Vec::new();
+        let mut queries = Vec::new();
+        for (idx, &id) in batch.npc_ids.iter().enumerate() {
+            let (feet, goal) = (at(&positions, idx), at(&goals, idx));
+            let attempt = batch.attempts.get(idx).copied().unwrap_or(0);
+            let touched = batch.waypoint_reached.get(idx).copied().unwrap_or(false);
+            let grounded = batch.grounded.get(idx).copied().unwrap_or(true);
+            match self.note(id, attempt, [feet, goal], touched, grounded) {
+                Step::Keep => {}
+                Step::Head(waypoint) => self.carried(id).new_waypoint = Some(waypoint),
+                Step::Plan => queries.push((id, attempt, feet)),
+                Step::GiveUp => gave_up.push(id),
+            }
+        }
+        self.report();
+        for queries in queries.chunks(MAX_QUERIES) {
+            self.ask_for_plans(queries).await;
+        }
+        let waypoints = batch.npc_ids.iter().filter_map(|&id| {
+            let position = self.npcs.get_mut(&id)?.new_waypoint.take()?;
+            Some(wire::Waypoint { npc_id: id, position: Some(convert::to_wire(position)) })
+        });
+        let waypoints = waypoints.collect();
+        let plans = batch.npc_ids.iter().filter_map(|&id| {
+            let plan = self.npcs.get_mut(&id)?.new_plan.take()?;
+            Some(wire::CarriedPlan { npc_id: id, plan: Some(plan) })
+        });
+        let plans = plans.collect();
+        let actions = self.act(&batch.npc_ids, observations, batch.tick).await?;
+        Some(wire::ActionBatch {
+            world_id: self.world_id,
+            tick: batch.tick,
+            npc_ids: batch.npc_ids,
+            actions,
+            waypoints,
+            gave_up,
+            plans,
+        })
+    }
+
+    fn carried(&mut self, id: u64) -> &mut Carried {
+        self.npcs.get_mut(&id).expect("noted in this batch")
+    }
+
+    /// Takes note of where an NPC is; a new attempt gets a new follower.
+    fn note(&mut self, id: u64, attempt: u32, [feet, goal]: [Vec3; 2], touched: bool, grounded: bool) -> Step {
+        let has_planner = self.graph.is_some();
+        let latest = self.graph.as_ref().and_then(|graph| *graph.revision.borrow());
+        let memory_len = self.policy.memory_len();
+        let begin = || Carried {
+            attempt,
+            follower: Follower::new(goal, FollowConfig::default()),
+            is_planning: false,
+            revision: None,
+            followed: None,
+            new_waypoint: None,
+            new_plan: None,
+            memory: vec![0.0; memory_len],
+        };
+        let carried = self.npcs.entry(id).or_insert_with(begin);
+        if carried.attempt != attempt {
+            *carried = begin();
+        }
+        if !has_planner || carried.is_planning {
+            // The server itself ends attempts that make no progress.
+            return Step::Keep;
+        }
+        // In the air there is no turning round.
+        let is_outdated = carried.revision.zip(latest).is_some_and(|(revision, latest)| revision != latest);
+        if grounded && is_outdated && carried.followed != latest {
+            carried.followed = latest;
+            carried.follower.forget_plan();
+        }
+        let step = carried.follower.note(feet, touched);
+        self.passages.extend(carried.follower.take_passages());
+        step
+    }
+
+    /// Takes note of attempts that ended: harm on an edge is laid to that edge.
+    fn note_ends(&mut self, ended: &wire::AttemptsEnded) {
+        for ((id, &attempt), outcome) in ended.npc_ids.iter().zip(&ended.attempts).zip(ended.outcomes()) {
+            let harmed = matches!(outcome, wire::Outcome::Fell | wire::Outcome::Burnt | wire::Outcome::Drowned);
+            if let Some(carried) = self.npcs.get_mut(id).filter(|carried| harmed && carried.attempt == attempt) {
+                carried.follower.note_harm();
+                self.passages.extend(carried.follower.take_passages());
+            }
+        }
+        self.report();
+    }
+
+    /// Tells the planner how legs went, if there is something worth telling.
+    fn report(&mut self) {
+        let is_urgent = self.passages.iter().any(|passage| !passage.reached);
+        let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.passages.len() >= REPORT_LEN) else {
+            return;
+        };
+        let graph_id = graph.id.borrow().clone();
+        let traversals = std::mem::take(&mut self.passages);
+        if graph_id.is_empty() {
+            // The planner has lost the graph that these were of.
+            return;
+        }
+        let request =
+            planner::ReportTraversalsRequest { graph_id, traversals: traversals.iter().map(passage_to_wire).collect() };
+        let mut client = graph.client.clone();
+        tokio::spawn(async move {
+            if let Ok(Err(status)) = tokio::time::timeout(PLAN_LIMIT, client.report_traversals(request)).await {
+                warn!(%status, "the planner was not told how legs went");
+            }
+        });
+    }
+
+    /// Asks the planner; in lockstep waits for the answer, otherwise it is taken up at a later decision.
+    async fn ask_for_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
+        let Some(graph) = &mut self.graph else { return };
+        if self.is_lockstep && graph.id.wait_for(|id| !id.is_empty()).await.is_err() {
+            return;
+        }
+        let graph_id = graph.id.borrow().clone();
+        if graph_id.is_empty() {
+            return;
+        }
+        let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()) };
+        for &(id, _, feet) in queries {
+            let carried = self.npcs.get_mut(&id).expect("noted in this batch");
+            carried.is_planning = true;
+            request.queries.push(query_to_wire(&carried.follower.query(feet)));
+        }
+        let (client, ready, planned) = (graph.client.clone(), graph.ready.clone(), self.planned.clone());
+        let asked: Vec<(u64, u32)> = queries.iter().map(|&(id, attempt, _)| (id, attempt)).collect();
+        if self.is_lockstep {
+            let plans = find_paths(client, request, asked, &ready).await;
+            self.apply(plans);
+        } else {
+            tokio::spawn(async move {
+                let plans = find_paths(client, request, asked, &ready).await;
+                // The world's task may have ended.
+                let _ = planned.send(plans).await;
+            });
+        }
+    }
+
+    fn take_plans(&mut self) {
+        while let Ok(plans) = self.plans.try_recv() {
+            self.apply(plans);
+        }
+    }
+
+    fn apply(&mut self, planned: Planned) {
+        for (id, attempt, plan) in planned.plans {
+            let Some(carried) = self.npcs.get_mut(&id).filter(|carried| carried.attempt == attempt) else { continue };
+            carried.is_planning = false;
+            if let Some(plan) = plan {
+                carried.revision = planned.revision;
+                carried.new_plan = Some(npc_plan_to_wire(&plan));
+                carried.new_waypoint = Some(carried.follower.take_plan(plan));
+            }
+        }
+    }
+
+    /// Evaluates the policy for these NPCs on a blocking thread: packed actions.
+    async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>, tick: u64) -> Option<Vec<u8>> {
+        let (policy, noise_share, world_id) = (self.policy.clone(), self.noise_share, self.world_id);
+        let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.carried(id).memory.clone()).collect();
+        let task = tokio::task::spawn_blocking(move || {
+            let mut rng = ChaCha8Rng::seed_from_u64(world_id);
+            rng.set_stream(tick);
+            let mut actions = Vec::new();
+            policy.act(&observations, &mut memory, noise_share, &mut rng, &mut actions);
+            (memory, convert::pack(actions.iter().flat_map(|action| action.to_array())))
+        });
+        let (memory, actions) = task.await.ok()?;
+        for (&id, row) in npc_ids.iter().zip(memory.chunks_exact(self.policy.memory_len().max(1))) {
+            self.carried(id).memory.copy_from_slice(row);
+        }
+        Some(actions)
+    }
+}
+
+async fn find_paths(
+    mut client: PlannerServiceClient<Link>,
+    request: planner::FindPathsRequest,
+    asked: Vec<(u64, u32)>,
+    graph_ready: &watch::Sender<String>,
+) -> Planned {
+    let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
+    let planner::FindPathsResponse { plans, revision } = match answer {
+        Ok(Ok(response)) => response.into_inner(),
+        Ok(Err(status)) => {
+            warn!(%status, "the planner did not answer");
+            if status.code() == Code::NotFound {
+                graph_ready.send_replace(String::new());
+            }
+            Default::default()
+        }
+        Err(_) => {
+            warn!("the planner did not answer in time");
+            Default::default()
+        }
+    };
+    let mut plans = plans.into_iter();
+    let mut next = move || plans::plan(&plans.next()?).ok();
+    let plans = asked.into_iter().map(|(id, attempt)| (id, attempt, next())).collect();
+    Planned { plans, revision: revision_from_wire(revision) }
+}

@@ -1,0 +1,29 @@
+//! `surefoot licenses`: the notices of everything that the program is linked from.
+
+use crate::terminal::print_json;
+
+/// The notices, written by `cargo run -p e2e --example notices`.
+const NOTICES: &str = include_str!("../../THIRD_PARTY_NOTICES.md");
+
+/// Print the licences of surefoot and of all crates in it.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  surefoot licenses | less\n  surefoot licenses --json")]
+pub struct Args {
+    /// Print names, versions and licences as one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    if !args.json {
+        print!("{NOTICES}");
+        return Ok(());
+    }
+    let list = NOTICES.split("\n## ").next().unwrap_or_default();
+    let crates = list.lines().filter_map(|line| {
+        let (name, rest) = line.strip_prefix("- ")?.split_once(' ')?;
+        let (version, license) = rest.split_once(" (")?;
+        Some(serde_json::json!({ "name": name, "version": version, "license": license.trim_end_matches(')') }))
+    });
+    print_json(&serde_json::json!({ "license": "MIT OR Apache-2.0", "crates": crates.collect::<Vec<_>>() }))
+}

@@ -1,0 +1,35 @@
+//! How people and systems tell a process to stop.
+
+/// Resolves at Ctrl-C or, on Unix, SIGTERM. Both are caught from this call on, whether the future is polled yet or not.
+///
+/// # Panics
+/// If the system refuses to install a signal handler, or outside a tokio runtime.
+#[cfg(unix)]
+pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate()).expect("SIGTERM can be handled");
+    let mut interrupt = signal(SignalKind::interrupt()).expect("SIGINT can be handled");
+    async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+    }
+}
+
+/// Resolves at Ctrl-C, or when the console window is closed.
+///
+/// # Panics
+/// If the system refuses to install a handler, or outside a tokio runtime.
+#[cfg(windows)]
+pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
+    use tokio::signal::windows::{ctrl_c, ctrl_close};
+    let mut interrupt = ctrl_c().expect("Ctrl-C can be handled");
+    let mut close = ctrl_close().expect("closing the window can be handled");
+    async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = close.recv() => {}
+        }
+    }
+}

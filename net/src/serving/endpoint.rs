@@ -1,0 +1,203 @@
+//! An endpoint: one address with its services, from binding it to a drain that ends.
+
+use super::gate::{self, Gate};
+use super::incoming::{Counters, Incoming};
+use super::limits::Limits;
+use super::origin::Origins;
+use super::security::Security;
+use super::shutdown::Shutdown;
+use std::future::Future;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::time::sleep;
+use tonic::service::RoutesBuilder;
+use tonic::transport::Server;
+use tonic_health::ServingStatus;
+use tracing::{info, warn};
+
+/// Largest set of headers of one request.
+const MAX_HEADER_BYTES: u32 = 16 * 1024;
+/// Health checks are answered for so long after a shutdown began, so that load balancers learn of it.
+const NOTICE: Duration = Duration::from_millis(250);
+/// After this a drain is cut short: a silent peer must not keep a process alive.
+const DRAIN_LIMIT: Duration = Duration::from_secs(5);
+
+/// Why an endpoint cannot serve.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {source}")]
+    Bind {
+        /// What was asked for.
+        address: SocketAddr,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Other machines could reach it, and nothing would be encrypted.
+    #[error(
+        "{0} can be reached from other machines: give --tls-cert and --tls-key, or --insecure to serve it without TLS"
+    )]
+    Exposed(SocketAddr),
+    /// The transport failed.
+    #[error("serving failed: {0}")]
+    Transport(#[from] tonic::transport::Error),
+    /// The descriptors of the contracts are unreadable.
+    #[error("reflection cannot be set up: {0}")]
+    Reflection(#[from] tonic_reflection::server::Error),
+}
+
+/// How an endpoint is kept.
+#[derive(Debug, Clone, Default)]
+pub struct EndpointConfig {
+    /// What peers may take.
+    pub limits: Limits,
+    /// Who may call, and whether what is said is encrypted.
+    pub security: Security,
+}
+
+/// A bound address that does not accept yet.
+#[derive(Debug)]
+pub struct Endpoint {
+    listener: TcpListener,
+    address: SocketAddr,
+    config: EndpointConfig,
+    pages: Option<axum::Router>,
+}
+
+impl Endpoint {
+    /// Binds a loopback `address` with the default limits, open to everybody on this machine; port 0 takes a free one.
+    ///
+    /// # Errors
+    /// If it is taken, not allowed, or not a loopback address.
+    pub fn bind(address: SocketAddr) -> Result<Self, ServeError> {
+        Self::open(address, EndpointConfig::default())
+    }
+
+    /// Binds `address`; port 0 takes a free one.
+    ///
+    /// # Errors
+    /// If it is taken or not allowed, or if other machines can reach it and neither TLS nor `insecure` is configured.
+    pub fn open(address: SocketAddr, config: EndpointConfig) -> Result<Self, ServeError> {
+        let Security { tls, insecure, .. } = &config.security;
+        if !address.ip().to_canonical().is_loopback() && tls.is_none() && !insecure {
+            return Err(ServeError::Exposed(address));
+        }
+        let fail = |source| ServeError::Bind { address, source };
+        let listener = std::net::TcpListener::bind(address).map_err(fail)?;
+        listener.set_nonblocking(true).map_err(fail)?;
+        let listener = TcpListener::from_std(listener).map_err(fail)?;
+        let address = listener.local_addr().map_err(fail)?;
+        Ok(Self { listener, address, config, pages: None })
+    }
+
+    /// Also serves pages for browsers: whatever is asked for by GET and is no service. Everybody may read them.
+    pub fn with_pages(self, pages: axum::Router) -> Self {
+        Self { pages: Some(pages), ..self }
+    }
+
+    /// The address that is bound.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What peers may take.
+    pub fn limits(&self) -> Limits {
+        self.config.limits
+    }
+
+    /// Where clients on this machine connect.
+    pub fn uri(&self) -> String {
+        let scheme = if self.config.security.tls.is_some() { "https" } else { "http" };
+        let ip = match self.address.ip() {
+            ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
+            ip => ip,
+        };
+        format!("{scheme}://{}", SocketAddr::new(ip, self.address.port()))
+    }
+
+    /// Serves `services` (already added to the builder) until `shutdown`, then drains, at most five seconds.
+    ///
+    /// `names` are the services whose health is reported. `metrics` answers `GET /metrics`.
+    ///
+    /// # Errors
+    /// If the transport fails.
+    pub async fn serve<M, F>(
+        self,
+        mut services: RoutesBuilder,
+        names: &[&str],
+        metrics: M,
+        shutdown: Shutdown,
+    ) -> Result<(), ServeError>
+    where
+        M: Fn() -> F + Clone + Send + Sync + 'static,
+        F: Future<Output = String> + Send,
+    {
+        let Self { listener, address, config: EndpointConfig { limits, security }, pages } = self;
+        let (mut health, health_service) = tonic_health::server::health_reporter();
+        // The empty name stands for all of them.
+        let names: Vec<&str> = names.iter().copied().chain([""]).collect();
+        for name in &names {
+            health.set_service_status(*name, ServingStatus::Serving).await;
+        }
+        let reflection = tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(surefoot_proto::FILE_DESCRIPTOR_SET)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+            .build_v1()?;
+        services.add_service(health_service).add_service(reflection);
+        let counters = Arc::new(Counters::default());
+        let page = {
+            let counters = counters.clone();
+            move || {
+                let (metrics, counters) = (metrics.clone(), counters.clone());
+                async move { metrics().await + &counters.render() }
+            }
+        };
+        let guarded = security.tls.is_some() || security.tokens.is_some();
+        let origins = Origins { named: security.origins.into(), guarded };
+        let cors = origins.layer();
+        let gate = Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline };
+        let mut router = services.routes().into_axum_router().route("/metrics", axum::routing::get(page));
+        if let Some(pages) = pages {
+            router = router.fallback(move |request| gate::page(pages, request));
+        }
+        let router = router.layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass)).layer(cors);
+        let mut server = Server::builder()
+            .accept_http1(true)
+            .max_concurrent_streams(limits.max_streams)
+            .http2_max_header_list_size(MAX_HEADER_BYTES)
+            .http2_keepalive_interval(Some(limits.keepalive_interval))
+            .http2_keepalive_timeout(Some(limits.keepalive_timeout));
+        if let Some(tls) = &security.tls {
+            server = server.tls_config(tls.config(limits.handshake_timeout))?;
+        }
+        let cut = Shutdown::default();
+        let incoming = Incoming::new(listener, limits, counters, cut.clone());
+        let reporter = health.clone();
+        let told = async {
+            shutdown.wait().await;
+            for name in &names {
+                reporter.set_service_status(*name, ServingStatus::NotServing).await;
+            }
+            sleep(NOTICE).await;
+        };
+        let server = server.add_routes(router.into()).serve_with_incoming_shutdown(incoming, told);
+        let drained = async {
+            shutdown.wait().await;
+            sleep(2 * NOTICE).await;
+            // Those who watch the health have been told; this ends their streams.
+            for name in &names {
+                health.clear_service_status(name).await;
+            }
+            sleep(DRAIN_LIMIT - 2 * NOTICE).await;
+        };
+        tokio::select! {
+            result = server => result?,
+            () = drained => warn!(%address, "some connections did not close in time and were cut"),
+        }
+        cut.trigger();
+        info!(%address, "stopped serving");
+        Ok(())
+    }
+}

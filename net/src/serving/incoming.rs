@@ -1,0 +1,233 @@
+//! Accepts connections, as many as there may be, and cuts off those that stay silent.
+//!
+//! A connection beyond the limit is closed at once, not queued: whoever balances the load then tries elsewhere.
+
+use super::limits::Limits;
+use super::shutdown::Shutdown;
+use std::future::Future;
+use std::io::{Error, ErrorKind, IoSlice, Result};
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Instant, Sleep, sleep};
+use tokio_stream::Stream;
+use tonic::transport::server::{Connected, TcpConnectInfo};
+use tracing::{debug, warn};
+
+/// Bytes of the HTTP/2 preface; no shorter request of HTTP/1 is of use to anybody.
+const PREFACE_LEN: usize = 24;
+/// Rest after the system refused to accept, which it does while file descriptors are short.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// What has become of connections.
+#[derive(Debug, Default)]
+pub(super) struct Counters {
+    open: AtomicU64,
+    refused: AtomicU64,
+    cut: AtomicU64,
+}
+
+impl Counters {
+    /// The Prometheus text.
+    pub fn render(&self) -> String {
+        let of = |value: &AtomicU64| value.load(Ordering::Relaxed);
+        format!(
+            "# HELP surefoot_connections Connections that are open.\n# TYPE surefoot_connections gauge\nsurefoot_connections {}\n\
+             # HELP surefoot_connections_refused_total Connections closed at once because there were too many.\n\
+             # TYPE surefoot_connections_refused_total counter\nsurefoot_connections_refused_total {}\n\
+             # HELP surefoot_connections_cut_total Connections cut off because they were silent.\n\
+             # TYPE surefoot_connections_cut_total counter\nsurefoot_connections_cut_total {}\n",
+            of(&self.open),
+            of(&self.refused),
+            of(&self.cut)
+        )
+    }
+}
+
+/// Yields connections for as long as it is polled.
+pub(super) struct Incoming {
+    listener: TcpListener,
+    limits: Limits,
+    permits: Arc<Semaphore>,
+    counters: Arc<Counters>,
+    cut: Shutdown,
+    pause: Option<Pin<Box<Sleep>>>,
+}
+
+impl Incoming {
+    /// Accepts from `listener`; `cut` breaks whatever is still open.
+    pub fn new(listener: TcpListener, limits: Limits, counters: Arc<Counters>, cut: Shutdown) -> Self {
+        let permits = Arc::new(Semaphore::new(limits.max_connections));
+        Self { listener, limits, permits, counters, cut, pause: None }
+    }
+
+    fn admit(&self, stream: TcpStream) -> Option<Connection> {
+        let Ok(permit) = self.permits.clone().try_acquire_owned() else {
+            self.counters.refused.fetch_add(1, Ordering::Relaxed);
+            debug!("a connection is refused: there are too many");
+            return None;
+        };
+        if let Err(error) = stream.set_nodelay(true) {
+            debug!(%error, "small messages may be delayed");
+        }
+        Some(Connection::new(stream, self.limits, permit, self.counters.clone(), &self.cut))
+    }
+}
+
+impl Stream for Incoming {
+    type Item = Result<Connection>;
+
+    fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        loop {
+            if let Some(pause) = &mut self.pause {
+                ready!(pause.as_mut().poll(cx));
+                self.pause = None;
+            }
+            match ready!(self.listener.poll_accept(cx)) {
+                Ok((stream, _)) => {
+                    if let Some(connection) = self.admit(stream) {
+                        return Poll::Ready(Some(Ok(connection)));
+                    }
+                }
+                // The peer has gone again.
+                Err(error) if matches!(error.kind(), ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset) => {}
+                Err(error) => {
+                    warn!(%error, "no connection can be accepted: trying again");
+                    self.pause = Some(Box::pin(sleep(ACCEPT_PAUSE)));
+                }
+            }
+        }
+    }
+}
+
+/// An accepted connection, which fails once its peer has been silent for too long.
+pub(super) struct Connection {
+    stream: TcpStream,
+    /// When to look whether the peer has been silent for too long.
+    alarm: Pin<Box<Sleep>>,
+    last_byte: Instant,
+    idle_timeout: Duration,
+    /// Bytes that a greeting still lacks; until then `alarm` stands fast.
+    greeting_left: usize,
+    cut: Pin<Box<dyn Future<Output = ()> + Send>>,
+    counters: Arc<Counters>,
+    _permit: OwnedSemaphorePermit,
+}
+
+impl Connection {
+    fn new(
+        stream: TcpStream,
+        limits: Limits,
+        permit: OwnedSemaphorePermit,
+        counters: Arc<Counters>,
+        cut: &Shutdown,
+    ) -> Self {
+        counters.open.fetch_add(1, Ordering::Relaxed);
+        Self {
+            stream,
+            alarm: Box::pin(sleep(limits.handshake_timeout)),
+            last_byte: Instant::now(),
+            idle_timeout: limits.idle_timeout,
+            greeting_left: PREFACE_LEN,
+            cut: Box::pin(cut.wait()),
+            counters,
+            _permit: permit,
+        }
+    }
+
+    fn note_read(&mut self, count: usize) {
+        self.note_byte(count);
+        if self.greeting_left > 0 {
+            self.greeting_left = self.greeting_left.saturating_sub(count);
+            if self.greeting_left == 0 {
+                self.alarm.as_mut().reset(self.last_byte + self.idle_timeout);
+            }
+        }
+    }
+
+    fn note_byte(&mut self, count: usize) {
+        if count > 0 {
+            self.last_byte = Instant::now();
+        }
+    }
+
+    /// Ready with an error once the peer is to be cut off; called whenever there is nothing else to do.
+    fn poll_overdue<T>(&mut self, cx: &mut Context<'_>) -> Poll<Result<T>> {
+        if self.cut.as_mut().poll(cx).is_ready() {
+            return Poll::Ready(Err(Error::new(ErrorKind::ConnectionAborted, "the endpoint has stopped")));
+        }
+        loop {
+            ready!(self.alarm.as_mut().poll(cx));
+            let due = self.last_byte + self.idle_timeout;
+            if self.greeting_left > 0 || due <= Instant::now() {
+                self.counters.cut.fetch_add(1, Ordering::Relaxed);
+                return Poll::Ready(Err(Error::new(ErrorKind::TimedOut, "the peer has been silent for too long")));
+            }
+            self.alarm.as_mut().reset(due);
+        }
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.counters.open.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+impl Connected for Connection {
+    type ConnectInfo = TcpConnectInfo;
+
+    fn connect_info(&self) -> TcpConnectInfo {
+        self.stream.connect_info()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buffer: &mut ReadBuf<'_>) -> Poll<Result<()>> {
+        let before = buffer.filled().len();
+        if let Poll::Ready(result) = Pin::new(&mut self.stream).poll_read(cx, buffer) {
+            self.note_read(buffer.filled().len() - before);
+            return Poll::Ready(result);
+        }
+        self.poll_overdue(cx)
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buffer: &[u8]) -> Poll<Result<usize>> {
+        if let Poll::Ready(result) = Pin::new(&mut self.stream).poll_write(cx, buffer) {
+            self.note_byte(*result.as_ref().unwrap_or(&0));
+            return Poll::Ready(result);
+        }
+        self.poll_overdue(cx)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffers: &[IoSlice<'_>],
+    ) -> Poll<Result<usize>> {
+        if let Poll::Ready(result) = Pin::new(&mut self.stream).poll_write_vectored(cx, buffers) {
+            self.note_byte(*result.as_ref().unwrap_or(&0));
+            return Poll::Ready(result);
+        }
+        self.poll_overdue(cx)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(cx)
+    }
+}

@@ -1,0 +1,34 @@
+//! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, gRPC-Web, and a drain that
+//! ends.
+//!
+//! [`Endpoint`] puts it together. A connection comes in through `incoming` (how many, how long silent), a request through
+//! `gate` (who, by [`access`], and by when).
+
+pub mod access;
+mod endpoint;
+mod files;
+mod gate;
+mod incoming;
+mod limits;
+mod origin;
+pub mod security;
+mod shutdown;
+pub mod tokens;
+
+pub use endpoint::{Endpoint, EndpointConfig, ServeError};
+pub use files::FileError;
+pub(crate) use files::{read, read_identity};
+pub use gate::Caller;
+pub use limits::{Limits, MAX_MESSAGE_BYTES};
+pub use security::Security;
+pub use shutdown::{Shutdown, going_away};
+
+/// Makes a service understand gRPC-Web too, for browsers.
+pub fn with_grpc_web<S>(service: S) -> tonic::service::Layered<tonic_web::GrpcWebService<S>, S>
+where
+    S: tonic::server::NamedService,
+    tonic_web::GrpcWebService<S>: Clone,
+{
+    use tonic::service::LayerExt;
+    tonic_web::GrpcWebLayer::new().named_layer(service)
+}

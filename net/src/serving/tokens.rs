@@ -1,0 +1,150 @@
+//! Bearer tokens: who may call, by a secret of theirs.
+
+use super::access::Role;
+use super::files::{FileError, read};
+use crate::secret::Secret;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use toml::{Table, Value};
+
+/// Shorter secrets are refused, bytes.
+const MIN_SECRET_LEN: usize = 16;
+
+/// A file of tokens that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TokenFileError {
+    /// It cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// What it says is refused.
+    #[error("cannot use the tokens in {}: {reason}", path.display())]
+    Refused {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        reason: TokenError,
+    },
+}
+
+/// Why a list of tokens is refused. No variant carries a secret.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TokenError {
+    /// It is not TOML.
+    #[error("line {line} is not TOML")]
+    Syntax {
+        /// Counted from one.
+        line: usize,
+    },
+    /// A key that has no meaning, here or inside an entry.
+    #[error("`{0}` has no meaning; the file holds entries [[token]] with name, role and secret")]
+    UnknownKey(String),
+    /// There is no entry.
+    #[error("it holds no [[token]]")]
+    Empty,
+    /// An entry lacks a text.
+    #[error("token {position} needs a text `{key}`")]
+    Missing {
+        /// Counted from one.
+        position: usize,
+        /// Which.
+        key: &'static str,
+    },
+    /// There is no such role.
+    #[error("token `{0}` has an unknown role; known are client, worker, designer and admin")]
+    Role(String),
+    /// Too easy to guess.
+    #[error("the secret of token `{0}` is shorter than {MIN_SECRET_LEN} bytes")]
+    Short(String),
+    /// A header cannot carry it.
+    #[error("the secret of token `{0}` may hold visible ASCII characters only")]
+    Unsendable(String),
+    /// Two entries share a name or a secret.
+    #[error("tokens `{0}` and `{1}` have the same name or secret")]
+    Duplicate(String, String),
+}
+
+#[derive(Clone)]
+struct Token {
+    name: Arc<str>,
+    role: Role,
+    hash: blake3::Hash,
+}
+
+/// The tokens that an endpoint accepts. Only hashes of the secrets are kept.
+#[derive(Clone)]
+pub struct Tokens(Arc<[Token]>);
+
+impl fmt::Debug for Tokens {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.0.iter().map(|token| (&token.name, token.role))).finish()
+    }
+}
+
+impl Tokens {
+    /// Reads a file of tokens.
+    ///
+    /// # Errors
+    /// If it cannot be read or [`Tokens::parse`] refuses it.
+    pub fn load(path: &Path) -> Result<Self, TokenFileError> {
+        let text = String::from_utf8_lossy(&read(path)?).into_owned();
+        Self::parse(&text).map_err(|reason| TokenFileError::Refused { path: path.to_owned(), reason })
+    }
+
+    /// Reads tokens: a TOML list of `[[token]]` with `name`, `role` and `secret`.
+    ///
+    /// # Errors
+    /// If anything is missing, unknown, twice or too short.
+    pub fn parse(text: &str) -> Result<Self, TokenError> {
+        // What the parser says may quote the line, and with it a secret.
+        let table = text.parse::<Table>().map_err(|error| {
+            let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+            TokenError::Syntax { line: before.matches('\n').count() + 1 }
+        })?;
+        if let Some(key) = table.keys().find(|key| *key != "token") {
+            return Err(TokenError::UnknownKey(key.clone()));
+        }
+        let entries = table.get("token").and_then(Value::as_array).ok_or(TokenError::Empty)?;
+        let mut tokens: Vec<Token> = Vec::with_capacity(entries.len());
+        for (idx, entry) in entries.iter().enumerate() {
+            let token = parse_token(entry, idx + 1)?;
+            if let Some(twin) = tokens.iter().find(|other| other.name == token.name || other.hash == token.hash) {
+                return Err(TokenError::Duplicate(twin.name.to_string(), token.name.to_string()));
+            }
+            tokens.push(token);
+        }
+        if tokens.is_empty() { Err(TokenError::Empty) } else { Ok(Self(tokens.into())) }
+    }
+
+    /// Whose secret this is: name and role. Takes as long whether it is one or not.
+    pub(super) fn holder(&self, secret: &str) -> Option<(Arc<str>, Role)> {
+        let hash = blake3::hash(secret.as_bytes());
+        // Hashes are compared in constant time, and all of them.
+        self.0.iter().fold(None, |found, token| if token.hash == hash { Some(token) } else { found }).map(|token| {
+            let Token { name, role, .. } = token;
+            (name.clone(), *role)
+        })
+    }
+}
+
+fn parse_token(entry: &Value, position: usize) -> Result<Token, TokenError> {
+    let text = |key: &'static str| {
+        let text = entry.get(key).and_then(Value::as_str).filter(|text| !text.is_empty());
+        text.ok_or(TokenError::Missing { position, key })
+    };
+    let known = ["name", "role", "secret"];
+    if let Some(key) = entry.as_table().and_then(|entry| entry.keys().find(|key| !known.contains(&key.as_str()))) {
+        return Err(TokenError::UnknownKey(key.clone()));
+    }
+    let (name, role, secret) = (text("name")?.to_owned(), text("role")?, Secret::new(text("secret")?));
+    let Some(role) = Role::ALL.into_iter().find(|known| known.name() == role) else {
+        return Err(TokenError::Role(name));
+    };
+    if secret.reveal().len() < MIN_SECRET_LEN {
+        return Err(TokenError::Short(name));
+    }
+    if !secret.reveal().bytes().all(|byte| byte.is_ascii_graphic()) {
+        return Err(TokenError::Unsendable(name));
+    }
+    Ok(Token { name: name.into(), role, hash: blake3::hash(secret.reveal().as_bytes()) })
+}

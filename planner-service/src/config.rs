@@ -1,0 +1,38 @@
+//! Limits and sizes of a planner.
+
+use surefoot_net::levels::DEFAULT_MAX_MAPS;
+use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+
+/// Limits and sizes of a planner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PlannerConfig {
+    /// Most vertices of a graph (`--max-vertices`).
+    pub max_vertices: usize,
+    /// Most queries in one batch (`--max-queries`).
+    pub max_queries: usize,
+    /// Most builds that run or wait (`--max-builds`).
+    pub max_builds: usize,
+    /// Graphs kept in memory (`--graphs-in-memory`).
+    pub graphs_in_memory: usize,
+    /// Threads that probe (`--threads`).
+    pub threads: usize,
+    /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair (`--table-vertices`).
+    pub table_vertices: usize,
+    /// Most imported maps that are kept (`--max-maps`).
+    pub max_maps: usize,
+}
+
+impl Default for PlannerConfig {
+    fn default() -> Self {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            max_vertices: 2000,
+            max_queries: 4096,
+            max_builds: 16,
+            graphs_in_memory: 32,
+            threads,
+            table_vertices: DEFAULT_TABLE_LIMIT,
+            max_maps: DEFAULT_MAX_MAPS,
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! `PlannerService`: decode, call, encode.
+//!
+//! `streams` are the progress of builds and the changes of graphs, `errors` turns the planner's errors into statuses.
+
+mod errors;
+mod streams;
+
+use crate::error::PlannerError;
+use crate::hosted::Revision;
+use crate::layers::LayerChange;
+use crate::planner::Planner;
+use crate::wire::{
+    difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire, ready_graph_to_wire,
+    revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire, unfit_to_wire,
+};
+use std::pin::Pin;
+use surefoot_net::levels::grpc as levels;
+use surefoot_net::status;
+use surefoot_planner::VertexId;
+use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::planner::v1 as wire;
+use surefoot_proto::planner::v1::planner_service_server::PlannerService;
+use surefoot_proto::plans::{passage, plan_to_wire, query};
+use surefoot_world::Seed;
+use tokio::sync::mpsc;
+use tokio_stream::Stream;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status};
+
+/// Passages that one report may hold.
+const MAX_PASSAGES: usize = 4096;
+
+/// The service; clones share everything.
+#[derive(Clone)]
+pub struct PlannerApi {
+    planner: Planner,
+}
+
+impl PlannerApi {
+    /// The service in front of `planner`.
+    pub fn new(planner: Planner) -> Self {
+        Self { planner }
+    }
+
+    /// Changes a layer: the graph's figures then, the edits that do not fit, and the revision.
+    async fn change_layers(
+        &self,
+        graph_id: &str,
+        if_revision: u64,
+        change: LayerChange,
+    ) -> Result<(Option<wire::GraphSummary>, Vec<wire::UnfitEdit>, u64), Status> {
+        let changed = self.planner.change_layers(graph_id, revision_from_wire(if_revision), change).await?;
+        let revision = revision_to_wire(changed.hosted.revision());
+        Ok((Some(summary_to_wire(&changed.hosted)), unfit_to_wire(&changed.unfit), revision))
+    }
+}
+
+type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+#[tonic::async_trait]
+impl PlannerService for PlannerApi {
+    type BuildGraphStream = BoxStream<wire::BuildGraphResponse>;
+
+    async fn build_graph(
+        &self,
+        request: Request<wire::BuildGraphRequest>,
+    ) -> Result<Response<Self::BuildGraphStream>, Status> {
+        let request = request.into_inner();
+        let source = levels::source(self.planner.levels(), request.map.as_ref(), &request.map_hash)?;
+        let settings = settings_from_wire(request.settings.as_ref(), self.planner.config())?;
+        let job = self.planner.join(source, settings)?;
+        let (queue, stream) = mpsc::channel(4);
+        tokio::spawn(streams::report(job, queue, self.planner.shutdown().clone()));
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn get_graph(
+        &self,
+        request: Request<wire::GetGraphRequest>,
+    ) -> Result<Response<wire::GetGraphResponse>, Status> {
+        let hosted = self.planner.ready(&request.into_inner().graph_id)?;
+        Ok(Response::new(graph_to_wire(&hosted)))
+    }
+
+    type WatchGraphStream = BoxStream<wire::WatchGraphResponse>;
+
+    async fn watch_graph(
+        &self,
+        request: Request<wire::WatchGraphRequest>,
+    ) -> Result<Response<Self::WatchGraphStream>, Status> {
+        let graph_id = request.into_inner().graph_id;
+        let changes = self.planner.ready(&graph_id)?.changes();
+        let (queue, stream) = mpsc::channel(1);
+        tokio::spawn(streams::tell_changes(self.planner.clone(), graph_id, changes, queue));
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn list_graphs(
+        &self,
+        _request: Request<wire::ListGraphsRequest>,
+    ) -> Result<Response<wire::ListGraphsResponse>, Status> {
+        let graphs = self.planner.all_ready().iter().map(|hosted| ready_graph_to_wire(hosted)).collect();
+        Ok(Response::new(wire::ListGraphsResponse { graphs }))
+    }
+
+    async fn probe_edge(
+        &self,
+        request: Request<wire::ProbeEdgeRequest>,
+    ) -> Result<Response<wire::ProbeEdgeResponse>, Status> {
+        let wire::ProbeEdgeRequest { graph_id, from, to, seed } = request.into_inner();
+        let hosted = self.planner.ready(&graph_id)?;
+        let (outcome, track) = self.planner.probe(hosted, VertexId(from), VertexId(to), Seed(seed)).await?;
+        Ok(Response::new(wire::ProbeEdgeResponse {
+            reached: outcome.reached,
+            decisions: outcome.decisions,
+            ability: convert::ability_to_wire(outcome.ability).into(),
+            track: convert::pack(track.iter().flat_map(|place| place.to_array())),
+        }))
+    }
+
+    async fn compare_graphs(
+        &self,
+        request: Request<wire::CompareGraphsRequest>,
+    ) -> Result<Response<wire::CompareGraphsResponse>, Status> {
+        let request = request.into_inner();
+        let (before, after) = (self.planner.ready(&request.before)?, self.planner.ready(&request.after)?);
+        Ok(Response::new(difference_to_wire(self.planner.compare(before, after).await?)))
+    }
+
+    async fn find_path(
+        &self,
+        request: Request<wire::FindPathRequest>,
+    ) -> Result<Response<wire::FindPathResponse>, Status> {
+        let request = request.into_inner();
+        let hosted = self.planner.ready(&request.graph_id)?;
+        let query = query(&request.query.ok_or(FieldError::Missing("query"))?)?;
+        let plan = self.planner.plan(&hosted, &query);
+        Ok(Response::new(wire::FindPathResponse { plan: Some(plan_to_wire(&plan)) }))
+    }
+
+    async fn find_paths(
+        &self,
+        request: Request<wire::FindPathsRequest>,
+    ) -> Result<Response<wire::FindPathsResponse>, Status> {
+        let request = request.into_inner();
+        let hosted = self.planner.ready(&request.graph_id)?;
+        let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
+        if count > limit {
+            let message = format!("{count} queries, at most {limit} are allowed in one batch (--max-queries)");
+            return Err(status::too_much("queries", message));
+        }
+        let queries = request.queries.iter().map(query).collect::<Result<Vec<_>, _>>()?;
+        let planner = self.planner.clone();
+        // If an edit comes in between, the plans are at least as new.
+        let revision = revision_to_wire(hosted.revision());
+        let plans = tokio::task::spawn_blocking(move || {
+            queries.iter().map(|query| plan_to_wire(&planner.plan(&hosted, query))).collect()
+        });
+        let plans = plans.await.map_err(PlannerError::lost("the search"))?;
+        Ok(Response::new(wire::FindPathsResponse { plans, revision }))
+    }
+
+    async fn report_traversals(
+        &self,
+        request: Request<wire::ReportTraversalsRequest>,
+    ) -> Result<Response<wire::ReportTraversalsResponse>, Status> {
+        let request = request.into_inner();
+        let hosted = self.planner.ready(&request.graph_id)?;
+        let count = request.traversals.len();
+        if count > MAX_PASSAGES {
+            let message = format!("{count} traversals, at most {MAX_PASSAGES} are allowed in one report");
+            return Err(status::too_much("traversals", message));
+        }
+        let passages = request.traversals.iter().map(passage).collect::<Result<Vec<_>, _>>()?;
+        let accepted = self.planner.report(&hosted, &passages);
+        Ok(Response::new(wire::ReportTraversalsResponse { accepted }))
+    }
+
+    async fn get_layers(
+        &self,
+        request: Request<wire::GetLayersRequest>,
+    ) -> Result<Response<wire::GetLayersResponse>, Status> {
+        let (layers, unfit) = self.planner.ready(&request.into_inner().graph_id)?.layers();
+        let revision = revision_to_wire(Revision::of(&layers));
+        let layers = layers.iter().map(layer_to_wire).collect();
+        Ok(Response::new(wire::GetLayersResponse { layers, unfit: unfit_to_wire(&unfit), revision }))
+    }
+
+    async fn put_layer(
+        &self,
+        request: Request<wire::PutLayerRequest>,
+    ) -> Result<Response<wire::PutLayerResponse>, Status> {
+        let wire::PutLayerRequest { graph_id, layer, if_revision } = request.into_inner();
+        let change = LayerChange::Put(layer_from_wire(layer.as_ref())?);
+        let (summary, unfit, revision) = self.change_layers(&graph_id, if_revision, change).await?;
+        Ok(Response::new(wire::PutLayerResponse { summary, unfit, revision }))
+    }
+
+    async fn append_edits(
+        &self,
+        request: Request<wire::AppendEditsRequest>,
+    ) -> Result<Response<wire::AppendEditsResponse>, Status> {
+        let wire::AppendEditsRequest { graph_id, layer, edits, if_revision } = request.into_inner();
+        let change = LayerChange::Append(layer, edits_from_wire(&edits)?);
+        let (summary, unfit, revision) = self.change_layers(&graph_id, if_revision, change).await?;
+        Ok(Response::new(wire::AppendEditsResponse { summary, unfit, revision }))
+    }
+
+    async fn undo_edits(
+        &self,
+        request: Request<wire::UndoEditsRequest>,
+    ) -> Result<Response<wire::UndoEditsResponse>, Status> {
+        let wire::UndoEditsRequest { graph_id, layer, count, if_revision } = request.into_inner();
+        if count == 0 {
+            return Err(status::invalid("count", "count is 0, at least 1 edit can be taken back"));
+        }
+        let change = LayerChange::Undo(layer, count as usize);
+        let (summary, unfit, revision) = self.change_layers(&graph_id, if_revision, change).await?;
+        Ok(Response::new(wire::UndoEditsResponse { summary, unfit, revision }))
+    }
+}

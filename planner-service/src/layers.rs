@@ -1,0 +1,105 @@
+//! Changes of designers' layers: one at a time, stored first, then applied to every graph of the level.
+
+use crate::error::PlannerError;
+use crate::hosted::{Hosted, Revision};
+use crate::planner::Planner;
+use std::sync::Arc;
+use surefoot_planner::edits::{Edit, Layer, Unfit};
+use surefoot_planner::store::LevelId;
+
+/// What a caller wants changed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LayerChange {
+    /// This layer, in place of the one of its name.
+    Put(Layer),
+    /// These edits after those of the layer of this name; a new one where there is none.
+    Append(String, Vec<Edit>),
+    /// The last edits of the layer of this name are taken back.
+    Undo(String, usize),
+}
+
+impl LayerChange {
+    /// The layer as it is to be.
+    fn apply(self, layers: &[Layer]) -> Result<Layer, PlannerError> {
+        let find = |name: &str| layers.iter().find(|layer| layer.name == name).cloned();
+        let changed = match self {
+            LayerChange::Put(layer) => layer,
+            LayerChange::Append(name, edits) => {
+                let mut layer = find(&name).unwrap_or(Layer { name, edits: Vec::new() });
+                layer.edits.extend(edits);
+                layer
+            }
+            LayerChange::Undo(name, count) => {
+                let mut layer = find(&name).ok_or(PlannerError::UnknownLayer(name))?;
+                layer.edits.truncate(layer.edits.len().saturating_sub(count));
+                layer
+            }
+        };
+        changed.validate()?;
+        Ok(changed)
+    }
+}
+
+/// A level's layers after a change.
+pub struct Changed {
+    /// The graph that was named.
+    pub hosted: Arc<Hosted>,
+    /// Edits that do not fit it.
+    pub unfit: Vec<Unfit>,
+}
+
+impl Planner {
+    /// Changes a layer of a graph's level; given a revision, only if the layers are in that state.
+    ///
+    /// # Errors
+    /// If the graph is not in memory, the layers are in another state, or the change is refused or cannot be stored.
+    pub async fn change_layers(
+        &self,
+        graph_id: &str,
+        if_revision: Option<Revision>,
+        change: LayerChange,
+    ) -> Result<Changed, PlannerError> {
+        let editing = self.shared.editing.clone().lock_owned().await;
+        let hosted = self.ready(graph_id)?;
+        let planner = self.clone();
+        let task = tokio::task::spawn_blocking(move || {
+            // Held until the change is made, even if nobody waits for the answer any more.
+            let _editing = editing;
+            let level = hosted.level();
+            let layers = planner.store_change(&level, if_revision, change)?;
+            let mut all = planner.all_ready();
+            if !all.iter().any(|other| Arc::ptr_eq(other, &hosted)) {
+                all.push(hosted.clone());
+            }
+            for other in all.iter().filter(|other| other.level() == level) {
+                other.apply_layers(layers.clone());
+            }
+            let (_, unfit) = hosted.layers();
+            Ok(Changed { hosted, unfit })
+        });
+        task.await.map_err(PlannerError::lost("the edit"))?
+    }
+
+    /// Stores a change: all layers of the level as they are then, by name.
+    fn store_change(
+        &self,
+        level: &LevelId,
+        if_revision: Option<Revision>,
+        change: LayerChange,
+    ) -> Result<Vec<Layer>, PlannerError> {
+        // What is stored is what counts: a graph shows it a little later.
+        let stored = self.shared.store.layers(level);
+        let mut layers = stored.map_err(PlannerError::store("the layers cannot be read"))?;
+        if if_revision.is_some_and(|revision| revision != Revision::of(&layers)) {
+            return Err(PlannerError::Overtaken);
+        }
+        let changed = change.apply(&layers)?;
+        layers.retain(|layer| layer.name != changed.name);
+        if !changed.edits.is_empty() {
+            layers.push(changed.clone());
+        }
+        layers.sort_by(|a, b| a.name.cmp(&b.name));
+        self.shared.store.put_layer(level, &changed).map_err(PlannerError::store("the layer cannot be kept"))?;
+        Ok(layers)
+    }
+}

@@ -1,0 +1,270 @@
+//! The planner: graphs in use, who builds, edits, probes and asks them. Knows no wire type.
+//!
+//! Graphs in use ([`Hosted`]) are kept in memory, all of them in the store; `builds` makes new ones, `layers` changes what designers
+//! put over them. What NPCs report counts at once where it makes an edge dearer; a new table follows within seconds.
+
+use crate::config::PlannerConfig;
+use crate::error::PlannerError;
+use crate::hosted::Hosted;
+use crate::jobs::Listed;
+use crate::locks::POISON;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use surefoot_net::levels::LevelStore;
+use surefoot_net::serving::Shutdown;
+use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::probe::{Outcome, Trial};
+use surefoot_planner::reachability::{self, Difference};
+use surefoot_planner::store::{GraphStore, StoreError};
+use surefoot_planner::{GraphId, Plan, Query, VertexId};
+use surefoot_policy::Policy;
+use surefoot_rollout::probe::{self, ProbeContext};
+use surefoot_world::{Map, Seed, Vec3};
+use tokio::sync::Semaphore;
+use tracing::warn;
+
+/// From a report to the table that has learned from it.
+const REFRESH_AFTER: Duration = Duration::from_secs(2);
+
+/// A planner; clones share everything.
+#[derive(Clone)]
+pub struct Planner {
+    pub(crate) shared: Arc<Shared>,
+}
+
+pub(crate) struct Shared {
+    pub config: PlannerConfig,
+    pub policy: Policy,
+    pub store: Box<dyn GraphStore>,
+    pub levels: LevelStore,
+    /// Most recently used last.
+    ready: Mutex<VecDeque<Arc<Hosted>>>,
+    /// By source and settings, since the hash of a generated map is not known before.
+    pub jobs: Mutex<BTreeMap<String, Listed>>,
+    /// One build at a time: each uses all cores.
+    pub turn: Semaphore,
+    /// One change of layers at a time, and no graph that reads them meanwhile.
+    pub editing: Arc<tokio::sync::Mutex<()>>,
+    /// Probes that run at a time for those who ask for one.
+    probing: Arc<Semaphore>,
+    /// The map of the last such probe.
+    probed_map: Mutex<Option<Arc<Map>>>,
+    plans: AtomicU64,
+    pub shutdown: Shutdown,
+}
+
+impl Planner {
+    /// A planner for one policy.
+    pub fn new(config: PlannerConfig, policy: Policy, store: Box<dyn GraphStore>, shutdown: Shutdown) -> Self {
+        let shared = Shared {
+            config,
+            policy,
+            store,
+            levels: LevelStore::new(config.max_maps),
+            ready: Mutex::default(),
+            jobs: Mutex::default(),
+            turn: Semaphore::new(1),
+            editing: Arc::default(),
+            probing: Arc::new(Semaphore::new(config.threads.max(1))),
+            probed_map: Mutex::default(),
+            plans: AtomicU64::new(0),
+            shutdown,
+        };
+        Self { shared: Arc::new(shared) }
+    }
+
+    /// Limits and sizes.
+    pub fn config(&self) -> &PlannerConfig {
+        &self.shared.config
+    }
+
+    /// Maps that clients imported.
+    pub fn levels(&self) -> &LevelStore {
+        &self.shared.levels
+    }
+
+    /// Set when the service stops.
+    pub fn shutdown(&self) -> &Shutdown {
+        &self.shared.shutdown
+    }
+
+    /// The Prometheus text.
+    pub fn metrics(&self) -> String {
+        let plans = self.shared.plans.load(Ordering::Relaxed);
+        let graphs = self.shared.ready.lock().expect(POISON).len();
+        let builds = self.shared.jobs.lock().expect(POISON).len();
+        format!(
+            "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
+             # HELP surefoot_graphs_in_memory Graphs ready to be asked.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
+             # HELP surefoot_builds Builds that run or wait.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n"
+        )
+    }
+
+    // --- graphs in memory ---
+
+    /// A graph that somebody queries.
+    ///
+    /// # Errors
+    /// If the id is not one, or the graph is not in memory.
+    pub fn ready(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
+        let hosted = self.find(graph_id)?;
+        self.note_use(&hosted.origin.id);
+        Ok(hosted)
+    }
+
+    /// A graph, without counting as a use of it.
+    ///
+    /// # Errors
+    /// As [`ready`](Self::ready).
+    pub fn find(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
+        let id = GraphId::parse(graph_id).ok_or(PlannerError::BadGraphId)?;
+        let ready = self.shared.ready.lock().expect(POISON);
+        let found = ready.iter().find(|entry| entry.origin.id == id).cloned();
+        found.ok_or_else(|| PlannerError::UnknownGraph(graph_id.to_owned()))
+    }
+
+    /// All graphs in memory, the most recently used first.
+    pub fn all_ready(&self) -> Vec<Arc<Hosted>> {
+        self.shared.ready.lock().expect(POISON).iter().rev().cloned().collect()
+    }
+
+    /// Marks a graph as used: the graph, if it is in memory.
+    pub(crate) fn note_use(&self, id: &GraphId) -> Option<Arc<Hosted>> {
+        let mut ready = self.shared.ready.lock().expect(POISON);
+        let at = ready.iter().position(|entry| entry.origin.id == *id)?;
+        let entry = ready.remove(at)?;
+        ready.push_back(entry.clone());
+        Some(entry)
+    }
+
+    pub(crate) fn keep_ready(&self, entry: Arc<Hosted>) {
+        let mut ready = self.shared.ready.lock().expect(POISON);
+        ready.retain(|other| other.origin.id != entry.origin.id);
+        ready.push_back(entry);
+        while ready.len() > self.shared.config.graphs_in_memory {
+            ready.pop_front();
+        }
+    }
+
+    // --- plans and reports ---
+
+    /// The cheapest plan.
+    pub fn plan(&self, hosted: &Hosted, query: &Query) -> Plan {
+        self.shared.plans.fetch_add(1, Ordering::Relaxed);
+        hosted.plan(query)
+    }
+
+    /// Learns from passages along edges of a graph: how many were of edges that it has.
+    pub fn report(&self, hosted: &Arc<Hosted>, passages: &[Passage]) -> u32 {
+        let accepted = hosted.report(passages);
+        if accepted > 0 {
+            self.refresh_later(hosted.clone());
+        }
+        accepted
+    }
+
+    /// Makes a new table of a graph, unless one is due already.
+    fn refresh_later(&self, hosted: Arc<Hosted>) {
+        if hosted.refresh_is_due.swap(true, Ordering::Relaxed) {
+            return;
+        }
+        let planner = self.clone();
+        tokio::spawn(async move {
+            tokio::select! {
+                () = tokio::time::sleep(REFRESH_AFTER) => {}
+                () = planner.shared.shutdown.wait() => return,
+            }
+            let task = tokio::task::spawn_blocking(move || {
+                hosted.refresh_is_due.store(false, Ordering::Relaxed);
+                let live = hosted.refresh();
+                planner.store_report(&hosted, &live);
+            });
+            if let Err(error) = task.await {
+                warn!(%error, "a graph is not brought up to date");
+            }
+        });
+    }
+
+    /// Stores what NPCs reported of all graphs in memory.
+    pub(crate) fn store_reports(&self) {
+        for hosted in self.shared.ready.lock().expect(POISON).iter() {
+            self.store_report(hosted, &hosted.live());
+        }
+    }
+
+    fn store_report(&self, hosted: &Hosted, live: &LiveEvidence) {
+        if !live.is_empty()
+            && let Err(error) = self.shared.store.put_live(&hosted.origin.id, live)
+        {
+            warn!(%error, "what NPCs reported is not stored");
+        }
+    }
+
+    /// Compares two graphs.
+    ///
+    /// # Errors
+    /// If the comparison panics.
+    pub async fn compare(&self, before: Arc<Hosted>, after: Arc<Hosted>) -> Result<Difference, PlannerError> {
+        let task = tokio::task::spawn_blocking(move || {
+            before.with_graph(|before| after.with_graph(|after| reachability::compare(before, after)))
+        });
+        task.await.map_err(PlannerError::lost("the comparison"))
+    }
+
+    // --- probes on demand ---
+
+    /// Runs the policy once between two vertices: how it went, and where the feet were after every tick, m.
+    ///
+    /// # Errors
+    /// If the graph has no such vertex, or its map cannot be made.
+    pub async fn probe(
+        &self,
+        hosted: Arc<Hosted>,
+        from: VertexId,
+        to: VertexId,
+        Seed(seed): Seed,
+    ) -> Result<(Outcome, Vec<Vec3>), PlannerError> {
+        let position = |vertex: VertexId, field| {
+            hosted.with_graph(|graph| {
+                let count = graph.vertex_count();
+                let found = graph.has_vertex(vertex).then(|| graph.position(vertex));
+                found.ok_or(PlannerError::UnknownVertex { field, vertex, count })
+            })
+        };
+        let trial = Trial { start: position(from, "from")?, goal: position(to, "to")?, stream: 0, keep_track: false };
+        let Ok(turn) = self.shared.probing.clone().acquire_owned().await else {
+            return Err(PlannerError::ShuttingDown);
+        };
+        let planner = self.clone();
+        let task = tokio::task::spawn_blocking(move || {
+            // Whoever asked may be gone: the turn is over when the probe is.
+            let _turn = turn;
+            let context = planner.context_of(&hosted)?;
+            Ok(probe::replay(&context, &trial, seed))
+        });
+        task.await.map_err(PlannerError::lost("the probe"))?
+    }
+
+    /// What probes on a graph's map run with. The map that was used last is kept, since designers try one edge after another.
+    fn context_of(&self, hosted: &Hosted) -> Result<ProbeContext, PlannerError> {
+        // Others who need it wait until it is made.
+        let mut kept = self.shared.probed_map.lock().expect(POISON);
+        let map = match kept.clone().filter(|map| map.hash().to_hex() == hosted.origin.map_hash) {
+            Some(map) => map,
+            None => hosted.origin.source.map(),
+        };
+        *kept = Some(map.clone());
+        drop(kept);
+        Ok(ProbeContext::new(map, self.shared.policy.clone()))
+    }
+}
+
+/// What the store holds, or nothing where it cannot be read.
+pub(crate) fn or_nothing<T: Default>(read: Result<T, StoreError>) -> T {
+    read.unwrap_or_else(|error| {
+        warn!(%error, "the graph cache cannot be read");
+        T::default()
+    })
+}

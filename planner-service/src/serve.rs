@@ -1,0 +1,43 @@
+//! A planner service from start to end.
+
+use crate::config::PlannerConfig;
+use crate::grpc::PlannerApi;
+use crate::planner::Planner;
+use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
+use surefoot_planner::store::GraphStore;
+use surefoot_policy::Policy;
+use surefoot_proto::planner::v1::planner_service_server::{PlannerServiceServer, SERVICE_NAME};
+use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
+
+/// Serves the planner on `endpoint` until `shutdown`.
+///
+/// # Errors
+/// If the transport fails.
+pub async fn serve(
+    endpoint: Endpoint,
+    config: PlannerConfig,
+    policy: Policy,
+    store: Box<dyn GraphStore>,
+    shutdown: Shutdown,
+) -> Result<(), ServeError> {
+    let planner = Planner::new(config, policy, store, shutdown.clone());
+    let metrics = {
+        let planner = planner.clone();
+        move || {
+            let text = planner.metrics();
+            async move { text }
+        }
+    };
+    let mut routes = tonic::service::Routes::builder();
+    let grpc = PlannerServiceServer::new(PlannerApi::new(planner.clone()))
+        .max_decoding_message_size(endpoint.limits().max_message_bytes)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let maps = MapServiceServer::new(planner.levels().clone())
+        .max_decoding_message_size(endpoint.limits().max_import_bytes)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    routes.add_service(with_grpc_web(grpc)).add_service(with_grpc_web(maps));
+    let result = endpoint.serve(routes, &[SERVICE_NAME, MAP_SERVICE], metrics, shutdown).await;
+    planner.cancel_builds();
+    planner.store_reports();
+    result
+}

@@ -1,0 +1,224 @@
+//! Between the wire types of `surefoot.planner.v1` and the planner's own. What comes in is checked here.
+
+use crate::config::PlannerConfig;
+use crate::hosted::{GraphView, Hosted, Revision};
+use std::num::NonZeroU64;
+use surefoot_net::levels::MapSource;
+use surefoot_net::status;
+use surefoot_planner::edits::{Edit, Layer, Unfit};
+use surefoot_planner::reachability::Difference;
+use surefoot_planner::settings::MAX_VERTICES;
+use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings};
+use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::planner::v1 as wire;
+use surefoot_proto::plans::settings_to_wire;
+use surefoot_world::{DECISION_SECONDS, Vec3};
+use tonic::Status;
+
+/// Settings from the wire, defaults filled in.
+///
+/// # Errors
+/// If an enum value is unknown or a number out of range.
+pub fn settings_from_wire(
+    settings: Option<&wire::BuildSettings>,
+    config: &PlannerConfig,
+) -> Result<BuildSettings, Status> {
+    let defaults = BuildSettings::default();
+    let Some(settings) = settings else { return Ok(defaults) };
+    let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
+    let unknown = |field: &str, value: i32| {
+        status::invalid(format!("settings.{field}"), format!("settings.{field} {value} is unknown"))
+    };
+    let placement = match wire::Placement::try_from(settings.placement) {
+        Ok(wire::Placement::Unspecified | wire::Placement::Spaced) => Placement::Spaced,
+        Ok(wire::Placement::Random) => Placement::Random,
+        Ok(wire::Placement::Density) => Placement::Density,
+        Ok(wire::Placement::Trajectories) => Placement::Trajectories,
+        Ok(wire::Placement::TrajectoriesTested) => Placement::TrajectoriesTested,
+        Ok(wire::Placement::Flood) => Placement::Flood,
+        Ok(wire::Placement::FloodGrandchildren) => Placement::FloodGrandchildren,
+        Err(_) => return Err(unknown("placement", settings.placement)),
+    };
+    let probing = match wire::Probing::try_from(settings.probing) {
+        Ok(wire::Probing::Unspecified | wire::Probing::Frugal) => Probing::Frugal,
+        Ok(wire::Probing::Exhaustive) => Probing::Exhaustive,
+        Err(_) => return Err(unknown("probing", settings.probing)),
+    };
+    let asked = RawBuildSettings {
+        placement,
+        vertices: or(settings.vertices, defaults.vertices),
+        neighbours: or(settings.neighbours, defaults.neighbours),
+        repeats: or(settings.repeats, defaults.repeats as usize) as u32,
+        threshold: if settings.threshold == 0.0 { defaults.threshold } else { f64::from(settings.threshold) },
+        seed: settings.seed,
+        probing,
+        special_moves: !settings.without_special_moves,
+    };
+    let limit = config.max_vertices.min(MAX_VERTICES);
+    if asked.vertices > limit {
+        let message = format!("settings.vertices is {}, at most {limit} are allowed (--max-vertices)", asked.vertices);
+        return Err(status::too_much("settings.vertices", message));
+    }
+    let checked = BuildSettings::try_from(asked);
+    checked.map_err(|error| status::invalid(format!("settings.{}", error.field), error.to_string()))
+}
+
+/// The state that layers must be in; 0 asks for none.
+pub fn revision_from_wire(revision: u64) -> Option<Revision> {
+    NonZeroU64::new(revision).map(Revision)
+}
+
+/// A revision on the wire.
+pub fn revision_to_wire(revision: Revision) -> u64 {
+    revision.0.get()
+}
+
+/// An edge on the wire; `forced` if a designer put it in.
+pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
+    wire::Edge {
+        from: edge.key.from.0,
+        to: edge.key.to.0,
+        tries: edge.evidence.tries,
+        successes: edge.evidence.successes,
+        decisions_mean: edge.evidence.decisions_mean().0 as f32,
+        decisions_deviation: edge.evidence.decisions_deviation().0 as f32,
+        ability: convert::ability_to_wire(edge.evidence.ability).into(),
+        chance: edge.evidence.chance().get() as f32,
+        seconds: edge.evidence.cost() as f32 * DECISION_SECONDS,
+        price_factor: edge.evidence.price_factor,
+        forced,
+    }
+}
+
+/// A layer from the wire; its numbers are checked by the layer itself.
+///
+/// # Errors
+/// If it, one of its edits or a place is missing, or a place is not finite.
+pub fn layer_from_wire(layer: Option<&wire::Layer>) -> Result<Layer, FieldError> {
+    let layer = layer.ok_or(FieldError::Missing("layer"))?;
+    Ok(Layer { name: layer.name.clone(), edits: edits_from_wire(&layer.edits)? })
+}
+
+/// Edits from the wire.
+///
+/// # Errors
+/// If one is empty, or a place is missing or not finite.
+pub fn edits_from_wire(edits: &[wire::Edit]) -> Result<Vec<Edit>, FieldError> {
+    edits.iter().map(edit_from_wire).collect()
+}
+
+fn edit_from_wire(edit: &wire::Edit) -> Result<Edit, FieldError> {
+    let from = |point: &Option<surefoot_proto::world::v1::Vec3>| convert::point(point.as_ref(), "edit.from");
+    let to = |point: &Option<surefoot_proto::world::v1::Vec3>| convert::point(point.as_ref(), "edit.to");
+    let at = |edit: &wire::VertexEdit| convert::point(edit.at.as_ref(), "edit.at");
+    Ok(match edit.edit.as_ref().ok_or(FieldError::Missing("edit"))? {
+        wire::edit::Edit::ForbidEdge(edit) => Edit::ForbidEdge { from: from(&edit.from)?, to: to(&edit.to)? },
+        wire::edit::Edit::ForceEdge(edit) => {
+            Edit::ForceEdge { from: from(&edit.from)?, to: to(&edit.to)?, seconds: edit.seconds }
+        }
+        wire::edit::Edit::PriceEdge(edit) => {
+            Edit::PriceEdge { from: from(&edit.from)?, to: to(&edit.to)?, factor: edit.factor }
+        }
+        wire::edit::Edit::AddVertex(edit) => Edit::AddVertex { at: at(edit)? },
+        wire::edit::Edit::MoveVertex(edit) => Edit::MoveVertex { from: from(&edit.from)?, to: to(&edit.to)? },
+        wire::edit::Edit::RemoveVertex(edit) => Edit::RemoveVertex { at: at(edit)? },
+    })
+}
+
+/// A layer on the wire.
+pub fn layer_to_wire(layer: &Layer) -> wire::Layer {
+    wire::Layer { name: layer.name.clone(), edits: layer.edits.iter().map(edit_to_wire).collect() }
+}
+
+fn edit_to_wire(edit: &Edit) -> wire::Edit {
+    let point = |point| Some(convert::to_wire(point));
+    let edit = match *edit {
+        Edit::ForbidEdge { from, to } => {
+            wire::edit::Edit::ForbidEdge(wire::EdgeEdit { from: point(from), to: point(to) })
+        }
+        Edit::ForceEdge { from, to, seconds } => {
+            wire::edit::Edit::ForceEdge(wire::ForceEdge { from: point(from), to: point(to), seconds })
+        }
+        Edit::PriceEdge { from, to, factor } => {
+            wire::edit::Edit::PriceEdge(wire::PriceEdge { from: point(from), to: point(to), factor })
+        }
+        Edit::AddVertex { at } => wire::edit::Edit::AddVertex(wire::VertexEdit { at: point(at) }),
+        Edit::MoveVertex { from, to } => {
+            wire::edit::Edit::MoveVertex(wire::MoveVertex { from: point(from), to: point(to) })
+        }
+        Edit::RemoveVertex { at } => wire::edit::Edit::RemoveVertex(wire::VertexEdit { at: point(at) }),
+    };
+    wire::Edit { edit: Some(edit) }
+}
+
+/// What does not fit, on the wire.
+pub fn unfit_to_wire(unfit: &[Unfit]) -> Vec<wire::UnfitEdit> {
+    unfit
+        .iter()
+        .map(|unfit| wire::UnfitEdit {
+            layer: unfit.layer.clone(),
+            index: unfit.index as u32,
+            reason: unfit.reason.to_string(),
+        })
+        .collect()
+}
+
+/// A graph's figures on the wire.
+pub fn summary_to_wire(hosted: &Hosted) -> wire::GraphSummary {
+    let summary = hosted.summary();
+    wire::GraphSummary {
+        map_hash: hosted.origin.map_hash.clone(),
+        vertices: summary.vertices as u32,
+        edges: summary.edges as u32,
+        islands: summary.islands,
+        connected: summary.connected as f32,
+        probes: hosted.stats.probes,
+        build_s: hosted.stats.seconds as f32,
+        cached: hosted.cached,
+        candidates: hosted.stats.candidates,
+        passages: summary.passages,
+        edits: summary.edits as u32,
+        unfit_edits: summary.unfit_edits as u32,
+    }
+}
+
+/// A whole graph on the wire.
+pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
+    let summary = Some(summary_to_wire(hosted));
+    hosted.with_edited(|GraphView { graph, forced, removed, revision }| wire::GetGraphResponse {
+        summary,
+        vertices: graph.vertices().map(|vertex| convert::to_wire(graph.position(vertex))).collect(),
+        islands: graph.islands().to_vec(),
+        edges: graph.edges().map(|edge| edge_to_wire(edge, forced.contains(&edge.key))).collect(),
+        revision: revision_to_wire(revision),
+        removed: removed.iter().map(|vertex| vertex.0).collect(),
+    })
+}
+
+/// A graph in memory, for those who list them.
+pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
+    let (map, level) = match &hosted.origin.source {
+        MapSource::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
+        MapSource::Level(level) => (None, level.name.clone()),
+    };
+    wire::ReadyGraph {
+        graph_id: hosted.origin.id.to_string(),
+        map,
+        level,
+        settings: Some(settings_to_wire(&hosted.origin.settings)),
+        summary: Some(summary_to_wire(hosted)),
+    }
+}
+
+/// What changed between two graphs, on the wire.
+pub fn difference_to_wire(found: Difference) -> wire::CompareGraphsResponse {
+    let places = |places: Vec<Vec3>| places.into_iter().map(convert::to_wire).collect();
+    wire::CompareGraphsResponse {
+        lost: places(found.lost),
+        gained: places(found.gained),
+        connected_before: found.connected_before as f32,
+        connected_after: found.connected_after as f32,
+        islands_before: found.islands.0 as u32,
+        islands_after: found.islands.1 as u32,
+    }
+}

@@ -1,0 +1,310 @@
+//! Graphs for other programs: GraphML and DOT for graph tools, node-link JSON for networkx, and off-mesh links in the
+//! fields of Detour's `dtNavMeshCreateParams`, so that users of a NavMesh get its islands joined by proved links.
+
+use crate::graph::{Edge, GraphData, NavGraph};
+use crate::ids::{EdgeKey, VertexId};
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+use surefoot_world::float::hypot;
+use surefoot_world::{Ability, DECISION_SECONDS, Vec3};
+
+/// Forms that a graph can be written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// GraphML 1.0, an XML format.
+    GraphMl,
+    /// Graphviz' DOT.
+    Dot,
+    /// Node-link JSON as networkx reads and writes it, with everything that this program needs to read it back.
+    Json,
+    /// Off-mesh connections in Detour's fields, as JSON.
+    Detour,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Format; 4] = [Format::GraphMl, Format::Dot, Format::Json, Format::Detour];
+
+    /// Name as used by commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::GraphMl => "graphml",
+            Format::Dot => "dot",
+            Format::Json => "json",
+            Format::Detour => "detour",
+        }
+    }
+}
+
+/// Writes `graph` in `format`; `radius` is that of the character, m.
+pub fn export(graph: &NavGraph, format: Format, radius: f32) -> String {
+    match format {
+        Format::GraphMl => graphml(graph),
+        Format::Dot => dot(graph),
+        Format::Json => serde_json::to_string_pretty(&NodeLink::of(graph)).expect("a graph is plain data") + "\n",
+        Format::Detour => {
+            serde_json::to_string_pretty(&OffMeshLinks::of(graph, radius)).expect("links are plain data") + "\n"
+        }
+    }
+}
+
+/// A file that is not a graph.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// It is not node-link JSON.
+    #[error("it is not a graph as `surefoot graph export --format json` writes it: {0}")]
+    Json(#[from] serde_json::Error),
+    /// It makes no sense.
+    #[error(transparent)]
+    Graph(#[from] crate::graph::GraphError),
+    /// Node ids are not 0, 1, 2 and so on.
+    #[error("node {0} has id {1}, ids count from 0 in order")]
+    Ids(usize, u64),
+}
+
+/// Reads node-link JSON back.
+///
+/// # Errors
+/// If it is not JSON of that form, or the graph in it makes no sense.
+pub fn import_json(text: &str) -> Result<NavGraph, ImportError> {
+    let file: NodeLink = serde_json::from_str(text)?;
+    if let Some((idx, node)) = file.nodes.iter().enumerate().find(|(idx, node)| node.id != *idx as u64) {
+        return Err(ImportError::Ids(idx, node.id));
+    }
+    Ok(NavGraph::check(GraphData {
+        vertices: file.nodes.iter().map(|node| Vec3::new(node.x, node.y, node.z)).collect(),
+        edges: file
+            .edges
+            .into_iter()
+            .map(|link| Edge { key: EdgeKey::new(link.source, link.target), evidence: link.evidence })
+            .collect(),
+        legs: file.graph.legs,
+    })?)
+}
+
+#[derive(Serialize, Deserialize)]
+struct NodeLink {
+    directed: bool,
+    multigraph: bool,
+    graph: GraphFields,
+    nodes: Vec<Node>,
+    edges: Vec<Link>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct GraphFields {
+    units: String,
+    legs: crate::legs::LegModel,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Node {
+    id: u64,
+    x: f32,
+    y: f32,
+    z: f32,
+    island: u32,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Link {
+    source: u32,
+    target: u32,
+    /// What a search minimises.
+    weight: f64,
+    seconds: f64,
+    chance: f64,
+    ability: String,
+    evidence: crate::evidence::Evidence,
+}
+
+impl NodeLink {
+    fn of(graph: &NavGraph) -> Self {
+        let node = |(id, &island): (u64, &u32)| {
+            let at = graph.position(VertexId(id as u32));
+            Node { id, x: at.x, y: at.y, z: at.z, island }
+        };
+        let link = |edge: &Edge| Link {
+            source: edge.key.from.0,
+            target: edge.key.to.0,
+            weight: edge.evidence.cost(),
+            seconds: seconds(edge),
+            chance: edge.evidence.chance().get(),
+            ability: edge.evidence.ability.name().to_owned(),
+            evidence: edge.evidence,
+        };
+        Self {
+            directed: true,
+            multigraph: false,
+            graph: GraphFields { units: "metres, seconds, y up, right-handed".to_owned(), legs: *graph.legs() },
+            nodes: (0..).zip(graph.islands()).map(node).collect(),
+            edges: graph.edges().map(link).collect(),
+        }
+    }
+}
+
+fn seconds(edge: &Edge) -> f64 {
+    edge.evidence.decisions_mean().0 * f64::from(DECISION_SECONDS)
+}
+
+fn graphml(graph: &NavGraph) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<graphml xmlns=\"http://graphml.graphdrawing.org/xmlns\">\n",
+    );
+    let keys = [
+        ("x", "node", "double"),
+        ("y", "node", "double"),
+        ("z", "node", "double"),
+        ("island", "node", "int"),
+        ("weight", "edge", "double"),
+        ("seconds", "edge", "double"),
+        ("chance", "edge", "double"),
+        ("ability", "edge", "string"),
+        ("tries", "edge", "int"),
+        ("successes", "edge", "int"),
+    ];
+    for (name, of, kind) in keys {
+        line(&mut text, format_args!("  <key id=\"{name}\" for=\"{of}\" attr.name=\"{name}\" attr.type=\"{kind}\"/>"));
+    }
+    text += "  <graph id=\"surefoot\" edgedefault=\"directed\">\n";
+    for (vertex, island) in graph.vertices().zip(graph.islands()) {
+        let at = graph.position(vertex);
+        line(
+            &mut text,
+            format_args!(
+                "    <node id=\"{vertex}\"><data key=\"x\">{}</data><data key=\"y\">{}</data><data key=\"z\">{}</data><data key=\"island\">{island}</data></node>",
+                at.x, at.y, at.z
+            ),
+        );
+    }
+    for edge in graph.edges() {
+        let evidence = &edge.evidence;
+        line(
+            &mut text,
+            format_args!(
+                "    <edge source=\"{}\" target=\"{}\"><data key=\"weight\">{}</data><data key=\"seconds\">{}</data><data key=\"chance\">{}</data><data key=\"ability\">{}</data><data key=\"tries\">{}</data><data key=\"successes\">{}</data></edge>",
+                edge.key.from,
+                edge.key.to,
+                evidence.cost(),
+                seconds(edge),
+                evidence.chance().get(),
+                evidence.ability.name(),
+                evidence.tries,
+                evidence.successes
+            ),
+        );
+    }
+    text + "  </graph>\n</graphml>\n"
+}
+
+fn dot(graph: &NavGraph) -> String {
+    let mut text = String::from("digraph surefoot {\n  // Positions are x and z in metres; draw with neato -n.\n");
+    for (vertex, island) in graph.vertices().zip(graph.islands()) {
+        let at = graph.position(vertex);
+        line(&mut text, format_args!("  {vertex} [pos=\"{},{}\", y={}, island={island}];", at.x, -at.z, at.y));
+    }
+    for edge in graph.edges() {
+        let evidence = &edge.evidence;
+        line(
+            &mut text,
+            format_args!(
+                "  {} -> {} [weight={}, seconds={}, chance={}, ability={}];",
+                edge.key.from,
+                edge.key.to,
+                evidence.cost(),
+                seconds(edge),
+                evidence.chance().get(),
+                evidence.ability.name()
+            ),
+        );
+    }
+    text + "}\n"
+}
+
+fn line(text: &mut String, arguments: std::fmt::Arguments<'_>) {
+    writeln!(text, "{arguments}").expect("a String takes everything");
+}
+
+/// Off-mesh connections, field by field as `dtNavMeshCreateParams` takes them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct OffMeshLinks {
+    /// Links.
+    off_mesh_con_count: usize,
+    /// Start and end of each, six numbers, m.
+    off_mesh_con_verts: Vec<f32>,
+    /// Radius of each end, m.
+    off_mesh_con_rad: Vec<f32>,
+    /// 0: from start to end only; 1 (`DT_OFFMESH_CON_BIDIR`): both ways.
+    off_mesh_con_dir: Vec<u8>,
+    /// Area: one for each ability.
+    off_mesh_con_areas: Vec<u8>,
+    /// Flags: one bit for each ability but walking, from bit 0.
+    off_mesh_con_flags: Vec<u16>,
+    /// Index of the edge in the graph's own export.
+    #[serde(rename = "offMeshConUserID")]
+    off_mesh_con_user_id: Vec<u32>,
+    /// What areas and flags mean.
+    legend: Vec<AbilityKey>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct AbilityKey {
+    ability: String,
+    area: u8,
+    flag: u16,
+}
+
+/// Area of the first ability; the others follow. Recast itself uses 0 and 63.
+const FIRST_AREA: u8 = 1;
+/// Rise or fall from which a leg on foot is a link: what a NavMesh's own agents would not step, m.
+const STEP_M: f32 = 0.5;
+/// Slope beyond which it is one.
+const SLOPE: f32 = 1.0;
+
+impl OffMeshLinks {
+    /// Edges that need a special move or a drop; walking ones are the NavMesh's own business.
+    fn of(graph: &NavGraph, radius: f32) -> Self {
+        let area = |ability: Ability| FIRST_AREA + ability as u8;
+        let flag = |ability: Ability| if ability == Ability::Walk { 1 << 6 } else { 1 << (ability as u16 - 1) };
+        let mut links = Self {
+            off_mesh_con_count: 0,
+            off_mesh_con_verts: Vec::new(),
+            off_mesh_con_rad: Vec::new(),
+            off_mesh_con_dir: Vec::new(),
+            off_mesh_con_areas: Vec::new(),
+            off_mesh_con_flags: Vec::new(),
+            off_mesh_con_user_id: Vec::new(),
+            legend: Ability::ALL
+                .iter()
+                .map(|&ability| AbilityKey {
+                    ability: if ability == Ability::Walk { "drop" } else { ability.name() }.to_owned(),
+                    area: area(ability),
+                    flag: flag(ability),
+                })
+                .collect(),
+        };
+        let is_link = |edge: &Edge| {
+            let offset = graph.position(edge.key.to) - graph.position(edge.key.from);
+            let is_drop = -offset.y > STEP_M.max(SLOPE * hypot(offset.x, offset.z));
+            edge.evidence.ability != Ability::Walk || is_drop
+        };
+        for (user_id, edge) in (0u32..).zip(graph.edges()).filter(|(_, edge)| is_link(edge)) {
+            let ability = edge.evidence.ability;
+            let back = graph.edge(edge.key.reversed()).filter(|back| is_link(back) && back.evidence.ability == ability);
+            // A link for both ways is written once, by its lower end.
+            if back.is_some() && edge.key.from > edge.key.to {
+                continue;
+            }
+            links.off_mesh_con_count += 1;
+            links.off_mesh_con_verts.extend(graph.position(edge.key.from).to_array());
+            links.off_mesh_con_verts.extend(graph.position(edge.key.to).to_array());
+            links.off_mesh_con_rad.push(radius);
+            links.off_mesh_con_dir.push(u8::from(back.is_some()));
+            links.off_mesh_con_areas.push(area(ability));
+            links.off_mesh_con_flags.push(flag(ability));
+            links.off_mesh_con_user_id.push(user_id);
+        }
+        links
+    }
+}

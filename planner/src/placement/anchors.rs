@@ -1,0 +1,49 @@
+//! Vertices beside devices, so that every pad, zip line and teleporter has one at either end.
+
+use surefoot_world::character::MoveScratch;
+use surefoot_world::{CharacterProfile, Map, Vec3, navigable};
+
+/// How far from a device its vertex stands at most, m.
+const BESIDE_M: f32 = 5.0;
+/// How much higher or lower, m.
+const RISE_M: f32 = 2.5;
+/// How far a pad's landing may be, m.
+const LANDING_M: f32 = 11.0;
+
+/// Up to `count` places to stand beside entrances, exits and landings, device by device; none nearer than half of
+/// `BESIDE_M` to another.
+pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Vec<Vec3> {
+    let placed = map.placed();
+    // Each with how far around and how much higher or lower a place may be.
+    let mut spots: Vec<(Vec3, f32, f32)> = Vec::new();
+    let near = |point| (point, BESIDE_M, RISE_M);
+    for teleporter in &placed.teleporters {
+        spots.extend([near(teleporter.from), near(teleporter.to)]);
+    }
+    if profile.uses_zip_lines {
+        for line in &placed.zip_lines {
+            spots.extend([near(line.from), near(line.path()[2])]);
+        }
+    }
+    for pad in &placed.pads {
+        // The top of the flight, a little below.
+        let height = 0.5 * pad.speed * pad.speed / profile.gravity;
+        let landing = pad.centre + Vec3::new(0.0, 0.6 * height, 0.0);
+        spots.extend([near(pad.centre), (landing, LANDING_M, 0.4 * height)]);
+    }
+    if profile.uses_jetpacks {
+        spots.extend(placed.jetpacks.iter().map(|jetpack| near(jetpack.centre)));
+    }
+    let mut scratch = MoveScratch::default();
+    let mut anchors: Vec<Vec3> = Vec::new();
+    for (point, reach, rise) in spots {
+        if anchors.len() == count {
+            break;
+        }
+        let Some(feet) = navigable::stand_near(map, profile, point, reach, rise, &mut scratch) else { continue };
+        if anchors.iter().all(|other| other.distance(feet) > 0.5 * BESIDE_M) {
+            anchors.push(feet);
+        }
+    }
+    anchors
+}

@@ -1,0 +1,114 @@
+//! Trajectory merging, built by the paper's authors but left out of its text: our reading.
+//!
+//! The policy runs between random points; places where it stood become vertices, merged with those that are near. What
+//! it passed one after the other is joined, as often and as fast as it did. Without edge tests these edges are the
+//! graph; with them the vertices are tried against their nearest like any others. Kin to the observation graphs of
+//! "Semi-parametric topological memory" (Savinov et al., ICLR 2018).
+
+use super::{Draft, Placing, even_spacing};
+use crate::grid::PointGrid;
+use crate::ids::EdgeKey;
+use crate::probe::{Outcome, Trial};
+use crate::settings::BuildError;
+use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
+use surefoot_world::{Vec3, navigable};
+
+/// Runs that are started together.
+const ROUND: usize = 256;
+/// Rounds without a new vertex until what is missing is placed at random.
+const MAX_IDLE_ROUNDS: usize = 3;
+/// Length of runs, m.
+const RUN_M: std::ops::Range<f32> = 25.0..80.0;
+/// Distance at which places are one, in even spacings: on a plane, discs so spaced cover about as much as
+/// distance-constrained vertices do.
+const MERGE: f32 = 0.8;
+/// Most rounds that only add evidence once all vertices are placed.
+const EXTRA_ROUNDS: usize = 2;
+/// Points that runs start from and head for.
+const POOL: usize = 4096;
+
+/// Vertices along runs, with the edges that the runs passed.
+///
+/// # Errors
+/// If the map has no ground to stand on, or the build was cancelled.
+pub fn place(placing: &Placing<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
+    let Placing { site, settings, executor, progress, cancel } = placing;
+    let pool = navigable::sample_many(&site.map, &site.profile, POOL.min(8 * settings.vertices), rng)?;
+    let merge_m = MERGE * even_spacing(&site.map, settings.vertices);
+    let grid = PointGrid::new(&pool, RUN_M.end);
+    let mut merger = Merger { merge_m, limit: settings.vertices, draft: Draft::default() };
+    let (mut idle_rounds, mut extra_rounds) = (0, 0);
+    for round in 0u64.. {
+        let is_full = merger.draft.vertices.len() == settings.vertices;
+        if idle_rounds == MAX_IDLE_ROUNDS || extra_rounds == EXTRA_ROUNDS {
+            break;
+        }
+        let trials: Vec<Trial> = (0..ROUND as u64)
+            .filter_map(|idx| {
+                let start = pool[rng.random_range(0..pool.len())];
+                let goals: Vec<u32> = grid
+                    .within(start, RUN_M.end)
+                    .filter(|&goal| RUN_M.contains(&pool[goal as usize].distance(start)))
+                    .collect();
+                let goal = pool[*goals.get(rng.random_range(0..goals.len().max(1)))? as usize];
+                Some(Trial { start, goal, stream: round * ROUND as u64 + idx, keep_track: true })
+            })
+            .collect();
+        let before = merger.draft.vertices.len();
+        let outcomes = executor.run(&trials, settings.seed, progress, cancel).ok_or(BuildError::Cancelled)?;
+        merger.draft.episodes += outcomes.len() as u64;
+        outcomes.iter().for_each(|outcome| merger.add(outcome));
+        idle_rounds = if merger.draft.vertices.len() > before || is_full { 0 } else { idle_rounds + 1 };
+        extra_rounds += usize::from(is_full);
+    }
+    let Draft { vertices, .. } = &mut merger.draft;
+    // Runs come to an end where a map is small or cut up: the rest stands at random, without edges.
+    while vertices.len() < settings.vertices {
+        vertices.push(pool[rng.random_range(0..pool.len())]);
+    }
+    merger.draft.candidates = Some(merger.draft.seen.keys().copied().collect());
+    Ok(merger.draft)
+}
+
+struct Merger {
+    merge_m: f32,
+    limit: usize,
+    draft: Draft,
+}
+
+impl Merger {
+    /// Adds one run: new vertices where it stood far from all, and an edge for each pair that it passed.
+    fn add(&mut self, outcome: &Outcome) {
+        let mut last: Option<(u32, u32)> = None;
+        for (decision, place) in (0u32..).zip(&outcome.track) {
+            let Some(feet) = *place else { continue };
+            let Some(vertex) = self.vertex_at(feet) else { continue };
+            if let Some((before, since)) = last
+                && before != vertex
+            {
+                let evidence = self.draft.seen.entry(EdgeKey::new(before, vertex)).or_default();
+                evidence.note(true, decision - since, outcome.ability);
+                evidence.cover(feet);
+            }
+            if last.is_none_or(|(before, _)| before != vertex) {
+                last = Some((vertex, decision));
+            }
+        }
+    }
+
+    /// The vertex that a place counts as; a new one where all others are far and there is room for more.
+    fn vertex_at(&mut self, feet: Vec3) -> Option<u32> {
+        let vertices = &mut self.draft.vertices;
+        let nearest =
+            (0..).zip(vertices.iter()).min_by(|a, b| a.1.distance_squared(feet).total_cmp(&b.1.distance_squared(feet)));
+        match nearest {
+            Some((idx, vertex)) if vertex.distance(feet) <= self.merge_m => Some(idx),
+            _ if vertices.len() < self.limit => {
+                vertices.push(feet);
+                Some(vertices.len() as u32 - 1)
+            }
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Predicts whether a candidate edge will hold before anybody tries it.
+//!
+//! A logistic regression on what lies between two vertices (distance, climb, steps, holes, hazards, walls, pads) and on
+//! how their other probes went. It is fitted during the build itself, to the probes run so far: no weights of its own
+//! to ship, and it suits whatever policy, character and map it is used with.
+
+use crate::candidates::Candidate;
+use crate::evidence::Evidence;
+use crate::ids::EdgeKey;
+use crate::regression::{Logistic, dot, sigmoid};
+use std::collections::HashMap;
+use surefoot_world::float::hypot;
+use surefoot_world::mesh::Surface;
+use surefoot_world::navigable::DOWN;
+use surefoot_world::{Map, Vec3};
+
+/// Values that come from the map.
+const GEOMETRY: usize = 16;
+/// All values: those, and three from other probes.
+const FEATURES: usize = GEOMETRY + 3;
+/// Points looked at between two vertices.
+const BETWEEN: usize = 7;
+/// Height above the way from which the ground is looked for, m.
+const ABOVE_M: f32 = 2.5;
+/// Depth to which it is looked for, m.
+const BELOW_M: f32 = 30.0;
+/// Height of the chest above the feet, m.
+const CHEST_M: f32 = 1.1;
+/// Rise that one jump makes, and that two make, m.
+const JUMPS_M: [f32; 2] = [2.3, 4.7];
+/// How near a pad must be to count, m.
+const PAD_M: f32 = 14.0;
+/// Tries that a vertex's mean success is pulled to the overall mean by.
+const SMOOTHING: f64 = 2.0;
+
+/// What lies between two vertices.
+pub type Geometry = [f32; GEOMETRY];
+
+/// Looks at the ground between two vertices.
+pub fn look(map: &Map, from: Vec3, to: Vec3) -> Geometry {
+    let offset = to - from;
+    let horizontal = hypot(offset.x, offset.z);
+    let (climb, drop) = (offset.y.max(0.0), (-offset.y).max(0.0));
+    let (mut step_up, mut hole, mut bump) = (0.0f32, 0.0f32, 0.0f32);
+    let (mut water, mut lava) = (0.0f32, 0.0f32);
+    let mut last = from.y;
+    for idx in 1..=BETWEEN {
+        let way = from + offset * (idx as f32 / (BETWEEN + 1) as f32);
+        let above = way + Vec3::new(0.0, ABOVE_M, 0.0);
+        let hit = map.mesh().cast_ray(above, DOWN, BELOW_M + ABOVE_M);
+        let height = above.y - hit.map_or(BELOW_M + ABOVE_M, |hit| hit.distance);
+        match hit.map(|hit| hit.surface) {
+            Some(Surface::Water) => water += 1.0,
+            Some(Surface::Lava) => lava += 1.0,
+            _ => {}
+        }
+        step_up = step_up.max(height - last);
+        hole = hole.max(way.y - height);
+        bump = bump.max(height - way.y);
+        last = height;
+    }
+    step_up = step_up.max(to.y - last);
+    let chest = Vec3::new(0.0, CHEST_M, 0.0);
+    let length = offset.length().max(1.0e-3);
+    let sight = map.mesh().cast_ray(from + chest, offset / length, length);
+    let blocked = sight.filter(|hit| hit.surface.is_solid()).map_or(0.0, |hit| 1.0 - hit.distance / length);
+    let pad = map.nearest_pad(from).filter(|pad| pad.centre.distance(from) < PAD_M && climb > JUMPS_M[0]);
+    let between = BETWEEN as f32;
+    [
+        1.0,
+        horizontal / 20.0,
+        (horizontal / 20.0) * (horizontal / 20.0),
+        climb / 5.0,
+        (climb / 5.0) * (climb / 5.0),
+        drop / 10.0,
+        climb / horizontal.max(1.0),
+        step_up.min(12.0) / 4.0,
+        hole.min(20.0) / 5.0,
+        bump.min(ABOVE_M) / ABOVE_M,
+        water / between,
+        lava / between,
+        blocked,
+        f32::from(u8::from(climb > JUMPS_M[0])),
+        f32::from(u8::from(climb > JUMPS_M[1])),
+        if pad.is_some() { 1.0 } else { 0.0 },
+    ]
+}
+
+/// How the probes of one vertex went.
+#[derive(Debug, Clone, Copy, Default)]
+struct Record {
+    tries: f64,
+    successes: f64,
+}
+
+impl Record {
+    fn add(&mut self, evidence: &Evidence) {
+        self.tries += f64::from(evidence.tries);
+        self.successes += f64::from(evidence.successes);
+    }
+
+    /// Mean success without one candidate's own probes.
+    fn without(&self, own: &Evidence, mean: f64) -> f64 {
+        let successes = self.successes - f64::from(own.successes) + SMOOTHING * mean;
+        successes / (self.tries - f64::from(own.tries) + SMOOTHING)
+    }
+}
+
+/// A model fitted to some probes, ready to judge the rest.
+#[derive(Debug)]
+pub struct Predictor<'a> {
+    candidates: &'a [Candidate],
+    geometry: &'a [Geometry],
+    weights: [f64; FEATURES],
+    leaving: Vec<Record>,
+    reaching: Vec<Record>,
+    index: &'a HashMap<Candidate, u32>,
+    mean: f64,
+}
+
+impl<'a> Predictor<'a> {
+    /// Fits all candidates that have been tried; `index` says where each stands.
+    pub fn fit(
+        vertex_count: usize,
+        candidates: &'a [Candidate],
+        geometry: &'a [Geometry],
+        index: &'a HashMap<Candidate, u32>,
+        evidence: &[Evidence],
+    ) -> Self {
+        let (mut leaving, mut reaching) =
+            (vec![Record::default(); vertex_count], vec![Record::default(); vertex_count]);
+        let mut all = Record::default();
+        for (&EdgeKey { from, to }, evidence) in candidates.iter().zip(evidence) {
+            leaving[from.idx()].add(evidence);
+            reaching[to.idx()].add(evidence);
+            all.add(evidence);
+        }
+        let mean = (all.successes + SMOOTHING) / (all.tries + 2.0 * SMOOTHING);
+        let mut predictor = Self { candidates, geometry, weights: [0.0; FEATURES], leaving, reaching, index, mean };
+        let mut regression = Logistic::default();
+        for (idx, own) in evidence.iter().enumerate().filter(|(_, own)| own.tries > 0) {
+            let failures = f64::from(own.tries - own.successes);
+            regression.add(predictor.features(idx, evidence), f64::from(own.successes), failures);
+        }
+        predictor.weights = regression.fit();
+        predictor
+    }
+
+    fn features(&self, idx: usize, evidence: &[Evidence]) -> [f64; FEATURES] {
+        let key = self.candidates[idx];
+        let own = &evidence[idx];
+        let back = self.index.get(&key.reversed()).map(|&back| &evidence[back as usize]).filter(|back| back.tries > 0);
+        let mut features = [0.0; FEATURES];
+        features.iter_mut().zip(&self.geometry[idx]).for_each(|(feature, &value)| *feature = f64::from(value));
+        features[GEOMETRY] = self.leaving[key.from.idx()].without(own, self.mean) - self.mean;
+        features[GEOMETRY + 1] = self.reaching[key.to.idx()].without(own, self.mean) - self.mean;
+        features[GEOMETRY + 2] = back.map_or(0.0, |back| back.success_rate() - 0.5);
+        features
+    }
+
+    /// Chance that a probe of this candidate succeeds, in [0, 1], judged without its own probes.
+    pub fn chance(&self, idx: usize, evidence: &[Evidence]) -> f64 {
+        sigmoid(dot(&self.weights, &self.features(idx, evidence)))
+    }
+}

@@ -1,0 +1,267 @@
+//! Turns candidates into evidence: all of them with all tries, as the paper does, or only as many as it takes.
+//!
+//! The frugal way goes in rounds, each with a `predictor` fitted to those before. First the nearest
+//! third of each vertex's candidates is tried once, then the next, then the farthest; of these only what is neither
+//! hopeless nor needless: an edge that no plan would take, because proved ones already lead there for less than it is
+//! expected to cost. What is hopeless is tried only where nothing else leads from one side to the other. Then those are
+//! tried again, up to the settings' number of tries, whose outcome leaves doubt: a failure where success was likely, a
+//! success where it was not.
+
+use crate::candidates::Candidate;
+use crate::evidence::{Evidence, price};
+use crate::ids::{EdgeKey, VertexId};
+use crate::legs::LegModel;
+use crate::predictor::{Geometry, Predictor, look};
+use crate::probe::{ProbeExecutor, Trial};
+use crate::settings::Probing;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use surefoot_world::{Chance, Map, Vec3};
+
+/// What is proved, and with what.
+pub struct Proving<'a> {
+    /// The map that the vertices stand on.
+    pub map: &'a Map,
+    /// Positions, m.
+    pub vertices: &'a [Vec3],
+    /// Pairs to try; the nearest of each vertex come first among those that leave it.
+    pub candidates: &'a [Candidate],
+    /// Most tries per candidate.
+    pub repeats: u32,
+    /// Seed of headings and noise.
+    pub seed: u64,
+    /// Threads for what is not probing.
+    pub thread_count: usize,
+    /// Runs the probes.
+    pub executor: &'a dyn ProbeExecutor,
+    /// Counts them.
+    pub progress: &'a AtomicU64,
+    /// How many are expected.
+    pub total: &'a AtomicU64,
+    /// Set to stop.
+    pub cancel: &'a AtomicBool,
+}
+
+/// Rounds in which each vertex's candidates are first tried, from near to far.
+const ROUNDS: usize = 3;
+/// Expected chance below which a candidate is tried only if it joins what nothing else joins.
+const HOPELESS: f64 = 0.15;
+/// Expected chance above which one success settles a candidate.
+const SURE: f64 = 0.8;
+/// Expected chance below which one failure settles it.
+const UNLIKELY: f64 = 0.4;
+/// Hopeless candidates that are tried to join what nothing joins: at most one in so many of all candidates.
+const BRIDGE_SHARE: usize = 8;
+
+/// An edge is needless if proved ones lead to its end for at most so many times its own expected cost.
+const NEEDLESS: f64 = 0.85;
+
+/// Names the random stream of one try of one candidate.
+fn stream(EdgeKey { from, to }: Candidate, attempt: u32) -> u64 {
+    u64::from(from.0) << 40 | u64::from(to.0) << 16 | u64::from(attempt)
+}
+
+impl Proving<'_> {
+    /// Evidence for each candidate, in their order; `None` if the build was cancelled.
+    pub fn run(&self, probing: Probing) -> Option<Vec<Evidence>> {
+        let mut evidence = vec![Evidence::default(); self.candidates.len()];
+        match probing {
+            Probing::Exhaustive => {
+                let all: Vec<u32> = (0..self.repeats).flat_map(|_| 0..self.candidates.len() as u32).collect();
+                self.try_once_each(&all, &mut evidence)?;
+            }
+            Probing::Frugal => self.frugal(&mut evidence)?,
+        }
+        Some(evidence)
+    }
+
+    /// Tries each listed candidate once more; one listed twice, twice.
+    pub fn try_once_each(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
+        self.total.fetch_add(which.len() as u64, Ordering::Relaxed);
+        let mut attempts: HashMap<u32, u32> = HashMap::new();
+        let trials: Vec<Trial> = which
+            .iter()
+            .map(|&idx| {
+                let candidate = self.candidates[idx as usize];
+                let attempt = attempts.entry(idx).or_insert(evidence[idx as usize].tries);
+                *attempt += 1;
+                let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
+                Trial { start, goal, stream: stream(candidate, *attempt), keep_track: false }
+            })
+            .collect();
+        let outcomes = self.executor.run(&trials, self.seed, self.progress, self.cancel)?;
+        for (&idx, outcome) in which.iter().zip(&outcomes) {
+            evidence[idx as usize].note_probe(outcome);
+        }
+        Some(())
+    }
+
+    fn frugal(&self, evidence: &mut [Evidence]) -> Option<()> {
+        let geometry = self.look_at_all();
+        let index: HashMap<Candidate, u32> =
+            self.candidates.iter().zip(0..).map(|(&candidate, idx)| (candidate, idx)).collect();
+        let fit =
+            |evidence: &[Evidence]| Predictor::fit(self.vertices.len(), self.candidates, &geometry, &index, evidence);
+        let mut hopeless = Vec::new();
+        for (round, candidates) in self.by_distance().into_iter().enumerate() {
+            if round == 0 {
+                self.try_once_each(&candidates, evidence)?;
+                continue;
+            }
+            let predictor = fit(evidence);
+            let (mut hopeful, without_hope): (Vec<u32>, Vec<u32>) =
+                candidates.into_iter().partition(|&idx| predictor.chance(idx as usize, evidence) >= HOPELESS);
+            hopeless.extend(without_hope);
+            self.drop_needless(&mut hopeful, evidence, &predictor);
+            self.try_once_each(&hopeful, evidence)?;
+        }
+        let bridges = self.bridges(&hopeless, evidence);
+        self.try_once_each(&bridges, evidence)?;
+        for attempt in 1..self.repeats {
+            let predictor = fit(evidence);
+            let doubtful: Vec<u32> = (0..self.candidates.len() as u32)
+                .filter(|&idx| {
+                    let own = &evidence[idx as usize];
+                    own.tries == attempt && !self.is_settled(own, predictor.chance(idx as usize, evidence))
+                })
+                .collect();
+            self.try_once_each(&doubtful, evidence)?;
+        }
+        let predictor = fit(evidence);
+        let priors: Vec<f64> = (0..evidence.len()).map(|idx| predictor.chance(idx, evidence)).collect();
+        evidence.iter_mut().zip(priors).for_each(|(evidence, prior)| evidence.prior = prior as f32);
+        Some(())
+    }
+
+    /// Whether further tries would hardly change what an edge is worth.
+    fn is_settled(&self, own: &Evidence, chance: f64) -> bool {
+        if own.successes == own.tries {
+            chance >= SURE
+        } else if own.successes == 0 {
+            chance < UNLIKELY
+        } else {
+            false
+        }
+    }
+
+    /// Candidates round by round: the nearest share of each vertex's, then the next.
+    fn by_distance(&self) -> [Vec<u32>; ROUNDS] {
+        let mut counts = vec![0usize; self.vertices.len()];
+        self.candidates.iter().for_each(|key| counts[key.from.idx()] += 1);
+        let mut taken = vec![0usize; self.vertices.len()];
+        let mut rounds = [const { Vec::new() }; ROUNDS];
+        for (idx, key) in (0..).zip(self.candidates) {
+            let from = key.from.idx();
+            rounds[taken[from] * ROUNDS / counts[from]].push(idx);
+            taken[from] += 1;
+        }
+        rounds
+    }
+
+    /// Leaves out edges that would cost more than the way that is proved already.
+    fn drop_needless(&self, which: &mut Vec<u32>, evidence: &[Evidence], predictor: &Predictor<'_>) {
+        let legs = LegModel::fit(self.vertices, self.candidates, evidence);
+        let mut exits: Vec<Vec<(VertexId, f64)>> = vec![Vec::new(); self.vertices.len()];
+        for (idx, (&EdgeKey { from, to }, own)) in self.candidates.iter().zip(evidence).enumerate() {
+            if own.successes > 0 {
+                let mut own = *own;
+                own.prior = predictor.chance(idx, evidence) as f32;
+                exits[from.idx()].push((to, own.cost()));
+            }
+        }
+        let cost = |idx: u32| {
+            let EdgeKey { from, to } = self.candidates[idx as usize];
+            let decisions = legs.decisions(self.vertices[from.idx()], self.vertices[to.idx()]);
+            price(decisions, Chance::new(predictor.chance(idx as usize, evidence)))
+        };
+        let mut by_start: HashMap<VertexId, f64> = HashMap::new();
+        for &idx in which.iter() {
+            let limit = by_start.entry(self.candidates[idx as usize].from).or_default();
+            *limit = limit.max(NEEDLESS * cost(idx));
+        }
+        let mut known: HashMap<VertexId, HashMap<VertexId, f64>> = HashMap::new();
+        which.retain(|&idx| {
+            let EdgeKey { from, to } = self.candidates[idx as usize];
+            let paths = known.entry(from).or_insert_with(|| costs_within(&exits, from, by_start[&from]));
+            paths.get(&to).is_none_or(|&path| path > NEEDLESS * cost(idx))
+        });
+    }
+
+    /// Those of `hopeless` that lead where nothing proved leads, the nearest first.
+    fn bridges(&self, hopeless: &[u32], evidence: &[Evidence]) -> Vec<u32> {
+        let mut exits = vec![Vec::new(); self.vertices.len()];
+        for (&EdgeKey { from, to }, _) in
+            self.candidates.iter().zip(evidence).filter(|(_, evidence)| evidence.successes > 0)
+        {
+            exits[from.idx()].push(to);
+        }
+        let mut reached: HashMap<VertexId, Vec<bool>> = HashMap::new();
+        let mut bridges: Vec<u32> = hopeless
+            .iter()
+            .copied()
+            .filter(|&idx| {
+                let EdgeKey { from, to } = self.candidates[idx as usize];
+                !reached.entry(from).or_insert_with(|| flood(&exits, from))[to.idx()]
+            })
+            .collect();
+        let distance = |&idx: &u32| {
+            let EdgeKey { from, to } = self.candidates[idx as usize];
+            self.vertices[from.idx()].distance_squared(self.vertices[to.idx()])
+        };
+        bridges.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        bridges.truncate(self.candidates.len() / BRIDGE_SHARE);
+        bridges.sort_unstable();
+        bridges
+    }
+
+    fn look_at_all(&self) -> Vec<Geometry> {
+        let per_thread = self.candidates.len().div_ceil(self.thread_count.max(1)).max(1);
+        std::thread::scope(|scope| {
+            let parts: Vec<_> = self
+                .candidates
+                .chunks(per_thread)
+                .map(|chunk| {
+                    let look_at = |&EdgeKey { from, to }: &Candidate| {
+                        look(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
+                    };
+                    scope.spawn(move || chunk.iter().map(look_at).collect::<Vec<_>>())
+                })
+                .collect();
+            parts.into_iter().flat_map(|part| part.join().expect("looking does not panic")).collect()
+        })
+    }
+}
+
+/// Costs of the cheapest ways from `start` to all vertices that cost at most `limit`: Dijkstra's algorithm.
+fn costs_within(exits: &[Vec<(VertexId, f64)>], start: VertexId, limit: f64) -> HashMap<VertexId, f64> {
+    let mut costs = HashMap::from([(start, 0.0)]);
+    let mut open = BinaryHeap::from([(Reverse(0), start)]);
+    while let Some((Reverse(bits), vertex)) = open.pop() {
+        // Costs are not negative, so their bits sort like they do.
+        let so_far = f64::from_bits(bits);
+        if so_far > costs[&vertex] {
+            continue;
+        }
+        for &(to, cost) in &exits[vertex.idx()] {
+            let next = so_far + cost;
+            if next <= limit && costs.get(&to).is_none_or(|&known| next < known) {
+                costs.insert(to, next);
+                open.push((Reverse(next.to_bits()), to));
+            }
+        }
+    }
+    costs
+}
+
+/// Vertices that can be reached from `start`.
+fn flood(exits: &[Vec<VertexId>], start: VertexId) -> Vec<bool> {
+    let mut reached = vec![false; exits.len()];
+    let mut open = vec![start];
+    while let Some(vertex) = open.pop() {
+        if !std::mem::replace(&mut reached[vertex.idx()], true) {
+            open.extend(&exits[vertex.idx()]);
+        }
+    }
+    reached
+}

@@ -1,0 +1,362 @@
+//! Plans: from a start through proved edges to a goal.
+//!
+//! Start and goal are joined to several near vertices, each at the price that the graph's own
+//! [model](crate::legs) of unproved legs gives, and the best total wins. That differs from the paper, which snaps
+//! blindly to the nearest vertex. A [`Router`] keeps, for graphs that fit, a table of the next hop from every vertex to
+//! every other, so that a plan is read off rather than searched; beyond, and where the table's path is barred, it
+//! searches by A*.
+
+use crate::adjacency::{Adjacency, EdgeIdx};
+use crate::evidence::price;
+use crate::graph::NavGraph;
+use crate::grid::PointGrid;
+use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
+use crate::legs::Bounds;
+use crate::plan::{Leg, NoPath, Plan, Query};
+use crate::table::Table;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
+use surefoot_world::Vec3;
+
+/// Vertices that a start or goal is joined to.
+const ATTACHMENTS: usize = 6;
+/// Up to this distance heading straight for the goal is weighed against the graph, m.
+const DIRECT_M: f32 = 20.0;
+/// Vertices up to which a router keeps a table unless told otherwise: 84 MB at this many.
+pub const DEFAULT_TABLE_LIMIT: usize = 4096;
+
+/// Present prices of edges that have changed since a router was made, in decisions; infinite for barred ones.
+pub type Repriced = HashMap<EdgeKey, f32>;
+
+/// A graph made ready to be asked.
+#[derive(Debug)]
+pub struct Router {
+    graph: NavGraph,
+    adjacency: Adjacency,
+    table: Option<Table>,
+    /// Vertices that an edge leaves, and those that one reaches.
+    sources: VertexIndex,
+    targets: VertexIndex,
+    /// Most metres that any edge makes good for one unit of cost.
+    metres_per_cost: f32,
+    bounds: Bounds,
+}
+
+/// Some vertices by place.
+#[derive(Debug)]
+struct VertexIndex {
+    grid: PointGrid,
+    /// Vertices with their places, in the grid's order.
+    places: Vec<(Vec3, VertexId)>,
+}
+
+impl VertexIndex {
+    fn new(graph: &NavGraph, cell_m: f32, holds: impl Fn(VertexId) -> bool) -> Self {
+        let vertices: Vec<VertexId> = graph.vertices().filter(|&vertex| holds(vertex)).collect();
+        let positions: Vec<Vec3> = vertices.iter().map(|&vertex| graph.position(vertex)).collect();
+        let grid = PointGrid::new(&positions, cell_m);
+        let places = grid.order().iter().map(|&idx| (positions[idx as usize], vertices[idx as usize])).collect();
+        Self { grid, places }
+    }
+}
+
+/// The cheapest vertices to attach to, at most [`ATTACHMENTS`], the cheapest first.
+type Attached = Vec<Attachment>;
+
+/// A vertex and the price of the unproved leg that joins it.
+type Attachment = (VertexId, f32);
+
+impl Router {
+    /// Makes `graph` ready on `thread_count` threads; with a table if it has at most `table_limit` vertices.
+    pub fn new(graph: NavGraph, table_limit: usize, thread_count: usize) -> Self {
+        let adjacency = Adjacency::new(&graph);
+        let fits = graph.vertex_count() <= table_limit && adjacency.fits_table();
+        let cell_m = spacing(&graph);
+        let positions: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex)).collect();
+        let table =
+            fits.then(|| Table::fill(&adjacency, PointGrid::new(&positions, 2.0 * cell_m).order(), thread_count));
+        let mut metres_per_cost = f32::MIN_POSITIVE;
+        for edge in graph.edges() {
+            let metres = graph.position(edge.key.from).distance(graph.position(edge.key.to));
+            metres_per_cost = metres_per_cost.max(metres / (edge.evidence.cost() as f32).max(f32::MIN_POSITIVE));
+        }
+        Self {
+            sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
+            targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
+            bounds: graph.legs().bounds(),
+            graph,
+            adjacency,
+            table,
+            metres_per_cost,
+        }
+    }
+
+    /// The graph.
+    pub fn graph(&self) -> &NavGraph {
+        &self.graph
+    }
+
+    /// Whether plans are read off a table.
+    pub fn has_table(&self) -> bool {
+        self.table.is_some()
+    }
+
+    /// Finds the cheapest plan.
+    pub fn find_path(&self, query: &Query) -> Plan {
+        self.find_path_at(query, &Repriced::new())
+    }
+
+    /// Finds the cheapest plan where some edges have become dearer, or nearly so where some became cheaper.
+    pub fn find_path_at(&self, query: &Query, repriced: &Repriced) -> Plan {
+        let starts = self.attach(query, false);
+        let goals = self.attach(query, true);
+        let near = query.start.distance(query.goal) <= DIRECT_M && !query.avoid.contains(&LegKey::DIRECT);
+        let looked_up = self.table.as_ref().and_then(|table| self.look_up_path(table, &starts, &goals));
+        let is_plain = query.avoid.is_empty() && repriced.is_empty();
+        let is_open = |path: &Path| {
+            let mut edges = path.edges.iter().map(|&edge| self.adjacency.key(edge));
+            is_plain || edges.all(|key| !query.avoid.contains(&key.into()) && !repriced.contains_key(&key))
+        };
+        let path = match (&self.table, looked_up) {
+            (Some(_), None) => None,
+            (Some(_), Some(path)) if is_open(&path) => Some(path),
+            _ => self.a_star(&starts, &goals, &query.avoid, repriced),
+        };
+        match path {
+            Some(path) if near && self.direct_cost(query) <= path.cost => self.direct(query, None),
+            Some(path) => self.assemble(query, &path),
+            None if near => self.direct(query, None),
+            None => {
+                let reason = self.explain(&starts, &goals);
+                Plan { nearest: self.nearest_reachable(&starts, query.goal), ..self.direct(query, Some(reason)) }
+            }
+        }
+    }
+
+    /// The cheapest path between two vertices by A*: its cost and the vertices passed.
+    pub fn search(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
+        self.a_star(&[(from, 0.0)], &[(to, 0.0)], &[], &Repriced::new()).map(|path| self.vertices_of(&path))
+    }
+
+    /// The same off the table, if there is one.
+    pub fn look_up(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
+        self.look_up_path(self.table.as_ref()?, &[(from, 0.0)], &[(to, 0.0)]).map(|path| self.vertices_of(&path))
+    }
+
+    fn vertices_of(&self, path: &Path) -> (f32, Vec<VertexId>) {
+        let passed = path.edges.iter().map(|&edge| self.adjacency.key(edge).to);
+        (path.cost, std::iter::once(path.first).chain(passed).collect())
+    }
+
+    /// The cheapest vertices to walk to from the start (or from which to walk to the goal, if `to_goal`). Vertices that
+    /// no proved edge leaves (or reaches) lead nowhere and are left out.
+    fn attach(&self, query: &Query, to_goal: bool) -> Attached {
+        let (index, point) = if to_goal { (&self.targets, query.goal) } else { (&self.sources, query.start) };
+        let is_barred = |vertex| {
+            let vertex = Stop::Vertex(vertex);
+            let leg = if to_goal { (vertex, Stop::Goal) } else { (Stop::Start, vertex) };
+            query.avoid.contains(&LegKey { from: leg.0, to: leg.1 })
+        };
+        let model = self.graph.legs();
+        let mut best: Attached = Vec::with_capacity(ATTACHMENTS + 1);
+        let mut worst = f32::INFINITY;
+        for ring in 0..=index.grid.ring_count() {
+            let clearance = (ring - 1).max(0) as f32 * index.grid.cell_m();
+            if self.bounds.from_metres(clearance) > worst {
+                break;
+            }
+            index.grid.ring(point, ring, |range| {
+                for &(at, vertex) in &index.places[range] {
+                    if self.bounds.of(at - point) >= worst {
+                        continue;
+                    }
+                    let (from, to) = if to_goal { (at, point) } else { (point, at) };
+                    if is_barred(vertex) {
+                        continue;
+                    }
+                    if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
+                        let place = best.partition_point(|&(_, other)| other <= cost);
+                        best.insert(place, (vertex, cost));
+                        best.truncate(ATTACHMENTS);
+                        worst = if best.len() == ATTACHMENTS { best[ATTACHMENTS - 1].1 } else { f32::INFINITY };
+                    }
+                }
+            });
+        }
+        best
+    }
+
+    /// The cheapest of all paths from a start to a goal, off the table.
+    fn look_up_path(&self, table: &Table, starts: &[Attachment], goals: &[Attachment]) -> Option<Path> {
+        let mut best = None;
+        let mut least = f32::INFINITY;
+        for &(goal, exit) in goals {
+            for &(start, entry) in starts {
+                let cost = entry + table.cost(start, goal) + exit;
+                if cost < least {
+                    (least, best) = (cost, Some((start, goal)));
+                }
+            }
+        }
+        let (first, goal) = best?;
+        Some(Path { cost: least, first, edges: table.path(&self.adjacency, first, goal) })
+    }
+
+    /// A* from all priced starts to the best of all priced goals. Straight-line distance at the graph's best rate
+    /// never overestimates what is left, so the path is the cheapest.
+    fn a_star(
+        &self,
+        starts: &[Attachment],
+        goals: &[Attachment],
+        avoid: &[LegKey],
+        repriced: &Repriced,
+    ) -> Option<Path> {
+        let ends: Vec<(Vec3, f32)> = goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
+        let least_left = |vertex: VertexId| {
+            let at = self.graph.position(vertex);
+            ends.iter().map(|(end, exit)| at.distance(*end) / self.metres_per_cost + exit).fold(f32::INFINITY, f32::min)
+        };
+        let mut cost = vec![f32::INFINITY; self.graph.vertex_count()];
+        let mut came_by: Vec<Option<EdgeIdx>> = vec![None; self.graph.vertex_count()];
+        let mut is_closed = vec![false; self.graph.vertex_count()];
+        let mut open = BinaryHeap::new();
+        for &(vertex, price) in starts {
+            if price < cost[vertex.idx()] {
+                cost[vertex.idx()] = price;
+                open.push(Reverse((Key(price + least_left(vertex)), vertex)));
+            }
+        }
+        let mut best: (f32, Option<VertexId>) = (f32::INFINITY, None);
+        while let Some(Reverse((Key(bound), vertex))) = open.pop() {
+            // Rounding may put a bound a hair above what it bounds.
+            if bound > best.0 * (1.0 + 1.0e-5) {
+                break;
+            }
+            if std::mem::replace(&mut is_closed[vertex.idx()], true) {
+                continue;
+            }
+            let so_far = cost[vertex.idx()];
+            for &(goal, exit) in goals {
+                if goal == vertex && so_far + exit < best.0 {
+                    best = (so_far + exit, Some(vertex));
+                }
+            }
+            for (edge, to, price) in self.adjacency.leaving(vertex) {
+                let key = EdgeKey { from: vertex, to };
+                let price = if repriced.is_empty() { price } else { *repriced.get(&key).unwrap_or(&price) };
+                let next = so_far + price;
+                if next < cost[to.idx()] && !avoid.contains(&key.into()) {
+                    cost[to.idx()] = next;
+                    came_by[to.idx()] = Some(edge);
+                    is_closed[to.idx()] = false;
+                    open.push(Reverse((Key(next + least_left(to)), to)));
+                }
+            }
+        }
+        let (cost, last) = best;
+        let (mut edges, mut first) = (Vec::new(), last?);
+        while let Some(edge) = came_by[first.idx()] {
+            edges.push(edge);
+            first = self.adjacency.key(edge).from;
+        }
+        edges.reverse();
+        Some(Path { cost, first, edges })
+    }
+
+    fn direct_cost(&self, query: &Query) -> f32 {
+        let estimate = self.graph.legs().estimate(query.start, query.goal);
+        price(estimate.decisions, estimate.chance) as f32
+    }
+
+    fn direct(&self, query: &Query, no_path: Option<NoPath>) -> Plan {
+        let leg = Leg::unproved(self.graph.legs(), LegKey::DIRECT, [query.start, query.goal]);
+        Plan { waypoints: vec![query.goal], legs: vec![leg], no_path, nearest: None }
+    }
+
+    fn assemble(&self, query: &Query, path: &Path) -> Plan {
+        let leg_count = path.edges.len() + 2;
+        let (mut waypoints, mut legs) = (Vec::with_capacity(leg_count), Vec::with_capacity(leg_count));
+        let model = self.graph.legs();
+        let mut last = path.first;
+        let mut at = self.graph.position(last);
+        waypoints.push(at);
+        legs.push(Leg::unproved(model, LegKey { from: Stop::Start, to: Stop::Vertex(last) }, [query.start, at]));
+        for &edge in &path.edges {
+            last = self.adjacency.key(edge).to;
+            at = self.graph.position(last);
+            waypoints.push(at);
+            legs.push(self.adjacency.leg(edge));
+        }
+        waypoints.push(query.goal);
+        legs.push(Leg::unproved(model, LegKey { from: Stop::Vertex(last), to: Stop::Goal }, [at, query.goal]));
+        Plan { waypoints, legs, no_path: None, nearest: None }
+    }
+
+    fn explain(&self, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
+        if starts.is_empty() {
+            return NoPath::StartOffGraph;
+        }
+        if goals.is_empty() {
+            return NoPath::GoalOffGraph;
+        }
+        let back = goals.iter().any(|&(goal, _)| {
+            let seen = self.graph.reachable_from(goal);
+            starts.iter().any(|&(start, _)| seen[start.idx()])
+        });
+        if back { NoPath::OneWay } else { NoPath::DifferentIslands }
+    }
+
+    fn nearest_reachable(&self, starts: &[Attachment], goal: Vec3) -> Option<Vec3> {
+        let mut best: Option<(f32, Vec3)> = None;
+        for &(start, _) in starts {
+            for (vertex, _) in
+                self.graph.vertices().zip(self.graph.reachable_from(start)).filter(|&(_, reached)| reached)
+            {
+                let at = self.graph.position(vertex);
+                let distance = at.distance_squared(goal);
+                if best.is_none_or(|(least, _)| distance < least) {
+                    best = Some((distance, at));
+                }
+            }
+        }
+        best.map(|(_, at)| at)
+    }
+}
+
+/// A path through the graph.
+#[derive(Debug)]
+struct Path {
+    cost: f32,
+    /// Vertex that it begins at.
+    first: VertexId,
+    /// Edges taken, in order.
+    edges: Vec<EdgeIdx>,
+}
+
+/// A cost that can be ordered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Key(f32);
+
+impl Eq for Key {}
+
+impl PartialOrd for Key {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Key {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+/// Distance between vertices if they were spread evenly, m.
+fn spacing(graph: &NavGraph) -> f32 {
+    let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
+    for vertex in graph.vertices() {
+        (low, high) = (low.min(graph.position(vertex)), high.max(graph.position(vertex)));
+    }
+    let area = (high.x - low.x).max(1.0) * (high.z - low.z).max(1.0);
+    (area / graph.vertex_count().max(1) as f32).sqrt().max(1.0)
+}

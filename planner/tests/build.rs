@@ -1,0 +1,173 @@
+//! Whole builds on toy maps, with an executor that needs no policy: what is proved follows from a rule.
+
+use std::sync::Arc;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use surefoot_planner::probe::{Outcome, ProbeExecutor, Trial};
+use surefoot_planner::{
+    BuildError, BuildSettings, Builder, Built, EdgeKey, GraphId, PolicyHash, Probing, Progress, Query, Router, Site,
+    VertexId,
+};
+use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Ability, Map, Vec3};
+
+/// A floor of 60 x 60 m.
+fn site() -> Site {
+    let [a, b, c, d] = [[0.0, 0.0], [0.0, 60.0], [60.0, 60.0], [60.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
+    let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
+    Site::new(Arc::new(Map::from_parts(MapSize { width: 60, height: 20, depth: 60 }, triangles, Placed::default())))
+}
+
+/// A river at x = 30 that can be crossed from west to east only; everything else is a walk of 1 m a decision.
+#[derive(Default)]
+struct River {
+    tried: Mutex<Vec<Trial>>,
+}
+
+impl ProbeExecutor for River {
+    fn run(&self, trials: &[Trial], _: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>> {
+        if cancel.load(Ordering::Relaxed) {
+            return None;
+        }
+        self.tried.lock().unwrap().extend(trials);
+        progress.fetch_add(trials.len() as u64, Ordering::Relaxed);
+        Some(trials.iter().map(outcome).collect())
+    }
+}
+
+fn outcome(trial: &Trial) -> Outcome {
+    let crosses_back = trial.start.x > 30.0 && trial.goal.x < 30.0;
+    let crosses = trial.start.x < 30.0 && trial.goal.x > 30.0;
+    let track = if trial.keep_track { vec![Some(trial.start), Some(trial.goal)] } else { Vec::new() };
+    Outcome {
+        reached: !crosses_back,
+        decisions: trial.start.distance(trial.goal).ceil() as u32,
+        ability: if crosses { Ability::Jump } else { Ability::Walk },
+        bounds: [trial.start.min(trial.goal), trial.start.max(trial.goal)],
+        track,
+    }
+}
+
+fn settings() -> BuildSettings {
+    BuildSettings::default()
+        .with(|it| {
+            it.vertices = 40;
+            it.neighbours = 6;
+            it.repeats = 1;
+            it.seed = 3;
+            it.special_moves = false;
+            it.probing = Probing::Exhaustive;
+        })
+        .unwrap()
+}
+
+fn build(settings: &BuildSettings, executor: &River, progress: &Progress) -> Result<Built, BuildError> {
+    let builder = Builder { site: &site(), settings, executor, thread_count: 2, clock: &|| 0.0, progress };
+    builder.build()
+}
+
+#[test]
+fn edges_are_what_the_executor_says_and_the_river_is_one_way() {
+    let executor = River::default();
+    let Built { graph, stats } = build(&settings(), &executor, &Progress::default()).unwrap();
+    assert_eq!(stats.probes as usize, executor.tried.lock().unwrap().len());
+    assert_eq!(stats.probes, 40 * 6);
+    let side = |vertex| graph.position(vertex).x > 30.0;
+    for edge in graph.edges() {
+        assert!(!side(edge.key.from) || side(edge.key.to), "an edge leads back over the river");
+        let crosses = side(edge.key.to) && !side(edge.key.from);
+        assert_eq!(edge.evidence.ability, if crosses { Ability::Jump } else { Ability::Walk });
+    }
+    assert!(graph.edges().any(|edge| side(edge.key.to) && !side(edge.key.from)), "nothing leads over the river");
+    let router = Router::new(graph, 4096, 1);
+    let ask = |start, goal| router.find_path(&Query { start, goal, avoid: Vec::new() });
+    let (west, east) = (Vec3::new(4.0, 1.0, 30.0), Vec3::new(56.0, 1.0, 30.0));
+    assert_eq!(ask(west, east).no_path, None);
+    assert_eq!(ask(east, west).no_path, Some(surefoot_planner::NoPath::OneWay));
+}
+
+#[test]
+fn a_frugal_build_finds_the_same_world_with_fewer_probes() {
+    let (all, few) = (River::default(), River::default());
+    let settings = settings()
+        .with(|it| {
+            it.vertices = 120;
+            it.neighbours = 12;
+            it.repeats = 2;
+        })
+        .unwrap();
+    let exhaustive = build(&settings, &all, &Progress::default()).unwrap();
+    let frugal = build(&settings.with(|it| it.probing = Probing::Frugal).unwrap(), &few, &Progress::default()).unwrap();
+    assert!(
+        frugal.stats.probes * 10 < exhaustive.stats.probes * 7,
+        "{} of {}",
+        frugal.stats.probes,
+        exhaustive.stats.probes
+    );
+    let connected = |built: &Built| built.graph.connected_share();
+    assert!(
+        (connected(&frugal) - connected(&exhaustive)).abs() < 1.0e-9,
+        "{} and {}",
+        connected(&frugal),
+        connected(&exhaustive)
+    );
+}
+
+#[test]
+fn the_graph_is_bit_for_bit_the_one_of_before() {
+    let frugal = settings()
+        .with(|it| {
+            it.probing = Probing::Frugal;
+            it.vertices = 120;
+            it.neighbours = 12;
+            it.repeats = 2;
+        })
+        .unwrap();
+    let built = build(&frugal, &River::default(), &Progress::default()).unwrap();
+    let bytes = surefoot_planner::store::encode_entry(&built);
+    // Change it only together with BUILDER_VERSION: cached graphs would be taken for what they no longer are.
+    assert_eq!(
+        blake3::hash(&bytes).to_hex().as_str(),
+        "02bf5d3474f78bf93a86a6b4dd5c2ec1fdf2e9274b70f8966b272bafde21641d"
+    );
+    let id = GraphId::of(&site(), &PolicyHash::new("0123"), &frugal);
+    assert_eq!(id.to_string(), "6137ff2812f3d957f9a6b7011846f0c15575afc30d2257a506f1f9a1ef13fc0d");
+}
+
+#[test]
+fn what_changed_is_tried_again_and_nothing_else() {
+    let settings = settings();
+    let executor = River::default();
+    let Built { graph, .. } = build(&settings, &executor, &Progress::default()).unwrap();
+    let (site, before) = (site(), executor.tried.lock().unwrap().len());
+    let progress = Progress::default();
+    let builder = Builder {
+        site: &site,
+        settings: &settings,
+        executor: &executor,
+        thread_count: 1,
+        clock: &|| 0.0,
+        progress: &progress,
+    };
+    let same = builder.update(&graph, &site.map).unwrap();
+    assert_eq!((same.retried, executor.tried.lock().unwrap().len()), (0, before), "nothing has changed");
+    assert_eq!(same.built.graph.to_data(), graph.to_data());
+    let step = [Vec3::new(10.0, 2.0, 10.0), Vec3::new(10.0, 2.0, 14.0), Vec3::new(14.0, 2.0, 10.0)];
+    let triangles = site.map.mesh().triangles().iter().copied().chain(Triangle::new(step, Surface::Ground));
+    let changed = Map::from_parts(site.map.size(), triangles.collect(), Placed::default());
+    let site = Site::new(Arc::new(changed));
+    let builder = Builder { site: &site, ..builder };
+    let old = Site::new(self::site().map);
+    let updated = builder.update(&graph, &old.map).unwrap();
+    assert!(updated.retried > 0 && updated.retried * 2 < 240, "{} of 240 candidates", updated.retried);
+}
+
+#[test]
+fn a_cancelled_build_says_so_and_a_bad_setting_is_named() {
+    let progress = Progress::default();
+    progress.cancel.store(true, Ordering::Relaxed);
+    assert_eq!(build(&settings(), &River::default(), &progress).unwrap_err(), BuildError::Cancelled);
+    assert_eq!(settings().with(|it| it.vertices = 1).unwrap_err().field, "vertices");
+    assert!(EdgeKey::new(1, 2).reversed() == EdgeKey { from: VertexId(2), to: VertexId(1) });
+}

@@ -1,0 +1,216 @@
+//! Search against petgraph's own algorithms, and plans on small graphs.
+
+use petgraph::algo::{astar, dijkstra};
+use petgraph::graph::NodeIndex;
+use proptest::prelude::*;
+use surefoot_planner::evidence::Evidence;
+use surefoot_planner::graph::GraphData;
+use surefoot_planner::legs::LegModel;
+use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::search::Repriced;
+use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
+use surefoot_world::{Ability, Vec3};
+
+fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge {
+    let mut evidence = Evidence::default();
+    for attempt in 0..tries {
+        evidence.note(attempt < successes, decisions, Ability::Walk);
+    }
+    Edge { key: EdgeKey::new(from, to), evidence }
+}
+
+fn graph(vertices: Vec<Vec3>, edges: Vec<Edge>) -> NavGraph {
+    NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+}
+
+fn row(count: u32) -> Vec<Vec3> {
+    (0..count).map(|idx| Vec3::new(30.0 * idx as f32, 0.0, 0.0)).collect()
+}
+
+fn query(start: Vec3, goal: Vec3) -> Query {
+    Query { start, goal, avoid: Vec::new() }
+}
+
+fn router(graph: NavGraph) -> Router {
+    Router::new(graph, 4096, 2)
+}
+
+/// Shifts vertices so that straight-line distance means something, but not much.
+fn scattered(count: u32) -> Vec<Vec3> {
+    (0..count).map(|idx| Vec3::new((idx * 37 % 101) as f32, (idx * 13 % 7) as f32, (idx * 53 % 89) as f32)).collect()
+}
+
+/// Edges as (from, to, decisions, successes, failures).
+fn edges_strategy() -> impl Strategy<Value = Vec<(u32, u32, u32, u32, u32)>> {
+    prop::collection::vec((0..40u32, 0..40u32, 1..60u32, 1..4u32, 0..3u32), 0..200)
+}
+
+fn edges_of(tuples: Vec<(u32, u32, u32, u32, u32)>) -> Vec<Edge> {
+    let mut seen = std::collections::BTreeSet::new();
+    tuples
+        .into_iter()
+        .filter(|&(a, b, ..)| a != b && seen.insert((a, b)))
+        .map(|(a, b, decisions, successes, failures)| edge(a, b, decisions, successes, successes + failures))
+        .collect()
+}
+
+fn cost_of(graph: &NavGraph, path: &[VertexId]) -> f64 {
+    path.windows(2)
+        .map(|pair| graph.edge(EdgeKey { from: pair[0], to: pair[1] }).expect("a path follows edges").evidence.cost())
+        .sum()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_table_our_a_star_and_petgraphs_searches_agree(tuples in edges_strategy(), from in 0..40u32, to in 0..40u32) {
+        let graph = graph(scattered(40), edges_of(tuples));
+        let router = router(graph.clone());
+        let (source, target) = (NodeIndex::new(from as usize), NodeIndex::new(to as usize));
+        let theirs = dijkstra(graph.as_petgraph(), source, Some(target), |edge| edge.weight().evidence.cost());
+        let star = astar(graph.as_petgraph(), source, |node| node == target, |edge| edge.weight().evidence.cost(), |_| 0.0);
+        let (from, to) = (VertexId(from), VertexId(to));
+        match (router.look_up(from, to), router.search(from, to), theirs.get(&target), star) {
+            (None, None, None, None) => {}
+            (Some((tabled, way)), Some((searched, path)), Some(reference), Some((star, _))) => {
+                let close = |cost: f64| (cost - reference).abs() < 1.0e-4 * (1.0 + reference);
+                prop_assert!(close(f64::from(tabled)) && close(f64::from(searched)) && close(star));
+                for path in [way, path] {
+                    prop_assert_eq!((path[0], path[path.len() - 1]), (from, to));
+                    prop_assert!(close(cost_of(&graph, &path)));
+                }
+            }
+            other => prop_assert!(false, "they disagree whether there is a path: {:?}", other),
+        }
+    }
+
+    #[test]
+    fn plans_with_and_without_a_table_cost_the_same(
+        tuples in edges_strategy(),
+        ends in prop::array::uniform6(0.0..100.0f32),
+        barred in prop::collection::vec((0..40u32, 0..40u32), 0..6),
+    ) {
+        let graph = graph(scattered(40), edges_of(tuples));
+        let (start, goal) = (Vec3::new(ends[0], 0.0, ends[1]), Vec3::new(ends[2] + 60.0, ends[3] / 20.0, ends[4]));
+        let barred: Vec<LegKey> = barred.into_iter().map(|(from, to)| EdgeKey::new(from, to).into()).collect();
+        let query = Query { start, goal, avoid: barred.clone() };
+        let (with, without) = (router(graph.clone()).find_path(&query), Router::new(graph, 0, 1).find_path(&query));
+        prop_assert_eq!(with.no_path.is_some(), without.no_path.is_some());
+        let total = |plan: &surefoot_planner::Plan| plan.legs.iter().map(|leg| f64::from(leg.seconds.0) / (1.0 / 6.0) - 60.0 * libm::log(leg.chance.get())).sum::<f64>();
+        prop_assert!((total(&with) - total(&without)).abs() < 1.0e-2 * (1.0 + total(&with)), "{} and {}", total(&with), total(&without));
+        prop_assert!(with.legs.iter().all(|leg| !barred.contains(&leg.key)));
+    }
+}
+
+#[test]
+fn a_plan_passes_proved_vertices_and_ends_at_the_goal() {
+    let graph = graph(row(4), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(2, 3, 10, 2, 2)]);
+    let goal = Vec3::new(92.0, 0.0, 1.0);
+    let plan = router(graph).find_path(&query(Vec3::new(-1.0, 0.0, 0.0), goal));
+    assert_eq!(plan.no_path, None);
+    assert_eq!(plan.waypoints.last(), Some(&goal));
+    assert_eq!(plan.legs.len(), plan.waypoints.len());
+    assert!(plan.legs.iter().any(|leg| leg.key.edge() == Some(EdgeKey::new(1, 2))));
+    assert!(plan.chance().get() > 0.0 && plan.seconds().0 > 0.0);
+}
+
+#[test]
+fn a_risky_short_cut_loses_against_a_safe_detour() {
+    let vertices = vec![Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 25.0)];
+    let graph = graph(vertices, vec![edge(0, 1, 30, 1, 10), edge(0, 2, 25, 10, 10), edge(2, 1, 25, 10, 10)]);
+    assert_eq!(router(graph).look_up(VertexId(0), VertexId(1)).unwrap().1, [0, 2, 1].map(VertexId));
+}
+
+#[test]
+fn a_failed_leg_is_not_used_again() {
+    let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 30, 2, 2)]);
+    let router = router(graph);
+    let passed = |avoid: Vec<LegKey>, repriced: &Repriced| -> Vec<(u32, u32)> {
+        let query = Query { avoid, ..query(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0)) };
+        let plan = router.find_path_at(&query, repriced);
+        plan.legs.iter().filter_map(|leg| leg.key.edge()).map(|edge| (edge.from.0, edge.to.0)).collect()
+    };
+    assert_eq!(passed(Vec::new(), &Repriced::new()), [(0, 1), (1, 2)]);
+    assert_eq!(passed(vec![EdgeKey::new(1, 2).into()], &Repriced::new()), [(0, 2)]);
+    // Likewise where the leg has become dear for everybody.
+    assert_eq!(passed(Vec::new(), &Repriced::from([(EdgeKey::new(1, 2), 500.0)])), [(0, 2)]);
+}
+
+#[test]
+fn reported_failures_turn_plans_away_and_later_successes_bring_them_back() {
+    let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 50, 2, 2)]);
+    let mut live = LiveEvidence::default();
+    let passage = |reached| Passage { edge: EdgeKey::new(1, 2), reached, decisions: 10 };
+    let before = graph.edge(EdgeKey::new(1, 2)).unwrap().evidence.cost();
+    let mut cost = 0.0;
+    for _ in 0..4 {
+        cost = live.note(&graph, &passage(false)).unwrap();
+    }
+    assert!(cost > before + 20.0, "{cost} after {before}");
+    let way = |live: &LiveEvidence| router(live.apply_to(&graph)).look_up(VertexId(0), VertexId(2)).unwrap().1;
+    assert_eq!(way(&live), [0, 2].map(VertexId));
+    for _ in 0..200 {
+        live.note(&graph, &passage(true));
+    }
+    assert_eq!(way(&live), [0, 1, 2].map(VertexId));
+    assert!(live.passages() < 100, "old passages are forgotten");
+    assert_eq!(live.note(&graph, &Passage { edge: EdgeKey::new(2, 0), reached: true, decisions: 1 }), None);
+}
+
+#[test]
+fn where_there_is_no_path_the_reason_is_told_and_the_goal_is_headed_for() {
+    let two_islands = |edges: Vec<Edge>| {
+        let mut vertices = row(8);
+        vertices.extend((0..8).map(|idx| Vec3::new(5000.0 + 30.0 * idx as f32, 0.0, 0.0)));
+        let chain = |from: u32, to: u32| {
+            (from..to).flat_map(|idx| [edge(idx, idx + 1, 10, 2, 2), edge(idx + 1, idx, 10, 2, 2)])
+        };
+        graph(vertices, chain(0, 7).chain(chain(8, 15)).chain(edges).collect())
+    };
+    let (start, goal) = (Vec3::new(10.0, 0.0, 0.0), Vec3::new(5100.0, 0.0, 0.0));
+    let plan = router(two_islands(Vec::new())).find_path(&query(start, goal));
+    assert_eq!((plan.no_path, plan.waypoints.as_slice()), (Some(NoPath::DifferentIslands), [goal].as_slice()));
+    assert_eq!(plan.legs[0].key, LegKey { from: Stop::Start, to: Stop::Goal });
+    assert_eq!(plan.nearest, Some(Vec3::new(210.0, 0.0, 0.0)));
+    let plan = router(two_islands(vec![edge(8, 7, 10, 2, 2)])).find_path(&query(start, goal));
+    assert_eq!(plan.no_path, Some(NoPath::OneWay));
+    let plan = router(two_islands(vec![edge(7, 8, 10, 2, 2)])).find_path(&query(start, goal));
+    assert_eq!(plan.no_path, None);
+    let bare = graph(row(3), Vec::new());
+    assert_eq!(
+        router(bare).find_path(&query(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0))).no_path,
+        Some(NoPath::StartOffGraph)
+    );
+}
+
+#[test]
+fn islands_are_strongly_connected_components() {
+    let graph = graph(row(4), vec![edge(0, 1, 5, 1, 1), edge(1, 0, 5, 1, 1), edge(1, 2, 5, 1, 1)]);
+    assert_eq!(graph.island_count(), 3);
+    assert_eq!(graph.islands()[0], graph.islands()[1]);
+    assert!((graph.connected_share() - 4.0 / 12.0).abs() < 1.0e-9);
+}
+
+#[test]
+fn edges_that_make_no_sense_are_refused() {
+    let check = |edges| NavGraph::check(GraphData { vertices: row(2), edges, legs: LegModel::default() });
+    assert!(check(vec![edge(0, 2, 5, 1, 1)]).is_err());
+    assert!(check(vec![edge(1, 1, 5, 1, 1)]).is_err());
+    assert!(
+        NavGraph::check(GraphData {
+            vertices: vec![Vec3::new(f32::NAN, 0.0, 0.0)],
+            edges: Vec::new(),
+            legs: LegModel::default()
+        })
+        .is_err()
+    );
+}
+
+#[test]
+fn a_row_of_very_many_vertices_is_checked_without_deep_recursion() {
+    let count = 200_000;
+    let edges = (1..count).map(|to| edge(to - 1, to, 1, 1, 1)).collect();
+    let graph = graph(vec![Vec3::ZERO; count as usize], edges);
+    assert_eq!(graph.island_count(), count);
+}

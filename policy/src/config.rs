@@ -1,0 +1,74 @@
+//! Sizes of the networks.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::num::NonZeroUsize;
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, STATE_LEN};
+
+/// Values of an observation that come from rays.
+pub const RAY_LEN: usize = RAY_COUNT * RAY_CHANNELS;
+/// The gates of an LSTM in the order of their columns; candidates come last.
+pub(crate) const GATES: usize = 4;
+
+/// Sizes of the layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActorConfig {
+    /// Features of the ray encoder.
+    pub ray_features: usize,
+    /// Width of both hidden layers.
+    pub hidden: usize,
+    /// Length of the LSTM's state; none for a reactive agent, which files write as 0.
+    #[serde(default, with = "zero_is_none")]
+    pub memory: Option<NonZeroUsize>,
+}
+
+impl Default for ActorConfig {
+    fn default() -> Self {
+        Self { ray_features: 128, hidden: 256, memory: None }
+    }
+}
+
+/// Widest layer that a file may ask for.
+const MAX_WIDTH: usize = 4096;
+
+impl ActorConfig {
+    /// Length of the LSTM's state; 0 for a reactive agent.
+    pub fn memory_len(&self) -> usize {
+        self.memory.map_or(0, NonZeroUsize::get)
+    }
+
+    /// Whether a network can have these sizes.
+    pub fn is_sound(&self) -> bool {
+        let widths = 1..=MAX_WIDTH;
+        widths.contains(&self.ray_features) && widths.contains(&self.hidden) && self.memory_len() <= MAX_WIDTH
+    }
+
+    /// Parameters of an actor of these sizes, which must be sound: what its weights' file must hold before room is made
+    /// for them.
+    pub fn parameter_count(&self) -> usize {
+        let &Self { ray_features, hidden, .. } = self;
+        let memory = self.memory_len();
+        let dense = |inputs: usize, outputs: usize| (inputs + 1) * outputs;
+        let sensed = ray_features + STATE_LEN;
+        let lstm = if memory > 0 { dense(sensed, GATES * memory) + memory * GATES * memory } else { 0 };
+        dense(RAY_LEN, ray_features)
+            + lstm
+            + dense(sensed + memory, hidden)
+            + dense(hidden, hidden)
+            + dense(hidden, 2 * ACTION_LEN)
+    }
+}
+
+/// Files write an absent size as 0.
+mod zero_is_none {
+    use super::{Deserialize, Deserializer, NonZeroUsize, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(size: &Option<NonZeroUsize>, serializer: S) -> Result<S::Ok, S::Error> {
+        size.map_or(0, NonZeroUsize::get).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<NonZeroUsize>, D::Error> {
+        Ok(NonZeroUsize::new(usize::deserialize(deserializer)?))
+    }
+}

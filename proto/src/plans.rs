@@ -1,0 +1,186 @@
+//! Conversions of what clients, workers and planners exchange: queries, plans, settings, passages.
+
+use crate::convert::{self, FieldError};
+use crate::planner::v1 as wire;
+use crate::world::v1 as world;
+use surefoot_planner::live::Passage;
+use surefoot_planner::{BuildSettings, EdgeKey, Leg, LegKey, NoPath, Placement, Plan, Probing, Query, Stop, VertexId};
+use surefoot_world::{Chance, Seconds};
+
+/// Failed legs that a query may carry.
+const MAX_AVOID: usize = 64;
+/// Most decisions that a passage may be said to have taken.
+const MAX_DECISIONS: u32 = 10_000;
+/// Stands for the start or the goal of a query in place of a vertex.
+const OFF_GRAPH: u32 = u32::MAX;
+
+fn leg_key(leg: &wire::Leg) -> LegKey {
+    let stop = |vertex: u32, off_graph| if vertex == OFF_GRAPH { off_graph } else { Stop::Vertex(VertexId(vertex)) };
+    LegKey { from: stop(leg.from, Stop::Start), to: stop(leg.to, Stop::Goal) }
+}
+
+fn stop_to_wire(stop: Stop) -> u32 {
+    match stop {
+        Stop::Vertex(vertex) => vertex.0,
+        Stop::Start | Stop::Goal => OFF_GRAPH,
+    }
+}
+
+/// A query from the wire.
+///
+/// # Errors
+/// If a point is missing or not finite, or there are too many legs to avoid.
+pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
+    let (found, limit) = (query.avoid.len(), MAX_AVOID);
+    if found > limit {
+        return Err(FieldError::Count { field: "query.avoid", what: "legs", found, limit });
+    }
+    Ok(Query {
+        start: convert::point(query.start.as_ref(), "query.start")?,
+        goal: convert::point(query.goal.as_ref(), "query.goal")?,
+        avoid: query.avoid.iter().map(leg_key).collect(),
+    })
+}
+
+/// A query on the wire.
+pub fn query_to_wire(query: &Query) -> wire::PathQuery {
+    let avoid =
+        |leg: &LegKey| wire::Leg { from: stop_to_wire(leg.from), to: stop_to_wire(leg.to), ..Default::default() };
+    wire::PathQuery {
+        start: Some(convert::to_wire(query.start)),
+        goal: Some(convert::to_wire(query.goal)),
+        avoid: query.avoid.iter().map(avoid).collect(),
+    }
+}
+
+/// A plan on the wire.
+pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
+    let reason = match plan.no_path {
+        None => wire::NoPath::Unspecified,
+        Some(NoPath::StartOffGraph) => wire::NoPath::StartOffGraph,
+        Some(NoPath::GoalOffGraph) => wire::NoPath::GoalOffGraph,
+        Some(NoPath::DifferentIslands) => wire::NoPath::DifferentIslands,
+        Some(NoPath::OneWay) => wire::NoPath::OneWay,
+    };
+    let leg = |leg: &Leg| wire::Leg {
+        from: stop_to_wire(leg.key.from),
+        to: stop_to_wire(leg.key.to),
+        seconds: leg.seconds.0,
+        chance: leg.chance.get() as f32,
+        ability: convert::ability_to_wire(leg.ability).into(),
+    };
+    wire::Plan {
+        found: plan.no_path.is_none(),
+        reason: reason.into(),
+        waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),
+        legs: plan.legs.iter().map(leg).collect(),
+        seconds: plan.seconds().0,
+        chance: plan.chance().get() as f32,
+        nearest_reachable: plan.nearest.map(convert::to_wire),
+    }
+}
+
+/// A plan from the wire.
+///
+/// # Errors
+/// If it has no waypoints, not one leg for each, or a point that is not finite.
+pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
+    if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
+        return Err(FieldError::Length {
+            field: "plan.legs",
+            found: plan.legs.len(),
+            expected: plan.waypoints.len().max(1),
+        });
+    }
+    let waypoints =
+        plan.waypoints.iter().map(|point| convert::point(Some(point), "plan.waypoints")).collect::<Result<_, _>>()?;
+    let legs = plan.legs.iter().map(|leg| Leg {
+        key: leg_key(leg),
+        seconds: Seconds(leg.seconds),
+        chance: Chance::new(f64::from(leg.chance)),
+        ability: convert::ability(leg.ability),
+    });
+    let no_path = match wire::NoPath::try_from(plan.reason) {
+        Ok(wire::NoPath::StartOffGraph) => Some(NoPath::StartOffGraph),
+        Ok(wire::NoPath::GoalOffGraph) => Some(NoPath::GoalOffGraph),
+        Ok(wire::NoPath::OneWay) => Some(NoPath::OneWay),
+        Ok(wire::NoPath::DifferentIslands) => Some(NoPath::DifferentIslands),
+        Ok(wire::NoPath::Unspecified) | Err(_) => None,
+    };
+    let nearest = match &plan.nearest_reachable {
+        Some(nearest) => Some(convert::point(Some(nearest), "plan.nearest_reachable")?),
+        None => None,
+    };
+    Ok(Plan { waypoints, legs: legs.collect(), no_path, nearest })
+}
+
+/// A plan as a worker tells the world server of it.
+pub fn npc_plan_to_wire(plan: &Plan) -> world::NpcPlan {
+    let legs = plan.legs.iter().map(|leg| world::PlanLeg {
+        ability: convert::ability_to_wire(leg.ability).into(),
+        seconds: leg.seconds.0,
+        chance: leg.chance.get() as f32,
+    });
+    let no_path = match plan.no_path {
+        None => "",
+        Some(NoPath::StartOffGraph) => "no proved edge leaves near the start",
+        Some(NoPath::GoalOffGraph) => "no proved edge arrives near the goal",
+        Some(NoPath::DifferentIslands) => "start and goal lie on different islands",
+        Some(NoPath::OneWay) => "the goal leads to the start, but not back",
+    };
+    world::NpcPlan {
+        waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),
+        legs: legs.collect(),
+        no_path: no_path.to_owned(),
+    }
+}
+
+/// Settings on the wire.
+pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
+    let placement = match settings.placement {
+        Placement::Random => wire::Placement::Random,
+        Placement::Spaced => wire::Placement::Spaced,
+        Placement::Density => wire::Placement::Density,
+        Placement::Trajectories => wire::Placement::Trajectories,
+        Placement::TrajectoriesTested => wire::Placement::TrajectoriesTested,
+        Placement::Flood => wire::Placement::Flood,
+        Placement::FloodGrandchildren => wire::Placement::FloodGrandchildren,
+    };
+    let probing = match settings.probing {
+        Probing::Exhaustive => wire::Probing::Exhaustive,
+        Probing::Frugal => wire::Probing::Frugal,
+    };
+    wire::BuildSettings {
+        placement: placement.into(),
+        vertices: settings.vertices as u32,
+        neighbours: settings.neighbours as u32,
+        repeats: settings.repeats,
+        threshold: settings.threshold as f32,
+        seed: settings.seed,
+        probing: probing.into(),
+        without_special_moves: !settings.special_moves,
+    }
+}
+
+/// A passage from the wire.
+///
+/// # Errors
+/// If it is said to have taken too many decisions.
+pub fn passage(traversal: &wire::Traversal) -> Result<Passage, FieldError> {
+    let &wire::Traversal { from, to, reached, decisions } = traversal;
+    if decisions > MAX_DECISIONS {
+        let (value, max) = (f64::from(decisions), f64::from(MAX_DECISIONS));
+        return Err(FieldError::Range { field: "traversals.decisions", value, min: 0.0, max });
+    }
+    Ok(Passage { edge: EdgeKey::new(from, to), reached, decisions })
+}
+
+/// A passage on the wire.
+pub fn passage_to_wire(passage: &Passage) -> wire::Traversal {
+    wire::Traversal {
+        from: passage.edge.from.0,
+        to: passage.edge.to.0,
+        reached: passage.reached,
+        decisions: passage.decisions,
+    }
+}

@@ -1,0 +1,273 @@
+//! Plots of results as SVG. Every plot takes plain numbers: what they were measured on is the caller's business.
+
+use crate::ReportError;
+use plotters::prelude::*;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+const SIZE: (u32, u32) = (900, 480);
+const COLOURS: [RGBColor; 11] = [
+    RGBColor(31, 119, 180),
+    RGBColor(214, 39, 40),
+    RGBColor(44, 160, 44),
+    RGBColor(148, 103, 189),
+    RGBColor(255, 127, 14),
+    RGBColor(90, 90, 90),
+    RGBColor(23, 190, 207),
+    RGBColor(188, 189, 34),
+    RGBColor(227, 119, 194),
+    RGBColor(140, 86, 75),
+    RGBColor(0, 0, 0),
+];
+
+/// Attempts whose goals lie between the end of the bin before and this one's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DistanceBin {
+    /// Upper end, m.
+    pub far_m: f32,
+    /// Share that succeeded, in [0, 1].
+    pub rate: f64,
+    /// Attempts.
+    pub count: usize,
+}
+
+/// Success by straight-line distance, one line for each named list of bins; points stand `middle_m` below the upper end, bins
+/// of fewer than 30 goals are left out.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn success_by_distance(rows: &[(&str, Vec<DistanceBin>)], middle_m: f32, path: &Path) -> Result<(), ReportError> {
+    const FEWEST: usize = 30;
+    let lines: Vec<Line<'_>> = rows
+        .iter()
+        .map(|(name, bins)| {
+            let points = bins.iter().filter(|bin| bin.count >= FEWEST);
+            (*name, points.map(|bin| (f64::from(bin.far_m - middle_m), 100.0 * bin.rate)).collect())
+        })
+        .collect();
+    let farthest = farthest_of(&lines).max(25.0);
+    let axes = Axes { x: "straight-line distance, m", y: "success, %", x_end: farthest, y_end: 100.0 };
+    draw_lines("Success by distance of the goal", axes, SeriesLabelPosition::LowerLeft, &lines, path)
+}
+
+/// Lines of tick times, ms, by NPCs, with the limit that they should stay below.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn tick_times(mut lines: Vec<Line<'_>>, limit_ms: f64, path: &Path) -> Result<(), ReportError> {
+    let most = 1.05 * farthest_of(&lines);
+    let longest = lines.iter().flat_map(|(_, points)| points).map(|point| point.1).fold(limit_ms, f64::max);
+    lines.push(("limit", vec![(0.0, limit_ms), (most, limit_ms)]));
+    let axes = Axes { x: "NPCs", y: "ms", x_end: most, y_end: 1.1 * longest };
+    let caption = "From when a tick is due until it is done, worst of the worlds";
+    draw_lines(caption, axes, SeriesLabelPosition::UpperLeft, &lines, path)
+}
+
+/// A name and points.
+pub type Line<'a> = (&'a str, Vec<(f64, f64)>);
+
+/// What the axes show, and where they end.
+struct Axes {
+    x: &'static str,
+    y: &'static str,
+    x_end: f64,
+    y_end: f64,
+}
+
+fn farthest_of(lines: &[Line<'_>]) -> f64 {
+    lines.iter().flat_map(|(_, points)| points).map(|point| point.0).fold(0.0, f64::max)
+}
+
+fn draw_lines(
+    caption: &str,
+    axes: Axes,
+    legend: SeriesLabelPosition,
+    lines: &[Line<'_>],
+    path: &Path,
+) -> Result<(), ReportError> {
+    draw(path, |area| {
+        let mut chart = ChartBuilder::on(area)
+            .caption(caption, ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..axes.x_end, 0.0..axes.y_end)?;
+        chart.configure_mesh().x_desc(axes.x).y_desc(axes.y).draw()?;
+        for ((name, points), colour) in lines.iter().zip(COLOURS.iter().cycle()) {
+            let style = colour.stroke_width(2);
+            chart
+                .draw_series(LineSeries::new(points.iter().copied(), style).point_size(3))?
+                .label(*name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        }
+        chart.configure_series_labels().position(legend).background_style(WHITE).border_style(BLACK).draw()?;
+        Ok(())
+    })
+}
+
+/// Success of one model on several splits of maps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BarGroup<'a> {
+    /// Name of the model.
+    pub name: &'a str,
+    /// Name of each split, and the share that succeeded on it, in [0, 1]; the same splits in every group.
+    pub bars: Vec<(&'a str, f64)>,
+    /// The paper's figure on test maps, in [0, 1], where it has one.
+    pub paper: Option<f64>,
+}
+
+/// Success on training, validation and test maps, a group of bars for each model, with the paper's figure on test maps.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn generalisation(groups: &[BarGroup<'_>], path: &Path) -> Result<(), ReportError> {
+    let splits = groups.first().map_or(0, |group| group.bars.len());
+    draw(path, |area| {
+        let width = (splits + 2) as f64;
+        let mut chart = ChartBuilder::on(area)
+            .caption("Success on maps of each split", ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..width * groups.len() as f64, 0.0..100.0)?;
+        let names: Vec<&str> = groups.iter().map(|group| group.name).collect();
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .x_labels(1)
+            .x_label_formatter(&|_| String::new())
+            .x_desc(names.join("   |   "))
+            .y_desc("success, %")
+            .draw()?;
+        for (split, &colour) in COLOURS.iter().enumerate().take(splits) {
+            let bars = groups.iter().enumerate().map(|(group, figures)| {
+                let left = group as f64 * width + split as f64 + 0.5;
+                Rectangle::new([(left, 0.0), (left + 0.9, 100.0 * figures.bars[split].1)], colour.filled())
+            });
+            chart
+                .draw_series(bars)?
+                .label(groups[0].bars[split].0)
+                .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 14, y + 5)], colour.filled()));
+        }
+        let papers = groups.iter().enumerate().filter_map(|(group, figures)| {
+            let paper = figures.paper?;
+            let left = group as f64 * width + splits as f64 - 0.5;
+            Some(PathElement::new([(left, 100.0 * paper), (left + 0.9, 100.0 * paper)], BLACK.stroke_width(3)))
+        });
+        chart
+            .draw_series(papers)?
+            .label("the paper, test maps")
+            .legend(|(x, y)| PathElement::new([(x, y), (x + 14, y)], BLACK.stroke_width(3)));
+        let position = SeriesLabelPosition::LowerMiddle;
+        chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
+        Ok(())
+    })
+}
+
+/// What graphs of one size came to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SizeOutcome {
+    /// Vertices of the graph.
+    pub vertices: usize,
+    /// Neighbours that each vertex was tried against.
+    pub neighbours: usize,
+    /// Share of attempts that succeeded, in [0, 1].
+    pub rate: f64,
+    /// Time to build the graph and to run all attempts, s.
+    pub total_s: f64,
+    /// Median duration of a search, us.
+    pub search_us: f64,
+}
+
+/// The values of `size` among `outcomes`, ascending.
+fn sizes(outcomes: &[SizeOutcome], size: impl Fn(&SizeOutcome) -> usize) -> Vec<usize> {
+    outcomes.iter().map(size).collect::<BTreeSet<_>>().into_iter().collect()
+}
+
+/// A heat map of success over numbers of vertices and neighbours.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn sweep(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
+    let rates = || outcomes.iter().map(|outcome| 100.0 * outcome.rate);
+    let (low, high) = (rates().fold(100.0, f64::min), rates().fold(0.0, f64::max));
+    let vertices = sizes(outcomes, |outcome| outcome.vertices);
+    let neighbours = sizes(outcomes, |outcome| outcome.neighbours);
+    let place = |list: &[usize], value: usize| list.iter().position(|&other| other == value).unwrap_or(0) as f64;
+    draw(path, |area| {
+        let (columns, rows) = (vertices.len() as f64, neighbours.len() as f64);
+        let mut chart = ChartBuilder::on(area)
+            .caption("Success in % by vertices (across) and neighbours (up)", ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..columns, 0.0..rows)?;
+        chart
+            .configure_mesh()
+            .disable_mesh()
+            .x_labels(0)
+            .y_labels(0)
+            .x_desc(format!("vertices: {vertices:?}"))
+            .y_desc(format!("neighbours: {neighbours:?}"))
+            .draw()?;
+        for outcome in outcomes {
+            let (x, y) = (place(&vertices, outcome.vertices), place(&neighbours, outcome.neighbours));
+            let rate = 100.0 * outcome.rate;
+            let warmth = (rate - low) / (high - low).max(1.0e-9);
+            let colour = RGBColor((230.0 - 170.0 * warmth) as u8, (110.0 + 90.0 * warmth) as u8, 90);
+            chart.draw_series([Rectangle::new([(x, y), (x + 1.0, y + 1.0)], colour.filled())])?;
+            let style = ("sans-serif", 20).into_font().color(&BLACK);
+            chart.draw_series([Text::new(format!("{rate:.1}"), (x + 0.38, y + 0.56), style)])?;
+        }
+        Ok(())
+    })
+}
+
+/// Build and search times over the number of vertices, one line for each number of neighbours.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn run_time(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
+    let most = outcomes.iter().map(|outcome| outcome.total_s).fold(1.0, f64::max);
+    let widest = outcomes.iter().map(|outcome| outcome.vertices).max().unwrap_or(1) as f64;
+    draw(path, |area| {
+        let mut chart = ChartBuilder::on(area)
+            .caption("Build and evaluation per map (lines), search (at the points)", ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(56)
+            .build_cartesian_2d(0.0..widest * 1.1, 0.0..most * 1.1)?;
+        chart.configure_mesh().x_desc("vertices").y_desc("seconds").draw()?;
+        for (neighbours, colour) in sizes(outcomes, |outcome| outcome.neighbours).into_iter().zip(COLOURS) {
+            let of_line = || outcomes.iter().filter(move |outcome| outcome.neighbours == neighbours);
+            let style = colour.stroke_width(2);
+            let points = of_line().map(|outcome| (outcome.vertices as f64, outcome.total_s));
+            chart
+                .draw_series(LineSeries::new(points, style).point_size(3))?
+                .label(format!("{neighbours} neighbours"))
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+            let font = ("sans-serif", 12).into_font().color(&colour);
+            let texts = of_line().map(|outcome| {
+                let at = (outcome.vertices as f64, outcome.total_s);
+                Text::new(format!("{:.1} us", outcome.search_us), at, font.clone())
+            });
+            chart.draw_series(texts)?;
+        }
+        let position = SeriesLabelPosition::UpperLeft;
+        chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
+        Ok(())
+    })
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+
+fn draw(
+    path: &Path,
+    fill: impl FnOnce(&Area<'_>) -> Result<(), Box<dyn std::error::Error>>,
+) -> Result<(), ReportError> {
+    let failed = |error: &dyn std::fmt::Display| ReportError::Draw(path.to_owned(), error.to_string());
+    let area = SVGBackend::new(path, SIZE).into_drawing_area();
+    area.fill(&WHITE).map_err(|error| failed(&error))?;
+    fill(&area).map_err(|error| failed(&error))?;
+    area.present().map_err(|error| failed(&error))
+}

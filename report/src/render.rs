@@ -1,0 +1,305 @@
+//! Pictures of maps: shaded views from above, from the side and cut open, with graphs and tracks drawn over them.
+
+use crate::ReportError;
+use font8x8::legacy::BASIC_LEGACY;
+use std::io::BufWriter;
+use std::path::Path;
+use surefoot_world::mesh::{RayHit, Surface};
+use surefoot_world::navigable::DOWN;
+use surefoot_world::reach::ground::Ground;
+use surefoot_world::{Map, Vec3};
+
+/// Where a map is looked at from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum View {
+    /// Straight down; x grows to the right, z downwards.
+    Top,
+    /// From a corner, in parallel projection.
+    Iso,
+    /// Straight down on what lies below this height; rock and walls that are cut are dark.
+    Section(f32),
+}
+
+/// An RGB colour.
+pub type Colour = [u8; 3];
+
+/// Direction towards the sun: from the upper left of maps, and beside the eye where maps are seen from a corner.
+const SUN: Vec3 = Vec3::new(-0.4, 0.8, -0.45);
+const SUN_BESIDE: Vec3 = Vec3::new(0.75, 0.8, 0.2);
+/// Height of a line of the legend, in pixels.
+const LEGEND_ROW: u32 = 22;
+/// Side of a glyph, in pixels.
+const GLYPH: u32 = 8;
+
+/// Parallel projection of the map onto the picture.
+#[derive(Debug, Clone, Copy)]
+struct Projection {
+    /// Unit direction of sight.
+    sight: Vec3,
+    /// Metres to the right and down of the picture's corner, per metre of the map.
+    right: Vec3,
+    down: Vec3,
+    /// Of the picture's corner.
+    corner: (f32, f32),
+    pixels_per_m: f32,
+}
+
+impl Projection {
+    fn pixel(&self, point: Vec3) -> (f32, f32) {
+        let (x, y) = (self.right.dot(point) - self.corner.0, self.down.dot(point) - self.corner.1);
+        (x * self.pixels_per_m, y * self.pixels_per_m)
+    }
+
+    /// A point on the line of sight through the middle of a pixel.
+    fn point(&self, x: u32, y: u32) -> Vec3 {
+        let x = (x as f32 + 0.5) / self.pixels_per_m + self.corner.0;
+        let y = (y as f32 + 0.5) / self.pixels_per_m + self.corner.1;
+        self.right * x + self.down * y
+    }
+}
+
+/// A picture of a map.
+pub struct Picture {
+    width: u32,
+    height: u32,
+    projection: Projection,
+    rgb: Vec<u8>,
+}
+
+impl Picture {
+    /// Looks straight down on `map`.
+    pub fn top_view(map: &Map, pixels_per_m: f32) -> Self {
+        Self::of(map, View::Top, pixels_per_m, None)
+    }
+
+    /// Looks at `map`; with `islands`, ground is coloured by what is connected on foot.
+    pub fn of(map: &Map, view: View, pixels_per_m: f32, islands: Option<&Ground>) -> Self {
+        let extent = map.extent();
+        let mut projection =
+            Projection { sight: DOWN, right: Vec3::X, down: Vec3::Z, corner: (0.0, 0.0), pixels_per_m };
+        let (mut width, mut height) = (extent.x, extent.z);
+        if view == View::Iso {
+            let sight = Vec3::new(-1.0, -0.85, -1.0).normalize();
+            let right = sight.cross(Vec3::Y).normalize();
+            let down = sight.cross(right);
+            projection = Projection { sight, right, down, ..projection };
+            // The highest ground decides how much sky there is.
+            let top = map.mesh().triangles().iter().flat_map(|t| t.corners()).map(|c| c.y).fold(0.0, f32::max);
+            let corners = [0.0, extent.x]
+                .into_iter()
+                .flat_map(|x| [0.0, top].into_iter().flat_map(move |y| [0.0, extent.z].map(|z| Vec3::new(x, y, z))));
+            let (mut low, mut high) = ((f32::INFINITY, f32::INFINITY), (f32::NEG_INFINITY, f32::NEG_INFINITY));
+            for corner in corners {
+                let (x, y) = (right.dot(corner), down.dot(corner));
+                low = (low.0.min(x), low.1.min(y));
+                high = (high.0.max(x), high.1.max(y));
+            }
+            projection.corner = low;
+            (width, height) = (high.0 - low.0, high.1 - low.1);
+        }
+        let (width, height) = ((width * pixels_per_m) as u32, (height * pixels_per_m) as u32);
+        let mut picture = Self { width, height, projection, rgb: vec![0; (width * height * 3) as usize] };
+        let thread_count = std::thread::available_parallelism().map_or(1, usize::from);
+        let rows_each = (height as usize).div_ceil(thread_count).max(1);
+        std::thread::scope(|scope| {
+            for (chunk_idx, chunk) in picture.rgb.chunks_mut(rows_each * width as usize * 3).enumerate() {
+                scope.spawn(move || {
+                    for (pixel_idx, pixel) in chunk.chunks_exact_mut(3).enumerate() {
+                        let idx = (chunk_idx * rows_each * width as usize + pixel_idx) as u32;
+                        let point = projection.point(idx % width, idx / width);
+                        pixel.copy_from_slice(&colour_at(map, view, &projection, point, islands));
+                    }
+                });
+            }
+        });
+        for line in &map.placed().zip_lines {
+            let [_, hung, end] = line.path();
+            picture.line(hung, end, [255, 80, 200], 0.9);
+            picture.dot(end, 2.0, [255, 80, 200]);
+        }
+        for teleporter in &map.placed().teleporters {
+            picture.line(teleporter.from, teleporter.to, [150, 80, 255], 0.35);
+        }
+        picture
+    }
+
+    /// Draws a straight line between two points of the map.
+    pub fn line(&mut self, from: Vec3, to: Vec3, colour: Colour, opacity: f32) {
+        let ((x0, y0), (x1, y1)) = (self.projection.pixel(from), self.projection.pixel(to));
+        let steps = (x1 - x0).hypot(y1 - y0).ceil().max(1.0) as u32;
+        for step in 0..=steps {
+            let t = step as f32 / steps as f32;
+            self.blend(x0 + (x1 - x0) * t, y0 + (y1 - y0) * t, colour, opacity);
+        }
+    }
+
+    /// Draws a filled disc of `radius` pixels around a point of the map.
+    pub fn dot(&mut self, at: Vec3, radius: f32, colour: Colour) {
+        let (x, y) = self.projection.pixel(at);
+        let reach = radius.ceil() as i32;
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                if ((dx * dx + dy * dy) as f32) <= radius * radius {
+                    self.blend(x + dx as f32, y + dy as f32, colour, 1.0);
+                }
+            }
+        }
+    }
+
+    /// Adds a title and the meaning of the colours below the picture.
+    pub fn add_legend(&mut self, title: &str, entries: &[(Colour, &str)]) {
+        let wide = |text: &str| text.len() as u32 * GLYPH;
+        let mut places = Vec::new();
+        let (mut x, mut row) = (wide(title) + 3 * GLYPH, 0);
+        for (colour, text) in entries {
+            let needed = wide(text) + 4 * GLYPH;
+            if x + needed > self.width && x > GLYPH {
+                (x, row) = (GLYPH, row + 1);
+            }
+            places.push((x, row, *colour, *text));
+            x += needed;
+        }
+        let top = self.height;
+        self.height += (row + 1) * LEGEND_ROW;
+        self.rgb.resize((self.width * self.height * 3) as usize, 24);
+        let middle = (LEGEND_ROW - GLYPH) / 2;
+        self.text(GLYPH, top + middle, title);
+        for (x, row, colour, text) in places {
+            let y = top + row * LEGEND_ROW + middle;
+            for dy in 0..GLYPH {
+                for dx in 0..GLYPH + 4 {
+                    self.blend((x + dx) as f32, (y + dy) as f32, colour, 1.0);
+                }
+            }
+            self.text(x + 2 * GLYPH, y, text);
+        }
+    }
+
+    fn text(&mut self, x: u32, y: u32, text: &str) {
+        for (position, byte) in (0..).zip(text.bytes()) {
+            let glyph = BASIC_LEGACY[usize::from(byte) % BASIC_LEGACY.len()];
+            for (dy, bits) in (0..).zip(glyph) {
+                for dx in (0..GLYPH).filter(|dx| bits & (1 << dx) != 0) {
+                    self.blend((x + position * GLYPH + dx) as f32, (y + dy) as f32, [230, 230, 235], 1.0);
+                }
+            }
+        }
+    }
+
+    fn blend(&mut self, x: f32, y: f32, colour: Colour, opacity: f32) {
+        if x < 0.0 || y < 0.0 || x >= self.width as f32 || y >= self.height as f32 {
+            return;
+        }
+        let start = (y as u32 * self.width + x as u32) as usize * 3;
+        for (channel, value) in colour.iter().enumerate() {
+            let old = f32::from(self.rgb[start + channel]);
+            self.rgb[start + channel] = (old + (f32::from(*value) - old) * opacity) as u8;
+        }
+    }
+
+    /// Writes a PNG file.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), ReportError> {
+        let file = std::fs::File::create(path).map_err(|error| ReportError::Write(path.to_owned(), error))?;
+        let mut encoder = png::Encoder::new(BufWriter::new(file), self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_compression(png::Compression::High);
+        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&self.rgb));
+        written.map_err(|error| ReportError::Draw(path.to_owned(), error.to_string()))
+    }
+}
+
+/// Title and colours for a picture of `map`, of what is on it.
+pub fn legend(map: &Map) -> Vec<(Colour, &'static str)> {
+    let placed = map.placed();
+    let pool = |surface: Surface| placed.pools.iter().any(|pool| Surface::from(pool.liquid) == surface);
+    [
+        (true, [120, 145, 110], "ground"),
+        (true, [125, 105, 95], "too steep"),
+        (!placed.buildings.is_empty(), [190, 170, 160], "building"),
+        (pool(Surface::Water), [50, 110, 220], "water"),
+        (pool(Surface::Lava), [245, 90, 20], "lava"),
+        (!placed.pads.is_empty(), [255, 225, 40], "jump pad"),
+        (!placed.zip_lines.is_empty(), [255, 80, 200], "zip line"),
+        (!placed.teleporters.is_empty(), [150, 80, 255], "teleporter"),
+        (!placed.jetpacks.is_empty(), [80, 255, 220], "jetpack"),
+    ]
+    .into_iter()
+    .filter_map(|(shown, colour, name)| shown.then_some((colour, name)))
+    .collect()
+}
+
+fn colour_at(map: &Map, view: View, projection: &Projection, point: Vec3, islands: Option<&Ground>) -> Colour {
+    const SKY: Colour = [20, 20, 24];
+    const FAR_M: f32 = 4000.0;
+    let (origin, reach) = match view {
+        View::Top => (point + Vec3::new(0.0, map.extent().y - 0.01, 0.0), FAR_M),
+        View::Iso => (point - projection.sight * 0.5 * FAR_M, FAR_M),
+        View::Section(y) => {
+            let at = point + Vec3::new(0.0, y, 0.0);
+            if map.mesh().solid_depth_at(at) > 0 {
+                return [52, 46, 48];
+            }
+            (at, FAR_M)
+        }
+    };
+    let Some(hit) = map.mesh().cast_ray(origin, projection.sight, reach) else { return SKY };
+    let place = origin + projection.sight * hit.distance;
+    let normal = map.mesh().triangles()[hit.triangle_idx as usize].normal();
+    let facing = if normal.dot(projection.sight) > 0.0 { -normal } else { normal };
+    let sun = if view == View::Iso { SUN_BESIDE } else { SUN }.normalize();
+    let shade = map.mesh().cast_ray(place + facing * 0.05, sun, 150.0).is_some_and(|hit| hit.surface.is_solid());
+    let direct = if shade { 0.0 } else { facing.dot(sun).max(0.0) };
+    let light = 0.36 + 0.12 * facing.y.max(0.0) + 0.62 * direct;
+    base_colour(map, place, facing, hit, islands).map(|channel| (channel * light).min(255.0) as u8)
+}
+
+/// Colour of a place in full light.
+fn base_colour(map: &Map, place: Vec3, normal: Vec3, hit: RayHit, islands: Option<&Ground>) -> [f32; 3] {
+    let height = (place.y / 60.0).clamp(0.0, 1.0);
+    let is_walkable = normal.y > 0.819;
+    // A little inside what was hit, so that walls belong to their building.
+    let inside = place - normal * 0.1;
+    let on_building = || {
+        map.placed().buildings.iter().any(|building| {
+            building.covers(inside.x, inside.z)
+                && inside.y > building.base.y - 0.2
+                && inside.y < building.base.y + building.height
+        })
+    };
+    match hit.surface {
+        Surface::Water => [50.0, 110.0, 220.0],
+        Surface::Lava => [265.0, 100.0, 20.0],
+        Surface::Pad => [275.0, 240.0, 40.0],
+        Surface::ZipLine => [255.0, 80.0, 200.0],
+        Surface::Teleporter => [160.0, 90.0, 265.0],
+        Surface::Jetpack => [80.0, 265.0, 225.0],
+        Surface::Ground => {
+            let island = islands.filter(|_| is_walkable).and_then(|ground| ground.at(place));
+            if let Some(cell) = island {
+                return island_colour(cell.island);
+            }
+            if on_building() {
+                return if is_walkable { [200.0, 178.0, 168.0] } else { [168.0, 146.0, 138.0] };
+            }
+            if is_walkable {
+                [92.0 + height * 120.0, 132.0 + height * 62.0, 82.0 + height * 104.0]
+            } else {
+                [128.0, 108.0, 97.0]
+            }
+        }
+    }
+}
+
+/// A colour of its own for each of the larger islands.
+fn island_colour(island: u32) -> [f32; 3] {
+    // The golden angle keeps neighbours in the list apart in hue.
+    let hue = (island as f32 * 0.618_034).fract() * 6.0;
+    let ramp = |offset: f32| {
+        let distance = ((hue + offset).rem_euclid(6.0) - 3.0).abs();
+        (distance - 1.0).clamp(0.0, 1.0)
+    };
+    [ramp(0.0), ramp(4.0), ramp(2.0)].map(|channel| 90.0 + 150.0 * channel)
+}

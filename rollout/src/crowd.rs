@@ -1,0 +1,83 @@
+//! Crowds that no episode counts: NPCs that go from goal to goal, for recordings and for samples of what a policy decides.
+
+use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
+use crate::goals::random_point;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::sync::Arc;
+use surefoot_policy::Policy;
+use surefoot_world::navigable::{self, NoGround};
+use surefoot_world::replay::Recording;
+use surefoot_world::{CharacterProfile, Map, TaskConfig, Vec3, World};
+
+/// Records `npc_count` NPCs that go from goal to goal for so many decisions.
+///
+/// # Errors
+/// If the map has nowhere to stand.
+pub fn record(map: Arc<Map>, policy: &Policy, npc_count: usize, decision_count: u64) -> Result<Recording, NoGround> {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let profile = CharacterProfile::default();
+    let points = navigable::sample_many(&map, &profile, npc_count * 4, &mut rng)?;
+    let mut worlds = [World::new(map, profile, TaskConfig::default())];
+    worlds[0].start_recording();
+    let lanes: Vec<Lane> = points[..npc_count].iter().map(|&feet| Lane::of(worlds[0].spawn(feet, 0.0))).collect();
+    let mut decisions = DecisionLoop::new(policy);
+    lanes.iter().for_each(|lane| decisions.begin(lane.row_idx));
+    for _ in 0..decision_count {
+        lanes.iter().for_each(|lane| send_on(&mut worlds[0], *lane, &points, &mut rng));
+        let mut stage = Stage { worlds: &mut worlds, lanes: &lanes };
+        decisions.decide(&mut stage, policy, Noise::Shared(DEFAULT_NOISE_SHARE, &mut rng));
+    }
+    Ok(worlds[0].finish_recording().expect("a recording is under way"))
+}
+
+/// Gives an NPC that has arrived another goal; one that came to harm starts elsewhere.
+fn send_on(world: &mut World, lane: Lane, points: &[Vec3], rng: &mut ChaCha8Rng) {
+    let npc = world.npc(lane.slot).expect("a spawned NPC");
+    let (harmed, episode) = (npc.harm.is_some(), npc.episode);
+    if harmed {
+        world.teleport(lane.slot, random_point(points, rng), 0.0);
+    }
+    if harmed || episode.is_none_or(|episode| episode.end.is_some()) {
+        world.set_goal(lane.slot, random_point(points, rng));
+    }
+}
+
+/// What some NPCs observed at one decision, and what the policy decided without noise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each NPC.
+    pub observations: Vec<f32>,
+    /// [`ACTION_LEN`](surefoot_world::character::ACTION_LEN) values for each NPC.
+    pub actions: Vec<f32>,
+}
+
+/// Decisions of `npc_count` NPCs that head for random goals on `map`, one sample a decision.
+///
+/// # Errors
+/// If the map has nowhere to stand.
+pub fn sample_decisions(
+    map: Arc<Map>,
+    policy: &Policy,
+    npc_count: usize,
+    decision_count: usize,
+) -> Result<Vec<Sample>, NoGround> {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let profile = CharacterProfile::default();
+    let points = navigable::sample_many(&map, &profile, 2 * npc_count, &mut rng)?;
+    let mut worlds = [World::new(map, profile, TaskConfig::default())];
+    let mut decisions = DecisionLoop::new(policy);
+    let mut lanes = Vec::with_capacity(npc_count);
+    for pair in points.chunks_exact(2) {
+        let slot = worlds[0].spawn(pair[0], 0.0);
+        worlds[0].set_goal(slot, pair[1]);
+        decisions.begin(Lane::of(slot).row_idx);
+        lanes.push(Lane::of(slot));
+    }
+    let samples = (0..decision_count).map(|_| {
+        decisions.decide(&mut Stage { worlds: &mut worlds, lanes: &lanes }, policy, Noise::Shared(0.0, &mut rng));
+        let actions = decisions.actions().iter().flat_map(|action| action.to_array()).collect();
+        Sample { observations: decisions.observations().to_vec(), actions }
+    });
+    Ok(samples.collect())
+}

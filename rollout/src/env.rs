@@ -1,0 +1,135 @@
+//! An environment: a world whose actions somebody else chooses, such as a remote trainer: every NPC always has a goal, and a new episode begins where one ends.
+
+use crate::decision::{DecisionLoop, Lane, Stage};
+use crate::goals::{goal_in_band, random_point, random_yaw};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::sync::Arc;
+use surefoot_world::character::{ACTION_LEN, Action, MoveScratch};
+use surefoot_world::navigable::{self, NoGround};
+use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, Vec3, World};
+
+/// Places that starts and goals are drawn from.
+const PLACES: usize = 1000;
+/// Draws for a goal in the wanted band until the nearest miss is taken.
+const GOAL_DRAWS: usize = 64;
+
+/// An environment.
+#[derive(Debug)]
+pub struct Env {
+    worlds: [World; 1],
+    lanes: Vec<Lane>,
+    decisions: DecisionLoop,
+    places: Vec<Vec3>,
+    /// Wanted distances of goals, m.
+    band: (f32, f32),
+    rng: ChaCha8Rng,
+    observations: Vec<f32>,
+    rewards: Vec<f32>,
+}
+
+/// An episode that ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ended {
+    /// Index of the NPC.
+    pub npc_idx: usize,
+    /// How.
+    pub end: End,
+    /// What it observed last.
+    pub final_observation: Vec<f32>,
+}
+
+impl Env {
+    /// Puts `npc_count` NPCs on `map`, with goals `band` metres away.
+    ///
+    /// # Errors
+    /// If the map has nowhere to stand.
+    pub fn new(map: Arc<Map>, npc_count: usize, band: (f32, f32), seed: u64) -> Result<Self, NoGround> {
+        let profile = CharacterProfile::default();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut scratch = MoveScratch::default();
+        let places = (0..PLACES).map(|_| navigable::sample(&map, &profile, &mut rng, &mut scratch));
+        let places = places.collect::<Result<Vec<_>, _>>()?;
+        let mut env = Self {
+            worlds: [World::new(map, profile, TaskConfig::default())],
+            lanes: Vec::with_capacity(npc_count),
+            decisions: DecisionLoop::with_hidden_len(0),
+            places,
+            band,
+            rng,
+            observations: vec![0.0; npc_count * OBSERVATION_LEN],
+            rewards: vec![0.0; npc_count],
+        };
+        for npc_idx in 0..npc_count {
+            let slot = env.worlds[0].spawn(Vec3::ZERO, 0.0);
+            env.lanes.push(Lane::of(slot));
+            env.begin(npc_idx);
+            env.observe(npc_idx);
+        }
+        Ok(env)
+    }
+
+    /// NPCs in it.
+    pub fn npc_count(&self) -> usize {
+        self.lanes.len()
+    }
+
+    /// What the NPCs observe, [`OBSERVATION_LEN`] values each.
+    pub fn observations(&self) -> &[f32] {
+        &self.observations
+    }
+
+    /// Rewards of the last step.
+    pub fn rewards(&self) -> &[f32] {
+        &self.rewards
+    }
+
+    /// One decision of every NPC; returns the episodes that ended. NPCs whose episode ended stand at a new start.
+    ///
+    /// # Panics
+    /// If there is not one action for each NPC.
+    pub fn step(&mut self, actions: &[Action]) -> Vec<Ended> {
+        let Self { worlds, lanes, decisions, .. } = self;
+        let outcomes = decisions.advance(&mut Stage { worlds, lanes }, actions, |_| {}).to_vec();
+        let mut ended = Vec::new();
+        for (npc_idx, outcome) in outcomes.into_iter().enumerate() {
+            self.rewards[npc_idx] = outcome.reward;
+            self.observe(npc_idx);
+            if let Some(end) = outcome.end {
+                let final_observation = self.row(npc_idx).to_vec();
+                ended.push(Ended { npc_idx, end, final_observation });
+                self.begin(npc_idx);
+                self.observe(npc_idx);
+            }
+        }
+        ended
+    }
+
+    fn row(&self, npc_idx: usize) -> &[f32] {
+        &self.observations[npc_idx * OBSERVATION_LEN..][..OBSERVATION_LEN]
+    }
+
+    fn observe(&mut self, npc_idx: usize) {
+        let row = &mut self.observations[npc_idx * OBSERVATION_LEN..][..OBSERVATION_LEN];
+        self.worlds[0].observe(self.lanes[npc_idx].slot, row);
+    }
+
+    /// Starts an episode: a new place, a new goal.
+    fn begin(&mut self, npc_idx: usize) {
+        let start = random_point(&self.places, &mut self.rng);
+        let yaw = random_yaw(&mut self.rng);
+        let goal = goal_in_band(&self.places, start, self.band, GOAL_DRAWS, &mut self.rng);
+        let (world, slot) = (&mut self.worlds[0], self.lanes[npc_idx].slot);
+        world.teleport(slot, start, yaw);
+        world.set_goal(slot, goal);
+    }
+}
+
+/// Actions from values, [`ACTION_LEN`] each.
+///
+/// # Errors
+/// What is wrong with an action, and whose it is: `npc_of` names the NPC of each.
+pub fn actions_of(values: &[f32], npc_of: impl Fn(usize) -> u64) -> Result<Vec<Action>, String> {
+    let rows = values.as_chunks::<ACTION_LEN>().0.iter().enumerate();
+    rows.map(|(idx, row)| Action::from_array(*row).map_err(|error| format!("npc {}: {error}", npc_of(idx)))).collect()
+}

@@ -1,0 +1,64 @@
+//! Graphs built with probes that run in this process, timed by its clock.
+
+use crate::probe::{InProcess, ProbeContext};
+use std::time::Instant;
+use surefoot_planner::edits::MapTerrain;
+use surefoot_planner::update::Updated;
+use surefoot_planner::{BuildError, BuildSettings, Builder, Built, GraphId, NavGraph, Progress};
+use surefoot_world::Map;
+
+/// The id of the graph that `settings` build in `context`.
+pub fn id_of(context: &ProbeContext, settings: &BuildSettings) -> GraphId {
+    GraphId::of(&context.site(), &context.policy_hash(), settings)
+}
+
+/// Builds a graph on `thread_count` threads.
+///
+/// # Errors
+/// If a setting is out of range, the map has no ground, or `progress.cancel` was set.
+pub fn build(
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+) -> Result<Built, BuildError> {
+    with_builder(context, settings, thread_count, progress, |builder| builder.build())
+}
+
+/// Brings a graph up to date.
+///
+/// # Errors
+/// As [`build`].
+pub fn update(
+    (graph, old_map): (&NavGraph, &Map),
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+) -> Result<Updated, BuildError> {
+    with_builder(context, settings, thread_count, progress, |builder| builder.update(graph, old_map))
+}
+
+/// The level that graphs of `context` are edited on.
+pub fn terrain(context: &ProbeContext, settings: BuildSettings, thread_count: usize) -> MapTerrain {
+    let executor = Box::new(InProcess { context: context.clone(), thread_count });
+    MapTerrain { site: context.site(), settings, thread_count, executor }
+}
+
+fn with_builder<T>(
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+    run: impl FnOnce(Builder<'_>) -> T,
+) -> T {
+    let started = Instant::now();
+    run(Builder {
+        site: &context.site(),
+        settings,
+        executor: &InProcess { context: context.clone(), thread_count },
+        thread_count,
+        clock: &|| started.elapsed().as_secs_f64(),
+        progress,
+    })
+}

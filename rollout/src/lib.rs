@@ -1,0 +1,22 @@
+//! One decision loop, and what training, probing, evaluation, environments and pictures share around it.
+//!
+//! [`decision`] is the loop: observe, act, ten ticks, close. [`goals`] draws starts and goals, [`follow`] follows a plan,
+//! [`attempts`] runs whole episodes, straight or by plan, [`probe`] runs the short ones that prove edges, [`env`](mod@env) lets
+//! somebody else choose the actions, [`crowd`] keeps NPCs busy for recordings. [`graphs`] builds graphs with probes run here.
+//!
+//! Nothing here learns, and nothing speaks to a network.
+
+pub mod attempts;
+pub mod crowd;
+pub mod decision;
+pub mod env;
+pub mod follow;
+pub mod goals;
+pub mod graphs;
+pub mod probe;
+
+pub use attempts::{Attempt, Rollout};
+pub use decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
+pub use follow::{Fault, FollowConfig, Follower};
+pub use goals::Goal;
+pub use probe::{InProcess, ProbeContext};

@@ -1,0 +1,226 @@
+//! Proves candidate edges: short point-goal episodes of the policy, many at a time.
+//!
+//! Every episode draws its heading and noise from a stream of its own, named by what it tries, so its result does not
+//! depend on which others run, in which order or on how many threads.
+
+use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
+use crate::goals::random_yaw;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use surefoot_planner::probe::{Outcome, ProbeExecutor, Trial};
+use surefoot_planner::{PolicyHash, Site};
+use surefoot_policy::Policy;
+use surefoot_policy::actor::gaussian;
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::{Ability, CharacterProfile, DecisionOutcome, End, Map, NpcSlot, TaskConfig, Vec3, World};
+
+/// Most trials handed to a thread at a time.
+const MAX_CHUNK: usize = 512;
+/// Fewest, unless there are no more.
+const MIN_CHUNK: usize = 32;
+/// Of those, how many run at once: the batch of the policy.
+const BATCH: usize = 192;
+/// Decisions without progress after which a probe has failed.
+const GIVE_UP_AFTER: u32 = 30;
+
+/// What a probe runs with.
+#[derive(Debug, Clone)]
+pub struct ProbeContext {
+    /// On this map.
+    pub map: Arc<Map>,
+    /// As this character.
+    pub profile: CharacterProfile,
+    /// With this policy.
+    pub policy: Policy,
+}
+
+impl ProbeContext {
+    /// As the default character.
+    pub fn new(map: Arc<Map>, policy: Policy) -> Self {
+        Self { map, profile: CharacterProfile::default(), policy }
+    }
+
+    /// The map and the character.
+    pub fn site(&self) -> Site {
+        Site { map: self.map.clone(), profile: self.profile.clone() }
+    }
+
+    /// Which policy it is.
+    pub fn policy_hash(&self) -> PolicyHash {
+        PolicyHash::new(self.policy.weights_hash())
+    }
+
+    fn world(&self) -> World {
+        World::new(self.map.clone(), self.profile.clone(), TaskConfig::default())
+    }
+}
+
+/// Probes in this process on all cores; equal results for any number of them.
+#[derive(Debug, Clone)]
+pub struct InProcess {
+    /// What to run.
+    pub context: ProbeContext,
+    /// Threads to use.
+    pub thread_count: usize,
+}
+
+impl ProbeExecutor for InProcess {
+    fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>> {
+        // Chunks do not depend on the number of threads, since what shares a batch may.
+        let chunk_len = (trials.len() / 8).clamp(MIN_CHUNK, MAX_CHUNK);
+        let chunks: Vec<&[Trial]> = trials.chunks(chunk_len).collect();
+        let next = AtomicUsize::new(0);
+        let results: Mutex<Vec<Option<Vec<Outcome>>>> = Mutex::new(vec![None; chunks.len()]);
+        std::thread::scope(|scope| {
+            for _ in 0..self.thread_count.clamp(1, chunks.len().max(1)) {
+                scope.spawn(|| {
+                    loop {
+                        let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
+                        let Some(chunk) = chunks.get(chunk_idx) else { return };
+                        let outcomes = run_chunk(&self.context, chunk, seed, progress, cancel);
+                        results.lock().expect("no probe panics")[chunk_idx] = outcomes;
+                    }
+                });
+            }
+        });
+        let outcomes: Option<Vec<Vec<Outcome>>> = results.into_inner().expect("no probe panics").into_iter().collect();
+        outcomes.map(|chunks| chunks.into_iter().flatten().collect())
+    }
+}
+
+/// Runs one trial and keeps the place of the feet after every tick, first the start, m. The outcome is the one that
+/// [`InProcess`] finds.
+pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec<Vec3>) {
+    let mut probes = Probes::new(context, seed);
+    probes.start(0, trial);
+    let mut track = vec![trial.start];
+    loop {
+        let finished = probes.decide(|worlds| {
+            track.extend(worlds[0].npcs().map(|(_, npc)| npc.body.feet));
+        });
+        if let Some((_, outcome)) = finished.into_iter().next() {
+            return (outcome, track);
+        }
+    }
+}
+
+fn run_chunk(
+    context: &ProbeContext,
+    trials: &[Trial],
+    seed: u64,
+    progress: &AtomicU64,
+    cancel: &AtomicBool,
+) -> Option<Vec<Outcome>> {
+    let mut probes = Probes::new(context, seed);
+    let mut outcomes: Vec<Option<Outcome>> = vec![None; trials.len()];
+    let mut waiting = trials.iter().enumerate();
+    loop {
+        while probes.running.len() < BATCH
+            && let Some((trial_idx, trial)) = waiting.next()
+        {
+            probes.start(trial_idx, trial);
+        }
+        if probes.running.is_empty() {
+            return outcomes.into_iter().collect();
+        }
+        if cancel.load(Ordering::Relaxed) {
+            return None;
+        }
+        for (trial_idx, outcome) in probes.decide(|_| {}) {
+            outcomes[trial_idx] = Some(outcome);
+            progress.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Trials that run together on one world.
+struct Probes<'a> {
+    policy: &'a Policy,
+    seed: u64,
+    worlds: [World; 1],
+    running: Vec<Running>,
+    decisions: DecisionLoop,
+}
+
+impl<'a> Probes<'a> {
+    fn new(context: &'a ProbeContext, seed: u64) -> Self {
+        let policy = &context.policy;
+        Self { policy, seed, worlds: [context.world()], running: Vec::new(), decisions: DecisionLoop::new(policy) }
+    }
+
+    fn start(&mut self, trial_idx: usize, trial: &Trial) {
+        let started = Running::start(&mut self.worlds[0], trial_idx, trial, self.seed);
+        self.decisions.begin(Lane::of(started.slot).row_idx);
+        self.running.push(started);
+    }
+
+    /// One decision of all that run: those that have come to an end, with the places of their trials.
+    fn decide(&mut self, each_tick: impl FnMut(&[World])) -> Vec<(usize, Outcome)> {
+        let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot)).collect();
+        let noise = self.running.iter_mut().flat_map(Running::noise).collect();
+        let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
+        let closed = self.decisions.decide_watched(&mut stage, self.policy, Noise::Rows(noise), each_tick);
+        let mut closed = closed.iter();
+        let mut finished = Vec::new();
+        let [world] = &mut self.worlds;
+        self.running.retain_mut(|probe| {
+            if probe.note(world, *closed.next().expect("an outcome for each lane")) {
+                return true;
+            }
+            world.despawn(probe.slot);
+            finished.push((probe.trial_idx, probe.outcome.clone()));
+            false
+        });
+        finished
+    }
+}
+
+/// One running trial.
+struct Running {
+    slot: NpcSlot,
+    trial_idx: usize,
+    keep_track: bool,
+    rng: ChaCha8Rng,
+    outcome: Outcome,
+}
+
+impl Running {
+    fn start(world: &mut World, trial_idx: usize, trial: &Trial, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(trial.stream);
+        let slot = world.spawn(trial.start, random_yaw(&mut rng));
+        world.set_goal(slot, trial.goal);
+        let outcome = Outcome {
+            reached: false,
+            decisions: 0,
+            ability: Ability::Walk,
+            bounds: [trial.start; 2],
+            track: if trial.keep_track { vec![Some(trial.start)] } else { Vec::new() },
+        };
+        Self { slot, trial_idx, keep_track: trial.keep_track, rng, outcome }
+    }
+
+    /// What is added to its next action.
+    fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
+        gaussian(&mut self.rng, ACTION_LEN).into_iter().map(|value| value * DEFAULT_NOISE_SHARE)
+    }
+
+    /// Takes note of one decision; whether the trial goes on.
+    fn note(&mut self, world: &World, closed: DecisionOutcome) -> bool {
+        let npc = world.npc(self.slot).expect("a trial has an NPC");
+        let episode = npc.episode.expect("a trial has an episode");
+        let outcome = &mut self.outcome;
+        outcome.ability = outcome.ability.max(Ability::used(npc.events));
+        outcome.bounds = [outcome.bounds[0].min(npc.body.feet), outcome.bounds[1].max(npc.body.feet)];
+        if self.keep_track {
+            outcome.track.push(npc.body.is_grounded().then_some(npc.body.feet));
+        }
+        let gave_up = (episode.stalled_decisions >= GIVE_UP_AFTER).then_some(End::NoProgress);
+        let Some(end) = closed.end.or(gave_up) else { return true };
+        outcome.reached = end == End::Reached;
+        outcome.decisions = episode.decisions;
+        false
+    }
+}

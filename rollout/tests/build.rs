@@ -1,0 +1,215 @@
+//! Builds on a small real map with the shipped policy.
+
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use surefoot_planner::candidates;
+use surefoot_planner::{
+    BuildError, BuildSettings, GraphId, NavGraph, Placement, Probing, Progress, Query, RawBuildSettings, Router,
+};
+use surefoot_policy::Policy;
+use surefoot_rollout::ProbeContext;
+use surefoot_rollout::graphs::{self, build};
+use surefoot_world::map::{MapSize, Pad, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
+
+fn context() -> ProbeContext {
+    ProbeContext {
+        map: Arc::new(Map::generate(&MapSpec::with_side(31, 80).unwrap())),
+        profile: CharacterProfile::default(),
+        policy: Policy::shipped().unwrap(),
+    }
+}
+
+/// The paper's way: every candidate, every time.
+fn settings() -> BuildSettings {
+    BuildSettings::of_paper(Placement::Spaced)
+        .with(|it| {
+            it.vertices = 30;
+            it.neighbours = 6;
+            it.seed = 4;
+        })
+        .unwrap()
+}
+
+#[test]
+fn a_build_proves_edges_and_does_not_depend_on_the_number_of_threads() {
+    let context = context();
+    let progress = Progress::default();
+    let one = build(&context, &settings(), 1, &progress).unwrap();
+    let three = build(&context, &settings(), 3, &Progress::default()).unwrap();
+    assert_eq!(one.graph.to_data(), three.graph.to_data());
+    assert_eq!(one.stats.probes, 30 * 6 * 2);
+    assert_eq!(progress.done.load(Ordering::Relaxed), one.stats.probes);
+    assert!(one.graph.edge_count() > 90, "only {} of 180 candidates were proved", one.graph.edge_count());
+    for edge in one.graph.edges() {
+        assert!(
+            edge.evidence.tries == 2 && edge.evidence.success_rate() >= 0.5 && edge.evidence.decisions_mean().0 > 0.0
+        );
+    }
+}
+
+fn nearest_pair(graph: &NavGraph) -> f32 {
+    let mut best = f32::INFINITY;
+    for a in graph.vertices() {
+        for b in graph.vertices().skip(a.idx() + 1) {
+            best = best.min(graph.position(a).distance(graph.position(b)));
+        }
+    }
+    best
+}
+
+#[test]
+fn every_builder_joins_most_of_a_small_map() {
+    let context = context();
+    let points = navigable::sample_many(&context.map, &context.profile, 60, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+    let mut nearest = Vec::new();
+    for placement in Placement::ALL {
+        let settings = settings()
+            .with(|it| {
+                it.placement = placement;
+                it.vertices = 40;
+            })
+            .unwrap();
+        let built = build(&context, &settings, 2, &Progress::default()).unwrap();
+        let graph = &built.graph;
+        let name = placement.name();
+        assert_eq!(Placement::from_name(name), Some(placement));
+        assert_eq!(graph.vertex_count(), 40, "{name}");
+        assert!(graph.connected_share() > 0.5, "{name}: {:.2} connected", graph.connected_share());
+        assert!(built.stats.probes > 0, "{name}");
+        // What the probes took is kept with the edge.
+        let spread = graph.edges().filter(|edge| edge.evidence.bounds[1].x >= edge.evidence.bounds[0].x).count();
+        assert_eq!(spread, graph.edge_count(), "{name}");
+        let router = Router::new(graph.clone(), 4096, 1);
+        let found = points
+            .chunks_exact(2)
+            .filter(|pair| {
+                let query = Query { start: pair[0], goal: pair[1], avoid: Vec::new() };
+                router.find_path(&query).no_path.is_none()
+            })
+            .count();
+        assert!(found >= 20, "{name}: plans for {found} of 30 goals");
+        nearest.push(nearest_pair(graph));
+    }
+    // Random, then spaced.
+    assert!(nearest[1] > 4.0 && nearest[0] < nearest[1], "{nearest:?}");
+}
+
+#[test]
+fn builders_that_run_the_policy_do_not_depend_on_the_number_of_threads_either() {
+    let context = context();
+    for placement in [Placement::Trajectories, Placement::FloodGrandchildren] {
+        let settings = settings().with(|it| it.placement = placement).unwrap();
+        let one = build(&context, &settings, 1, &Progress::default()).unwrap();
+        let two = build(&context, &settings, 2, &Progress::default()).unwrap();
+        assert_eq!(one.graph.to_data(), two.graph.to_data(), "{}", placement.name());
+    }
+}
+
+#[test]
+fn frugal_probing_saves_probes_and_loses_no_connection() {
+    let context = context();
+    let settings = settings()
+        .with(|it| {
+            it.vertices = 80;
+            it.neighbours = 16;
+        })
+        .unwrap();
+    let all = build(&context, &settings, 2, &Progress::default()).unwrap();
+    let frugal = settings.with(|it| it.probing = Probing::Frugal).unwrap();
+    let few = build(&context, &frugal, 2, &Progress::default()).unwrap();
+    assert!(few.stats.probes * 10 < all.stats.probes * 7, "{} of {} probes", few.stats.probes, all.stats.probes);
+    assert!(few.stats.untried > 0);
+    let (less, more) = (few.graph.connected_share(), all.graph.connected_share());
+    assert!(less > more - 0.03, "{less:.3} instead of {more:.3} of pairs connected");
+}
+
+/// A pad at the foot of a cliff, too high for two jumps, with ground on both sides.
+fn cliff() -> Map {
+    let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let mut triangles = Vec::new();
+    let mut quad = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| {
+        for corners in [[a, b, c], [a, c, d]] {
+            triangles.push(Triangle::new(corners, Surface::Ground).unwrap());
+        }
+    };
+    quad(corner(0.0, 5.0, 0.0), corner(0.0, 5.0, 60.0), corner(30.0, 5.0, 60.0), corner(30.0, 5.0, 0.0));
+    quad(corner(30.0, 13.0, 0.0), corner(30.0, 13.0, 60.0), corner(60.0, 13.0, 60.0), corner(60.0, 13.0, 0.0));
+    quad(corner(30.0, 5.0, 0.0), corner(30.0, 5.0, 60.0), corner(30.0, 13.0, 60.0), corner(30.0, 13.0, 0.0));
+    let size = MapSize { width: 60, height: 40, depth: 60 };
+    let speed = (2.0f32 * 20.0 * 18.0).sqrt();
+    let pads = vec![Pad { centre: Vec3::new(22.0, 5.0, 30.0), speed }];
+    Map::from_parts(size, triangles, Placed { pads, ..Placed::default() })
+}
+
+#[test]
+fn a_pad_is_joined_to_its_landing_without_luck() {
+    let context = ProbeContext { map: Arc::new(cliff()), ..context() };
+    // Two neighbours each: the nearest lie on the same level.
+    let settings = settings()
+        .with(|it| {
+            it.vertices = 40;
+            it.neighbours = 2;
+            it.special_moves = true;
+            it.seed = 1;
+        })
+        .unwrap();
+    let up = |graph: &NavGraph| {
+        graph.edges().filter(|edge| graph.position(edge.key.to).y - graph.position(edge.key.from).y > 6.0).count()
+    };
+    let with = build(&context, &settings, 2, &Progress::default()).unwrap();
+    assert!(with.stats.special > 0);
+    let vertices = with.graph.to_data().vertices;
+    let special = candidates::by_features(&context.map, &context.profile, &vertices, &[]);
+    let pad = Vec3::new(22.0, 5.0, 30.0);
+    let thrown =
+        special.iter().filter(|key| vertices[key.from.idx()].distance(pad) < 14.0 && vertices[key.to.idx()].y > 12.0);
+    assert!(thrown.count() >= 3, "{special:?}");
+    assert!(up(&with.graph) > 0, "no edge leads up");
+    let without =
+        build(&context, &settings.with(|it| it.special_moves = false).unwrap(), 2, &Progress::default()).unwrap();
+    assert!(up(&without.graph) < up(&with.graph));
+}
+
+#[test]
+fn cancelling_ends_a_build() {
+    let progress = Progress::default();
+    progress.cancel.store(true, Ordering::Relaxed);
+    assert_eq!(build(&context(), &settings(), 2, &progress).unwrap_err(), BuildError::Cancelled);
+}
+
+#[test]
+fn the_id_of_a_graph_changes_with_everything_that_decides_it() {
+    let context = context();
+    let id = graphs::id_of(&context, &settings());
+    assert_eq!(id, graphs::id_of(&context.clone(), &settings()));
+    assert_eq!(GraphId::parse(&id.to_string()), Some(id));
+    let others = [
+        graphs::id_of(&context, &settings().with(|it| it.vertices = 31).unwrap()),
+        graphs::id_of(&context, &settings().with(|it| it.threshold = 0.6).unwrap()),
+        graphs::id_of(
+            &ProbeContext {
+                profile: CharacterProfile::default().with(|it| it.height = 1.7).unwrap(),
+                ..context.clone()
+            },
+            &settings(),
+        ),
+        graphs::id_of(
+            &ProbeContext { map: Arc::new(Map::generate(&MapSpec::with_side(32, 80).unwrap())), ..context.clone() },
+            &settings(),
+        ),
+    ];
+    assert!(others.iter().all(|other| *other != id));
+}
+
+#[test]
+fn settings_out_of_range_are_refused_by_name() {
+    let field = |change: fn(&mut RawBuildSettings)| BuildSettings::default().with(change).unwrap_err().field;
+    assert_eq!(field(|it| it.vertices = 1), "vertices");
+    assert_eq!(field(|it| it.neighbours = 65), "neighbours");
+    assert_eq!(field(|it| it.repeats = 0), "repeats");
+    assert_eq!(field(|it| it.threshold = f64::NAN), "threshold");
+}

@@ -1,0 +1,44 @@
+//! Limits and sizes of a world server.
+
+use std::path::PathBuf;
+use std::time::Duration;
+use surefoot_net::levels::DEFAULT_MAX_MAPS;
+
+/// Limits and sizes of a server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServerConfig {
+    /// Most worlds at a time (`--max-worlds`); each has a thread.
+    pub max_worlds: usize,
+    /// Most worlds of one client (`--max-worlds-per-client`).
+    pub max_worlds_per_client: usize,
+    /// Most NPCs on one world (`--max-npcs`).
+    pub max_npcs_per_world: usize,
+    /// Most NPCs of one client (`--max-npcs-per-client`).
+    pub max_npcs_per_client: usize,
+    /// Most environments of remote trainers (`--max-envs`).
+    pub max_envs: usize,
+    /// Most imported maps that are kept (`--max-maps`).
+    pub max_maps: usize,
+    /// How long a reader of a stream may leave everything unread until it is cut off (`--reader-patience`).
+    pub reader_patience: Duration,
+    /// Where worlds are saved when the server stops and restored when it starts (`--state`).
+    pub state: Option<PathBuf>,
+    /// How often they are saved while it runs, so that little is lost if it is killed (`--save-every`).
+    pub save_every: Duration,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        Self {
+            max_worlds: 64,
+            max_worlds_per_client: 32,
+            max_npcs_per_world: 4096,
+            max_npcs_per_client: 8192,
+            max_envs: 16,
+            max_maps: DEFAULT_MAX_MAPS,
+            reader_patience: Duration::from_secs(5),
+            state: None,
+            save_every: Duration::from_secs(30),
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! `EnvService`: decode, call, encode.
+
+use crate::envs::{EnvId, Envs};
+use crate::wire::{env_actions, env_settings, results_to_wire};
+use std::pin::Pin;
+use surefoot_net::serving::{Shutdown, going_away};
+use surefoot_proto::convert;
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::env_service_server::EnvService;
+use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::sense::OBSERVATION_VERSION;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_stream::{Stream, StreamExt};
+use tonic::{Request, Response, Status, Streaming};
+
+/// Results waiting for one trainer.
+const QUEUE: usize = 2;
+
+/// The service; clones share everything.
+#[derive(Debug, Clone)]
+pub struct EnvApi {
+    /// All environments.
+    pub envs: Envs,
+    /// Ends streams.
+    pub shutdown: Shutdown,
+}
+
+impl EnvApi {
+    async fn step(&self, id: EnvId, actions: Option<wire::EnvActions>) -> Result<wire::EnvResults, Status> {
+        let actions = env_actions(actions, self.envs.npc_count(id)?)?;
+        Ok(results_to_wire(self.envs.step(id, actions).await?))
+    }
+}
+
+type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+#[tonic::async_trait]
+impl EnvService for EnvApi {
+    async fn create_env(
+        &self,
+        request: Request<wire::CreateEnvRequest>,
+    ) -> Result<Response<wire::CreateEnvResponse>, Status> {
+        let settings = env_settings(&request.into_inner())?;
+        let (env_id, observations) = self.envs.create(settings).await?;
+        Ok(Response::new(wire::CreateEnvResponse {
+            env_id: env_id.0,
+            observation_len: OBSERVATION_LEN as u32,
+            observation_version: OBSERVATION_VERSION,
+            action_len: ACTION_LEN as u32,
+            observations: convert::pack(observations),
+        }))
+    }
+
+    async fn step_env(
+        &self,
+        request: Request<wire::StepEnvRequest>,
+    ) -> Result<Response<wire::StepEnvResponse>, Status> {
+        let wire::StepEnvRequest { env_id, actions } = request.into_inner();
+        Ok(Response::new(wire::StepEnvResponse { results: Some(self.step(EnvId(env_id), actions).await?) }))
+    }
+
+    type StreamEnvStream = BoxStream<wire::StreamEnvResponse>;
+
+    async fn stream_env(
+        &self,
+        request: Request<Streaming<wire::StreamEnvRequest>>,
+    ) -> Result<Response<Self::StreamEnvStream>, Status> {
+        let mut requests = request.into_inner();
+        let (queue, results) = mpsc::channel(QUEUE);
+        let api = self.clone();
+        let stopping = self.shutdown.wait();
+        tokio::spawn(async move {
+            tokio::pin!(stopping);
+            loop {
+                let request = tokio::select! {
+                    request = requests.next() => request,
+                    () = &mut stopping => Some(Err(going_away())),
+                    () = queue.closed() => None,
+                };
+                let result = match request {
+                    None => return,
+                    Some(Err(status)) => Err(status),
+                    Some(Ok(wire::StreamEnvRequest { env_id, actions })) => api.step(EnvId(env_id), actions).await,
+                };
+                let is_over = result.is_err();
+                let message = result.map(|results| wire::StreamEnvResponse { results: Some(results) });
+                if queue.send(message).await.is_err() || is_over {
+                    return;
+                }
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(results))))
+    }
+
+    async fn close_env(
+        &self,
+        request: Request<wire::CloseEnvRequest>,
+    ) -> Result<Response<wire::CloseEnvResponse>, Status> {
+        self.envs.close(EnvId(request.into_inner().env_id))?;
+        Ok(Response::new(wire::CloseEnvResponse {}))
+    }
+}

@@ -1,0 +1,265 @@
+//! Streams to readers: snapshots of a world, its mesh, one NPC with its plan.
+//!
+//! A slow reader gets the latest snapshot and costs one message; one that does not read at all is cut off.
+
+use crate::geometry::Tiles;
+use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcPlan, NpcState, Snapshot};
+use crate::ids::{NpcId, WorldId};
+use crate::sim::SimHandle;
+use crate::view::View;
+use crate::wire::{ended_attempt_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire, shown_to_wire, tile_to_wire};
+use std::pin::Pin;
+use std::sync::{Arc, OnceLock};
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+use surefoot_net::serving::{Shutdown, going_away};
+use surefoot_net::status;
+use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::world::v1 as wire;
+use surefoot_world::sense::Sight;
+use surefoot_world::{Map, Tick};
+use tokio::sync::{Semaphore, mpsc, watch};
+use tokio_stream::Stream;
+use tonic::Status;
+
+/// Messages waiting for one reader; older snapshots are skipped.
+const QUEUE: usize = 1;
+/// Snapshots a second unless the reader says otherwise.
+const DEFAULT_RATE: f64 = 10.0;
+
+/// The pause between two messages at a wanted rate, 0 for the default.
+///
+/// # Errors
+/// If the rate is out of range.
+pub fn pause_of(rate_hz: f32) -> Result<Duration, FieldError> {
+    let rate = if rate_hz == 0.0 { DEFAULT_RATE } else { convert::in_range(f64::from(rate_hz), 0.1, 60.0, "rate_hz")? };
+    Ok(Duration::from_secs_f64(1.0 / rate))
+}
+
+/// A stream to one reader that ends with a status.
+#[derive(Debug)]
+pub struct ReaderStream<T> {
+    messages: mpsc::Receiver<T>,
+    end: Arc<OnceLock<Status>>,
+    is_over: bool,
+}
+
+impl<T> Stream for ReaderStream<T> {
+    type Item = Result<T, Status>;
+
+    fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        if self.is_over {
+            return Poll::Ready(None);
+        }
+        if let Some(message) = ready!(self.messages.poll_recv(context)) {
+            return Poll::Ready(Some(Ok(message)));
+        }
+        self.is_over = true;
+        Poll::Ready(self.end.get().cloned().map(Err))
+    }
+}
+
+/// Where messages for one reader go.
+struct Reader<T> {
+    queue: mpsc::Sender<T>,
+    end: Arc<OnceLock<Status>>,
+    patience: Duration,
+}
+
+impl<T> Reader<T> {
+    fn new(patience: Duration) -> (Self, ReaderStream<T>) {
+        let (queue, messages) = mpsc::channel(QUEUE);
+        let end = Arc::new(OnceLock::new());
+        (Self { queue, end: end.clone(), patience }, ReaderStream { messages, end, is_over: false })
+    }
+
+    /// Ends the stream with `status`.
+    fn close(self, status: Status) {
+        // Set once: this consumes the reader.
+        let _ = self.end.set(status);
+    }
+
+    /// Hands a message over, waiting for a slow reader as long as its patience lasts; `None` if the stream is over.
+    async fn send(self, message: T) -> Option<Self> {
+        match tokio::time::timeout(self.patience, self.queue.send(message)).await {
+            Ok(Ok(())) => Some(self),
+            Ok(Err(_)) => None,
+            Err(_) => {
+                let seconds = self.patience.as_secs_f32();
+                self.close(Status::aborted(format!("nothing was read for {seconds} s: watch again")));
+                None
+            }
+        }
+    }
+}
+
+/// Sends a reader its view of every snapshot that it has time for.
+pub fn watch_world(
+    world_id: WorldId,
+    mut snapshots: watch::Receiver<Arc<Snapshot>>,
+    mut view: View,
+    pause: Duration,
+    patience: Duration,
+    shutdown: &Shutdown,
+) -> ReaderStream<wire::WatchWorldResponse> {
+    let (mut reader, stream) = Reader::new(patience);
+    let stopping = shutdown.wait();
+    snapshots.mark_changed();
+    tokio::spawn(async move {
+        tokio::pin!(stopping);
+        loop {
+            let snapshot = tokio::select! {
+                changed = snapshots.changed() => match changed {
+                    Ok(()) => snapshots.borrow_and_update().clone(),
+                    Err(_) => {
+                        let (id, message) = (world_id.to_string(), format!("world {world_id} was dropped"));
+                        return reader.close(status::not_found("world", id, message));
+                    }
+                },
+                () = &mut stopping => return reader.close(going_away()),
+                () = reader.queue.closed() => return,
+            };
+            match reader.send(shown_to_wire(&view.show(&snapshot))).await {
+                Some(still) => reader = still,
+                None => return,
+            }
+            tokio::time::sleep(pause).await;
+        }
+    });
+    stream
+}
+
+/// Sends a reader the tiles of a map, which are made while they are sent, whenever `turns` has a turn left.
+pub fn send_mesh(
+    map: Arc<Map>,
+    tiles: impl FnOnce(&Map) -> Tiles + Send + 'static,
+    turns: Arc<Semaphore>,
+    patience: Duration,
+    shutdown: &Shutdown,
+) -> ReaderStream<wire::GetMeshResponse> {
+    let (mut reader, stream) = Reader::new(patience);
+    let shutdown = shutdown.clone();
+    let lost = || Status::internal("the mesh cannot be made");
+    tokio::spawn(async move {
+        let of = map.clone();
+        let Some(tiles) = in_turn(&turns, &reader.queue, move || Arc::new(tiles(&of))).await else {
+            return reader.close(lost());
+        };
+        for tile_idx in 0..tiles.count() {
+            if shutdown.is_triggered() {
+                return reader.close(going_away());
+            }
+            let (of, tiles) = (map.clone(), tiles.clone());
+            let encode = move || tile_to_wire(&tiles.mesh(&of, tile_idx), tiles.count());
+            let tile = in_turn(&turns, &reader.queue, encode).await;
+            let Some(tile) = tile else { return reader.close(lost()) };
+            match reader.send(tile).await {
+                Some(still) => reader = still,
+                None => return,
+            }
+        }
+    });
+    stream
+}
+
+/// Works on a thread of its own when it is its turn; `None` if it panics, or the reader has left before.
+async fn in_turn<T: Send + 'static, M>(
+    turns: &Semaphore,
+    reader: &mpsc::Sender<M>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    let _turn = tokio::select! {
+        biased;
+        () = reader.closed() => return None,
+        turn = turns.acquire() => turn.ok()?,
+    };
+    tokio::task::spawn_blocking(work).await.ok()
+}
+
+/// What a reader is shown of an NPC at one moment.
+struct Look {
+    tick: Tick,
+    npc: NpcState,
+    sight: Option<Sight>,
+    plan: Option<Arc<NpcPlan>>,
+    history: Vec<EndedAttempt>,
+}
+
+impl Look {
+    fn at(world: &HostedWorld, npc: NpcId, rays: bool) -> Result<Self, NpcError> {
+        Ok(Self {
+            tick: world.tick(),
+            npc: world.npc(npc)?,
+            sight: rays.then(|| world.sight(npc)).transpose()?,
+            plan: world.plan(npc)?,
+            history: world.history(npc)?,
+        })
+    }
+
+    /// What has changed since `shown`: plan and history are sent only then.
+    fn to_wire(&self, shown: Option<&Look>) -> wire::FollowNpcResponse {
+        let waypoints = self.plan.as_ref().map_or(&[][..], |plan| &plan.waypoints);
+        let heading = waypoints.iter().position(|waypoint| Some(*waypoint) == self.npc.waypoint);
+        let mut message = wire::FollowNpcResponse {
+            tick: self.tick.0,
+            waypoint_idx: heading.unwrap_or(waypoints.len().saturating_sub(1)) as u32,
+            npc: Some(npc_to_wire(&self.npc)),
+            ..Default::default()
+        };
+        if let Some(sight) = &self.sight {
+            message.eyes = Some(convert::to_wire(sight.eye));
+            message.rays = rays_to_wire(sight);
+        }
+        if !shown.is_some_and(|shown| is_same_plan(&shown.plan, &self.plan)) {
+            message.plan = Some(self.plan.as_deref().map(npc_plan_to_wire).unwrap_or_default());
+        }
+        if shown.is_none_or(|shown| shown.history != self.history) {
+            message.history = self.history.iter().map(ended_attempt_to_wire).collect();
+        }
+        message
+    }
+}
+
+fn is_same_plan(a: &Option<Arc<NpcPlan>>, b: &Option<Arc<NpcPlan>>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        (a, b) => a.is_none() && b.is_none(),
+    }
+}
+
+/// Sends a reader one NPC's state, with `rays` what it sees, and its plan and history when they have changed.
+pub fn follow_npc(
+    npc: NpcId,
+    sim: SimHandle,
+    rays: bool,
+    pause: Duration,
+    patience: Duration,
+    shutdown: &Shutdown,
+) -> ReaderStream<wire::FollowNpcResponse> {
+    let (mut reader, stream) = Reader::new(patience);
+    let stopping = shutdown.wait();
+    tokio::spawn(async move {
+        tokio::pin!(stopping);
+        // What the reader has; it knows of nothing before the first message.
+        let mut shown: Option<Look> = None;
+        loop {
+            let look = match sim.call(move |state| Look::at(&state.world, npc, rays)).await {
+                Ok(Ok(look)) => look,
+                Ok(Err(error)) => return reader.close(error.into()),
+                Err(_) => return reader.close(NpcError::Unknown(npc).into()),
+            };
+            let message = look.to_wire(shown.as_ref());
+            shown = Some(look);
+            match reader.send(message).await {
+                Some(still) => reader = still,
+                None => return,
+            }
+            tokio::select! {
+                () = tokio::time::sleep(pause) => {}
+                () = &mut stopping => return reader.close(going_away()),
+                () = reader.queue.closed() => return,
+            }
+        }
+    });
+    stream
+}

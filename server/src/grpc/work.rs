@@ -1,0 +1,86 @@
+//! The stream of a worker: its hello, its answers, and how it ends.
+
+use crate::ids::WorldId;
+use crate::messages::{Goodbye, Hello, ToWorker};
+use crate::registry::Joined;
+use crate::wire::{self as convert_worker, to_worker};
+use crate::worlds::Worlds;
+use std::pin::Pin;
+use std::time::Duration;
+use surefoot_proto::world::v1 as wire;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_stream::{Stream, StreamExt};
+use tonic::{Code, Status, Streaming};
+use tonic_types::StatusExt;
+use tracing::warn;
+
+/// Messages waiting for one worker; observations beyond are lost and their decisions count as missed.
+const WORKER_QUEUE: usize = 256;
+/// How long a new worker may take to say hello.
+const HELLO_LIMIT: Duration = Duration::from_secs(5);
+
+/// What a worker is sent.
+pub type WorkStream = Pin<Box<dyn Stream<Item = Result<wire::WorkResponse, Status>> + Send>>;
+
+/// Reads a worker's hello.
+///
+/// # Errors
+/// If it does not come in time, or makes no sense.
+pub async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello, Status> {
+    let first = tokio::time::timeout(HELLO_LIMIT, requests.next())
+        .await
+        .map_err(|_| Status::deadline_exceeded("no hello within five seconds"))?;
+    convert_worker::hello(first.transpose()?)
+}
+
+/// Lets a worker join and reads its answers until its stream ends.
+pub fn serve_worker(worlds: Worlds, hello: Hello, requests: Streaming<wire::WorkRequest>) -> WorkStream {
+    let (queue, messages) = mpsc::channel(WORKER_QUEUE);
+    let joined = worlds.join(hello, queue.clone());
+    tokio::spawn(read_answers(worlds, joined, requests, queue));
+    Box::pin(ReceiverStream::new(messages).map(to_worker))
+}
+
+/// Reads a worker's stream until it ends, fails, or the server shuts down.
+async fn read_answers(
+    worlds: Worlds,
+    Joined { id: worker, cut }: Joined,
+    mut requests: Streaming<wire::WorkRequest>,
+    queue: mpsc::Sender<ToWorker>,
+) {
+    let shutdown = worlds.shutdown().wait();
+    tokio::pin!(shutdown);
+    let end = loop {
+        let request = tokio::select! {
+            request = requests.next() => request,
+            () = &mut shutdown => break Some(Goodbye::ShuttingDown),
+            () = queue.closed() => break None,
+            () = cut.notified() => break Some(Goodbye::NotReading),
+        };
+        let taken = match request {
+            None | Some(Err(_)) => break None,
+            Some(Ok(wire::WorkRequest { message: Some(wire::work_request::Message::Actions(batch)) })) => {
+                let world = WorldId(batch.world_id);
+                let answer = convert_worker::answer(batch).map_err(|status| bad_answer(&status));
+                answer.and_then(|answer| Ok(worlds.answer(worker, world, answer)?))
+            }
+            Some(Ok(_)) => Err(Goodbye::Unexpected),
+        };
+        if let Err(goodbye) = taken {
+            warn!(worker = worker.0, %goodbye, "worker is cut off");
+            break Some(goodbye);
+        }
+    };
+    if let Some(goodbye) = end {
+        // If the worker does not read, its stream ends without the reason.
+        let _ = queue.try_send(ToWorker::Goodbye(goodbye));
+    }
+    worlds.leave(worker);
+}
+
+fn bad_answer(status: &Status) -> Goodbye {
+    debug_assert_eq!(status.code(), Code::InvalidArgument);
+    let field = status.get_details_bad_request().and_then(|details| details.field_violations.into_iter().next());
+    Goodbye::BadAnswer(field.map_or_else(String::new, |field| field.field), status.message().to_owned())
+}

@@ -1,0 +1,210 @@
+//! What clients ask of a world: spawn, send, teleport, look.
+
+use super::snapshot::{EndedAttempt, NpcPlan, NpcState, NpcStatus, Snapshot, Tally, WorldStats};
+use super::world::{HostedWorld, Record};
+use crate::ids::{NpcId, WorldId};
+use crate::quota::Ticket;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::sync::Arc;
+use surefoot_world::sense::Sight;
+use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3, navigable};
+
+/// Something a client asked for that this world cannot do.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NpcError {
+    /// No such NPC.
+    #[error("npc {0} does not exist")]
+    Unknown(NpcId),
+    /// The world is full.
+    #[error("world {world} already has {limit} NPCs, the most it may have (--max-npcs)")]
+    Full {
+        /// Its id.
+        world: WorldId,
+        /// The limit.
+        limit: usize,
+    },
+    /// The position lies outside the map.
+    #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
+    Outside {
+        /// Path of the field.
+        field: &'static str,
+        /// Extent of the map.
+        extent: [f32; 3],
+    },
+    /// The NPC fell, burnt or drowned.
+    #[error("npc {0} is down: teleport it first")]
+    Down(NpcId),
+    /// The map has nowhere to stand.
+    #[error(transparent)]
+    NoGround(#[from] navigable::NoGround),
+}
+
+impl HostedWorld {
+    /// Adds an NPC for the client that holds `ticket` and returns its id.
+    ///
+    /// # Errors
+    /// If the world is full or the position lies outside the map.
+    pub fn spawn(&mut self, position: Vec3, yaw: f32, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
+        self.check_inside(position, "position")?;
+        if self.records.len() >= limit {
+            return Err(NpcError::Full { world: self.id, limit });
+        }
+        self.last_serial += 1;
+        let id = NpcId::new(self.id, self.last_serial);
+        let slot = self.world.spawn(position, yaw);
+        self.records.insert(id, Record::new(slot, ticket));
+        self.assign_workers();
+        Ok(id)
+    }
+
+    /// Removes an NPC.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn despawn(&mut self, id: NpcId) -> Result<(), NpcError> {
+        let record = self.records.remove(&id).ok_or(NpcError::Unknown(id))?;
+        self.world.despawn(record.slot);
+        if let Some(worker) = record.worker {
+            self.outbox.entry(worker).or_default().released.push(id);
+        }
+        // A place is taken with the worker that it was to go to, no longer with the one that has it.
+        if let Some(holder) = record.next_worker.or(record.worker) {
+            self.registry.release(holder);
+        }
+        Ok(())
+    }
+
+    /// Sends an NPC to a goal.
+    ///
+    /// # Errors
+    /// If it does not exist or is down, or the goal lies outside the map.
+    pub fn set_goal(&mut self, id: NpcId, goal: Vec3) -> Result<(), NpcError> {
+        self.check_inside(goal, "goal")?;
+        let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
+        if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
+            return Err(NpcError::Down(id));
+        }
+        record.clear_goal();
+        record.goal = Some(goal);
+        record.attempts += 1;
+        record.began = Tick(self.world.current_tick());
+        self.world.set_goal(record.slot, goal);
+        Ok(())
+    }
+
+    /// Puts an NPC elsewhere, at rest.
+    ///
+    /// # Errors
+    /// If it does not exist or the position lies outside the map.
+    pub fn teleport(&mut self, id: NpcId, position: Vec3, yaw: f32) -> Result<(), NpcError> {
+        self.check_inside(position, "position")?;
+        let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
+        record.clear_goal();
+        self.world.teleport(record.slot, position, yaw);
+        Ok(())
+    }
+
+    /// State of one NPC.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn npc(&self, id: NpcId) -> Result<NpcState, NpcError> {
+        let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
+        Ok(self.describe(id, record))
+    }
+
+    /// The plan that an NPC follows.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn plan(&self, id: NpcId) -> Result<Option<Arc<NpcPlan>>, NpcError> {
+        Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.plan.clone())
+    }
+
+    /// An NPC's last attempts that ended, the latest last.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn history(&self, id: NpcId) -> Result<Vec<EndedAttempt>, NpcError> {
+        Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.history.iter().copied().collect())
+    }
+
+    /// What an NPC sees.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn sight(&self, id: NpcId) -> Result<Sight, NpcError> {
+        Ok(self.world.sight(self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot))
+    }
+
+    /// State of all NPCs and of the world.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            tick: self.tick(),
+            npcs: self.records.iter().map(|(&id, record)| self.describe(id, record)).collect(),
+            stats: WorldStats {
+                counters: self.counters.clone(),
+                times: self.times.clone(),
+                without_worker: self.tally().without_worker,
+            },
+        }
+    }
+
+    /// How many NPCs are idle, seeking and down, and how many have no worker.
+    pub fn tally(&self) -> Tally {
+        let mut tally = Tally::default();
+        for record in self.records.values() {
+            match self.status(record) {
+                NpcStatus::Down => tally.down += 1,
+                NpcStatus::Seeking => tally.seeking += 1,
+                NpcStatus::Idle => tally.idle += 1,
+            }
+            tally.without_worker += u32::from(record.worker.is_none());
+        }
+        tally
+    }
+
+    /// Places where a character can stand.
+    ///
+    /// # Errors
+    /// If the map has none.
+    pub fn sample_ground(map: &Map, count: usize, Seed(seed): Seed) -> Result<Vec<Vec3>, NpcError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        Ok(navigable::sample_many(map, &CharacterProfile::default(), count, &mut rng)?)
+    }
+
+    fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
+        let extent = self.world.map().extent();
+        if self.world.map().is_outside(point) || point.y > extent.y {
+            return Err(NpcError::Outside { field, extent: extent.to_array() });
+        }
+        Ok(())
+    }
+
+    fn status(&self, record: &Record) -> NpcStatus {
+        if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
+            NpcStatus::Down
+        } else if record.goal.is_some() {
+            NpcStatus::Seeking
+        } else {
+            NpcStatus::Idle
+        }
+    }
+
+    fn describe(&self, id: NpcId, record: &Record) -> NpcState {
+        let npc = self.world.npc(record.slot).expect("every record has an NPC");
+        NpcState {
+            id,
+            position: npc.body.feet,
+            velocity: npc.body.velocity,
+            yaw: npc.body.yaw,
+            status: self.status(record),
+            goal: record.goal,
+            waypoint: record.waypoint,
+            last_outcome: record.last_outcome,
+            attempts: record.attempts,
+            worker: record.worker,
+        }
+    }
+}

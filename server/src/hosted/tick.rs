@@ -1,0 +1,150 @@
+//! The tick: ask for the decisions that are due, move, settle; and the answers that come between ticks.
+
+use super::mode::TimeMode;
+use super::workers::hand_over;
+use super::world::{HostedWorld, Record};
+use crate::ids::NpcId;
+use crate::ids::WorkerId;
+use crate::messages::{Answer, AttemptEnd, ObservationBatch, ToWorker};
+use std::sync::Arc;
+use surefoot_world::{Action, End, TICKS_PER_DECISION, Tick};
+
+/// Missed answers in a row after which an NPC stops repeating its last action.
+const MISSES_UNTIL_NEUTRAL: u8 = 2;
+
+impl HostedWorld {
+    /// Whether a lockstep world can be stepped: every answer is in, and there is something to do.
+    pub fn is_ready(&mut self) -> bool {
+        if self.asked_tick != Some(self.tick()) {
+            let mut seeking = self.records.values().filter(|record| record.goal.is_some()).peekable();
+            if seeking.peek().is_none() || seeking.any(|record| record.worker.is_none()) {
+                self.flush();
+                return false;
+            }
+            self.ask();
+            self.asked_tick = Some(self.tick());
+        }
+        self.records.values().all(|record| record.awaiting.is_none())
+    }
+
+    /// One tick: ask, move, settle. Lockstep worlds have asked already in [`HostedWorld::is_ready`].
+    pub fn step(&mut self) {
+        if self.mode == TimeMode::Realtime {
+            self.ask();
+        }
+        self.world.tick();
+        self.settle();
+    }
+
+    /// Sends the observations of all NPCs whose decision is due to their workers.
+    ///
+    /// In realtime a tenth of the NPCs is due at each tick; in lockstep all of them are at every tenth.
+    fn ask(&mut self) {
+        let tick = self.tick();
+        let period = u64::from(TICKS_PER_DECISION);
+        for (&id, record) in &mut self.records {
+            let phase = if self.mode == TimeMode::Realtime { u64::from(record.slot.0) } else { 0 };
+            if !(tick + phase).0.is_multiple_of(period) {
+                continue;
+            }
+            if record.awaiting.take().is_some() {
+                self.counters.missed += 1;
+                record.misses = record.misses.saturating_add(1);
+                if record.misses >= MISSES_UNTIL_NEUTRAL {
+                    self.world.decide(record.slot, Action::default());
+                }
+            }
+            hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
+            let (Some(goal), Some(worker)) = (record.goal, record.worker) else { continue };
+            self.world.close_decision(record.slot);
+            self.world.observe(record.slot, &mut self.row);
+            let npc = self.world.npc(record.slot).expect("every record has an NPC");
+            let batch = self.batches.entry(worker).or_insert_with(|| ObservationBatch::new(self.id, tick));
+            batch.npcs.push(id);
+            batch.observations.extend_from_slice(&self.row);
+            batch.positions.push(npc.body.feet);
+            batch.goals.push(goal);
+            batch.attempts.push(record.attempts);
+            let touched = npc.episode.and_then(|episode| episode.end) == Some(End::Reached);
+            batch.waypoint_reached.push(touched);
+            batch.grounded.push(npc.body.is_grounded());
+            record.awaiting = Some(tick);
+            self.counters.asked += 1;
+        }
+        // Before its observations a worker must know whose they are.
+        self.flush();
+        for (worker, batch) in std::mem::take(&mut self.batches) {
+            self.registry.offer(worker, ToWorker::Observations(batch));
+        }
+    }
+
+    /// Takes a worker's answers. Answers that nobody waits for any more are counted and ignored.
+    pub fn answer(&mut self, worker: WorkerId, answer: Answer) {
+        for (&id, &action) in answer.npcs.iter().zip(&answer.actions) {
+            let awaited = self.records.get_mut(&id);
+            let awaited = awaited.filter(|it| it.worker == Some(worker) && it.awaiting == Some(answer.tick));
+            let Some(record) = awaited else {
+                self.counters.stale += 1;
+                continue;
+            };
+            record.awaiting = None;
+            record.misses = 0;
+            self.counters.answered += 1;
+            self.world.decide(record.slot, action);
+        }
+        for (id, plan) in answer.plans {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker)) {
+                record.plan = Some(Arc::new(plan));
+            }
+        }
+        for (id, position) in answer.waypoints {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker)) {
+                record.waypoint = Some(position);
+                self.world.set_goal(record.slot, position);
+            }
+        }
+        for id in answer.gave_up {
+            if self.records.get(&id).is_some_and(|it| it.is_sought_by(worker)) {
+                self.end_attempt(id, End::NoProgress);
+            }
+        }
+    }
+
+    /// Ends the attempts that this tick decided.
+    fn settle(&mut self) {
+        let goal_radius = self.world.task().goal_radius;
+        let mut ended = Vec::new();
+        for (&id, record) in &self.records {
+            let Some(goal) = record.goal else { continue };
+            let npc = self.world.npc(record.slot).expect("every record has an NPC");
+            let stuck = npc.episode.and_then(|episode| episode.end).filter(|end| *end == End::NoProgress);
+            let reached = (npc.body.feet.distance(goal) <= goal_radius).then_some(End::Reached);
+            if let Some(end) = reached.or(npc.harm).or(stuck) {
+                ended.push((id, end));
+            }
+        }
+        for (id, end) in ended {
+            self.end_attempt(id, end);
+        }
+    }
+
+    fn end_attempt(&mut self, id: NpcId, end: End) {
+        let record = self.records.get_mut(&id).expect("an attempt has a record");
+        record.note_end(end, Tick(self.world.current_tick()));
+        record.clear_goal();
+        self.world.clear_goal(record.slot);
+        if let Some(worker) = record.worker {
+            let ended = AttemptEnd { npc: id, attempt: record.attempts, end };
+            self.outbox.entry(worker).or_default().ended.push(ended);
+        }
+        let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
+        self.counters.ends[at] += 1;
+    }
+}
+
+impl Record {
+    /// Whether `worker` carries it to a goal.
+    fn is_sought_by(&self, worker: WorkerId) -> bool {
+        self.worker == Some(worker) && self.goal.is_some()
+    }
+}

@@ -1,0 +1,103 @@
+//! Which worker carries which NPC: assignment, hand-over, loss, and what workers are told of it.
+
+use super::outbox::Outbox;
+use super::world::HostedWorld;
+use crate::ids::NpcId;
+use crate::ids::WorkerId;
+use crate::messages::{Assignment, ToWorker};
+use std::collections::BTreeMap;
+
+impl HostedWorld {
+    /// Gives every NPC without a worker to one with room.
+    pub fn assign_workers(&mut self) {
+        for (&id, record) in &mut self.records {
+            if record.worker.is_none() {
+                let Some(worker) = self.registry.assign() else { break };
+                record.worker = Some(worker);
+                record.awaiting = None;
+                self.outbox.entry(worker).or_default().assigned.push(id);
+            }
+        }
+    }
+
+    /// Lets less loaded workers take NPCs over, each at its next decision, so that none misses one.
+    pub fn rebalance(&mut self) {
+        self.assign_workers();
+        for (&id, record) in &mut self.records {
+            let (Some(worker), None) = (record.worker, record.next_worker) else { continue };
+            let Some(next) = self.registry.relieve(worker) else { continue };
+            record.next_worker = Some(next);
+            if record.awaiting.is_none() {
+                hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
+            }
+        }
+    }
+
+    /// Hands the NPCs of a lost worker to others.
+    pub fn lose_worker(&mut self, lost: WorkerId) {
+        for (&id, record) in &mut self.records {
+            if record.next_worker == Some(lost) {
+                record.next_worker = None;
+                if let Some(worker) = record.worker.filter(|worker| *worker != lost) {
+                    self.registry.keep(worker);
+                }
+            }
+            if record.worker == Some(lost) {
+                record.worker = None;
+                // An observation that a lost worker will never answer is asked again of the next one.
+                record.awaiting = None;
+                hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
+            }
+        }
+        self.outbox.remove(&lost);
+        self.asked_tick = None;
+        self.assign_workers();
+    }
+
+    /// Gives all places back when the world ends.
+    pub fn release_all(&mut self) {
+        let ids: Vec<NpcId> = self.records.keys().copied().collect();
+        for id in ids {
+            // Every one of them exists.
+            let _ = self.despawn(id);
+        }
+        self.flush();
+    }
+
+    /// Tells workers what they have not been told yet.
+    pub fn flush(&mut self) {
+        for (worker, Outbox { released, assigned, ended }) in std::mem::take(&mut self.outbox) {
+            if !released.is_empty() {
+                self.registry.tell(worker, ToWorker::Release(self.id, released));
+            }
+            if !assigned.is_empty() {
+                let map = self.world.map();
+                let assignment = Assignment {
+                    world: self.id,
+                    spec: map.spec().copied(),
+                    map_hash: map.hash(),
+                    mode: self.mode,
+                    npcs: assigned,
+                };
+                self.registry.tell(worker, ToWorker::Assignment(assignment));
+            }
+            if !ended.is_empty() {
+                self.registry.tell(worker, ToWorker::Ended(self.id, ended));
+            }
+        }
+    }
+}
+
+/// Moves an NPC to the worker that is to take it over, if one is.
+pub(super) fn hand_over(
+    outbox: &mut BTreeMap<WorkerId, Outbox>,
+    id: NpcId,
+    worker: &mut Option<WorkerId>,
+    next: &mut Option<WorkerId>,
+) {
+    let Some(next) = next.take() else { return };
+    if let Some(old) = worker.replace(next) {
+        outbox.entry(old).or_default().released.push(id);
+    }
+    outbox.entry(next).or_default().assigned.push(id);
+}

@@ -1,0 +1,401 @@
+//! Between the wire types of `surefoot.world.v1` and the server's own. What comes in is checked here.
+
+use crate::envs::{EnvSettings, StepResults};
+use crate::geometry::TileMesh;
+use crate::hosted::{EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, TimeMode, WorldStats};
+use crate::ids::{NpcId, WorldId};
+use crate::messages::{Answer, Assignment, Hello, ObservationBatch, ToWorker};
+use crate::view::{Region, Shown};
+use crate::worlds::WorldSummary;
+use surefoot_net::status;
+use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::world::v1 as wire;
+use surefoot_rollout::env::actions_of;
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::map::{Liquid, Outline};
+use surefoot_world::mesh::Surface;
+use surefoot_world::sense::{OBSERVATION_VERSION, Sight};
+use surefoot_world::{Action, Chance, Map, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
+use tonic::Status;
+
+/// Most NPCs that one worker may offer to carry.
+const MAX_CAPACITY: f64 = 65_536.0;
+/// Longest name of a worker or its policy, bytes.
+const MAX_NAME: usize = 64;
+/// Most waypoints of a plan.
+const MAX_WAYPOINTS: usize = 4096;
+/// Most NPCs of one environment: their observations must fit into a message.
+const MAX_ENV_NPCS: f64 = 4096.0;
+/// Farthest goals of an environment, m: across the largest map.
+const MAX_GOAL_M: f64 = 1500.0;
+
+// --- from the wire ---
+
+/// Reads how a world's time is to pass.
+///
+/// # Errors
+/// INVALID_ARGUMENT if the value is unknown.
+pub fn time_mode(mode: i32) -> Result<TimeMode, Status> {
+    match wire::TimeMode::try_from(mode) {
+        Ok(wire::TimeMode::Unspecified | wire::TimeMode::Realtime) => Ok(TimeMode::Realtime),
+        Ok(wire::TimeMode::Lockstep) => Ok(TimeMode::Lockstep),
+        Err(_) => Err(Status::invalid_argument(format!("mode {mode} is unknown"))),
+    }
+}
+
+/// Reads a region; absent means everywhere.
+///
+/// # Errors
+/// If a corner is missing or not finite, or the low one is above the high one.
+pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {
+    let Some(region) = region else { return Ok(None) };
+    let low = convert::point(region.low.as_ref(), "region.low")?;
+    let high = convert::point(region.high.as_ref(), "region.high")?;
+    for (low, high, field) in
+        [(low.x, high.x, "region.high.x"), (low.y, high.y, "region.high.y"), (low.z, high.z, "region.high.z")]
+    {
+        convert::in_range(f64::from(high), f64::from(low), f64::from(f32::MAX), field)?;
+    }
+    Ok(Some(Region { low, high }))
+}
+
+/// Reads a number that must be finite.
+///
+/// # Errors
+/// If it is not; `field` names it.
+pub fn finite(value: f32, field: &'static str) -> Result<f32, FieldError> {
+    if value.is_finite() { Ok(value) } else { Err(FieldError::NotFinite(field)) }
+}
+
+/// Reads an answer.
+///
+/// # Errors
+/// INVALID_ARGUMENT if an array has the wrong length, a number is not finite, or an NPC is named twice.
+pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
+    let count = batch.npc_ids.len();
+    let values = convert::unpack(&batch.actions, count * ACTION_LEN, "actions.actions")?;
+    let mut seen: Vec<u64> = batch.npc_ids.clone();
+    seen.sort_unstable();
+    if let Some(pair) = seen.windows(2).find(|pair| pair[0] == pair[1]) {
+        let message = format!("actions.npc_ids names npc {} twice", pair[0]);
+        return Err(status::invalid("actions.npc_ids", message));
+    }
+    let actions =
+        actions_of(&values, |idx| batch.npc_ids[idx]).map_err(|message| status::invalid("actions.actions", message))?;
+    let waypoints = batch.waypoints.iter().map(|waypoint| {
+        let position = convert::point(waypoint.position.as_ref(), "actions.waypoints.position")?;
+        Ok((NpcId(waypoint.npc_id), position))
+    });
+    let waypoints = waypoints.collect::<Result<_, FieldError>>()?;
+    let plans = batch.plans.into_iter().map(|carried| Ok((NpcId(carried.npc_id), npc_plan(carried.plan)?)));
+    Ok(Answer {
+        tick: Tick(batch.tick),
+        actions,
+        waypoints,
+        plans: plans.collect::<Result<_, FieldError>>()?,
+        npcs: batch.npc_ids.into_iter().map(NpcId).collect(),
+        gave_up: batch.gave_up.into_iter().map(NpcId).collect(),
+    })
+}
+
+fn npc_plan(plan: Option<wire::NpcPlan>) -> Result<NpcPlan, FieldError> {
+    let plan = plan.ok_or(FieldError::Missing("actions.plans.plan"))?;
+    let count = plan.waypoints.len() as f64;
+    convert::in_range(count, 1.0, MAX_WAYPOINTS as f64, "the count of actions.plans.plan.waypoints")?;
+    convert::in_range(plan.legs.len() as f64, count, count, "the count of actions.plans.plan.legs")?;
+    let waypoint = |point| convert::point(Some(point), "actions.plans.plan.waypoints");
+    let leg = |leg: &wire::PlanLeg| {
+        let seconds =
+            convert::in_range(f64::from(leg.seconds), 0.0, f64::from(f32::MAX), "actions.plans.plan.legs.seconds")?;
+        let chance = convert::in_range(f64::from(leg.chance), 0.0, 1.0, "actions.plans.plan.legs.chance")?;
+        let ability = convert::ability(leg.ability);
+        Ok(PlanLeg { ability, seconds: Seconds(seconds as f32), chance: Chance::new(chance) })
+    };
+    Ok(NpcPlan {
+        waypoints: plan.waypoints.iter().map(waypoint).collect::<Result<_, FieldError>>()?,
+        legs: plan.legs.iter().map(leg).collect::<Result<_, FieldError>>()?,
+        no_path: plan.no_path,
+    })
+}
+
+/// Reads the first message of a worker.
+///
+/// # Errors
+/// INVALID_ARGUMENT if it is another message or a field is out of range, FAILED_PRECONDITION if the worker expects other observations.
+pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
+    let Some(wire::work_request::Message::Hello(hello)) = first.and_then(|request| request.message) else {
+        return Err(Status::invalid_argument("the first message must be hello"));
+    };
+    convert::in_range(f64::from(hello.capacity), 1.0, MAX_CAPACITY, "hello.capacity")?;
+    for (text, field) in [(&hello.name, "hello.name"), (&hello.policy, "hello.policy")] {
+        if text.len() > MAX_NAME {
+            let message = format!("{field} is {} bytes long, allowed are {MAX_NAME}", text.len());
+            return Err(status::invalid(field, message));
+        }
+    }
+    let (len, version) = (hello.observation_len as usize, hello.observation_version);
+    if (len, version) != (OBSERVATION_LEN, OBSERVATION_VERSION) {
+        return Err(Status::failed_precondition(format!(
+            "hello expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, version {OBSERVATION_VERSION}: update the worker"
+        )));
+    }
+    Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity })
+}
+
+/// Reads what an environment is to be made of.
+///
+/// # Errors
+/// If a number is out of range.
+pub fn env_settings(request: &wire::CreateEnvRequest) -> Result<EnvSettings, FieldError> {
+    let spec = convert::map_spec(request.map.as_ref())?;
+    let npc_count = convert::in_range(f64::from(request.npc_count), 1.0, MAX_ENV_NPCS, "npc_count")? as usize;
+    let nearest = convert::in_range(f64::from(request.goal_min_m), 0.0, MAX_GOAL_M, "goal_min_m")?;
+    let farthest = match request.goal_max_m {
+        0.0 => MAX_GOAL_M,
+        farthest => convert::in_range(f64::from(farthest), nearest, MAX_GOAL_M, "goal_max_m")?,
+    };
+    Ok(EnvSettings { spec, npc_count, goal_band: (nearest as f32, farthest as f32), seed: Seed(request.seed) })
+}
+
+/// Reads the actions of an environment's NPCs.
+///
+/// # Errors
+/// INVALID_ARGUMENT if there are not `npc_count` of them, or one is not finite.
+pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<Vec<Action>, Status> {
+    let bytes = actions.ok_or(FieldError::Missing("actions"))?.actions;
+    let values = convert::unpack(&bytes, npc_count * ACTION_LEN, "actions.actions")?;
+    actions_of(&values, |idx| idx as u64).map_err(|message| status::invalid("actions.actions", message))
+}
+
+// --- onto the wire ---
+
+/// How a world's time passes, on the wire.
+pub fn time_mode_to_wire(mode: TimeMode) -> wire::TimeMode {
+    match mode {
+        TimeMode::Realtime => wire::TimeMode::Realtime,
+        TimeMode::Lockstep => wire::TimeMode::Lockstep,
+    }
+}
+
+/// A world on the wire.
+pub fn world_to_wire(world: &WorldSummary) -> wire::World {
+    wire::World {
+        world_id: world.id.0,
+        map: world.map.spec().map(convert::map_spec_to_wire),
+        map_hash: world.map.hash().to_hex(),
+        mode: time_mode_to_wire(world.mode).into(),
+        npc_count: world.npc_count as u32,
+        tick: world.tick.0,
+    }
+}
+
+/// An NPC on the wire.
+pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
+    let status = match npc.status {
+        NpcStatus::Idle => wire::NpcStatus::Idle,
+        NpcStatus::Seeking => wire::NpcStatus::Seeking,
+        NpcStatus::Down => wire::NpcStatus::Down,
+    };
+    wire::Npc {
+        npc_id: npc.id.0,
+        position: Some(convert::to_wire(npc.position)),
+        velocity: Some(convert::to_wire(npc.velocity)),
+        yaw: npc.yaw,
+        status: status.into(),
+        goal: npc.goal.map(convert::to_wire),
+        waypoint: npc.waypoint.map(convert::to_wire),
+        last_outcome: convert::outcome(npc.last_outcome).into(),
+        attempts: npc.attempts,
+        worker_id: npc.worker.map_or(0, |worker| worker.0),
+    }
+}
+
+fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
+    let WorldStats { counters, times, without_worker } = stats;
+    let [reached, fell, burnt, drowned, no_progress] = counters.ends;
+    wire::WorldStats {
+        tick_us_p50: times.quantile_us(0.5),
+        tick_us_p99: times.quantile_us(0.99),
+        ticks_dropped: counters.ticks_dropped,
+        decisions_asked: counters.asked,
+        decisions_answered: counters.answered,
+        decisions_missed: counters.missed,
+        reached,
+        fell,
+        burnt,
+        drowned,
+        no_progress,
+        ticks_late: counters.ticks_late,
+        tick_histogram: times.counts().to_vec(),
+        answers_stale: counters.stale,
+        npcs_without_worker: *without_worker,
+    }
+}
+
+/// What a reader of snapshots is sent.
+pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
+    wire::WatchWorldResponse {
+        tick: shown.tick.0,
+        npcs: shown.npcs.iter().map(npc_to_wire).collect(),
+        stats: Some(stats_to_wire(&shown.stats)),
+        is_delta: shown.is_delta,
+        gone_npc_ids: shown.gone.iter().map(|npc| npc.0).collect(),
+    }
+}
+
+/// An NPC's plan on the wire.
+pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
+    let leg = |leg: &PlanLeg| wire::PlanLeg {
+        ability: convert::ability_to_wire(leg.ability).into(),
+        seconds: leg.seconds.0,
+        chance: leg.chance.get() as f32,
+    };
+    wire::NpcPlan {
+        waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),
+        legs: plan.legs.iter().map(leg).collect(),
+        no_path: plan.no_path.clone(),
+    }
+}
+
+/// An ended attempt on the wire.
+pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::EndedAttempt {
+    wire::EndedAttempt {
+        attempt: ended.attempt,
+        outcome: convert::outcome(Some(ended.end)).into(),
+        goal: ended.goal.map(convert::to_wire),
+        seconds: ended.seconds.0,
+    }
+}
+
+/// What an NPC sees, ray by ray.
+pub fn rays_to_wire(sight: &Sight) -> Vec<wire::Ray> {
+    let ray = |&(end, surface): &(Vec3, Option<Surface>)| wire::Ray {
+        end: Some(convert::to_wire(end)),
+        surface: surface.map_or(wire::Surface::Unspecified, surface_to_wire).into(),
+    };
+    sight.ends.iter().map(ray).collect()
+}
+
+/// A message for a worker on the wire, or the status that ends its stream.
+///
+/// # Errors
+/// The status of a [`Goodbye`](crate::messages::Goodbye).
+pub fn to_worker(message: ToWorker) -> Result<wire::WorkResponse, Status> {
+    use wire::work_response::Message;
+    let message = match message {
+        ToWorker::Welcome(worker) => Message::Welcome(wire::Welcome { worker_id: worker.0 }),
+        ToWorker::Release(world, npcs) => {
+            Message::Release(wire::Release { world_id: world.0, npc_ids: npc_ids(&npcs) })
+        }
+        ToWorker::Assignment(assignment) => Message::Assignment(assignment_to_wire(&assignment)),
+        ToWorker::Ended(WorldId(world_id), ended) => Message::Ended(wire::AttemptsEnded {
+            world_id,
+            npc_ids: ended.iter().map(|ended| ended.npc.0).collect(),
+            attempts: ended.iter().map(|ended| ended.attempt).collect(),
+            outcomes: ended.iter().map(|ended| convert::outcome(Some(ended.end)).into()).collect(),
+        }),
+        ToWorker::Observations(batch) => Message::Observations(observations_to_wire(batch)),
+        ToWorker::Goodbye(goodbye) => return Err(goodbye.into()),
+    };
+    Ok(wire::WorkResponse { message: Some(message) })
+}
+
+fn npc_ids(npcs: &[NpcId]) -> Vec<u64> {
+    npcs.iter().map(|npc| npc.0).collect()
+}
+
+fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
+    wire::Assignment {
+        world_id: assignment.world.0,
+        map: assignment.spec.as_ref().map(convert::map_spec_to_wire),
+        npc_ids: npc_ids(&assignment.npcs),
+        mode: time_mode_to_wire(assignment.mode).into(),
+        map_hash: assignment.map_hash.to_hex(),
+    }
+}
+
+fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
+    let pack_points = |points: &[Vec3]| convert::pack(points.iter().flat_map(|point| point.to_array()));
+    wire::ObservationBatch {
+        world_id: batch.world.0,
+        tick: batch.tick.0,
+        npc_ids: npc_ids(&batch.npcs),
+        observations: convert::pack(batch.observations),
+        positions: pack_points(&batch.positions),
+        goals: pack_points(&batch.goals),
+        attempts: batch.attempts,
+        waypoint_reached: batch.waypoint_reached,
+        grounded: batch.grounded,
+    }
+}
+
+/// What a step of an environment came to, on the wire.
+pub fn results_to_wire(results: StepResults) -> wire::EnvResults {
+    let ends = results.ended.iter().map(|ended| wire::EnvEnd {
+        npc: ended.npc_idx as u32,
+        outcome: convert::outcome(Some(ended.end)).into(),
+        final_observation: convert::pack(ended.final_observation.iter().copied()),
+    });
+    wire::EnvResults {
+        ends: ends.collect(),
+        observations: convert::pack(results.observations),
+        rewards: convert::pack(results.rewards),
+    }
+}
+
+/// A tile of `tile_count` on the wire.
+pub fn tile_to_wire(tile: &TileMesh, tile_count: usize) -> wire::GetMeshResponse {
+    let [tile_x, tile_z] = tile.place;
+    wire::GetMeshResponse {
+        tile_x,
+        tile_z,
+        tile_count: tile_count as u32,
+        positions: convert::pack(tile.positions.iter().flat_map(|point| point.to_array())),
+        indices: tile.indices.iter().flat_map(|index| index.to_le_bytes()).collect(),
+        surfaces: tile.surfaces.iter().map(|&surface| surface_to_wire(surface) as u8).collect(),
+    }
+}
+
+/// A surface on the wire.
+fn surface_to_wire(surface: Surface) -> wire::Surface {
+    match surface {
+        Surface::Ground => wire::Surface::Ground,
+        Surface::Water => wire::Surface::Water,
+        Surface::Lava => wire::Surface::Lava,
+        Surface::Pad => wire::Surface::Pad,
+        Surface::ZipLine => wire::Surface::ZipLine,
+        Surface::Teleporter => wire::Surface::Teleporter,
+        Surface::Jetpack => wire::Surface::Jetpack,
+    }
+}
+
+/// What stands on a map besides rock.
+pub fn features_to_wire(map: &Map) -> wire::GetFeaturesResponse {
+    let placed = map.placed();
+    let line = |from, to, two_way| wire::LineFeature {
+        from: Some(convert::to_wire(from)),
+        to: Some(convert::to_wire(to)),
+        two_way,
+    };
+    let pools = placed.pools.iter().map(|pool| {
+        let (half_x, half_z) = pool.outline.half_extents();
+        wire::PoolFeature {
+            centre: Some(convert::to_wire(pool.centre)),
+            half_x,
+            half_z,
+            round: matches!(pool.outline, Outline::Round { .. }),
+            depth: pool.depth,
+            lava: pool.liquid == Liquid::Lava,
+        }
+    });
+    let pads =
+        placed.pads.iter().map(|pad| wire::PadFeature { centre: Some(convert::to_wire(pad.centre)), speed: pad.speed });
+    wire::GetFeaturesResponse {
+        size: Some(convert::map_size_to_wire(map.size())),
+        pools: pools.collect(),
+        pads: pads.collect(),
+        zip_lines: placed.zip_lines.iter().map(|it| line(it.from, it.to, false)).collect(),
+        teleporters: placed.teleporters.iter().map(|it| line(it.from, it.to, it.two_way)).collect(),
+        jetpacks: placed.jetpacks.iter().map(|it| convert::to_wire(it.centre)).collect(),
+    }
+}

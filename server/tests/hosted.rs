@@ -1,0 +1,210 @@
+//! The hosted tick, hand-overs and late answers, without sockets: workers are queues.
+
+use std::sync::Arc;
+use surefoot_server::hosted::{HostedWorld, NpcError, NpcStatus, TimeMode};
+use surefoot_server::ids::{NpcId, WorkerId, WorldId};
+use surefoot_server::messages::{Answer, ObservationBatch, ToWorker};
+use surefoot_server::quota::Quota;
+use surefoot_server::registry::Registry;
+use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::{Action, End, Map, OBSERVATION_LEN, TICKS_PER_DECISION, Tick, Vec3};
+use tokio::sync::mpsc::{Receiver, channel};
+
+const GOAL: Vec3 = Vec3::new(40.0, 1.0, 10.0);
+
+/// A floor of 50 x 20 m.
+fn floor() -> Arc<Map> {
+    let [a, b, c, d] = [[0.0, 0.0], [0.0, 20.0], [50.0, 20.0], [50.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
+    let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
+    Arc::new(Map::from_parts(MapSize { width: 50, height: 10, depth: 20 }, triangles, Placed::default()))
+}
+
+/// A world with its registry; workers join as queues.
+struct Stage {
+    registry: Arc<Registry>,
+    quota: Arc<Quota>,
+    world: HostedWorld,
+}
+
+/// A worker as a test sees it.
+struct Worker {
+    id: WorkerId,
+    queue: Receiver<ToWorker>,
+}
+
+impl Stage {
+    fn new(mode: TimeMode) -> Self {
+        let registry = Arc::new(Registry::default());
+        let world = HostedWorld::new(WorldId(1), floor(), mode, registry.clone());
+        Self { registry, quota: Quota::new(100, "NPCs"), world }
+    }
+
+    fn join(&mut self, capacity: u32, room: usize) -> Worker {
+        let (sender, queue) = channel(room);
+        let id = self.registry.join("test".to_owned(), "none".to_owned(), capacity, sender).id;
+        self.world.rebalance();
+        self.world.flush();
+        Worker { id, queue }
+    }
+
+    fn spawn_at(&mut self, x: f32) -> NpcId {
+        let id = self.world.spawn(Vec3::new(x, 1.0, 10.0), 0.0, 100, self.quota.grant("test")).unwrap();
+        self.world.set_goal(id, GOAL).unwrap();
+        id
+    }
+
+    /// Steps until the next observations have been sent, at most a decision's worth of ticks.
+    fn step_decision(&mut self) {
+        (0..TICKS_PER_DECISION).for_each(|_| self.world.step());
+    }
+}
+
+impl Worker {
+    fn messages(&mut self) -> Vec<ToWorker> {
+        std::iter::from_fn(|| self.queue.try_recv().ok()).collect()
+    }
+
+    fn batches(&mut self) -> Vec<ObservationBatch> {
+        let batch = |message| if let ToWorker::Observations(batch) = message { Some(batch) } else { None };
+        self.messages().into_iter().filter_map(batch).collect()
+    }
+}
+
+fn forward_to(batch: &ObservationBatch) -> Answer {
+    let action = Action { forward: 1.0, ..Action::default() };
+    Answer { tick: batch.tick, npcs: batch.npcs.clone(), actions: vec![action; batch.npcs.len()], ..Answer::default() }
+}
+
+#[test]
+fn in_realtime_every_npc_is_asked_once_a_decision_and_a_tenth_of_them_each_tick() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut worker = stage.join(64, 256);
+    (0..20).for_each(|idx| _ = stage.spawn_at(2.0 + idx as f32));
+    worker.messages();
+    for _ in 0..TICKS_PER_DECISION {
+        stage.world.step();
+        let batches = worker.batches();
+        assert_eq!(batches.len(), 1, "one batch a tick");
+        assert_eq!(batches[0].npcs.len(), 2, "a tenth of twenty");
+        assert_eq!(batches[0].observations.len(), 2 * OBSERVATION_LEN);
+        stage.world.answer(worker.id, forward_to(&batches[0]));
+    }
+    let counters = stage.world.counters();
+    assert_eq!((counters.asked, counters.answered, counters.missed, counters.stale), (20, 20, 0, 0));
+}
+
+#[test]
+fn a_lockstep_world_waits_for_every_answer() {
+    let mut stage = Stage::new(TimeMode::Lockstep);
+    assert!(!stage.world.is_ready(), "nothing to do");
+    let npcs = [stage.spawn_at(5.0), stage.spawn_at(8.0)];
+    assert!(!stage.world.is_ready(), "nobody to ask");
+    let mut worker = stage.join(8, 16);
+    assert!(!stage.world.is_ready(), "nobody has answered");
+    let batch = worker.batches().pop().unwrap();
+    assert_eq!(batch.npcs, npcs);
+    let half = Answer { npcs: vec![npcs[0]], actions: vec![Action::default()], ..forward_to(&batch) };
+    stage.world.answer(worker.id, half);
+    assert!(!stage.world.is_ready(), "one has not answered");
+    let rest = Answer { npcs: vec![npcs[1]], actions: vec![Action::default()], ..forward_to(&batch) };
+    stage.world.answer(worker.id, rest);
+    assert!(stage.world.is_ready());
+    stage.world.step();
+    assert_eq!(stage.world.tick(), Tick(1));
+}
+
+#[test]
+fn a_late_answer_is_counted_and_changes_nothing_and_two_misses_stop_the_npc() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut worker = stage.join(8, 256);
+    let npc = stage.spawn_at(5.0);
+    worker.messages();
+    stage.step_decision();
+    let first = worker.batches().pop().unwrap();
+    stage.world.answer(worker.id, forward_to(&first));
+    let x = |stage: &Stage| stage.world.npc(npc).unwrap().position.x;
+    // One miss: the last action goes on.
+    stage.step_decision();
+    let unanswered = worker.batches().pop().unwrap();
+    let before = x(&stage);
+    stage.step_decision();
+    worker.batches();
+    let moved = (x(&stage) - before).abs() + (stage.world.npc(npc).unwrap().position.z - 10.0).abs();
+    assert!(moved > 0.1, "it goes on as before");
+    assert_eq!(stage.world.counters().missed, 1);
+    // The answer that comes now is too late.
+    stage.world.answer(worker.id, forward_to(&unanswered));
+    assert_eq!(stage.world.counters().stale, 1);
+    // A second miss: it comes to rest.
+    (0..6).for_each(|_| stage.step_decision());
+    assert!(stage.world.counters().missed >= 2);
+    assert!(stage.world.npc(npc).unwrap().velocity.length() < 1.0e-3, "it stands");
+    assert_eq!(stage.world.npc(npc).unwrap().status, NpcStatus::Seeking, "its goal stays");
+}
+
+#[test]
+fn a_second_worker_takes_its_share_at_a_decision_and_a_lost_one_gives_all_of_its_npcs_away() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut first = stage.join(10, 256);
+    let npcs: Vec<NpcId> = (0..8).map(|idx| stage.spawn_at(2.0 + 2.0 * idx as f32)).collect();
+    stage.step_decision();
+    first.batches().iter().for_each(|batch| stage.world.answer(first.id, forward_to(batch)));
+    let mut second = stage.join(10, 256);
+    stage.step_decision();
+    let asked = |worker: &mut Worker| -> Vec<NpcId> {
+        let mut npcs: Vec<NpcId> = worker.batches().into_iter().flat_map(|batch| batch.npcs).collect();
+        npcs.sort_unstable();
+        npcs
+    };
+    let (mine, theirs) = (asked(&mut first), asked(&mut second));
+    assert_eq!((mine.len(), theirs.len()), (4, 4), "half each, and each asked once");
+    assert_eq!(stage.world.counters().missed, 0, "no decision is lost at a hand-over");
+    stage.registry.leave(first.id);
+    stage.world.lose_worker(first.id);
+    stage.step_decision();
+    assert_eq!(asked(&mut second), npcs, "all are the second worker's");
+    assert_eq!(stage.world.tally().without_worker, 0);
+}
+
+#[test]
+fn answers_of_a_worker_that_does_not_carry_the_npc_are_ignored() {
+    let mut stage = Stage::new(TimeMode::Lockstep);
+    let mut worker = stage.join(8, 16);
+    let npc = stage.spawn_at(5.0);
+    stage.world.is_ready();
+    let batch = worker.batches().pop().unwrap();
+    let mut forged = forward_to(&batch);
+    forged.waypoints.push((npc, Vec3::new(1.0, 1.0, 1.0)));
+    forged.gave_up.push(npc);
+    stage.world.answer(WorkerId(99), forged);
+    let state = stage.world.npc(npc).unwrap();
+    assert_eq!((state.status, state.waypoint, state.last_outcome), (NpcStatus::Seeking, None, None));
+    assert!(!stage.world.is_ready(), "it still waits for its own worker");
+}
+
+#[test]
+fn an_attempt_ends_once_and_its_worker_is_told() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut worker = stage.join(8, 256);
+    let npc = stage.spawn_at(39.5);
+    stage.world.step();
+    let ended = worker.messages().into_iter().find_map(|message| match message {
+        ToWorker::Ended(_, ended) => Some(ended),
+        _ => None,
+    });
+    // The end is told with the next flush.
+    let ended = ended.or_else(|| {
+        stage.world.flush();
+        worker.messages().into_iter().find_map(|message| match message {
+            ToWorker::Ended(_, ended) => Some(ended),
+            _ => None,
+        })
+    });
+    let ended = ended.expect("the goal lay within reach");
+    assert_eq!((ended.len(), ended[0].npc, ended[0].attempt, ended[0].end), (1, npc, 1, End::Reached));
+    stage.step_decision();
+    assert_eq!(stage.world.history(npc).unwrap().len(), 1);
+    assert_eq!(stage.world.npc(npc).unwrap().status, NpcStatus::Idle);
+    assert!(matches!(stage.world.set_goal(NpcId(77), GOAL), Err(NpcError::Unknown(NpcId(77)))));
+}

@@ -1,0 +1,92 @@
+// Everything that can be seen: owns the drawn parts and the materials that they share.
+
+import { FeatureView } from './features'
+import { GraphView } from './graph-view'
+import { Materials } from './materials'
+import { NpcView } from './npcs'
+import { setSeeThrough } from './overlays'
+import { MarkerView, MarkView, PathView } from './routes'
+import { SelectionView } from './selection'
+import type { Stage } from './stage'
+import { type Box, Terrain } from './terrain'
+import { paletteOf } from './theme'
+import { TrackView } from './track'
+import { Trails } from './trails'
+import { VertexDrag } from './vertex-drag'
+import type { Theme } from './viewport.types'
+
+export class Scene {
+  readonly materials = new Materials()
+  private readonly palette = paletteOf({ dark: true })
+  readonly terrain = new Terrain(this.materials, this.palette)
+  readonly features = new FeatureView(this.materials, this.palette)
+  readonly graph = new GraphView(this.materials, this.palette)
+  readonly paths = new PathView(this.materials)
+  readonly markers = new MarkerView(this.materials)
+  readonly marks = new MarkView(this.materials)
+  readonly npcs = new NpcView(this.materials)
+  readonly trails = new Trails(this.materials)
+  readonly selection = new SelectionView(this.materials)
+  readonly track = new TrackView(this.materials)
+  readonly drag = new VertexDrag(this.materials)
+
+  constructor(private readonly stage: Stage) {
+    stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks)
+    stage.moving.add(this.trails.lines, this.npcs, this.selection, this.track, this.drag)
+  }
+
+  /** Takes away the map and all that is drawn on it. */
+  clear(): void {
+    this.terrain.clearTiles()
+    this.features.set(undefined)
+    this.graph.setGraph(undefined)
+    this.graph.select(undefined, undefined)
+    this.paths.set([])
+    this.markers.set({ start: undefined, goal: undefined, nearest: undefined })
+    this.marks.setEdits([])
+    this.marks.setDifference([], [])
+    this.trails.clear()
+    this.selection.set(undefined)
+    this.track.stop()
+    this.drag.end()
+  }
+
+  setTheme(theme: Theme): void {
+    const palette = paletteOf(theme)
+    this.materials.setPalette(palette)
+    this.stage.setBackground(palette.background)
+    this.terrain.setPalette(palette)
+    this.features.setPalette(palette)
+    this.graph.setPalette(palette)
+  }
+
+  setSection(height: number | undefined): void {
+    this.materials.setSection(height)
+    this.terrain.setSection(height !== undefined)
+  }
+
+  /** Leaves out what can be missed while the camera moves, or shows it again. */
+  setQuick(quick: boolean): void {
+    this.terrain.setQuick(quick, this.stage.camera)
+    setSeeThrough(this.stage.still, !quick)
+    setSeeThrough(this.stage.moving, !quick)
+  }
+
+  /** The space that the map takes; undefined while there is no map. */
+  box(): Box | undefined {
+    const { size } = this.features
+    const features = size && { low: { x: 0, y: 0, z: 0 }, high: { x: size.width, y: size.height * 0.6, z: size.depth } }
+    return this.terrain.box() ?? features
+  }
+
+  dispose(): void {
+    this.terrain.clearTiles()
+    for (const part of [this.features, this.graph, this.paths, this.markers, this.marks, this.npcs, this.trails]) {
+      part.dispose()
+    }
+    this.selection.dispose()
+    this.track.dispose()
+    this.drag.dispose()
+    this.materials.dispose()
+  }
+}

@@ -1,0 +1,69 @@
+//! What the program is linked from, as cargo says it.
+
+use crate::source::root;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::process::Command;
+
+/// A crate from elsewhere.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Package {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Its licence, as an SPDX expression.
+    pub license: String,
+}
+
+impl Package {
+    /// The heading that it has among the third-party notices.
+    pub fn heading(&self) -> String {
+        format!("{} {} ({})", self.name, self.version, self.license)
+    }
+}
+
+/// Every crate from elsewhere that the program needs as it is shipped: on Linux, with its default features.
+///
+/// # Panics
+/// If cargo does not say.
+pub fn linked() -> BTreeSet<Package> {
+    let about = ["--package", "surefoot-cli", "--edges", "normal", "--target", "x86_64-unknown-linux-gnu"];
+    let tree = cargo(&[&["tree", "--prefix", "none", "--no-dedupe", "--format", "{p}|{l}"], &about[..]].concat());
+    let lines = tree.lines().filter(|line| !line.contains(" (/") && !line.contains(":\\"));
+    lines
+        .map(|line| {
+            let (package, license) = line.split_once('|').expect("a package and its licence");
+            let (name, version) = package.split_once(" v").expect("a name and a version");
+            let version = version.trim_end_matches(" (proc-macro)");
+            Package { name: name.to_owned(), version: version.to_owned(), license: license.to_owned() }
+        })
+        .collect()
+}
+
+/// Where the sources of each crate are on this machine, by name and version.
+///
+/// # Panics
+/// If cargo does not say.
+pub fn folders() -> BTreeMap<(String, String), PathBuf> {
+    let metadata = cargo(&["metadata", "--format-version", "1", "--filter-platform", "x86_64-unknown-linux-gnu"]);
+    let metadata: serde_json::Value = serde_json::from_str(&metadata).expect("metadata is JSON");
+    let text = |value: &serde_json::Value| value.as_str().expect("a text").to_owned();
+    let packages = metadata["packages"].as_array().expect("packages").iter();
+    packages
+        .map(|package| {
+            let manifest = PathBuf::from(text(&package["manifest_path"]));
+            let folder = manifest.parent().expect("a folder").to_owned();
+            ((text(&package["name"]), text(&package["version"])), folder)
+        })
+        .collect()
+}
+
+fn cargo(arguments: &[&str]) -> String {
+    let manifest = root().join("Cargo.toml");
+    let mut command = Command::new(env!("CARGO"));
+    let output = command.args(arguments).arg("--locked").arg("--manifest-path").arg(manifest).output();
+    let output = output.expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("cargo writes UTF-8")
+}

@@ -1,0 +1,71 @@
+//! Golden values: what must stay as it is, bit for bit, unless a change says that it changes it.
+//!
+//! Maps are in `world/tests/maps.rs`, graphs in `planner/tests/build.rs`.
+
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::sync::Arc;
+use surefoot_policy::Policy;
+use surefoot_world::{Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
+
+/// A map of 120 m with 16 NPCs that act at random, after 3,600 ticks: a minute.
+fn after_a_minute() -> World {
+    let map = Arc::new(Map::generate(&MapSpec::with_side(77, 120).unwrap()));
+    let profile = CharacterProfile::default();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let points = navigable::sample_many(&map, &profile, 32, &mut rng).unwrap();
+    let mut world = World::new(map, profile, TaskConfig::default());
+    for pair in points.chunks_exact(2) {
+        let slot = world.spawn(pair[0], 0.5);
+        world.set_goal(slot, pair[1]);
+    }
+    for _ in 0..360 {
+        for idx in 0..16 {
+            let action = [(); 4].map(|()| rng.random_range(-1.0..1.0));
+            world.decide(NpcSlot(idx), Action::from_array(action).unwrap());
+        }
+        world.tick_decision();
+        for idx in 0..16 {
+            world.close_decision(NpcSlot(idx));
+            if world.npc(NpcSlot(idx)).unwrap().harm.is_some() {
+                world.teleport(NpcSlot(idx), points[2 * idx as usize], 0.5);
+                world.set_goal(NpcSlot(idx), points[2 * idx as usize + 1]);
+            }
+        }
+    }
+    world
+}
+
+fn hex(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+#[test]
+fn the_state_after_a_minute_and_what_is_observed_then_are_bit_for_bit_those_of_before() {
+    let world = after_a_minute();
+    assert_eq!(world.current_tick(), 3600);
+    assert_eq!(hex(&world.save().hash()), "48be139ffec683fb9c592c9c4b27cd0d6692ef52804a9687aa4b6972cdd91c08");
+    let mut row = vec![0.0; OBSERVATION_LEN];
+    let mut bytes = Vec::new();
+    for idx in 0..16 {
+        world.observe(NpcSlot(idx), &mut row);
+        bytes.extend(row.iter().flat_map(|value| value.to_bits().to_le_bytes()));
+    }
+    assert_eq!(hex(&bytes), "ea4a7b7b02edc3710e8cbe230a566bfe3645d5f90861c674ffcb7b613a300096");
+}
+
+#[test]
+fn the_shipped_weights_decide_as_before() {
+    let world = after_a_minute();
+    let mut observations = vec![0.0; 16 * OBSERVATION_LEN];
+    for (idx, row) in observations.chunks_exact_mut(OBSERVATION_LEN).enumerate() {
+        world.observe(NpcSlot(idx as u32), row);
+    }
+    let (policy, mut actions) = (Policy::shipped().unwrap(), Vec::new());
+    policy.act_with_noise(&observations, &mut [], Vec::new(), &mut actions);
+    // Matrix products add in an order that depends on the processor: four digits are the same on all of them.
+    let digits: Vec<i32> =
+        actions[0].to_array().into_iter().map(|value| (f64::from(value) * 1.0e4).round() as i32).collect();
+    assert_eq!(digits, [9775, -9599, 9756, -9561]);
+    assert_eq!(policy.weights_hash(), "94227916dfdf19846469b7497af7a602e8dd85114aadea34de0c6dece2b8d881");
+}

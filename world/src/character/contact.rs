@@ -1,0 +1,157 @@
+//! How a body meets geometry: integrate in small moves, push out of the deepest contact, stay on falling ground.
+
+use super::body::{Body, Support};
+use super::profile::CharacterProfile;
+use crate::mesh::{Contact, Mesh};
+use crate::{TICK_SECONDS, Vec3};
+
+/// Longest move between two contact passes, in metres: below the capsule's radius, so nothing is tunnelled.
+const SUBSTEP_M: f32 = 0.22;
+/// Contact passes after each move.
+const MAX_PUSHES: usize = 6;
+/// Contacts shallower than this are left alone, in metres.
+const CONTACT_SLOP_M: f32 = 1.0e-4;
+/// Speed below which a body wedged between steep faces counts as standing, m/s.
+const WEDGED_SPEED: f32 = 0.6;
+
+/// Scratch memory of the controller, reused from tick to tick so that none is allocated.
+#[derive(Debug, Default)]
+pub struct MoveScratch {
+    triangles: Vec<u32>,
+}
+
+impl Body {
+    pub(super) fn move_and_collide(&mut self, mesh: &Mesh, profile: &CharacterProfile, scratch: &mut MoveScratch) {
+        let was_grounded = self.is_grounded();
+        let start = self.feet;
+        let delta = self.velocity * TICK_SECONDS;
+        let snap = if was_grounded {
+            profile.step_height + Vec3::new(delta.x, 0.0, delta.z).length() * libm::tanf(profile.max_slope)
+        } else {
+            0.0
+        };
+        let reach = Vec3::new(profile.radius + 0.05, 0.05, profile.radius + 0.05);
+        let ahead = start + delta;
+        let low = start.min(ahead) - reach - Vec3::new(0.0, snap, 0.0);
+        let high = start.max(ahead) + reach + Vec3::new(0.0, profile.height + profile.step_height, 0.0);
+        mesh.gather_solids(low, high, &mut scratch.triangles);
+
+        self.support = Support::Air;
+        let substep_count = (delta.length() / SUBSTEP_M).ceil().max(1.0);
+        for _ in 0..substep_count as u32 {
+            self.feet += self.velocity * (TICK_SECONDS / substep_count);
+            self.push_out(mesh, profile, &scratch.triangles, was_grounded);
+        }
+        if was_grounded && self.support != Support::Ground && self.velocity.y <= 0.0 {
+            self.snap_down(mesh, profile, &scratch.triangles, snap);
+        }
+        if self.support == Support::Steep && (self.feet - start).length() < WEDGED_SPEED * TICK_SECONDS {
+            self.support = Support::Ground;
+        }
+        if self.is_grounded() {
+            self.ticks_in_air = 0;
+            self.air_jumps_left = profile.extra_jumps;
+        } else {
+            self.ticks_in_air = self.ticks_in_air.saturating_add(1);
+        }
+    }
+
+    /// Moves the body out of what it penetrates, deepest contact first, and takes the blocked part of its
+    /// velocity away.
+    fn push_out(&mut self, mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], was_grounded: bool) {
+        for _ in 0..MAX_PUSHES {
+            let Some(contact) = deepest_contact(mesh, profile, triangles, self.feet) else { return };
+            let n = contact.normal;
+            if is_walkable(profile, &contact, self.feet) {
+                self.feet.y += contact.depth / n.y;
+                self.velocity.y = self.velocity.y.max(0.0);
+                self.support = Support::Ground;
+                continue;
+            }
+            let sideways = Vec3::new(n.x, 0.0, n.z);
+            let sideways_length = sideways.length();
+            if n.y > 0.0 && sideways_length > 1.0e-3 {
+                let out = sideways / sideways_length;
+                if self.support == Support::Air {
+                    self.support = Support::Steep;
+                    self.steep_out = out;
+                }
+                if was_grounded || self.support == Support::Ground {
+                    // Someone who walks meets a steep face as a wall, not as a ramp.
+                    self.feet += out * (contact.depth / sideways_length.max(0.2));
+                    self.velocity -= out * self.velocity.dot(out).min(0.0);
+                    continue;
+                }
+            }
+            self.feet += n * contact.depth;
+            let rise = self.velocity.y.max(0.0);
+            self.velocity -= n * self.velocity.dot(n).min(0.0);
+            self.velocity.y = self.velocity.y.min(rise);
+        }
+    }
+
+    /// Moves the body aside by `offset` metres, as far as the geometry lets it.
+    pub(crate) fn shove(&mut self, mesh: &Mesh, profile: &CharacterProfile, offset: Vec3, scratch: &mut MoveScratch) {
+        let support = self.support;
+        let reach = Vec3::splat(profile.radius + 0.05);
+        let (low, high) = (self.feet.min(self.feet + offset) - reach, self.feet.max(self.feet + offset) + reach);
+        mesh.gather_solids(low, high + Vec3::new(0.0, profile.height, 0.0), &mut scratch.triangles);
+        self.feet += offset;
+        self.push_out(mesh, profile, &scratch.triangles, support == Support::Ground);
+        self.support = support;
+    }
+
+    /// Keeps a walker on the ground that falls away under it; leaves it in the air over a ledge.
+    fn snap_down(&mut self, mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], snap: f32) {
+        let before = *self;
+        self.feet.y -= snap;
+        self.push_out(mesh, profile, triangles, true);
+        let moved_sideways = Vec3::new(self.feet.x - before.feet.x, 0.0, self.feet.z - before.feet.z).length();
+        if self.support != Support::Ground || self.feet.y > before.feet.y || moved_sideways > 0.5 * profile.radius {
+            *self = before;
+        }
+    }
+}
+
+fn is_walkable(profile: &CharacterProfile, contact: &Contact, feet: Vec3) -> bool {
+    let limit = libm::cosf(profile.max_slope);
+    contact.normal.y >= limit
+        || (contact.face_normal.y >= limit && contact.normal.y > 0.5 && contact.point.y - feet.y <= profile.step_height)
+}
+
+fn deepest_contact(mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], feet: Vec3) -> Option<Contact> {
+    let low = feet + Vec3::new(0.0, profile.radius, 0.0);
+    let segment = profile.height - 2.0 * profile.radius;
+    let mut deepest: Option<Contact> = None;
+    for &idx in triangles {
+        if let Some(contact) = mesh.triangles()[idx as usize].capsule_contact(low, segment, profile.radius)
+            && contact.depth > deepest.map_or(CONTACT_SLOP_M, |best| best.depth)
+        {
+            deepest = Some(contact);
+        }
+    }
+    deepest
+}
+
+/// Whether a body with its feet at `feet` is free of solid geometry (down to `slop` metres of penetration).
+///
+/// Contacts are one-sided, so the axis is checked besides: no face may cross it between sole and crown.
+pub fn is_clear(mesh: &Mesh, profile: &CharacterProfile, feet: Vec3, slop: f32, scratch: &mut MoveScratch) -> bool {
+    let up = Vec3::new(0.000_31, 0.999_999_9, 0.000_23);
+    let mut from = feet - Vec3::new(0.0, slop, 0.0);
+    let crown = feet.y + profile.height;
+    while let Some(hit) = mesh.cast_ray(from, up, crown - from.y) {
+        let enters = mesh.triangles()[hit.triangle_idx as usize].normal().dot(up) < 0.0;
+        if hit.surface.is_solid() && enters && from.y + hit.distance > feet.y - 1.0e-3 {
+            return false;
+        }
+        // The ground itself, something within it, or something to walk through.
+        from += up * (hit.distance + 1.0e-3);
+        if from.y >= crown {
+            break;
+        }
+    }
+    let reach = Vec3::new(profile.radius, 0.0, profile.radius);
+    mesh.gather_solids(feet - reach, feet + reach + Vec3::new(0.0, profile.height, 0.0), &mut scratch.triangles);
+    deepest_contact(mesh, profile, &scratch.triangles, feet).is_none_or(|contact| contact.depth <= slop)
+}

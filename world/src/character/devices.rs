@@ -1,0 +1,68 @@
+//! What a body does with pads, zip lines, teleporters and jetpacks.
+
+use super::body::{Body, Ride, Support, TickEvents};
+use super::profile::CharacterProfile;
+use crate::map::features::ZIP_LIFT_M;
+use crate::map::{Map, Zone};
+use crate::{TICK_SECONDS, Vec3};
+
+/// Share of the speed that is kept when a zip line is let go.
+const ZIP_RELEASE_SHARE: f32 = 0.4;
+
+impl Body {
+    pub(super) fn enter_devices(&mut self, map: &Map, profile: &CharacterProfile, events: &mut TickEvents) {
+        let device = map.device_at(self.feet);
+        if !matches!(device, Some(Zone::Teleporter(_) | Zone::TeleporterBack(_))) {
+            self.teleport_locked = false;
+        }
+        match device {
+            Some(Zone::Pad(idx)) if self.velocity.y <= 0.0 => {
+                self.velocity.y = map.placed().pads[idx as usize].speed;
+                self.leave_ground();
+                events.padded = true;
+            }
+            Some(Zone::ZipLine(line_idx)) if profile.uses_zip_lines => {
+                self.ride = Some(Ride { line_idx, distance: 0.0 });
+                self.leave_ground();
+                self.jump_pending = false;
+                events.zipped = true;
+            }
+            Some(Zone::Teleporter(idx)) if !self.teleport_locked => {
+                self.teleport_to(map.placed().teleporters[idx as usize].to, events);
+            }
+            Some(Zone::TeleporterBack(idx)) if !self.teleport_locked => {
+                self.teleport_to(map.placed().teleporters[idx as usize].from, events);
+            }
+            Some(Zone::Jetpack(idx)) if profile.uses_jetpacks => {
+                self.fuel = self.fuel.max(map.placed().jetpacks[idx as usize].fuel);
+            }
+            _ => {}
+        }
+    }
+
+    fn teleport_to(&mut self, place: Vec3, events: &mut TickEvents) {
+        self.feet = place + Vec3::new(0.0, 0.1, 0.0);
+        self.teleport_locked = true;
+        events.teleported = true;
+    }
+
+    /// One tick along a zip line: the cable has the say until its end, or until a jump lets go.
+    pub(super) fn ride_on(&mut self, map: &Map, profile: &CharacterProfile, ride: Ride) {
+        let line = &map.placed().zip_lines[ride.line_idx as usize];
+        let distance = ride.distance + profile.zip_line_speed * TICK_SECONDS;
+        let (feet, direction) = line.at(distance.min(line.length()));
+        self.feet = feet;
+        self.velocity = direction * profile.zip_line_speed;
+        self.support = Support::Air;
+        let has_left_station = distance > 2.0 * ZIP_LIFT_M;
+        let lets_go = self.jump_pending && has_left_station;
+        if distance < line.length() && !lets_go {
+            self.ride = Some(Ride { distance, ..ride });
+            return;
+        }
+        self.ride = None;
+        self.jump_pending = false;
+        self.velocity *= ZIP_RELEASE_SHARE;
+        self.air_jumps_left = profile.extra_jumps;
+    }
+}

@@ -1,0 +1,19 @@
+//! One character: its profile, its body and one tick of its motion.
+//!
+//! The body is an upright capsule moved by our own controller: integrate, then push out of the deepest
+//! contact until none is left, then snap to the ground when walking down. Tick by tick it touches only the
+//! few triangles around it (see `docs/adr/0001-own-capsule-controller.md` for why it is not rapier's).
+//!
+//! `tick` is [`Body::tick`] with its phases; `contact` moves the capsule, `devices` are pads, zip lines and their like.
+
+mod action;
+mod body;
+mod contact;
+mod devices;
+mod profile;
+mod tick;
+
+pub use action::{ACTION_LEN, Action, ActionError};
+pub use body::{Body, Ride, Support, TickEvents};
+pub use contact::{MoveScratch, is_clear};
+pub use profile::{CharacterProfile, ProfileError, RawCharacterProfile};

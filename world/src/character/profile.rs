@@ -1,0 +1,148 @@
+//! What makes one kind of character move differently from another.
+
+use serde::{Deserialize, Serialize};
+use std::ops::Deref;
+
+/// Everything that makes one kind of character move differently from another.
+///
+/// It exists only checked; [`RawCharacterProfile`] is what can be asked for.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "RawCharacterProfile")]
+pub struct CharacterProfile(RawCharacterProfile);
+
+/// The numbers of a [`CharacterProfile`], as somebody asks for them.
+///
+/// Defaults follow the figures of the environment that the paper's authors released.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RawCharacterProfile {
+    /// Height from soles to crown, m.
+    pub height: f32,
+    /// Radius of the capsule, m.
+    pub radius: f32,
+    /// Top speed forward, m/s.
+    pub forward_speed: f32,
+    /// Top speed backwards and sideways as a share of `forward_speed`.
+    pub side_speed_share: f32,
+    /// Top turning speed, rad/s.
+    pub turn_speed: f32,
+    /// Upward speed given by a jump, m/s.
+    pub jump_speed: f32,
+    /// Gravity, m/s2.
+    pub gravity: f32,
+    /// Jumps that can be made in the air before landing.
+    pub extra_jumps: u8,
+    /// Steepest slope that can be walked, rad.
+    pub max_slope: f32,
+    /// Highest step that is walked over without a jump, m.
+    pub step_height: f32,
+    /// Horizontal acceleration on the ground, m/s2.
+    pub ground_acceleration: f32,
+    /// Horizontal acceleration in the air, m/s2.
+    pub air_acceleration: f32,
+    /// Time after leaving the ground in which a jump still counts as one from the ground, in ticks.
+    pub coyote_ticks: u8,
+    /// Whether it can use zip lines.
+    pub uses_zip_lines: bool,
+    /// Speed along a zip line, m/s.
+    pub zip_line_speed: f32,
+    /// Whether it can put on jetpacks.
+    pub uses_jetpacks: bool,
+    /// Upward acceleration of a jetpack, gravity not subtracted, m/s2.
+    pub jetpack_acceleration: f32,
+    /// Upward speed from which a jetpack pushes no more, m/s.
+    pub jetpack_climb_speed: f32,
+}
+
+impl Default for RawCharacterProfile {
+    fn default() -> Self {
+        Self {
+            height: 1.8,
+            radius: 0.3,
+            forward_speed: 11.0,
+            side_speed_share: 0.6,
+            turn_speed: std::f32::consts::PI,
+            jump_speed: 10.0,
+            gravity: 20.0,
+            extra_jumps: 1,
+            max_slope: 35.0f32.to_radians(),
+            step_height: 0.1,
+            ground_acceleration: 60.0,
+            air_acceleration: 25.0,
+            coyote_ticks: 6,
+            uses_zip_lines: true,
+            zip_line_speed: 14.0,
+            uses_jetpacks: true,
+            jetpack_acceleration: 38.0,
+            jetpack_climb_speed: 8.0,
+        }
+    }
+}
+
+/// A field of a [`CharacterProfile`] outside its range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("profile.{field} is {value}, allowed are {min} to {max}")]
+pub struct ProfileError {
+    /// Which field.
+    pub field: &'static str,
+    /// What was asked for.
+    pub value: f32,
+    /// Smallest allowed value.
+    pub min: f32,
+    /// Largest allowed value.
+    pub max: f32,
+}
+
+impl CharacterProfile {
+    /// This profile with a change.
+    ///
+    /// # Errors
+    /// Names the first field outside its range.
+    pub fn with(&self, change: impl FnOnce(&mut RawCharacterProfile)) -> Result<Self, ProfileError> {
+        let mut raw = self.0.clone();
+        change(&mut raw);
+        raw.try_into()
+    }
+}
+
+impl Deref for CharacterProfile {
+    type Target = RawCharacterProfile;
+
+    fn deref(&self) -> &RawCharacterProfile {
+        &self.0
+    }
+}
+
+impl TryFrom<RawCharacterProfile> for CharacterProfile {
+    type Error = ProfileError;
+
+    fn try_from(raw: RawCharacterProfile) -> Result<Self, ProfileError> {
+        raw.check().map(|()| Self(raw))
+    }
+}
+
+impl RawCharacterProfile {
+    fn check(&self) -> Result<(), ProfileError> {
+        let ranges = [
+            ("radius", self.radius, 0.25, 1.0),
+            ("height", self.height, 2.0 * self.radius, 4.0),
+            ("forward_speed", self.forward_speed, 0.1, 20.0),
+            ("side_speed_share", self.side_speed_share, 0.0, 1.0),
+            ("turn_speed", self.turn_speed, 0.1, 20.0),
+            ("jump_speed", self.jump_speed, 0.0, 30.0),
+            ("gravity", self.gravity, 1.0, 100.0),
+            ("max_slope", self.max_slope, 0.0, 1.4),
+            ("step_height", self.step_height, 0.0, self.radius),
+            ("ground_acceleration", self.ground_acceleration, 1.0, 1000.0),
+            ("air_acceleration", self.air_acceleration, 0.0, 1000.0),
+            ("zip_line_speed", self.zip_line_speed, 1.0, 40.0),
+            ("jetpack_acceleration", self.jetpack_acceleration, 0.0, 200.0),
+            ("jetpack_climb_speed", self.jetpack_climb_speed, 0.0, 40.0),
+        ];
+        for (field, value, min, max) in ranges {
+            if !(min..=max).contains(&value) {
+                return Err(ProfileError { field, value, min, max });
+            }
+        }
+        Ok(())
+    }
+}

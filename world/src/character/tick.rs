@@ -1,0 +1,121 @@
+//! One tick of a body: turn, accelerate, jump, thrust, enter devices, move.
+
+use super::action::Action;
+use super::body::{Body, Support, TickEvents};
+use super::contact::MoveScratch;
+use super::profile::CharacterProfile;
+use crate::map::Map;
+use crate::{TICK_SECONDS, Vec3};
+
+/// Terminal speed of a fall, m/s.
+const MAX_FALL_SPEED: f32 = 45.0;
+/// Share of the control in the air that is left while sliding down a steep face.
+const SLIDE_CONTROL: f32 = 0.2;
+/// Depth of liquid over the feet from which it acts, in metres.
+const WADING_DEPTH_M: f32 = 0.25;
+/// Share of the walking speed that is left in water.
+const WADING_SPEED: f32 = 0.5;
+
+impl Body {
+    /// Advances the body by one tick under `action`.
+    pub fn tick(
+        &mut self,
+        map: &Map,
+        profile: &CharacterProfile,
+        action: &Action,
+        scratch: &mut MoveScratch,
+    ) -> TickEvents {
+        let mut events = TickEvents::default();
+        self.liquid = map.liquid_at(self.feet, WADING_DEPTH_M);
+        self.turn(profile, action);
+        if let Some(ride) = self.ride {
+            self.ride_on(map, profile, ride);
+            return events;
+        }
+        self.accelerate(profile, action);
+        self.jump(profile, &mut events);
+        self.thrust(profile, action, &mut events);
+        self.enter_devices(map, profile, &mut events);
+        if self.ride.is_none() {
+            self.move_and_collide(map.mesh(), profile, scratch);
+        }
+        events
+    }
+
+    fn turn(&mut self, profile: &CharacterProfile, action: &Action) {
+        use std::f32::consts::{PI, TAU};
+        self.yaw += action.turn * profile.turn_speed * TICK_SECONDS;
+        if self.yaw > PI {
+            self.yaw -= TAU;
+        } else if self.yaw <= -PI {
+            self.yaw += TAU;
+        }
+    }
+
+    fn accelerate(&mut self, profile: &CharacterProfile, action: &Action) {
+        let (sin, cos) = libm::sincosf(self.yaw);
+        let forward = action.forward.max(-profile.side_speed_share);
+        let right = action.strafe * profile.side_speed_share;
+        let mut wish = Vec3::new(sin * forward - cos * right, 0.0, cos * forward + sin * right);
+        let length = wish.length();
+        if length > 1.0 {
+            wish /= length;
+        }
+        wish *= profile.forward_speed;
+        if self.liquid.is_some() {
+            wish *= WADING_SPEED;
+        }
+        let limit = match self.support {
+            Support::Ground => profile.ground_acceleration,
+            Support::Air => profile.air_acceleration,
+            // Sliding: the slope has the say, not the legs.
+            Support::Steep => profile.air_acceleration * SLIDE_CONTROL,
+        };
+        let mut change = Vec3::new(wish.x - self.velocity.x, 0.0, wish.z - self.velocity.z);
+        let change_length = change.length();
+        let most = limit * TICK_SECONDS;
+        if change_length > most {
+            change *= most / change_length;
+        }
+        self.velocity += change;
+        if self.support == Support::Steep {
+            // No running up faces that are too steep to stand on.
+            let into = self.velocity.dot(self.steep_out);
+            if into < 0.0 {
+                self.velocity -= self.steep_out * into;
+            }
+        }
+        self.velocity.y = (self.velocity.y - profile.gravity * TICK_SECONDS).max(-MAX_FALL_SPEED);
+    }
+
+    fn jump(&mut self, profile: &CharacterProfile, events: &mut TickEvents) {
+        if !self.jump_pending {
+            return;
+        }
+        if self.is_grounded() || self.ticks_in_air <= profile.coyote_ticks {
+            events.jumped = true;
+        } else if self.air_jumps_left > 0 {
+            self.air_jumps_left -= 1;
+            events.double_jumped = true;
+        } else {
+            return;
+        }
+        self.velocity.y = profile.jump_speed;
+        self.leave_ground();
+        self.jump_pending = false;
+    }
+
+    /// A jetpack pushes in the air while the jump is held and no jump was made of it in this tick.
+    fn thrust(&mut self, profile: &CharacterProfile, action: &Action, events: &mut TickEvents) {
+        let jumps = events.jumped || events.double_jumped;
+        let wanted = action.jump > 0.0 && !jumps && !self.is_grounded();
+        if !wanted || self.fuel <= 0.0 || self.velocity.y >= profile.jetpack_climb_speed {
+            return;
+        }
+        let pushed = self.velocity.y + profile.jetpack_acceleration * TICK_SECONDS;
+        self.velocity.y = pushed.min(profile.jetpack_climb_speed);
+        self.fuel = (self.fuel - TICK_SECONDS).max(0.0);
+        self.leave_ground();
+        events.thrust = true;
+    }
+}

@@ -1,0 +1,144 @@
+//! Rays through the grid, leaping over empty space.
+
+use super::grid::{CELL_M, EMPTY, Mesh, Occupied};
+use super::triangle::Surface;
+use crate::Vec3;
+
+/// Slack around the stretch of a ray inside one cell, m.
+const STRETCH_SLACK_M: f32 = 1.0e-3;
+
+/// Where a ray ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayHit {
+    /// Metres along the ray.
+    pub distance: f32,
+    /// Index of the triangle that was hit.
+    pub triangle_idx: u32,
+    /// What was hit.
+    pub surface: Surface,
+}
+
+impl Mesh {
+    /// First triangle along the ray within `max_distance` metres; `direction` must have unit length.
+    pub fn cast_ray(&self, origin: Vec3, direction: Vec3, max_distance: f32) -> Option<RayHit> {
+        let mut travelled = self.enter(origin, direction)?;
+        let inverse = Vec3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
+        let step = [direction.x, direction.y, direction.z].map(|d| if d > 0.0 { 1 } else { -1 });
+        // Cells are left by their upper border where the ray grows.
+        let upper = step.map(|step| (step + 1) / 2);
+        let entry = self.cell_of(origin + direction * travelled);
+        let mut cell = [0, 1, 2].map(|axis| entry[axis].clamp(0, self.counts[axis] - 1));
+        while travelled <= max_distance {
+            if (0..3).any(|axis| cell[axis] as u32 >= self.counts[axis] as u32) {
+                return None;
+            }
+            let entry = self.cells[self.cell_idx(cell)];
+            // Leave this cell, or the block of cells around it that is known to be empty.
+            let margin = if entry & EMPTY == 0 { 0 } else { (entry & !EMPTY) as i32 - 1 };
+            let exit = |axis: usize, o: f32, inverse: f32| {
+                let border = (cell[axis] + upper[axis] + step[axis] * margin) as f32 * CELL_M;
+                if inverse.is_finite() { (border - o) * inverse } else { f32::INFINITY }
+            };
+            let exits = [exit(0, origin.x, inverse.x), exit(1, origin.y, inverse.y), exit(2, origin.z, inverse.z)];
+            let axis = if exits[0] <= exits[1] && exits[0] <= exits[2] {
+                0
+            } else if exits[1] <= exits[2] {
+                1
+            } else {
+                2
+            };
+            let leave = exits[axis].max(travelled);
+            if entry & EMPTY == 0
+                && let Some(hit) = self.cast_in_cell(
+                    entry as usize,
+                    (origin, direction),
+                    ((travelled - STRETCH_SLACK_M).max(0.0), (leave + STRETCH_SLACK_M).min(max_distance)),
+                )
+            {
+                return Some(hit);
+            }
+            travelled = leave;
+            if margin > 0 {
+                let moved = self.cell_of(origin + direction * travelled);
+                for other in 0..3 {
+                    if other != axis {
+                        cell[other] = moved[other].clamp(cell[other] - margin, cell[other] + margin);
+                    }
+                }
+            }
+            cell[axis] += step[axis] * (1 + margin);
+        }
+        None
+    }
+
+    /// First triangle of one cell on a stretch of a ray. A hit beyond the cell is found where it lies.
+    #[inline]
+    fn cast_in_cell(
+        &self,
+        occupied_idx: usize,
+        (origin, direction): (Vec3, Vec3),
+        (near, far): (f32, f32),
+    ) -> Option<RayHit> {
+        let (y0, y1) = (origin.y + direction.y * near, origin.y + direction.y * far);
+        let Occupied { lowest, highest, .. } = self.occupied[occupied_idx];
+        if y0.max(y1) < lowest - STRETCH_SLACK_M || y0.min(y1) > highest + STRETCH_SLACK_M {
+            return None;
+        }
+        let mut best: Option<RayHit> = None;
+        for &triangle_idx in self.items_of(occupied_idx) {
+            let triangle = &self.triangles[triangle_idx as usize];
+            let far = best.map_or(far, |hit| hit.distance);
+            if let Some(distance) = triangle.ray(origin, direction, near, far) {
+                best = Some(RayHit { distance, triangle_idx, surface: triangle.surface() });
+            }
+        }
+        best
+    }
+
+    /// In how many solids `point` lies: 0 in the open. For closed solids, which may overlap.
+    ///
+    /// Counts the faces that a ray to the sky leaves and enters through; of three rays, the median counts, since one
+    /// may graze an edge or meet two faces that coincide.
+    pub fn solid_depth_at(&self, point: Vec3) -> u32 {
+        let tilts = [Vec3::new(0.017_3, 1.0, 0.020_1), Vec3::new(-0.151, 1.0, 0.083), Vec3::new(0.061, 1.0, -0.217)];
+        let mut depths = tilts.map(|tilt| self.faces_left(point, tilt.normalize()));
+        depths.sort_unstable();
+        depths[1].max(0) as u32
+    }
+
+    /// Solid faces that a ray leaves through, less those that it enters through.
+    fn faces_left(&self, mut origin: Vec3, direction: Vec3) -> i32 {
+        let mut count = 0;
+        while let Some(hit) = self.cast_ray(origin, direction, f32::MAX) {
+            let triangle = &self.triangles[hit.triangle_idx as usize];
+            if triangle.surface().is_solid() {
+                count += if triangle.normal().dot(direction) > 0.0 { 1 } else { -1 };
+            }
+            origin += direction * (hit.distance + 1.0e-3);
+        }
+        count
+    }
+
+    /// Distance along the ray at which it enters the grid's box; `None` if it misses.
+    fn enter(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let size = Vec3::new(self.counts[0] as f32, self.counts[1] as f32, self.counts[2] as f32) * CELL_M;
+        if origin.cmpge(Vec3::ZERO).all() && origin.cmple(size).all() {
+            return Some(0.0);
+        }
+        let (mut near, mut far) = (0.0f32, f32::INFINITY);
+        for axis in 0..3 {
+            let (o, d) = (origin[axis], direction[axis]);
+            let high = size[axis];
+            if d == 0.0 {
+                if o < 0.0 || o > high {
+                    return None;
+                }
+                continue;
+            }
+            let (t0, t1) = (-o / d, (high - o) / d);
+            near = near.max(t0.min(t1));
+            far = far.min(t0.max(t1));
+        }
+        (near <= far).then_some(near)
+    }
+}

@@ -1,0 +1,232 @@
+//! One triangle: what it is made of, where a ray meets it, and where a capsule touches it.
+
+use crate::Vec3;
+
+/// Barycentric slack that closes the seams between neighbouring triangles for rays.
+const SEAM_SLACK: f32 = 1.0e-4;
+
+/// What a triangle is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Surface {
+    /// Rock, building, plateau: solid.
+    Ground = 0,
+    /// Surface of a water pool: seen by rays, walked through.
+    Water = 1,
+    /// Surface of a lava pool: seen by rays, fallen into.
+    Lava = 2,
+    /// A jump pad: seen by rays, triggers by position.
+    Pad = 3,
+    /// Station of a zip line: likewise.
+    ZipLine = 4,
+    /// Entrance of a teleporter: likewise.
+    Teleporter = 5,
+    /// A jetpack to pick up: likewise.
+    Jetpack = 6,
+}
+
+impl Surface {
+    /// All surfaces, by their number.
+    pub const ALL: [Surface; 7] = [
+        Surface::Ground,
+        Surface::Water,
+        Surface::Lava,
+        Surface::Pad,
+        Surface::ZipLine,
+        Surface::Teleporter,
+        Surface::Jetpack,
+    ];
+
+    /// Whether bodies collide with it.
+    pub fn is_solid(self) -> bool {
+        self == Surface::Ground
+    }
+}
+
+/// One triangle with its precomputed edges and normal.
+#[derive(Debug, Clone, Copy)]
+pub struct Triangle {
+    a: Vec3,
+    ab: Vec3,
+    ac: Vec3,
+    normal: Vec3,
+    surface: Surface,
+}
+
+impl Triangle {
+    /// A triangle with corners in counter-clockwise order seen from outside; `None` if it has no area.
+    pub fn new([a, b, c]: [Vec3; 3], surface: Surface) -> Option<Self> {
+        let (ab, ac) = (b - a, c - a);
+        let cross = ab.cross(ac);
+        let length = cross.length();
+        (length > 1.0e-9).then(|| Self { a, ab, ac, normal: cross / length, surface })
+    }
+
+    /// The three corners.
+    #[inline]
+    pub fn corners(&self) -> [Vec3; 3] {
+        [self.a, self.a + self.ab, self.a + self.ac]
+    }
+
+    /// Unit normal, pointing out of the rock.
+    #[inline]
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// What it is made of.
+    #[inline]
+    pub fn surface(&self) -> Surface {
+        self.surface
+    }
+
+    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+        let [a, b, c] = self.corners();
+        (a.min(b).min(c), a.max(b).max(c))
+    }
+
+    /// Two-sided intersection inside `near..=far` along the ray: plane first, which settles most cases, then barycentric
+    /// coordinates, slightly widened so that seams do not leak.
+    #[inline]
+    pub(super) fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
+        let offset = origin - self.a;
+        let distance = -self.normal.dot(offset) / self.normal.dot(direction);
+        // Also refuses the NaN of a ray inside the plane.
+        if !(distance >= near && distance <= far) {
+            return None;
+        }
+        let point = offset + direction * distance;
+        let (ab, ac) = (self.ab, self.ac);
+        let (bb, bc, cc) = (ab.dot(ab), ab.dot(ac), ac.dot(ac));
+        let (pb, pc) = (point.dot(ab), point.dot(ac));
+        let area = bb * cc - bc * bc;
+        let (b, c) = (cc * pb - bc * pc, bb * pc - bc * pb);
+        let slack = -SEAM_SLACK * area;
+        (b >= slack && c >= slack && b + c <= area - slack).then_some(distance)
+    }
+
+    /// Closest point of the triangle to `point` when that lies in its interior or on its border
+    /// (Ericson, Real-Time Collision Detection, 5.1.5).
+    fn closest_point(&self, point: Vec3) -> Vec3 {
+        let (ab, ac, a) = (self.ab, self.ac, self.a);
+        let ap = point - a;
+        let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+        if d1 <= 0.0 && d2 <= 0.0 {
+            return a;
+        }
+        let bp = ap - ab;
+        let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+        if d3 >= 0.0 && d4 <= d3 {
+            return a + ab;
+        }
+        let vc = d1 * d4 - d3 * d2;
+        if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+            return a + ab * (d1 / (d1 - d3));
+        }
+        let cp = ap - ac;
+        let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+        if d6 >= 0.0 && d5 <= d6 {
+            return a + ac;
+        }
+        let vb = d5 * d2 - d1 * d6;
+        if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+            return a + ac * (d2 / (d2 - d6));
+        }
+        let va = d3 * d6 - d5 * d4;
+        if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+            let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+            return a + ab + (ac - ab) * t;
+        }
+        let scale = 1.0 / (va + vb + vc);
+        a + ab * (vb * scale) + ac * (vc * scale)
+    }
+
+    /// Penetration of an upright capsule, if any.
+    ///
+    /// The capsule is the vertical segment of length `height` above `low`, widened by `radius`. Contacts from
+    /// behind are ignored: solids are entered only through a bug, and pushing outwards then makes it worse.
+    #[inline]
+    pub fn capsule_contact(&self, low: Vec3, height: f32, radius: f32) -> Option<Contact> {
+        let low_side = self.normal.dot(low - self.a);
+        let high_side = low_side + self.normal.y * height;
+        if low_side.min(high_side) > radius || low_side.max(high_side) < 0.0 {
+            return None;
+        }
+        if low_side.min(high_side) < 0.0 {
+            // The segment crosses the plane: if it does so inside the triangle, push its buried end out.
+            let t = low_side / (low_side - high_side);
+            let crossing = low + Vec3::new(0.0, height * t, 0.0);
+            if self.closest_point(crossing).distance_squared(crossing) < 1.0e-8 {
+                let depth = radius - low_side.min(high_side);
+                return Some(Contact { normal: self.normal, depth, point: crossing, face_normal: self.normal });
+            }
+        }
+        let (on_axis, on_triangle) = self.closest_to_vertical(low, height);
+        let offset = on_axis - on_triangle;
+        let distance_squared = offset.length_squared();
+        if distance_squared >= radius * radius || offset.dot(self.normal) <= 0.0 {
+            return None;
+        }
+        let distance = distance_squared.sqrt();
+        let normal = if distance > 1.0e-5 { offset / distance } else { self.normal };
+        Some(Contact { normal, depth: radius - distance, point: on_triangle, face_normal: self.normal })
+    }
+
+    /// Closest pair of points between the vertical segment above `low` and the triangle, for a segment that
+    /// does not pass through it.
+    #[inline]
+    fn closest_to_vertical(&self, low: Vec3, height: f32) -> (Vec3, Vec3) {
+        let high = low + Vec3::new(0.0, height, 0.0);
+        let mut best = (low, self.closest_point(low));
+        let mut best_squared = best.0.distance_squared(best.1);
+        let mut offer = |pair: (Vec3, Vec3)| {
+            let squared = pair.0.distance_squared(pair.1);
+            if squared < best_squared {
+                (best, best_squared) = (pair, squared);
+            }
+        };
+        offer((high, self.closest_point(high)));
+        let [a, b, c] = self.corners();
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            offer(closest_vertical_to_edge(low, height, from, to));
+        }
+        best
+    }
+}
+
+/// Closest points between a vertical segment and an edge.
+#[inline]
+fn closest_vertical_to_edge(low: Vec3, height: f32, from: Vec3, to: Vec3) -> (Vec3, Vec3) {
+    let edge = to - from;
+    let offset = low - from;
+    let horizontal_squared = edge.x * edge.x + edge.z * edge.z;
+    let mut t = if horizontal_squared > 1.0e-12 {
+        ((offset.x * edge.x + offset.z * edge.z) / horizontal_squared).clamp(0.0, 1.0)
+    } else {
+        0.5
+    };
+    let y_on_edge = from.y + edge.y * t;
+    let y_on_axis = y_on_edge.clamp(low.y, low.y + height);
+    if y_on_axis != y_on_edge || horizontal_squared <= 1.0e-12 {
+        // The infinite axis meets the edge beyond the segment's end: take the end against the edge.
+        let end = Vec3::new(low.x, y_on_axis, low.z);
+        t = ((end - from).dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+        let on_edge = from + edge * t;
+        let y = on_edge.y.clamp(low.y, low.y + height);
+        return (Vec3::new(low.x, y, low.z), on_edge);
+    }
+    (Vec3::new(low.x, y_on_axis, low.z), from + edge * t)
+}
+
+/// A penetration of a capsule into a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct Contact {
+    /// Unit direction that separates the two fastest, away from the triangle.
+    pub normal: Vec3,
+    /// Penetration in metres, positive.
+    pub depth: f32,
+    /// The touched point on the triangle.
+    pub point: Vec3,
+    /// Normal of the touched triangle; differs from `normal` on its edges.
+    pub face_normal: Vec3,
+}

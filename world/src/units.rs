@@ -1,0 +1,117 @@
+//! Units and counts that cross modules, so that none is taken for another.
+
+use crate::DECISION_SECONDS;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::ops::{Add, Mul};
+
+/// A moment of a world: ticks stepped since it began, 1/60 s each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
+pub struct Tick(pub u64);
+
+impl Tick {
+    /// Ticks from an earlier moment to this one; 0 if that was later.
+    pub fn since(self, earlier: Tick) -> u64 {
+        self.0.saturating_sub(earlier.0)
+    }
+}
+
+impl Add<u64> for Tick {
+    type Output = Self;
+
+    fn add(self, ticks: u64) -> Self {
+        Self(self.0 + ticks)
+    }
+}
+
+impl fmt::Display for Tick {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Where a stream of pseudo-random numbers begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
+pub struct Seed(pub u64);
+
+impl From<u64> for Seed {
+    fn from(value: u64) -> Self {
+        Self(value)
+    }
+}
+
+impl fmt::Display for Seed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// A probability, in [0, 1].
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
+pub struct Chance(f64);
+
+impl Chance {
+    /// Certainty.
+    pub const CERTAIN: Self = Self(1.0);
+
+    /// The nearest probability to `value`; 0 for NaN.
+    pub fn new(value: f64) -> Self {
+        Self(if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) })
+    }
+
+    /// As a number in [0, 1].
+    pub fn get(self) -> f64 {
+        self.0
+    }
+}
+
+impl Mul for Chance {
+    type Output = Self;
+
+    /// The chance that both of two independent events happen.
+    fn mul(self, other: Self) -> Self {
+        Self(self.0 * other.0)
+    }
+}
+
+impl std::iter::Product for Chance {
+    fn product<I: Iterator<Item = Self>>(chances: I) -> Self {
+        chances.fold(Self::CERTAIN, Mul::mul)
+    }
+}
+
+/// A duration in decisions, not negative; means and estimates are not whole.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, Serialize, Deserialize)]
+pub struct Decisions(pub f64);
+
+impl Decisions {
+    /// The same duration in seconds.
+    pub fn seconds(self) -> Seconds {
+        Seconds(self.0 as f32 * DECISION_SECONDS)
+    }
+}
+
+/// A duration in seconds.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, Serialize, Deserialize)]
+pub struct Seconds(pub f32);
+
+impl Seconds {
+    /// The same duration in decisions.
+    pub fn decisions(self) -> Decisions {
+        Decisions(f64::from(self.0 / DECISION_SECONDS))
+    }
+}
+
+impl Add for Seconds {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self(self.0 + other.0)
+    }
+}
+
+impl std::iter::Sum for Seconds {
+    fn sum<I: Iterator<Item = Self>>(durations: I) -> Self {
+        durations.fold(Self(0.0), Add::add)
+    }
+}
