@@ -1,6 +1,7 @@
 //! `surefoot licenses`: the notices of everything that the program is linked from.
 
 use crate::terminal::print_json;
+use std::io::{ErrorKind, Write};
 
 /// The notices, written by `cargo run -p e2e --example notices`.
 const NOTICES: &str = include_str!("../../THIRD_PARTY_NOTICES.md");
@@ -16,14 +17,17 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if !args.json {
-        print!("{NOTICES}");
-        return Ok(());
+        // A pager that was closed early has seen what it wanted.
+        return match std::io::stdout().lock().write_all(NOTICES.as_bytes()) {
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
+            _ => Ok(()),
+        };
     }
     let list = NOTICES.split("\n## ").next().unwrap_or_default();
     let crates = list.lines().filter_map(|line| {
         let (name, rest) = line.strip_prefix("- ")?.split_once(' ')?;
         let (version, license) = rest.split_once(" (")?;
-        Some(serde_json::json!({ "name": name, "version": version, "license": license.trim_end_matches(')') }))
+        Some(serde_json::json!({ "name": name, "version": version, "license": license.strip_suffix(')')? }))
     });
     print_json(&serde_json::json!({ "license": "MIT OR Apache-2.0", "crates": crates.collect::<Vec<_>>() }))
 }
