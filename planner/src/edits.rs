@@ -4,18 +4,16 @@
 //! settings, another policy or a changed map it is laid over whatever stands there now. An edit that finds nothing to
 //! change is left out and [says so](Unfit). Vertices are changed first, in the order of the edits, then edges.
 
+use crate::build::{Builder, Progress};
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
 use crate::probe::ProbeExecutor;
-use crate::prove::Proving;
-use crate::settings::BuildSettings;
-use crate::settings::Probing;
+use crate::settings::{BuildSettings, Probing};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::sync::atomic::{AtomicBool, AtomicU64};
 use surefoot_world::character::MoveScratch;
 use surefoot_world::{Seconds, Vec3, navigable};
 
@@ -229,19 +227,15 @@ impl Terrain for MapTerrain {
     }
 
     fn prove(&self, vertices: &[Vec3], candidates: &[Candidate]) -> Option<Vec<Evidence>> {
-        let proving = Proving {
-            map: &self.site.map,
-            vertices,
-            candidates,
-            repeats: self.settings.repeats,
-            seed: self.settings.seed,
-            thread_count: self.thread_count,
+        let builder = Builder {
+            site: &self.site,
+            settings: &self.settings,
             executor: &*self.executor,
-            progress: &AtomicU64::new(0),
-            total: &AtomicU64::new(0),
-            cancel: &AtomicBool::new(false),
+            thread_count: self.thread_count,
+            clock: &|| 0.0,
+            progress: &Progress::default(),
         };
-        proving.run(Probing::Exhaustive)
+        builder.proving(vertices, candidates).run(Probing::Exhaustive)
     }
 }
 

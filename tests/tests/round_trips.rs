@@ -206,15 +206,7 @@ fn layer() -> impl Strategy<Value = Layer> {
 }
 
 fn settings() -> impl Strategy<Value = BuildSettings> {
-    let placement = prop::sample::select(vec![
-        Placement::Random,
-        Placement::Spaced,
-        Placement::Density,
-        Placement::Trajectories,
-        Placement::TrajectoriesTested,
-        Placement::Flood,
-        Placement::FloodGrandchildren,
-    ]);
+    let placement = prop::sample::select(Placement::ALL.to_vec());
     let probing = prop::sample::select(vec![Probing::Frugal, Probing::Exhaustive]);
     let numbers = (2..2000usize, 1..65usize, 1..33u32, 0.01..1.0f32, any::<u64>());
     (placement, probing, numbers, any::<bool>()).prop_map(
