@@ -41,6 +41,21 @@ pub fn linked() -> BTreeSet<Package> {
         .collect()
 }
 
+/// The sets of features that each crate is built with, by name and version, for some arguments of `cargo tree`.
+///
+/// # Panics
+/// If cargo does not say.
+pub fn features(about: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
+    let format = ["--target", "x86_64-unknown-linux-gnu", "--prefix", "none", "--format", "{p}|{f}|"];
+    let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for line in cargo(&[&["tree"], about, &format].concat()).lines() {
+        if let [package, features, _] = line.split('|').collect::<Vec<_>>()[..] {
+            found.entry(package.to_owned()).or_default().insert(features.to_owned());
+        }
+    }
+    found
+}
+
 /// Where the sources of each crate are on this machine, by name and version.
 ///
 /// # Panics

@@ -1,5 +1,6 @@
 //! The house stays as ARCHITECTURE.md draws it: who may depend on whom, who knows wire types, no circles.
 
+use e2e::packages::features;
 use e2e::source::{Crate, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -187,4 +188,12 @@ fn unsafe_code_is_forbidden_everywhere() {
         let own = std::fs::read_to_string(root().join(folder).join("Cargo.toml")).expect("a manifest");
         assert!(own.contains("[lints]\nworkspace = true"), "{folder} does not take the workspace's lints");
     }
+}
+
+#[test]
+fn tests_reuse_what_the_first_command_has_built() {
+    let first = features(&["--package", "surefoot-cli", "--edges", "normal,build"]);
+    let tests = features(&["--workspace", "--edges", "normal,build,dev"]);
+    let again: Vec<_> = first.iter().filter(|(package, sets)| !sets.is_subset(&tests[*package])).collect();
+    assert!(again.is_empty(), "built again for the tests, with other features: {again:?}");
 }
