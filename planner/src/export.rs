@@ -3,9 +3,10 @@
 
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
+use crate::links::{NavMesh, expected_seconds};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt::Write;
-use surefoot_world::float::hypot;
 use surefoot_world::{Ability, DECISION_SECONDS, Vec3};
 
 /// Forms that a graph can be written in.
@@ -36,14 +37,20 @@ impl Format {
     }
 }
 
-/// Writes `graph` in `format`; `radius` is that of the character, m.
-pub fn export(graph: &NavGraph, format: Format, radius: f32) -> String {
+/// Writes `graph` in `format`. Off-mesh links are those that `nav_mesh` needs, or, without `max_detour`, all that are more than it does
+/// by itself.
+pub fn export(graph: &NavGraph, format: Format, nav_mesh: NavMesh<'_>, max_detour: Option<f64>) -> String {
     match format {
         Format::GraphMl => graphml(graph),
         Format::Dot => dot(graph),
         Format::Json => serde_json::to_string_pretty(&NodeLink::of(graph)).expect("a graph is plain data") + "\n",
         Format::Detour => {
-            serde_json::to_string_pretty(&OffMeshLinks::of(graph, radius)).expect("links are plain data") + "\n"
+            let links = match max_detour {
+                Some(max_detour) => nav_mesh.links(graph, max_detour),
+                None => graph.edges().filter(|edge| nav_mesh.needs_link(graph, edge)).collect(),
+            };
+            let links = OffMeshLinks::of(graph, &links, nav_mesh.radius);
+            serde_json::to_string_pretty(&links).expect("links are plain data") + "\n"
         }
     }
 }
@@ -143,6 +150,7 @@ impl NodeLink {
     }
 }
 
+/// Mean duration of the probes that arrived, s.
 fn seconds(edge: &Edge) -> f64 {
     edge.evidence.decisions_mean().0 * f64::from(DECISION_SECONDS)
 }
@@ -244,6 +252,10 @@ struct OffMeshLinks {
     /// Index of the edge in the graph's own export.
     #[serde(rename = "offMeshConUserID")]
     off_mesh_con_user_id: Vec<u32>,
+    /// Expected duration of each, failures included, s. Detour has no such field; costs of areas can be set from it.
+    off_mesh_con_seconds: Vec<f32>,
+    /// Estimated chance of success of each, 0 to 1.
+    off_mesh_con_chance: Vec<f32>,
     /// What areas and flags mean.
     legend: Vec<AbilityKey>,
 }
@@ -257,14 +269,10 @@ struct AbilityKey {
 
 /// Area of the first ability; the others follow. Recast itself uses 0 and 63.
 const FIRST_AREA: u8 = 1;
-/// Rise or fall from which a leg on foot is a link: what a NavMesh's own agents would not step, m.
-const STEP_M: f32 = 0.5;
-/// Slope beyond which it is one.
-const SLOPE: f32 = 1.0;
-
 impl OffMeshLinks {
-    /// Edges that need a special move or a drop; walking ones are the NavMesh's own business.
-    fn of(graph: &NavGraph, radius: f32) -> Self {
+    /// Links for these edges.
+    fn of(graph: &NavGraph, edges: &[&Edge], radius: f32) -> Self {
+        let kept: BTreeMap<EdgeKey, &Edge> = edges.iter().map(|edge| (edge.key, *edge)).collect();
         let area = |ability: Ability| FIRST_AREA + ability as u8;
         let flag = |ability: Ability| if ability == Ability::Walk { 1 << 6 } else { 1 << (ability as u16 - 1) };
         let mut links = Self {
@@ -275,6 +283,8 @@ impl OffMeshLinks {
             off_mesh_con_areas: Vec::new(),
             off_mesh_con_flags: Vec::new(),
             off_mesh_con_user_id: Vec::new(),
+            off_mesh_con_seconds: Vec::new(),
+            off_mesh_con_chance: Vec::new(),
             legend: Ability::ALL
                 .iter()
                 .map(|&ability| AbilityKey {
@@ -284,14 +294,9 @@ impl OffMeshLinks {
                 })
                 .collect(),
         };
-        let is_link = |edge: &Edge| {
-            let offset = graph.position(edge.key.to) - graph.position(edge.key.from);
-            let is_drop = -offset.y > STEP_M.max(SLOPE * hypot(offset.x, offset.z));
-            edge.evidence.ability != Ability::Walk || is_drop
-        };
-        for (user_id, edge) in (0u32..).zip(graph.edges()).filter(|(_, edge)| is_link(edge)) {
+        for (user_id, edge) in (0u32..).zip(graph.edges()).filter(|(_, edge)| kept.contains_key(&edge.key)) {
             let ability = edge.evidence.ability;
-            let back = graph.edge(edge.key.reversed()).filter(|back| is_link(back) && back.evidence.ability == ability);
+            let back = kept.get(&edge.key.reversed()).filter(|back| back.evidence.ability == ability);
             // A link for both ways is written once, by its lower end.
             if back.is_some() && edge.key.from > edge.key.to {
                 continue;
@@ -304,6 +309,12 @@ impl OffMeshLinks {
             links.off_mesh_con_areas.push(area(ability));
             links.off_mesh_con_flags.push(flag(ability));
             links.off_mesh_con_user_id.push(user_id);
+            // Of two directions, the worse.
+            let worst = |value: fn(&Edge) -> f64, pick: fn(f64, f64) -> f64| {
+                back.map_or(value(edge), |back| pick(value(edge), value(back))) as f32
+            };
+            links.off_mesh_con_seconds.push(worst(expected_seconds, f64::max));
+            links.off_mesh_con_chance.push(worst(|edge| edge.evidence.chance().get(), f64::min));
         }
         links
     }

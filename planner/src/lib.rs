@@ -18,6 +18,7 @@ pub mod graph;
 mod grid;
 pub mod ids;
 pub mod legs;
+pub mod links;
 pub mod live;
 pub mod placement;
 pub mod plan;
