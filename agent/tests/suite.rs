@@ -1,4 +1,4 @@
-//! Evaluation by units: kept, taken up again, and summed up beside the paper's table.
+//! Evaluation by units: kept, resumed, and summed up beside the paper's table.
 
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::{EvalConfig, Method, Report, evaluate};

@@ -96,7 +96,7 @@ impl Scene {
         let request = wire::SampleGroundRequest { world_id, count: 100, seed: 3 };
         let points = client.sample_ground(request).await.unwrap().into_inner().points;
         for point in &points[..NPCS] {
-            let request = wire::SpawnNpcRequest { world_id, position: Some(*point), yaw: 0.0 };
+            let request = wire::SpawnNpcRequest { world_id, position: Some(*point), ..Default::default() };
             client.spawn_npc(request).await.unwrap();
         }
         Self { address, services, world_id, points }
@@ -121,7 +121,7 @@ impl Scene {
             }
             let goal = self.goal_near(npc.position.unwrap());
             client.set_goal(wire::SetGoalRequest { npc_id: npc.npc_id, goal: Some(goal) }).await.unwrap();
-            wanted.push((npc.npc_id, npc.attempts + 1));
+            wanted.push((npc.npc_id, npc.attempts_begun + 1));
         }
         assert_eq!(wanted.len(), NPCS, "all of them are still there");
         let since = Instant::now();

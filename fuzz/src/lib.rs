@@ -10,6 +10,7 @@ use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
+use surefoot_planner::links::NavMesh;
 use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
@@ -50,7 +51,7 @@ const MAX_VOLUME_M3: u64 = 200_000;
 /// Longest recording that is replayed, in ticks.
 const MAX_TICKS: u64 = 3000;
 /// The first NPC of the world that answers are given to.
-pub const FIRST_NPC: u64 = 1 << 32 | 1;
+pub const FIRST_NPC: u64 = 1 << 28 | 1;
 /// Sizes of the network that is to be filled.
 pub const NETWORK: ActorConfig = ActorConfig { ray_features: 1, hidden: 2, memory: Some(std::num::NonZeroUsize::MIN) };
 
@@ -157,7 +158,7 @@ pub fn answer(batch: &wire::ActionBatch) -> bool {
 
 /// What a planner is sent, and what those who ask it read.
 pub fn planner_messages(bytes: &[u8]) {
-    if let Some(request) = message::<plan::BuildGraphRequest>(bytes) {
+    if let Some(request) = message::<plan::StartBuildRequest>(bytes) {
         let _ = answered(convert::map_spec(request.map.as_ref()));
         if let Some(settings) =
             answered(planner_wire::settings_from_wire(request.settings.as_ref(), &PlannerConfig::default()))
@@ -182,7 +183,7 @@ pub fn planner_messages(bytes: &[u8]) {
     }
     if let Some(request) = message::<plan::ReportTraversalsRequest>(bytes) {
         for traversal in &request.traversals {
-            let _ = answered(plans::passage(traversal));
+            let _ = answered(plans::traversal(traversal));
         }
     }
     if let Some(request) = message::<plan::PutLayerRequest>(bytes)
@@ -340,15 +341,17 @@ pub fn cache_entry(bytes: &[u8]) {
 pub fn graph_json(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Some(graph) = answered(import_json(text)) else { return };
+    let islands = vec![None; graph.vertex_count()];
+    let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
     for format in Format::ALL {
-        assert!(!export(&graph, format, 0.3).is_empty());
+        assert!(!export(&graph, format, nav_mesh, None).is_empty());
     }
-    let again = import_json(&export(&graph, Format::Json, 0.3)).expect("what was just written");
+    let again = import_json(&export(&graph, Format::Json, nav_mesh, None)).expect("what was just written");
     assert_eq!(again.to_data(), graph.to_data());
     graph_answers(graph);
 }
 
-/// A world that the server saved; on an imported level it is taken up again and stepped.
+/// A world that the server saved; on an imported level it is restored and stepped.
 pub fn saved_world(bytes: &[u8]) {
     const HEADER_LEN: usize = 8 + 4 + 32;
     let decode = |bytes: &[u8]| {

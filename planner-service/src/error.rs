@@ -12,11 +12,14 @@ pub enum PlannerError {
     #[error("graph_id is not 64 hexadecimal digits")]
     BadGraphId,
     /// No such graph is in memory.
-    #[error("graph {0} is not loaded: call BuildGraph first (a cached graph loads at once)")]
+    #[error("graph {0} is not loaded: call StartBuild first (a cached graph loads at once)")]
     UnknownGraph(String),
     /// A graph is no longer in memory.
-    #[error("graph {0} is no longer loaded: call BuildGraph")]
+    #[error("graph {0} is no longer loaded: call StartBuild")]
     Unloaded(String),
+    /// There is no such build, or it ended too long ago.
+    #[error("there is no build {0}, or it ended more than ten minutes ago")]
+    UnknownBuild(String),
     /// A graph has no such vertex.
     #[error("{field} is {vertex}, the graph has {count} vertices")]
     UnknownVertex {

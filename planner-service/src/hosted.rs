@@ -7,9 +7,9 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use surefoot_net::levels::MapSource;
 use surefoot_planner::candidates::Candidate;
-use surefoot_planner::edits::{Edited, Layer, MapTerrain, Terrain, Unfit, apply_layers};
+use surefoot_planner::edits::{Edited, Layer, MapTerrain, Terrain, Unapplied, apply_layers};
 use surefoot_planner::evidence::Evidence;
-use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::live::{LiveEvidence, Traversal};
 use surefoot_planner::search::Repriced;
 use surefoot_planner::store::{LevelId, encode_layer};
 use surefoot_planner::{BuildSettings, BuildStats, EdgeKey, GraphId, NavGraph, Plan, Query, Router, VertexId};
@@ -134,15 +134,15 @@ impl Hosted {
         view.router.find_path_at(query, &repriced)
     }
 
-    /// Learns from passages: how many were of edges that the graph has.
-    pub fn report(&self, passages: &[Passage]) -> u32 {
+    /// Learns from traversals: how many were of edges that the graph has.
+    pub fn report(&self, traversals: &[Traversal]) -> u32 {
         let view = self.view();
         let mut live = self.live.lock().expect(POISON);
         let mut repriced = view.repriced.write().expect(POISON);
         let mut accepted = 0;
-        for passage in passages {
-            let Some(cost) = live.note(&view.edited.graph, passage) else { continue };
-            repriced.insert(passage.edge, cost as f32);
+        for traversal in traversals {
+            let Some(cost) = live.note(&view.edited.graph, traversal) else { continue };
+            repriced.insert(traversal.edge, cost as f32);
             accepted += 1;
         }
         accepted
@@ -189,9 +189,9 @@ impl Hosted {
     }
 
     /// The layers, and the edits in them that found nothing to change.
-    pub fn layers(&self) -> (Vec<Layer>, Vec<Unfit>) {
+    pub fn layers(&self) -> (Vec<Layer>, Vec<Unapplied>) {
         let view = self.view();
-        (view.layers.clone(), view.edited.unfit.clone())
+        (view.layers.clone(), view.edited.unapplied.clone())
     }
 
     /// The graph as plans see it.
@@ -210,8 +210,18 @@ impl Hosted {
         })
     }
 
+    /// Its figures, with those of its build.
+    pub fn figures(&self) -> Figures {
+        Figures {
+            map_hash: self.origin.map_hash.clone(),
+            stats: self.stats,
+            cached: self.cached,
+            summary: self.summary(),
+        }
+    }
+
     /// Its figures.
-    pub fn summary(&self) -> Summary {
+    fn summary(&self) -> Summary {
         let view = self.view();
         let graph = view.router.graph();
         Summary {
@@ -219,9 +229,9 @@ impl Hosted {
             edges: graph.edge_count(),
             islands: graph.island_count(),
             connected: view.connected,
-            passages: self.live.lock().expect(POISON).passages(),
+            traversals: self.live.lock().expect(POISON).traversals(),
             edits: view.layers.iter().map(|layer| layer.edits.len()).sum(),
-            unfit_edits: view.edited.unfit.len(),
+            unapplied_edits: view.edited.unapplied.len(),
         }
     }
 }
@@ -239,6 +249,19 @@ pub struct GraphView<'a> {
     pub revision: Revision,
 }
 
+/// Figures of a graph and of its build.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figures {
+    /// Hash of its map, hexadecimal.
+    pub map_hash: String,
+    /// What its build took.
+    pub stats: BuildStats,
+    /// Whether it came from the store.
+    pub cached: bool,
+    /// The graph as it is now.
+    pub summary: Summary,
+}
+
 /// Figures of a graph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summary {
@@ -250,12 +273,12 @@ pub struct Summary {
     pub islands: u32,
     /// Share of ordered pairs of vertices with a path, in [0, 1].
     pub connected: f64,
-    /// Passages of NPCs that are remembered.
-    pub passages: u64,
+    /// Traversals of NPCs that are remembered.
+    pub traversals: u64,
     /// Edits in all layers.
     pub edits: usize,
     /// Of those, how many found nothing to change.
-    pub unfit_edits: usize,
+    pub unapplied_edits: usize,
 }
 
 impl View {

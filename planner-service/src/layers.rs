@@ -4,7 +4,7 @@ use crate::error::PlannerError;
 use crate::hosted::{Hosted, Revision};
 use crate::planner::Planner;
 use std::sync::Arc;
-use surefoot_planner::edits::{Edit, Layer, Unfit};
+use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::store::LevelId;
 
 /// What a caller wants changed.
@@ -45,7 +45,7 @@ pub struct Changed {
     /// The graph that was named.
     pub hosted: Arc<Hosted>,
     /// Edits that do not fit it.
-    pub unfit: Vec<Unfit>,
+    pub unapplied: Vec<Unapplied>,
 }
 
 impl Planner {
@@ -74,8 +74,8 @@ impl Planner {
             for other in all.iter().filter(|other| other.level() == level) {
                 other.apply_layers(layers.clone());
             }
-            let (_, unfit) = hosted.layers();
-            Ok(Changed { hosted, unfit })
+            let (_, unapplied) = hosted.layers();
+            Ok(Changed { hosted, unapplied })
         });
         task.await.map_err(PlannerError::lost("the edit"))?
     }

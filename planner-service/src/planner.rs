@@ -1,4 +1,4 @@
-//! The planner: graphs in use, who builds, edits, probes and asks them. Knows no wire type.
+//! The planner: graphs in use, and what builds, edits, probes and queries them. Knows no wire type.
 //!
 //! Graphs in use ([`Hosted`]) are kept in memory, all of them in the store; `builds` makes new ones, `layers` changes what designers
 //! put over them. What NPCs report counts at once where it makes an edge dearer; a new table follows within seconds.
@@ -6,15 +6,15 @@
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;
 use crate::hosted::Hosted;
-use crate::jobs::Listed;
+use crate::jobs::Jobs;
 use crate::locks::POISON;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use surefoot_net::levels::LevelStore;
 use surefoot_net::serving::Shutdown;
-use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::live::{LiveEvidence, Traversal};
 use surefoot_planner::probe::{Outcome, Trial};
 use surefoot_planner::reachability::{self, Difference};
 use surefoot_planner::store::{GraphStore, StoreError};
@@ -41,8 +41,7 @@ pub(crate) struct Shared {
     pub levels: LevelStore,
     /// Most recently used last.
     ready: Mutex<VecDeque<Arc<Hosted>>>,
-    /// By source and settings, since the hash of a generated map is not known before.
-    pub jobs: Mutex<BTreeMap<String, Listed>>,
+    pub jobs: Jobs,
     /// One build at a time: each uses all cores.
     pub turn: Semaphore,
     /// One change of layers at a time, and no graph that reads them meanwhile.
@@ -64,7 +63,7 @@ impl Planner {
             store,
             levels: LevelStore::new(config.max_maps),
             ready: Mutex::default(),
-            jobs: Mutex::default(),
+            jobs: Jobs::default(),
             turn: Semaphore::new(1),
             editing: Arc::default(),
             probing: Arc::new(Semaphore::new(config.threads.max(1))),
@@ -94,10 +93,10 @@ impl Planner {
     pub fn metrics(&self) -> String {
         let plans = self.shared.plans.load(Ordering::Relaxed);
         let graphs = self.shared.ready.lock().expect(POISON).len();
-        let builds = self.shared.jobs.lock().expect(POISON).len();
+        let builds = self.shared.jobs.open_count();
         format!(
             "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
-             # HELP surefoot_graphs_in_memory Graphs ready to be asked.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
+             # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
              # HELP surefoot_builds Builds that run or wait.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n"
         )
     }
@@ -156,9 +155,9 @@ impl Planner {
         hosted.plan(query)
     }
 
-    /// Learns from passages along edges of a graph: how many were of edges that it has.
-    pub fn report(&self, hosted: &Arc<Hosted>, passages: &[Passage]) -> u32 {
-        let accepted = hosted.report(passages);
+    /// Learns from traversals along edges of a graph: how many were of edges that it has.
+    pub fn report(&self, hosted: &Arc<Hosted>, traversals: &[Traversal]) -> u32 {
+        let accepted = hosted.report(traversals);
         if accepted > 0 {
             self.refresh_later(hosted.clone());
         }
@@ -239,7 +238,7 @@ impl Planner {
         };
         let planner = self.clone();
         let task = tokio::task::spawn_blocking(move || {
-            // Whoever asked may be gone: the turn is over when the probe is.
+            // The caller may be gone: the turn is over when the probe is.
             let _turn = turn;
             let context = planner.context_of(&hosted)?;
             Ok(probe::replay(&context, &trial, seed))

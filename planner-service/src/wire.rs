@@ -1,17 +1,22 @@
 //! Between the wire types of `surefoot.planner.v1` and the planner's own. What comes in is checked here.
 
 use crate::config::PlannerConfig;
-use crate::hosted::{GraphView, Hosted, Revision};
+use crate::error::PlannerError;
+use crate::hosted::{Figures, GraphView, Hosted, Revision};
+use crate::jobs::{Job, Stage};
 use std::num::NonZeroU64;
+use std::sync::atomic::Ordering;
 use surefoot_net::levels::MapSource;
 use surefoot_net::status;
-use surefoot_planner::edits::{Edit, Layer, Unfit};
+use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::reachability::Difference;
 use surefoot_planner::settings::MAX_VERTICES;
 use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::plans::settings_to_wire;
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1::MapSpec;
 use surefoot_world::{DECISION_SECONDS, Vec3};
 use tonic::Status;
 
@@ -57,7 +62,7 @@ pub fn settings_from_wire(
     let limit = config.max_vertices.min(MAX_VERTICES);
     if asked.vertices > limit {
         let message = format!("settings.vertices is {}, at most {limit} are allowed (--max-vertices)", asked.vertices);
-        return Err(status::too_much("settings.vertices", message));
+        return Err(status::too_large("settings.vertices", message));
     }
     let checked = BuildSettings::try_from(asked);
     checked.map_err(|error| status::invalid(format!("settings.{}", error.field), error.to_string()))
@@ -152,39 +157,39 @@ fn edit_to_wire(edit: &Edit) -> wire::Edit {
 }
 
 /// What does not fit, on the wire.
-pub fn unfit_to_wire(unfit: &[Unfit]) -> Vec<wire::UnfitEdit> {
-    unfit
+pub fn unapplied_to_wire(unapplied: &[Unapplied]) -> Vec<wire::UnappliedEdit> {
+    unapplied
         .iter()
-        .map(|unfit| wire::UnfitEdit {
-            layer: unfit.layer.clone(),
-            index: unfit.index as u32,
-            reason: unfit.reason.to_string(),
+        .map(|unapplied| wire::UnappliedEdit {
+            layer: unapplied.layer.clone(),
+            index: unapplied.index as u32,
+            reason: unapplied.reason.to_string(),
         })
         .collect()
 }
 
 /// A graph's figures on the wire.
-pub fn summary_to_wire(hosted: &Hosted) -> wire::GraphSummary {
-    let summary = hosted.summary();
+pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
+    let Figures { map_hash, stats, cached, summary } = figures;
     wire::GraphSummary {
-        map_hash: hosted.origin.map_hash.clone(),
+        map_hash: map_hash.clone(),
         vertices: summary.vertices as u32,
         edges: summary.edges as u32,
         islands: summary.islands,
         connected: summary.connected as f32,
-        probes: hosted.stats.probes,
-        build_s: hosted.stats.seconds as f32,
-        cached: hosted.cached,
-        candidates: hosted.stats.candidates,
-        passages: summary.passages,
+        probes: stats.probes,
+        build_s: stats.seconds as f32,
+        cached: *cached,
+        candidates: stats.candidates,
+        traversals: summary.traversals,
         edits: summary.edits as u32,
-        unfit_edits: summary.unfit_edits as u32,
+        unapplied_edits: summary.unapplied_edits as u32,
     }
 }
 
 /// A whole graph on the wire.
 pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
-    let summary = Some(summary_to_wire(hosted));
+    let summary = Some(summary_to_wire(&hosted.figures()));
     hosted.with_edited(|GraphView { graph, forced, removed, revision }| wire::GetGraphResponse {
         summary,
         vertices: graph.vertices().map(|vertex| convert::to_wire(graph.position(vertex))).collect(),
@@ -197,16 +202,64 @@ pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
 
 /// A graph in memory, for those who list them.
 pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
-    let (map, level) = match &hosted.origin.source {
-        MapSource::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
-        MapSource::Level(level) => (None, level.name.clone()),
-    };
+    let (map, level) = source_to_wire(&hosted.origin.source);
     wire::ReadyGraph {
         graph_id: hosted.origin.id.to_string(),
         map,
         level,
         settings: Some(settings_to_wire(&hosted.origin.settings)),
-        summary: Some(summary_to_wire(hosted)),
+        summary: Some(summary_to_wire(&hosted.figures())),
+    }
+}
+
+/// The spec of a generated map, or the name of an imported level.
+fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
+    match source {
+        MapSource::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
+        MapSource::Level(level) => (None, level.name.clone()),
+    }
+}
+
+/// A build in one of its stages, on the wire.
+pub fn build_to_wire(job: &Job, stage: Stage) -> wire::Build {
+    let end = job.end().filter(|_| stage.is_end());
+    let (map, level) = source_to_wire(&job.source);
+    let made = end.as_ref().and_then(|end| end.as_ref().ok());
+    let failure = end.as_ref().and_then(|end| end.as_ref().err()).filter(|_| stage == Stage::Failed);
+    wire::Build {
+        build_id: job.id.to_string(),
+        stage: stage_to_wire(stage).into(),
+        probes_done: job.progress.done.load(Ordering::Relaxed),
+        probes_total: job.progress.total.load(Ordering::Relaxed),
+        graph_id: made.map(|made| made.graph.to_string()).unwrap_or_default(),
+        summary: made.map(|made| summary_to_wire(&made.figures)),
+        failure: failure.map(failure_to_wire),
+        map,
+        level,
+        settings: Some(settings_to_wire(&job.settings)),
+        start_time: Some(job.started.into()),
+    }
+}
+
+fn failure_to_wire(error: &PlannerError) -> wire::BuildFailure {
+    let status = Status::from(error.clone());
+    wire::BuildFailure {
+        code: status.code().into(),
+        reason: Reason::of(&status).map(|reason| reason.name().to_owned()).unwrap_or_default(),
+        message: status.message().to_owned(),
+    }
+}
+
+fn stage_to_wire(stage: Stage) -> wire::BuildStage {
+    match stage {
+        Stage::Queued => wire::BuildStage::Queued,
+        Stage::Map => wire::BuildStage::Map,
+        Stage::Vertices => wire::BuildStage::Vertices,
+        Stage::Probes => wire::BuildStage::Probes,
+        Stage::Index => wire::BuildStage::Index,
+        Stage::Done => wire::BuildStage::Done,
+        Stage::Failed => wire::BuildStage::Failed,
+        Stage::Cancelled => wire::BuildStage::Cancelled,
     }
 }
 

@@ -6,7 +6,7 @@ use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::live::{LiveEvidence, Traversal};
 use surefoot_planner::store::{GraphStore, LevelId, decode_layer, decode_live};
 use surefoot_planner::{BuildStats, GraphId};
 use surefoot_planner::{Built, Edge, EdgeKey, NavGraph};
@@ -14,7 +14,7 @@ use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_world::Vec3;
 use surefoot_world::{Ability, Decisions};
 
-/// A graph that is told apart by its size.
+/// A graph that its size identifies.
 fn built(vertices: u32) -> Built {
     let edges = (1..vertices).map(|to| {
         let mut evidence = Evidence::default();
@@ -111,7 +111,7 @@ fn layers_and_live_evidence_are_remembered() {
     let layer = |name: &str| Layer { name: name.to_owned(), edits: vec![Edit::AddVertex { at: Vec3::ONE }] };
     let graph = built(5);
     let mut live = LiveEvidence::default();
-    live.note(&graph.graph, &Passage { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
+    live.note(&graph.graph, &Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
     {
         let store = open(folder.path());
         store.put_layer(&level, &layer("night")).unwrap();
@@ -157,6 +157,6 @@ fn a_proof_of_very_many_tries_takes_live_evidence_all_the_same() {
     (evidence.tries, evidence.successes) = (u32::MAX, u32::MAX);
     let graph = NavGraph::check(data).unwrap();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &Passage { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
+    live.note(&graph, &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
     assert_eq!(live.apply_to(&graph).edge(EdgeKey::new(0, 1)).unwrap().evidence.tries, u32::MAX);
 }

@@ -42,7 +42,7 @@ pub struct BuildStats {
     pub seconds: f64,
 }
 
-/// Where a build stands; shared with whoever watches it.
+/// Progress of a build, shared with its watchers.
 #[derive(Debug, Default)]
 pub struct Progress {
     /// Probes finished.

@@ -1,8 +1,8 @@
-//! Designers' changes to a graph: named layers of edits that lie over what was proved.
+//! Designers' changes to a graph: named layers of edits that apply to what was proved.
 //!
 //! Edits name places, not indices, so a layer outlives the graph that it was made on: after a rebuild with other
 //! settings, another policy or a changed map it is laid over whatever stands there now. An edit that finds nothing to
-//! change is left out and [says so](Unfit). Vertices are changed first, in the order of the edits, then edges.
+//! change is left out and [says so](Unapplied). Vertices are changed first, in the order of the edits, then edges.
 
 use crate::build::{Builder, Progress};
 use crate::candidates::Candidate;
@@ -178,7 +178,7 @@ pub enum Misfit {
 
 /// An edit that changed nothing.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Unfit {
+pub struct Unapplied {
     /// Name of its layer.
     pub layer: String,
     /// Its place in the layer.
@@ -193,7 +193,7 @@ pub struct Edited {
     /// The graph. Vertices keep their indices; one taken out has no edges, new ones come last.
     pub graph: NavGraph,
     /// Edits that found nothing to change.
-    pub unfit: Vec<Unfit>,
+    pub unapplied: Vec<Unapplied>,
     /// Vertices that were taken out.
     pub removed: BTreeSet<VertexId>,
     /// Edges that were put in, proved or not.
@@ -242,11 +242,11 @@ impl Terrain for MapTerrain {
 /// Applies all `layers` to `graph`, in their order. `None` if proving was cancelled.
 pub fn apply_layers(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain: &dyn Terrain) -> Option<Edited> {
     let mut sheet = Sheet::of(graph);
-    let mut unfit = Vec::new();
+    let mut unapplied = Vec::new();
     let edits = || layers.iter().flat_map(|layer| layer.edits.iter().enumerate().map(move |edit| (layer, edit)));
     let mut note = |layer: &Layer, index, result: Result<(), Misfit>| {
         if let Err(reason) = result {
-            unfit.push(Unfit { layer: layer.name.clone(), index, reason });
+            unapplied.push(Unapplied { layer: layer.name.clone(), index, reason });
         }
     };
     for (layer, (index, edit)) in edits() {
@@ -257,7 +257,7 @@ pub fn apply_layers(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain:
         note(layer, index, sheet.change_edges(edit));
     }
     let graph = NavGraph::check(sheet.data).expect("edits join existing vertices");
-    Some(Edited { graph, unfit, removed: sheet.gone, forced: sheet.forced })
+    Some(Edited { graph, unapplied, removed: sheet.gone, forced: sheet.forced })
 }
 
 /// A graph that is being edited.

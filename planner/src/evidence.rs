@@ -44,7 +44,7 @@ impl Default for Evidence {
 const UNKNOWN_PRIOR: f32 = 0.9;
 
 impl Evidence {
-    /// Adds one probe with the way that it took.
+    /// Adds one probe with the time that it took.
     pub fn note_probe(&mut self, outcome: &Outcome) {
         self.note(outcome.reached, outcome.decisions, outcome.ability);
         outcome.bounds.into_iter().for_each(|corner| self.cover(corner));
@@ -155,7 +155,7 @@ pub fn price(decisions: Decisions, chance: Chance) -> f64 {
     decisions.0 / chance.get() - RISK_DECISIONS * libm::log(chance.get())
 }
 
-/// Lowest chance that is told apart.
+/// Lowest chance that is distinguished from 0.
 const MIN_CHANCE: f64 = 1.0e-3;
 /// Decisions that a plan may last longer to avoid a leg that fails with probability 1 - 1/e.
 const RISK_DECISIONS: f64 = 60.0;

@@ -14,7 +14,7 @@ use surefoot_world::{Chance, Decisions, Vec3};
 const FEATURES: usize = 6;
 /// Metres that no character covers more of in a decision on foot.
 const MAX_METRES_PER_DECISION: f64 = 2.0;
-/// Lowest chance that is told apart.
+/// Lowest chance that is distinguished from 0.
 const MIN_CHANCE: f64 = 0.02;
 /// Highest chance of a leg that nobody has proved.
 const MAX_CHANCE: f64 = 0.99;

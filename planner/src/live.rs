@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 /// Tries of one edge beyond which older ones count half, so that an edge can get better again, and worse.
 const MEMORY: u32 = 64;
 
-/// One passage along an edge.
+/// One traversal along an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Passage {
+pub struct Traversal {
     /// The edge.
     pub edge: EdgeKey,
     /// Whether it arrived.
@@ -20,7 +20,7 @@ pub struct Passage {
     pub decisions: u32,
 }
 
-/// Passages by edge.
+/// Traversals by edge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LiveEvidence {
     edges: BTreeMap<EdgeKey, Evidence>,
@@ -32,11 +32,11 @@ impl LiveEvidence {
         self.edges.is_empty()
     }
 
-    /// Adds a passage along an edge of `graph`; what the edge costs from now on. `None` if there is no such edge.
-    pub fn note(&mut self, graph: &NavGraph, passage: &Passage) -> Option<f64> {
-        let edge = graph.edge(passage.edge)?;
-        let live = self.edges.entry(passage.edge).or_default();
-        live.note(passage.reached, passage.decisions, edge.evidence.ability);
+    /// Adds a traversal along an edge of `graph`; what the edge costs from now on. `None` if there is no such edge.
+    pub fn note(&mut self, graph: &NavGraph, traversal: &Traversal) -> Option<f64> {
+        let edge = graph.edge(traversal.edge)?;
+        let live = self.edges.entry(traversal.edge).or_default();
+        live.note(traversal.reached, traversal.decisions, edge.evidence.ability);
         if live.tries >= MEMORY {
             live.halve();
         }
@@ -56,7 +56,7 @@ impl LiveEvidence {
         NavGraph::check(data).expect("sound evidence was added to a checked graph")
     }
 
-    /// Whether its numbers can have come from passages.
+    /// Whether its numbers can have come from traversals.
     pub fn is_sound(&self) -> bool {
         self.edges.values().all(|evidence| evidence.tries < MEMORY && evidence.is_consistent())
     }
@@ -66,8 +66,8 @@ impl LiveEvidence {
         self.edges.retain(|key, _| key.from.idx() < count && key.to.idx() < count);
     }
 
-    /// Passages that are remembered.
-    pub fn passages(&self) -> u64 {
+    /// Traversals that are remembered.
+    pub fn traversals(&self) -> u64 {
         self.edges.values().map(|evidence| u64::from(evidence.tries)).sum()
     }
 }

@@ -5,12 +5,12 @@ use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
 use surefoot_world::{Ability, Chance, Decisions, Seconds, Vec3};
 
-/// What is asked.
+/// A path query.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Query {
-    /// From here, m.
+    /// Where the path begins, m.
     pub start: Vec3,
-    /// To here, m.
+    /// Where the path ends, m.
     pub goal: Vec3,
     /// Legs that must not be used.
     pub avoid: Vec<LegKey>,

@@ -159,7 +159,7 @@ impl Proving<'_> {
         rounds
     }
 
-    /// Leaves out edges that would cost more than the way that is proved already.
+    /// Leaves out edges that would cost more than the path that is proved already.
     fn drop_needless(&self, which: &mut Vec<u32>, evidence: &[Evidence], predictor: &Predictor<'_>) {
         let legs = LegModel::fit(self.vertices, self.candidates, evidence);
         let mut exits: Vec<Vec<(VertexId, f64)>> = vec![Vec::new(); self.vertices.len()];

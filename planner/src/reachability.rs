@@ -26,7 +26,7 @@ pub struct Island {
 }
 
 impl Island {
-    /// Whether whoever gets in stays in.
+    /// Whether an NPC that gets in cannot get out.
     pub fn is_trap(&self) -> bool {
         self.entered && !self.left
     }

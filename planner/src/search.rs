@@ -28,7 +28,7 @@ pub const DEFAULT_TABLE_LIMIT: usize = 4096;
 /// Present prices of edges that have changed since a router was made, in decisions; infinite for barred ones.
 pub type Repriced = HashMap<EdgeKey, f32>;
 
-/// A graph made ready to be asked.
+/// A graph prepared for queries.
 #[derive(Debug)]
 pub struct Router {
     graph: NavGraph,

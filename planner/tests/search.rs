@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::live::{LiveEvidence, Traversal};
 use surefoot_planner::search::Repriced;
 use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
@@ -141,21 +141,21 @@ fn a_failed_leg_is_not_used_again() {
 fn reported_failures_turn_plans_away_and_later_successes_bring_them_back() {
     let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 50, 2, 2)]);
     let mut live = LiveEvidence::default();
-    let passage = |reached| Passage { edge: EdgeKey::new(1, 2), reached, decisions: 10 };
+    let traversal = |reached| Traversal { edge: EdgeKey::new(1, 2), reached, decisions: 10 };
     let before = graph.edge(EdgeKey::new(1, 2)).unwrap().evidence.cost();
     let mut cost = 0.0;
     for _ in 0..4 {
-        cost = live.note(&graph, &passage(false)).unwrap();
+        cost = live.note(&graph, &traversal(false)).unwrap();
     }
     assert!(cost > before + 20.0, "{cost} after {before}");
     let way = |live: &LiveEvidence| router(live.apply_to(&graph)).look_up(VertexId(0), VertexId(2)).unwrap().1;
     assert_eq!(way(&live), [0, 2].map(VertexId));
     for _ in 0..200 {
-        live.note(&graph, &passage(true));
+        live.note(&graph, &traversal(true));
     }
     assert_eq!(way(&live), [0, 1, 2].map(VertexId));
-    assert!(live.passages() < 100, "old passages are forgotten");
-    assert_eq!(live.note(&graph, &Passage { edge: EdgeKey::new(2, 0), reached: true, decisions: 1 }), None);
+    assert!(live.traversals() < 100, "old traversals are forgotten");
+    assert_eq!(live.note(&graph, &Traversal { edge: EdgeKey::new(2, 0), reached: true, decisions: 1 }), None);
 }
 
 #[test]

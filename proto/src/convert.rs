@@ -1,5 +1,6 @@
 //! Conversions between wire types and the world's checked types.
 
+use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
 use surefoot_world::map::{Features, MapSize};
 use surefoot_world::{Ability, End, MapSpec, RawMapSpec, SpecError, Vec3};
@@ -41,6 +42,14 @@ pub enum FieldError {
         /// How many are allowed.
         limit: usize,
     },
+    /// An enum holds a value that is not one of its own.
+    #[error("{field} has the unknown value {value}")]
+    Unknown {
+        /// Path of the field.
+        field: &'static str,
+        /// What was sent.
+        value: i32,
+    },
     /// A packed array has the wrong length.
     #[error("{field} holds {found} bytes, expected {expected}")]
     Length {
@@ -59,9 +68,10 @@ impl FieldError {
         match self {
             FieldError::Missing(field) | FieldError::NotFinite(field) => (*field).to_owned(),
             FieldError::Spec(SpecError { field, .. }) => format!("map.{field}"),
-            FieldError::Range { field, .. } | FieldError::Count { field, .. } | FieldError::Length { field, .. } => {
-                (*field).to_owned()
-            }
+            FieldError::Range { field, .. }
+            | FieldError::Count { field, .. }
+            | FieldError::Unknown { field, .. }
+            | FieldError::Length { field, .. } => (*field).to_owned(),
         }
     }
 }
@@ -69,7 +79,8 @@ impl FieldError {
 impl From<FieldError> for tonic::Status {
     fn from(error: FieldError) -> Self {
         let message = error.to_string();
-        let details = ErrorDetails::with_bad_request_violation(error.field(), message.clone());
+        let mut details = ErrorDetails::with_bad_request_violation(error.field(), message.clone());
+        details.set_error_info(Reason::InvalidField.name(), reason::DOMAIN, []);
         tonic::Status::with_error_details(tonic::Code::InvalidArgument, message, details)
     }
 }

@@ -1,10 +1,12 @@
 //! The gRPC contracts of Surefoot: generated code, file descriptors, and conversions of the types that several services share.
 //!
 //! Shapes, units, ranges and errors are documented in the `.proto` files beside this crate. [`convert`] turns wire types into the
-//! world's own and back, [`plans`] those of planners, workers and clients; what only one service sends is converted by the file `wire.rs` of that service.
+//! world's own and back, [`plans`] those of planners, workers and clients; what only one service sends is converted by the file `wire.rs` of that service. [`reason`] lists
+//! what errors carry for programs to act on.
 
 pub mod convert;
 pub mod plans;
+pub mod reason;
 
 /// Generated code of `surefoot.world.v1`.
 pub mod world {

@@ -1,29 +1,40 @@
-//! Conversions of what clients, workers and planners exchange: queries, plans, settings, passages.
+//! Conversions of what clients, workers and planners exchange: queries, plans, settings, traversals.
 
 use crate::convert::{self, FieldError};
 use crate::planner::v1 as wire;
 use crate::world::v1 as world;
-use surefoot_planner::live::Passage;
+use surefoot_planner::live::Traversal;
 use surefoot_planner::{BuildSettings, EdgeKey, Leg, LegKey, NoPath, Placement, Plan, Probing, Query, Stop, VertexId};
 use surefoot_world::{Chance, Seconds};
 
 /// Failed legs that a query may carry.
 const MAX_AVOID: usize = 64;
-/// Most decisions that a passage may be said to have taken.
+/// Most decisions that a traversal may be said to have taken.
 const MAX_DECISIONS: u32 = 10_000;
-/// Stands for the start or the goal of a query in place of a vertex.
-const OFF_GRAPH: u32 = u32::MAX;
-
-fn leg_key(leg: &wire::Leg) -> LegKey {
-    let stop = |vertex: u32, off_graph| if vertex == OFF_GRAPH { off_graph } else { Stop::Vertex(VertexId(vertex)) };
-    LegKey { from: stop(leg.from, Stop::Start), to: stop(leg.to, Stop::Goal) }
+fn stop(stop: Option<&wire::Stop>, field: &'static str) -> Result<Stop, FieldError> {
+    use wire::stop::Stop as Kind;
+    match stop.and_then(|stop| stop.stop).ok_or(FieldError::Missing(field))? {
+        Kind::Vertex(vertex) => Ok(Stop::Vertex(VertexId(vertex))),
+        Kind::End(end) => match wire::QueryEnd::try_from(end) {
+            Ok(wire::QueryEnd::Start) => Ok(Stop::Start),
+            Ok(wire::QueryEnd::Goal) => Ok(Stop::Goal),
+            Ok(wire::QueryEnd::Unspecified) | Err(_) => Err(FieldError::Unknown { field, value: end }),
+        },
+    }
 }
 
-fn stop_to_wire(stop: Stop) -> u32 {
-    match stop {
-        Stop::Vertex(vertex) => vertex.0,
-        Stop::Start | Stop::Goal => OFF_GRAPH,
-    }
+fn stop_to_wire(stop: Stop) -> Option<wire::Stop> {
+    use wire::stop::Stop as Kind;
+    let stop = match stop {
+        Stop::Vertex(vertex) => Kind::Vertex(vertex.0),
+        Stop::Start => Kind::End(wire::QueryEnd::Start.into()),
+        Stop::Goal => Kind::End(wire::QueryEnd::Goal.into()),
+    };
+    Some(wire::Stop { stop: Some(stop) })
+}
+
+fn leg_key(ends: &wire::LegEnds) -> Result<LegKey, FieldError> {
+    Ok(LegKey { from: stop(ends.from.as_ref(), "query.avoid.from")?, to: stop(ends.to.as_ref(), "query.avoid.to")? })
 }
 
 /// A query from the wire.
@@ -38,14 +49,13 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
     Ok(Query {
         start: convert::point(query.start.as_ref(), "query.start")?,
         goal: convert::point(query.goal.as_ref(), "query.goal")?,
-        avoid: query.avoid.iter().map(leg_key).collect(),
+        avoid: query.avoid.iter().map(leg_key).collect::<Result<_, _>>()?,
     })
 }
 
 /// A query on the wire.
 pub fn query_to_wire(query: &Query) -> wire::PathQuery {
-    let avoid =
-        |leg: &LegKey| wire::Leg { from: stop_to_wire(leg.from), to: stop_to_wire(leg.to), ..Default::default() };
+    let avoid = |leg: &LegKey| wire::LegEnds { from: stop_to_wire(leg.from), to: stop_to_wire(leg.to) };
     wire::PathQuery {
         start: Some(convert::to_wire(query.start)),
         goal: Some(convert::to_wire(query.goal)),
@@ -83,7 +93,7 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
 /// A plan from the wire.
 ///
 /// # Errors
-/// If it has no waypoints, not one leg for each, or a point that is not finite.
+/// If it has no waypoints, not one leg for each, a leg without ends, or a point that is not finite.
 pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
         return Err(FieldError::Length {
@@ -94,12 +104,17 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     }
     let waypoints =
         plan.waypoints.iter().map(|point| convert::point(Some(point), "plan.waypoints")).collect::<Result<_, _>>()?;
-    let legs = plan.legs.iter().map(|leg| Leg {
-        key: leg_key(leg),
-        seconds: Seconds(leg.seconds),
-        chance: Chance::new(f64::from(leg.chance)),
-        ability: convert::ability(leg.ability),
-    });
+    let leg = |leg: &wire::Leg| {
+        let from = stop(leg.from.as_ref(), "plan.legs.from")?;
+        let to = stop(leg.to.as_ref(), "plan.legs.to")?;
+        Ok(Leg {
+            key: LegKey { from, to },
+            seconds: Seconds(leg.seconds),
+            chance: Chance::new(f64::from(leg.chance)),
+            ability: convert::ability(leg.ability),
+        })
+    };
+    let legs = plan.legs.iter().map(leg).collect::<Result<_, FieldError>>()?;
     let no_path = match wire::NoPath::try_from(plan.reason) {
         Ok(wire::NoPath::StartOffGraph) => Some(NoPath::StartOffGraph),
         Ok(wire::NoPath::GoalOffGraph) => Some(NoPath::GoalOffGraph),
@@ -111,7 +126,7 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
         Some(nearest) => Some(convert::point(Some(nearest), "plan.nearest_reachable")?),
         None => None,
     };
-    Ok(Plan { waypoints, legs: legs.collect(), no_path, nearest })
+    Ok(Plan { waypoints, legs, no_path, nearest })
 }
 
 /// A plan as a worker tells the world server of it.
@@ -162,25 +177,25 @@ pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
     }
 }
 
-/// A passage from the wire.
+/// A traversal from the wire.
 ///
 /// # Errors
 /// If it is said to have taken too many decisions.
-pub fn passage(traversal: &wire::Traversal) -> Result<Passage, FieldError> {
+pub fn traversal(traversal: &wire::Traversal) -> Result<Traversal, FieldError> {
     let &wire::Traversal { from, to, reached, decisions } = traversal;
     if decisions > MAX_DECISIONS {
         let (value, max) = (f64::from(decisions), f64::from(MAX_DECISIONS));
         return Err(FieldError::Range { field: "traversals.decisions", value, min: 0.0, max });
     }
-    Ok(Passage { edge: EdgeKey::new(from, to), reached, decisions })
+    Ok(Traversal { edge: EdgeKey::new(from, to), reached, decisions })
 }
 
-/// A passage on the wire.
-pub fn passage_to_wire(passage: &Passage) -> wire::Traversal {
+/// A traversal on the wire.
+pub fn traversal_to_wire(traversal: &Traversal) -> wire::Traversal {
     wire::Traversal {
-        from: passage.edge.from.0,
-        to: passage.edge.to.0,
-        reached: passage.reached,
-        decisions: passage.decisions,
+        from: traversal.edge.from.0,
+        to: traversal.edge.to.0,
+        reached: traversal.reached,
+        decisions: traversal.decisions,
     }
 }

@@ -71,7 +71,7 @@ impl Rollout {
         goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, Some(router), chunk, search_us).0).collect()
     }
 
-    /// The same, with the way that each NPC took.
+    /// The same, with each NPC's track.
     pub fn track_by_plan(&self, policy: &Policy, router: &Router, goals: &[Goal]) -> Vec<(Attempt, Track)> {
         let run = |chunk| {
             let (attempts, tracks) = self.run_batch(policy, Some(router), chunk, &mut Vec::new());

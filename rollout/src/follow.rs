@@ -3,7 +3,7 @@
 //! Pure state: it neither senses nor searches. Workers feed it from the network, evaluation from a world.
 
 use serde::{Deserialize, Serialize};
-use surefoot_planner::live::Passage;
+use surefoot_planner::live::Traversal;
 use surefoot_planner::{LegKey, Plan, Query};
 use surefoot_world::Vec3;
 
@@ -86,7 +86,7 @@ pub struct Follower {
     replans: u32,
     failed_legs: Vec<LegKey>,
     decisions_on_leg: u32,
-    passages: Vec<Passage>,
+    traversals: Vec<Traversal>,
 }
 
 /// Decisions after a waypoint within which harm is laid to the turn towards the next.
@@ -109,13 +109,13 @@ impl Follower {
             replans: 0,
             failed_legs: Vec::new(),
             decisions_on_leg: 0,
-            passages: Vec::new(),
+            traversals: Vec::new(),
         }
     }
 
-    /// Takes the passages along proved edges that ended since the last call.
-    pub fn take_passages(&mut self) -> Vec<Passage> {
-        std::mem::take(&mut self.passages)
+    /// Takes the traversals along proved edges that ended since the last call.
+    pub fn take_traversals(&mut self) -> Vec<Traversal> {
+        std::mem::take(&mut self.traversals)
     }
 
     /// Notes that the NPC came to harm, which ends its attempt.
@@ -143,7 +143,7 @@ impl Follower {
     fn end_leg(&mut self, reached: bool) {
         let Some(plan) = &self.plan else { return };
         if let Some(edge) = plan.legs[self.leg].key.edge() {
-            self.passages.push(Passage { edge, reached, decisions: self.decisions_on_leg });
+            self.traversals.push(Traversal { edge, reached, decisions: self.decisions_on_leg });
         }
     }
 
@@ -175,7 +175,7 @@ impl Follower {
         first
     }
 
-    /// Forgets the plan, because the graph is no longer what it was made on; nothing is held against the leg.
+    /// Forgets the plan, because the graph is no longer what it was made on; the leg does not count as failed.
     pub fn forget_plan(&mut self) {
         self.plan = None;
     }

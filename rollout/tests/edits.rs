@@ -7,6 +7,7 @@ use surefoot_planner::Progress;
 use surefoot_planner::edits::{Edit, Layer, LayerError, MapTerrain, Misfit, apply_layers};
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::GraphData;
+use surefoot_planner::links::NavMesh;
 use surefoot_planner::reachability::{compare, describe};
 use surefoot_planner::update::Change;
 use surefoot_planner::{BuildSettings, EdgeKey, NavGraph, Probing, Router, VertexId};
@@ -53,7 +54,7 @@ fn edits_change_the_graph_and_leave_what_was_proved_alone() {
     let (from, to) = (graph.position(edge.key.from), graph.position(edge.key.to));
 
     let forbidden = edited(vec![Edit::ForbidEdge { from, to }]);
-    assert!(forbidden.unfit.is_empty());
+    assert!(forbidden.unapplied.is_empty());
     assert!(forbidden.graph.edge(edge.key).is_none());
     assert_eq!(forbidden.graph.edge_count(), graph.edge_count() - 1);
 
@@ -71,24 +72,24 @@ fn edits_change_the_graph_and_leave_what_was_proved_alone() {
     let evidence = forced.graph.edge(missing).unwrap().evidence;
     assert!((evidence.decisions_mean().0 - 18.0).abs() < 1.0e-3 && evidence.chance().get() > 0.99);
     let absent = edited(vec![Edit::ForbidEdge { from: a, to: b }]);
-    assert_eq!(absent.unfit[0].reason, Misfit::NoEdge(missing));
+    assert_eq!(absent.unapplied[0].reason, Misfit::NoEdge(missing));
 
     let removed = edited(vec![Edit::RemoveVertex { at: from }, Edit::ForbidEdge { from, to }]);
     assert_eq!(removed.graph.vertex_count(), graph.vertex_count(), "indices stay");
     assert!(!removed.graph.is_left(edge.key.from) && !removed.graph.is_reached(edge.key.from));
-    assert_eq!(removed.unfit.len(), 1, "the edge went with its vertex: {:?}", removed.unfit);
+    assert_eq!(removed.unapplied.len(), 1, "the edge went with its vertex: {:?}", removed.unapplied);
 
     let spot = from + (to - from) * 0.5;
     let added = edited(vec![Edit::AddVertex { at: spot }]);
-    if added.unfit.is_empty() {
+    if added.unapplied.is_empty() {
         let vertex = VertexId::at(graph.vertex_count());
         assert_eq!(added.graph.vertex_count(), graph.vertex_count() + 1);
         assert!(added.graph.is_left(vertex) || added.graph.is_reached(vertex), "its edges were not proved");
     }
     let nowhere =
         edited(vec![Edit::AddVertex { at: Vec3::new(40.0, 79.0, 40.0) }, Edit::RemoveVertex { at: Vec3::ZERO }]);
-    assert!(matches!(nowhere.unfit[0].reason, Misfit::NoGround(_)));
-    assert!(matches!(nowhere.unfit[1].reason, Misfit::NoVertex(_)));
+    assert!(matches!(nowhere.unapplied[0].reason, Misfit::NoGround(_)));
+    assert!(matches!(nowhere.unapplied[1].reason, Misfit::NoVertex(_)));
     assert_eq!(nowhere.graph.to_data(), graph.to_data());
 }
 
@@ -103,7 +104,7 @@ fn layers_survive_a_rebuild_with_other_settings() {
     let rebuilt = build(&context, &settings(40, 8), 2, &Progress::default()).unwrap().graph;
     let terrain = terrain(&context, settings(40, 8));
     let edited = apply_layers(&rebuilt, &[night], 0.5, &terrain).unwrap();
-    assert!(edited.unfit.is_empty(), "placement does not depend on the neighbours");
+    assert!(edited.unapplied.is_empty(), "placement does not depend on the neighbours");
     assert!(!edited.graph.is_left(VertexId(3)));
 }
 
@@ -194,21 +195,32 @@ fn after_a_local_change_only_what_it_touches_is_probed_again() {
 fn json_comes_back_and_other_forms_hold_every_edge() {
     let context = small();
     let graph = build(&context, &settings(40, 6), 2, &Progress::default()).unwrap().graph;
-    let back = import_json(&export(&graph, Format::Json, 0.3)).unwrap();
+    let islands = vec![Some(0); 40];
+    let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
+    let export = |graph: &NavGraph, format| export(graph, format, nav_mesh, None);
+    let back = import_json(&export(&graph, Format::Json)).unwrap();
     assert_eq!(back.to_data(), graph.to_data());
-    let count = |format, needle: &str| export(&graph, format, 0.3).matches(needle).count();
+    let count = |format, needle: &str| export(&graph, format).matches(needle).count();
     assert_eq!((count(Format::GraphMl, "<edge "), count(Format::GraphMl, "<node ")), (graph.edge_count(), 40));
     assert_eq!(count(Format::Dot, " -> "), graph.edge_count());
-    let links: serde_json::Value = serde_json::from_str(&export(&graph, Format::Detour, 0.3)).unwrap();
+    let links: serde_json::Value = serde_json::from_str(&export(&graph, Format::Detour)).unwrap();
     let length = |field: &str| links[field].as_array().unwrap().len();
     let links_count = links["offMeshConCount"].as_u64().unwrap() as usize;
     assert!(links_count > 0);
     assert_eq!(length("offMeshConVerts"), 6 * links_count);
-    for field in ["offMeshConRad", "offMeshConDir", "offMeshConAreas", "offMeshConFlags", "offMeshConUserID"] {
+    for field in [
+        "offMeshConRad",
+        "offMeshConDir",
+        "offMeshConAreas",
+        "offMeshConFlags",
+        "offMeshConUserID",
+        "offMeshConSeconds",
+        "offMeshConChance",
+    ] {
         assert_eq!(length(field), links_count, "{field}");
     }
     assert!(import_json("{}").is_err());
-    assert!(import_json(&export(&graph, Format::Json, 0.3).replacen("\"id\": 0", "\"id\": 7", 1)).is_err());
+    assert!(import_json(&export(&graph, Format::Json).replacen("\"id\": 0", "\"id\": 7", 1)).is_err());
 }
 
 #[test]
@@ -232,4 +244,34 @@ fn traps_islands_and_losses_are_told() {
     let difference = compare(&graph, &NavGraph::check(data).unwrap());
     assert!(difference.connected_after < difference.connected_before);
     assert!(Router::new(trapped, 4096, 1).has_table());
+}
+
+#[test]
+fn a_nav_mesh_gets_the_links_that_nothing_replaces_and_reaches_as_much() {
+    let context = small();
+    let graph = build(&context, &settings(60, 10), 2, &Progress::default()).unwrap().graph;
+    // Three islands on foot, whatever the ground is like.
+    let islands: Vec<Option<u32>> = graph.vertices().map(|vertex| Some(vertex.0 % 3)).collect();
+    let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
+    let all: Vec<EdgeKey> =
+        graph.edges().filter(|edge| nav_mesh.needs_link(&graph, edge)).map(|edge| edge.key).collect();
+    let few: Vec<EdgeKey> = nav_mesh.links(&graph, 3.0).iter().map(|edge| edge.key).collect();
+    assert!(!few.is_empty() && few.len() * 4 < all.len(), "{} of {}", few.len(), all.len());
+    assert!(few.iter().all(|key| all.contains(key)));
+    assert!(nav_mesh.links(&graph, 1.2).len() > few.len(), "less is replaced where detours are short");
+    // Island by island the few lead wherever all of them lead.
+    let reached = |links: &[EdgeKey]| {
+        let mut reached = [[false; 3]; 3];
+        (0..3).for_each(|island| reached[island][island] = true);
+        for _ in 0..3 {
+            for key in links {
+                let (from, to) = ((key.from.0 % 3) as usize, (key.to.0 % 3) as usize);
+                for row in &mut reached {
+                    row[to] |= row[from];
+                }
+            }
+        }
+        reached
+    };
+    assert_eq!(reached(&few), reached(&all));
 }

@@ -1,7 +1,7 @@
 //! The world server: many worlds, each stepped on a thread of its own, NPCs, workers, and the gRPC face of it all.
 //!
 //! [`hosted`] is one world with its NPCs' decisions, [`sim`] the thread that steps it on an absolute 60 Hz schedule, [`worlds`] all
-//! of them with their lifecycle, [`registry`] the workers and [`messages`] what they are told, [`envs`] worlds that remote trainers
+//! of them with their lifecycle, [`registry`] the workers and [`messages`] what they are sent, [`envs`] worlds that remote trainers
 //! step themselves. [`grpc`] decodes, calls and encodes, [`wire`] converts. Simulation never runs on tokio's threads, and nothing
 //! but [`grpc`] and [`wire`] knows a wire type.
 

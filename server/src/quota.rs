@@ -21,6 +21,13 @@ pub struct QuotaError {
     what: &'static str,
 }
 
+impl QuotaError {
+    /// Whose quota it is, such as `client:studio`.
+    pub fn subject(&self) -> String {
+        format!("client:{}", self.client)
+    }
+}
+
 /// One thing that a client has; given back when dropped.
 #[derive(Debug)]
 pub struct Ticket {

@@ -6,6 +6,7 @@ use crate::grpc::WorldApi;
 use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
 use crate::worlds::Worlds;
+use surefoot_net::idempotency::Answers;
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
@@ -39,7 +40,8 @@ pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown)
 
 fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBuilder {
     let limits = endpoint.limits();
-    let envs = EnvApi { envs: Envs::new(worlds.config().max_envs), shutdown: shutdown.clone() };
+    let envs =
+        EnvApi { envs: Envs::new(worlds.config().max_envs), shutdown: shutdown.clone(), created: Answers::default() };
     let envs = EnvServiceServer::new(envs)
         .max_decoding_message_size(limits.max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);

@@ -26,6 +26,8 @@ pub struct SimState {
     pub world: HostedWorld,
     /// Latest snapshot; old ones are overwritten, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
+    /// Sequence number of the latest event: those who watch read the world's log when it grows.
+    pub latest_event: watch::Sender<u64>,
     /// Set to end the thread.
     pub is_over: bool,
 }
@@ -44,7 +46,12 @@ impl SimHandle {
     /// If the system refuses a thread.
     pub fn start(name: String, world: HostedWorld, phase: f64) -> std::io::Result<Self> {
         let (inbox, calls) = sync_channel(INBOX);
-        let state = SimState { world, snapshots: watch::Sender::new(Arc::default()), is_over: false };
+        let state = SimState {
+            world,
+            snapshots: watch::Sender::default(),
+            latest_event: watch::Sender::new(0),
+            is_over: false,
+        };
         std::thread::Builder::new().name(name).spawn(move || run(state, &calls, phase))?;
         Ok(Self { inbox })
     }
@@ -70,7 +77,7 @@ impl SimHandle {
     ) -> Result<R, SimError> {
         let (reply, result) = oneshot::channel();
         self.cast(move |state| {
-            // Whoever asked may have gone away in the meantime.
+            // The caller may have gone away in the meantime.
             let _ = reply.send(call(state));
         })?;
         result.await.map_err(|_| SimError::Stopped)
@@ -90,7 +97,10 @@ fn take_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> boo
     while !state.is_over {
         let left = due.saturating_duration_since(Instant::now());
         match calls.recv_timeout(left) {
-            Ok(call) => call(state),
+            Ok(call) => {
+                call(state);
+                state.tell_events();
+            }
             Err(RecvTimeoutError::Timeout) => return true,
             Err(RecvTimeoutError::Disconnected) => return false,
         }
@@ -138,10 +148,17 @@ fn run_lockstep(state: &mut SimState, calls: &Receiver<Call>) {
 }
 
 impl SimState {
-    /// Replaces the latest snapshot if anyone watches.
+    /// Replaces the latest snapshot if anyone watches, and notifies of new events.
     pub fn publish(&self) {
         if self.snapshots.receiver_count() > 0 {
             self.snapshots.send_replace(Arc::new(self.world.snapshot()));
         }
+        self.tell_events();
+    }
+
+    /// Wakes those who wait for events, if there are new ones.
+    fn tell_events(&self) {
+        let latest = self.world.events().latest();
+        self.latest_event.send_if_modified(|known| std::mem::replace(known, latest) != latest);
     }
 }

@@ -1,8 +1,9 @@
 //! What one reader sees of a world: the NPCs of a region, all of them or only those that changed.
 
-use crate::hosted::{NpcState, Snapshot, WorldStats};
+use crate::hosted::{NpcState, Snapshot};
 use crate::ids::NpcId;
 use std::collections::BTreeMap;
+use std::time::SystemTime;
 use surefoot_world::{Tick, Vec3};
 
 /// A box with edges along the axes; the low corner is nowhere above the high one.
@@ -20,7 +21,8 @@ impl Region {
         [self.low, self.high]
     }
 
-    fn holds(&self, point: Vec3) -> bool {
+    /// Whether a point lies inside.
+    pub fn holds(&self, point: Vec3) -> bool {
         self.low.cmple(point).all() && point.cmple(self.high).all()
     }
 }
@@ -28,12 +30,14 @@ impl Region {
 /// What a reader is shown of one snapshot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown {
-    /// When it was taken.
+    /// When it was taken, in the world's time.
     pub tick: Tick,
-    /// NPCs of the region: all of them, or those that changed.
+    /// When it was taken, by the server's clock.
+    pub time: SystemTime,
+    /// NPCs of the region: all of them, or those that the reader does not know yet.
     pub npcs: Vec<NpcState>,
-    /// Figures of the world.
-    pub stats: WorldStats,
+    /// NPCs that the reader knows and that have changed: as they were, and as they are.
+    pub changed: Vec<(NpcState, NpcState)>,
     /// Whether only changes are shown.
     pub is_delta: bool,
     /// NPCs that have left the region or the world since the snapshot shown before.
@@ -45,7 +49,7 @@ pub struct Shown {
 pub struct View {
     region: Option<Region>,
     delta: bool,
-    /// With changes only: what the reader has.
+    /// With changes only: what the reader has, once it has something.
     seen: Option<BTreeMap<NpcId, NpcState>>,
 }
 
@@ -57,21 +61,25 @@ impl View {
 
     /// What the reader is to be sent of a snapshot.
     pub fn show(&mut self, snapshot: &Snapshot) -> Shown {
+        let &Snapshot { tick, time, .. } = snapshot;
         let within = |npc: &&NpcState| self.region.is_none_or(|region| region.holds(npc.position));
-        let npcs: Vec<NpcState> = snapshot.npcs.iter().filter(within).copied().collect();
-        let (tick, stats) = (snapshot.tick, snapshot.stats.clone());
-        let full = Shown { tick, npcs, stats, is_delta: false, gone: Vec::new() };
+        let npcs = snapshot.npcs.iter().filter(within).copied();
+        let mut shown = Shown { tick, time, npcs: Vec::new(), changed: Vec::new(), is_delta: false, gone: Vec::new() };
         if !self.delta {
-            return full;
+            return Shown { npcs: npcs.collect(), ..shown };
         }
-        let now: BTreeMap<NpcId, NpcState> = full.npcs.iter().map(|npc| (npc.id, *npc)).collect();
-        let Some(before) = self.seen.replace(now) else { return full };
-        let now = self.seen.as_ref().expect("just put there");
-        Shown {
-            gone: before.keys().filter(|id| !now.contains_key(id)).copied().collect(),
-            npcs: full.npcs.into_iter().filter(|npc| before.get(&npc.id) != Some(npc)).collect(),
-            is_delta: true,
-            ..full
+        let now: BTreeMap<NpcId, NpcState> = npcs.map(|npc| (npc.id, npc)).collect();
+        shown.is_delta = self.seen.is_some();
+        let before = self.seen.take().unwrap_or_default();
+        for (id, npc) in &now {
+            match before.get(id) {
+                None => shown.npcs.push(*npc),
+                Some(old) if old != npc => shown.changed.push((*old, *npc)),
+                Some(_) => {}
+            }
         }
+        shown.gone = before.keys().filter(|id| !now.contains_key(id)).copied().collect();
+        self.seen = Some(now);
+        shown
     }
 }

@@ -2,13 +2,17 @@
 
 use crate::envs::{EnvSettings, StepResults};
 use crate::geometry::TileMesh;
-use crate::hosted::{EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, TimeMode, WorldStats};
+use crate::hosted::{
+    EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, Support, TimeMode, WorldStats,
+};
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{Answer, Assignment, Hello, ObservationBatch, ToWorker};
 use crate::view::{Region, Shown};
 use crate::worlds::WorldSummary;
+use std::collections::BTreeSet;
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::env::actions_of;
 use surefoot_world::character::ACTION_LEN;
@@ -39,7 +43,7 @@ pub fn time_mode(mode: i32) -> Result<TimeMode, Status> {
     match wire::TimeMode::try_from(mode) {
         Ok(wire::TimeMode::Unspecified | wire::TimeMode::Realtime) => Ok(TimeMode::Realtime),
         Ok(wire::TimeMode::Lockstep) => Ok(TimeMode::Lockstep),
-        Err(_) => Err(Status::invalid_argument(format!("mode {mode} is unknown"))),
+        Err(_) => Err(status::invalid("mode", format!("mode {mode} is unknown"))),
     }
 }
 
@@ -124,7 +128,7 @@ fn npc_plan(plan: Option<wire::NpcPlan>) -> Result<NpcPlan, FieldError> {
 /// INVALID_ARGUMENT if it is another message or a field is out of range, FAILED_PRECONDITION if the worker expects other observations.
 pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     let Some(wire::work_request::Message::Hello(hello)) = first.and_then(|request| request.message) else {
-        return Err(Status::invalid_argument("the first message must be hello"));
+        return Err(status::failure(Reason::MalformedRequest, "the first message must be hello"));
     };
     convert::in_range(f64::from(hello.capacity), 1.0, MAX_CAPACITY, "hello.capacity")?;
     for (text, field) in [(&hello.name, "hello.name"), (&hello.policy, "hello.policy")] {
@@ -135,9 +139,10 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     }
     let (len, version) = (hello.observation_len as usize, hello.observation_version);
     if (len, version) != (OBSERVATION_LEN, OBSERVATION_VERSION) {
-        return Err(Status::failed_precondition(format!(
+        let message = format!(
             "hello expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, version {OBSERVATION_VERSION}: update the worker"
-        )));
+        );
+        return Err(status::failure(Reason::ObservationMismatch, message));
     }
     Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity })
 }
@@ -191,33 +196,124 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
 
 /// An NPC on the wire.
 pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
-    let status = match npc.status {
-        NpcStatus::Idle => wire::NpcStatus::Idle,
-        NpcStatus::Seeking => wire::NpcStatus::Seeking,
-        NpcStatus::Down => wire::NpcStatus::Down,
-    };
     wire::Npc {
         npc_id: npc.id.0,
         position: Some(convert::to_wire(npc.position)),
         velocity: Some(convert::to_wire(npc.velocity)),
         yaw: npc.yaw,
-        status: status.into(),
+        status: npc_status_to_wire(npc.status).into(),
         goal: npc.goal.map(convert::to_wire),
         waypoint: npc.waypoint.map(convert::to_wire),
         last_outcome: convert::outcome(npc.last_outcome).into(),
-        attempts: npc.attempts,
+        attempts_begun: npc.attempts_begun,
+        attempts_ended: npc.attempts_ended,
         worker_id: npc.worker.map_or(0, |worker| worker.0),
+        support: support_to_wire(npc.support).into(),
+        ability: convert::ability_to_wire(npc.ability).into(),
+        cause: convert::outcome(npc.cause).into(),
     }
 }
 
-fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
+fn npc_status_to_wire(status: NpcStatus) -> wire::NpcStatus {
+    match status {
+        NpcStatus::Idle => wire::NpcStatus::Idle,
+        NpcStatus::Seeking => wire::NpcStatus::Seeking,
+        NpcStatus::Down => wire::NpcStatus::Down,
+    }
+}
+
+fn support_to_wire(support: Support) -> wire::Support {
+    match support {
+        Support::Air => wire::Support::Air,
+        Support::Ground => wire::Support::Ground,
+        Support::Steep => wire::Support::Steep,
+        Support::Water => wire::Support::Water,
+        Support::ZipLine => wire::Support::ZipLine,
+    }
+}
+
+/// What changed about an NPC.
+fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
+    /// A value, if it is another one than before.
+    fn changed<T: PartialEq>(old: T, new: T) -> Option<T> {
+        (old != new).then_some(new)
+    }
+    let place = |old: Option<Vec3>, new: Option<Vec3>| changed(old, new).flatten().map(convert::to_wire);
+    wire::NpcDelta {
+        npc_id: npc.id.0,
+        position: changed(old.position, npc.position).map(convert::to_wire),
+        velocity: changed(old.velocity, npc.velocity).map(convert::to_wire),
+        yaw: changed(old.yaw, npc.yaw),
+        status: changed(old.status, npc.status).map(|status| npc_status_to_wire(status).into()),
+        goal: place(old.goal, npc.goal),
+        goal_cleared: old.goal.is_some() && npc.goal.is_none(),
+        waypoint: place(old.waypoint, npc.waypoint),
+        waypoint_cleared: old.waypoint.is_some() && npc.waypoint.is_none(),
+        last_outcome: changed(old.last_outcome, npc.last_outcome).map(|end| convert::outcome(end).into()),
+        attempts_begun: changed(old.attempts_begun, npc.attempts_begun),
+        attempts_ended: changed(old.attempts_ended, npc.attempts_ended),
+        worker_id: changed(old.worker, npc.worker).map(|worker| worker.map_or(0, |worker| worker.0)),
+        support: changed(old.support, npc.support).map(|support| support_to_wire(support).into()),
+        ability: changed(old.ability, npc.ability).map(|ability| convert::ability_to_wire(ability).into()),
+        cause: changed(old.cause, npc.cause).map(|cause| convert::outcome(cause).into()),
+    }
+}
+
+/// Events of one tick on the wire, and where they end.
+pub fn events_to_wire(epoch: u64, events: &[NpcEvent], only: &BTreeSet<NpcId>) -> Option<wire::WatchEventsResponse> {
+    let last = events.last()?;
+    let wanted = events.iter().filter(|event| only.is_empty() || only.contains(&event.npc));
+    Some(wire::WatchEventsResponse {
+        tick: last.tick.0,
+        server_time: Some(last.time.into()),
+        cursor: Some(wire::EventCursor { epoch, sequence: last.sequence }),
+        events: wanted.map(event_to_wire).collect(),
+    })
+}
+
+fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
+    use wire::npc_event::Event;
+    let point = |point| Some(convert::to_wire(point));
+    let kind = match event.kind {
+        EventKind::Spawned { position } => Event::Spawned(wire::Spawned { position: point(position) }),
+        EventKind::AttemptBegan { attempt, goal } => {
+            Event::AttemptBegan(wire::AttemptBegan { attempt, goal: point(goal) })
+        }
+        EventKind::AttemptEnded { attempt, end, goal, seconds } => Event::AttemptEnded(wire::AttemptEnded {
+            attempt,
+            outcome: convert::outcome(end).into(),
+            goal: goal.and_then(point),
+            seconds: seconds.0,
+        }),
+        EventKind::Jumped { ability, position } => {
+            Event::Jumped(wire::Jumped { ability: convert::ability_to_wire(ability).into(), position: point(position) })
+        }
+        EventKind::Landed { position, impact_speed } => {
+            Event::Landed(wire::Landed { position: point(position), impact_speed })
+        }
+        EventKind::Rode { ability, position } => {
+            Event::Rode(wire::Rode { ability: convert::ability_to_wire(ability).into(), position: point(position) })
+        }
+        EventKind::Died { cause, attempt, position } => Event::Died(wire::Died {
+            cause: convert::outcome(Some(cause)).into(),
+            attempt: attempt.unwrap_or(0),
+            position: point(position),
+        }),
+        EventKind::Teleported { position } => Event::Teleported(wire::Teleported { position: point(position) }),
+        EventKind::Removed => Event::Removed(wire::Removed {}),
+    };
+    wire::NpcEvent { sequence: event.sequence, npc_id: event.npc.0, event: Some(kind) }
+}
+
+/// Figures of a world on the wire.
+pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     let WorldStats { counters, times, without_worker } = stats;
     let [reached, fell, burnt, drowned, no_progress] = counters.ends;
     wire::WorldStats {
         tick_us_p50: times.quantile_us(0.5),
         tick_us_p99: times.quantile_us(0.99),
         ticks_dropped: counters.ticks_dropped,
-        decisions_asked: counters.asked,
+        decisions_requested: counters.asked,
         decisions_answered: counters.answered,
         decisions_missed: counters.missed,
         reached,
@@ -236,9 +332,10 @@ fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
 pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     wire::WatchWorldResponse {
         tick: shown.tick.0,
-        npcs: shown.npcs.iter().map(npc_to_wire).collect(),
-        stats: Some(stats_to_wire(&shown.stats)),
+        server_time: Some(shown.time.into()),
         is_delta: shown.is_delta,
+        npcs: shown.npcs.iter().map(npc_to_wire).collect(),
+        changed: shown.changed.iter().map(npc_delta_to_wire).collect(),
         gone_npc_ids: shown.gone.iter().map(|npc| npc.0).collect(),
     }
 }
@@ -258,8 +355,8 @@ pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
 }
 
 /// An ended attempt on the wire.
-pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::EndedAttempt {
-    wire::EndedAttempt {
+pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
+    wire::AttemptEnded {
         attempt: ended.attempt,
         outcome: convert::outcome(Some(ended.end)).into(),
         goal: ended.goal.map(convert::to_wire),

@@ -2,17 +2,17 @@
 
 use crate::ServerConfig;
 use crate::errors::SimError;
-use crate::hosted::{HostedWorld, NpcError, SavedError, SavedMap, SavedWorld, TimeMode};
-use crate::ids::WorkerId;
-use crate::ids::{NpcId, WorldId};
+use crate::hosted::{HostedWorld, NpcError, SavedError, SavedMap, SavedWorld, SpawnOrder, TimeMode};
+use crate::ids::{ID_PERIOD, NpcId, WorkerId, WorldId};
 use crate::messages::{Answer, Hello, ToWorker};
 use crate::metrics::{self, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry};
-use crate::sim::SimHandle;
+use crate::sim::{SimHandle, SimState};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, RwLock};
+use std::time::SystemTime;
 use surefoot_net::levels::{LevelStore, MapSource};
 use surefoot_net::serving::Shutdown;
 use surefoot_world::{Map, Seed, Tick, Vec3};
@@ -34,15 +34,21 @@ pub enum WorldsError {
     /// The system has no thread for another world.
     #[error("no thread for another world: {0}")]
     NoThread(std::io::Error),
-    /// The client has as much as it may have.
-    #[error(transparent)]
-    Quota(#[from] QuotaError),
+    /// The client has as many worlds as it may have.
+    #[error("{0}")]
+    WorldQuota(QuotaError),
+    /// The client has as many NPCs as it may have.
+    #[error("{0}")]
+    NpcQuota(QuotaError),
     /// The world refuses.
     #[error(transparent)]
     Npc(#[from] NpcError),
     /// The world's thread does not answer.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// One item of many cannot be used: the field, and what is wrong with it.
+    #[error("{1}")]
+    BadItem(String, String),
     /// Work in the background ended without a result.
     #[error("{0} failed: {1}")]
     Lost(&'static str, tokio::task::JoinError),
@@ -53,7 +59,7 @@ pub enum WorldsError {
 pub struct WorldHandle {
     /// Its thread.
     pub sim: SimHandle,
-    /// Its map.
+    /// The map that the world stands on.
     pub map: Arc<Map>,
     /// How its time passes.
     pub mode: TimeMode,
@@ -64,9 +70,9 @@ pub struct WorldHandle {
 /// A world for those who list them.
 #[derive(Debug, Clone)]
 pub struct WorldSummary {
-    /// Its id.
+    /// Identifies the world.
     pub id: WorldId,
-    /// Its map.
+    /// The map that the world stands on.
     pub map: Arc<Map>,
     /// How its time passes.
     pub mode: TimeMode,
@@ -87,6 +93,8 @@ struct Shared {
     config: ServerConfig,
     worlds: RwLock<BTreeMap<WorldId, WorldHandle>>,
     last_world: AtomicU64,
+    /// The smallest id that a new world may get.
+    epoch: WorldId,
     world_quota: Arc<Quota>,
     npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
@@ -111,6 +119,7 @@ impl Worlds {
             config,
             worlds: RwLock::default(),
             last_world: AtomicU64::new(0),
+            epoch: WorldId::at(SystemTime::now()),
             registry: Arc::default(),
             saving: tokio::sync::Mutex::default(),
             shutdown,
@@ -144,14 +153,33 @@ impl Worlds {
         if self.shared.worlds.read().expect(POISON).len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
-        let ticket = self.shared.world_quota.take(client)?;
+        let ticket = self.shared.world_quota.take(client).map_err(WorldsError::WorldQuota)?;
         let map = in_background("map generation", move || source.map()).await?;
-        let id = WorldId(self.shared.last_world.fetch_add(1, Ordering::Relaxed) + 1);
+        let id = self.next_id().await;
         let map_hash = map.hash();
         let world = HostedWorld::new(id, map.clone(), mode, self.shared.registry.clone());
         self.start(id, world, map, ticket)?;
         info!(world_id = id.0, map = %map_hash, ?mode, client, "world created");
         self.describe(id).await
+    }
+
+    /// An id that no world of this or an earlier epoch has.
+    async fn next_id(&self) -> WorldId {
+        let earliest = WorldId::at(SystemTime::now()).0;
+        let last = &self.shared.last_world;
+        let next = |last: u64| earliest.max(last + 1);
+        let before = last.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |last| Some(next(last)));
+        let id = WorldId(next(before.unwrap_or_else(|last| last)));
+        // Ids must not run ahead of the clock, or those of the next epoch could be the same.
+        while WorldId::at(SystemTime::now()) < id {
+            tokio::time::sleep(ID_PERIOD).await;
+        }
+        id
+    }
+
+    /// Changes whenever the server restarts, and only grows.
+    pub fn epoch(&self) -> u64 {
+        self.shared.epoch.0
     }
 
     /// Starts a world's thread and lists it.
@@ -187,15 +215,9 @@ impl Worlds {
         Ok(WorldSummary { id, map, mode, npc_count, tick })
     }
 
-    /// All worlds, by id.
-    pub async fn list(&self) -> Vec<WorldSummary> {
-        let ids: Vec<WorldId> = self.shared.worlds.read().expect(POISON).keys().copied().collect();
-        let mut worlds = Vec::with_capacity(ids.len());
-        for id in ids {
-            // A world may have been dropped since the ids were read.
-            worlds.extend(self.describe(id).await.ok());
-        }
-        worlds
+    /// The ids of all worlds, in order.
+    pub fn ids(&self) -> Vec<WorldId> {
+        self.shared.worlds.read().expect(POISON).keys().copied().collect()
     }
 
     /// Ends a world and forgets what was saved of it.
@@ -247,8 +269,70 @@ impl Worlds {
     pub async fn spawn(&self, client: &str, world: WorldId, position: Vec3, yaw: f32) -> Result<NpcId, WorldsError> {
         let handle = self.handle(world)?;
         let limit = self.shared.config.max_npcs_per_world;
-        let ticket = self.shared.npc_quota.take(client)?;
+        let ticket = self.shared.npc_quota.take(client).map_err(WorldsError::NpcQuota)?;
         Ok(handle.sim.call(move |state| state.world.spawn(position, yaw, limit, ticket)).await??)
+    }
+
+    /// Adds NPCs for `client`, each with a result of its own.
+    ///
+    /// # Errors
+    /// If there is no such world, or its thread does not answer.
+    pub async fn spawn_many(
+        &self,
+        client: &str,
+        world: WorldId,
+        orders: Vec<Result<SpawnOrder, WorldsError>>,
+    ) -> Result<Vec<Result<NpcId, WorldsError>>, WorldsError> {
+        let handle = self.handle(world)?;
+        let limit = self.shared.config.max_npcs_per_world;
+        let take = |order| Ok((order?, self.shared.npc_quota.take(client).map_err(WorldsError::NpcQuota)?));
+        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();
+        let results = handle.sim.call(move |state| {
+            let mut spawn = |(order, ticket)| Ok(state.world.spawn_to(order, limit, ticket)?);
+            orders.into_iter().map(|order| order.and_then(&mut spawn)).collect()
+        });
+        Ok(results.await?)
+    }
+
+    /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of one world are
+    /// dealt with between two of its ticks.
+    pub async fn with_npcs<T: Send + 'static, R: Send + 'static>(
+        &self,
+        items: Vec<Result<(NpcId, T), WorldsError>>,
+        call: impl Fn(&mut HostedWorld, NpcId, T) -> Result<R, NpcError> + Clone + Send + 'static,
+    ) -> Vec<Result<R, WorldsError>> {
+        let mut results: Vec<Option<Result<R, WorldsError>>> = (0..items.len()).map(|_| None).collect();
+        let mut by_world: BTreeMap<WorldId, Vec<(usize, NpcId, T)>> = BTreeMap::new();
+        for (idx, item) in items.into_iter().enumerate() {
+            match item {
+                Ok((npc, item)) => by_world.entry(npc.world()).or_default().push((idx, npc, item)),
+                Err(error) => results[idx] = Some(Err(error)),
+            }
+        }
+        for (world, items) in by_world {
+            let places: Vec<(usize, NpcId)> = items.iter().map(|(idx, npc, _)| (*idx, *npc)).collect();
+            let call = call.clone();
+            let done = async {
+                let handle = self.handle(world).ok();
+                let Some(handle) = handle else { return Ok(None) };
+                let work = move |state: &mut SimState| -> Vec<_> {
+                    items.into_iter().map(|(_, npc, item)| call(&mut state.world, npc, item)).collect()
+                };
+                handle.sim.call(work).await.map(Some)
+            };
+            match done.await {
+                Ok(Some(done)) => {
+                    for ((idx, _), result) in places.into_iter().zip(done) {
+                        results[idx] = Some(result.map_err(WorldsError::from));
+                    }
+                }
+                Ok(None) => {
+                    places.into_iter().for_each(|(idx, npc)| results[idx] = Some(Err(NpcError::Unknown(npc).into())))
+                }
+                Err(error) => places.into_iter().for_each(|(idx, _)| results[idx] = Some(Err(error.into()))),
+            }
+        }
+        results.into_iter().map(|result| result.expect("every item belongs to a world or has failed")).collect()
     }
 
     /// Runs `call` on the world that `npc` belongs to.

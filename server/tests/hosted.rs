@@ -193,7 +193,7 @@ fn an_attempt_ends_once_and_its_worker_is_told() {
         ToWorker::Ended(_, ended) => Some(ended),
         _ => None,
     });
-    // The end is told with the next flush.
+    // The end is sent with the next flush.
     let ended = ended.or_else(|| {
         stage.world.flush();
         worker.messages().into_iter().find_map(|message| match message {

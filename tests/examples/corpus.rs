@@ -19,7 +19,8 @@ use surefoot_planner::BuildStats;
 use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export};
-use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::links::NavMesh;
+use surefoot_planner::live::{LiveEvidence, Traversal};
 use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::wire as planner_wire;
 use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
@@ -50,7 +51,7 @@ fn main() {
         ("recording", vec![("walk", recording())]),
         ("checkpoint", networks()),
         ("cache_entry", cache_entries()),
-        ("graph_json", vec![("row", export(&graph(), Format::Json, 0.3).into_bytes())]),
+        ("graph_json", vec![("row", graph_json())]),
         ("saved_world", vec![("on_a_level", saved_world(Some(&FLOOR))), ("generated", saved_world(None))]),
     ];
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
@@ -105,7 +106,11 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
     let actions = wire::work_request::Message::Actions;
     vec![
         ("create_world", wire::CreateWorldRequest { map: Some(spec()), mode: 2, ..Default::default() }.encode_to_vec()),
-        ("spawn_npc", wire::SpawnNpcRequest { world_id: 1, position: at(1.0, 2.0, 3.0), yaw: 0.5 }.encode_to_vec()),
+        (
+            "spawn_npc",
+            wire::SpawnNpcRequest { world_id: 1, position: at(1.0, 2.0, 3.0), yaw: 0.5, ..Default::default() }
+                .encode_to_vec(),
+        ),
         ("set_goal", wire::SetGoalRequest { npc_id: npc_ids[0], goal: at(9.0, 2.0, 9.0) }.encode_to_vec()),
         ("watch_world", wire::WatchWorldRequest { world_id: 1, rate_hz: 10.0, ..Default::default() }.encode_to_vec()),
         ("hello", work(wire::work_request::Message::Hello(hello))),
@@ -117,6 +122,12 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
                 .encode_to_vec(),
         ),
     ]
+}
+
+fn graph_json() -> Vec<u8> {
+    let graph = graph();
+    let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &vec![None; graph.vertex_count()] };
+    export(&graph, Format::Json, nav_mesh, None).into_bytes()
 }
 
 fn layer() -> Layer {
@@ -137,13 +148,14 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     let graph_id = "0123456789abcdef".repeat(4);
     let router = Router::new(graph(), 64, 1);
     let found = router.find_path(&Query { start: Vec3::ONE, goal: Vec3::new(36.0, 1.0, 9.0), avoid: Vec::new() });
-    let leg = plan::Leg { from: 0, to: 1, seconds: 1.0, chance: 0.9, ability: 1 };
+    let stop = |vertex| Some(plan::Stop { stop: Some(plan::stop::Stop::Vertex(vertex)) });
+    let leg = plan::LegEnds { from: stop(0), to: stop(1) };
     let query = plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg] };
     let on_wire = planner_wire::layer_to_wire(&layer());
     let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9 }];
     let settings = Some(settings_to_wire(&BuildSettings::default()));
     vec![
-        ("build_graph", plan::BuildGraphRequest { map: Some(spec()), settings, ..Default::default() }.encode_to_vec()),
+        ("start_build", plan::StartBuildRequest { map: Some(spec()), settings, ..Default::default() }.encode_to_vec()),
         ("find_paths", plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query] }.encode_to_vec()),
         ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)) }.encode_to_vec()),
         ("traversals", plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals }.encode_to_vec()),
@@ -267,8 +279,8 @@ fn graph() -> NavGraph {
 fn cache_entries() -> Vec<(&'static str, Vec<u8>)> {
     let graph = graph();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &Passage { edge: EdgeKey::new(0, 1), reached: true, decisions: 7 });
-    live.note(&graph, &Passage { edge: EdgeKey::new(1, 2), reached: false, decisions: 30 });
+    live.note(&graph, &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 7 });
+    live.note(&graph, &Traversal { edge: EdgeKey::new(1, 2), reached: false, decisions: 30 });
     let whole = cache::encode_entry(&Built { graph, stats: BuildStats::default() });
     vec![
         ("graph", whole[32..].to_vec()),

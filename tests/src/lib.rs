@@ -191,16 +191,56 @@ pub async fn ground(client: &mut WorldServiceClient<Channel>, world_id: u64, cou
 
 /// Builds a graph to its end and returns its id and summary.
 pub async fn build_graph(client: &mut PlannerServiceClient<Channel>, seed: u64) -> (String, planner::GraphSummary) {
-    let request =
-        planner::BuildGraphRequest { map: Some(small_map(seed)), settings: Some(small_graph()), ..Default::default() };
-    let mut progress = client.build_graph(request).await.expect("valid settings").into_inner();
-    while let Some(message) = progress.next().await {
-        let message = message.expect("the build goes on");
-        if let Some(summary) = message.summary {
-            return (message.graph_id, summary);
+    let build = build_to_end(client, start_of(seed)).await;
+    (build.graph_id, build.summary.expect("a finished build has a summary"))
+}
+
+/// Asks for a small graph.
+pub fn start_of(seed: u64) -> planner::StartBuildRequest {
+    planner::StartBuildRequest { map: Some(small_map(seed)), settings: Some(small_graph()), ..Default::default() }
+}
+
+/// Starts a build and watches it to its end.
+pub async fn build_to_end(
+    client: &mut PlannerServiceClient<Channel>,
+    request: planner::StartBuildRequest,
+) -> planner::Build {
+    let started = client.start_build(request).await.expect("valid settings").into_inner().build.expect("a build");
+    watch_build(client, &started.build_id).await.pop().expect("a build says how it ended")
+}
+
+/// All that a build says until its end.
+pub async fn watch_build(client: &mut PlannerServiceClient<Channel>, build_id: &str) -> Vec<planner::Build> {
+    let request = planner::WatchBuildRequest { build_id: build_id.to_owned() };
+    let progress = client.watch_build(request).await.expect("a build").into_inner();
+    progress.map(|message| message.expect("the build goes on").build.expect("a build")).collect().await
+}
+
+/// The latest figures of a world.
+pub async fn stats(client: &mut WorldServiceClient<Channel>, world_id: u64) -> world::WorldStats {
+    let request = world::WatchStatsRequest { world_id, period_s: 0.1 };
+    let mut figures = client.watch_stats(request).await.expect("the world exists").into_inner();
+    figures.next().await.expect("a first message").expect("figures").stats.expect("figures")
+}
+
+/// Watches until `done` says so of a world's figures, and returns them.
+pub async fn stats_until(
+    client: &mut WorldServiceClient<Channel>,
+    world_id: u64,
+    done: impl Fn(&world::WorldStats) -> bool,
+) -> world::WorldStats {
+    let watching = async {
+        let request = world::WatchStatsRequest { world_id, period_s: 0.1 };
+        let mut figures = client.watch_stats(request).await.expect("the world exists").into_inner();
+        while let Some(message) = figures.next().await {
+            let stats = message.expect("the stream goes on").stats.expect("figures");
+            if done(&stats) {
+                return stats;
+            }
         }
-    }
-    panic!("the build ended without a graph");
+        panic!("the stream ended");
+    };
+    tokio::time::timeout(LIMIT, watching).await.expect("in time")
 }
 
 /// Far longer than any of this takes: a hang fails instead of blocking.
@@ -208,7 +248,7 @@ pub const LIMIT: Duration = Duration::from_secs(120);
 
 /// Adds an NPC.
 pub async fn spawn(client: &mut WorldServiceClient<Channel>, world_id: u64, at: world::Vec3) -> u64 {
-    let request = world::SpawnNpcRequest { world_id, position: Some(at), yaw: 0.0 };
+    let request = world::SpawnNpcRequest { world_id, position: Some(at), ..Default::default() };
     client.spawn_npc(request).await.unwrap().into_inner().npc_id
 }
 

@@ -55,11 +55,12 @@ const FOREIGN: [(&str, &[&str]); 5] = [
 ];
 
 /// Files that may know generated wire types, beside all of `proto`, the command line and the tests.
-const KNOW_THE_WIRE: [&str; 20] = [
+const KNOW_THE_WIRE: [&str; 21] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
     "server/src/serve.rs",
     "server/src/grpc/mod.rs",
+    "server/src/grpc/batches.rs",
     "server/src/grpc/env.rs",
     "server/src/grpc/errors.rs",
     "server/src/grpc/readers.rs",
@@ -80,10 +81,14 @@ const KNOW_THE_WIRE: [&str; 20] = [
 ];
 
 /// Files that may turn something into a `tonic::Status`, beside those that know wire types.
-const KNOW_STATUSES: [&str; 7] = [
+const KNOW_STATUSES: [&str; 11] = [
     "net/src/status.rs",
     "net/src/client.rs",
+    "net/src/idempotency.rs",
+    "net/src/paging.rs",
     "net/src/serving/access.rs",
+    "net/src/serving/connect.rs",
+    "net/src/serving/protocol.rs",
     "net/src/serving/gate.rs",
     "net/src/serving/origin.rs",
     "net/src/serving/shutdown.rs",

@@ -51,7 +51,7 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     refused(client.sample_ground(sample(world_id, 0)).await, Code::InvalidArgument, "count is 0");
     refused(client.sample_ground(sample(world_id, 1_000_000)).await, Code::InvalidArgument, "count");
 
-    let spawn = |world_id, position, yaw| wire::SpawnNpcRequest { world_id, position, yaw };
+    let spawn = |world_id, position, yaw| wire::SpawnNpcRequest { world_id, position, yaw, ..Default::default() };
     refused(client.spawn_npc(spawn(99, at(1.0, 1.0, 1.0), 0.0)).await, Code::NotFound, "world 99");
     refused(client.spawn_npc(spawn(world_id, None, 0.0)).await, Code::InvalidArgument, "position is missing");
     refused(
@@ -106,7 +106,7 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     refused(client.watch_world(watch(world_id, f32::NAN)).await, Code::InvalidArgument, "rate_hz");
 
     // After all of that, what was there still is.
-    assert_eq!(client.list_worlds(wire::ListWorldsRequest {}).await.unwrap().into_inner().worlds.len(), 2);
+    assert_eq!(client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap().into_inner().worlds.len(), 2);
     for npc_id in npcs {
         client.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap();
     }
@@ -187,43 +187,43 @@ async fn the_planner_refuses_what_it_cannot_use() {
     let planner =
         start_planner(cache.path(), PlannerConfig { max_vertices: 100, max_queries: 3, ..PlannerConfig::default() });
     let mut client = planner_client(&planner).await;
-    let build = |settings: plan::BuildSettings| plan::BuildGraphRequest {
+    let build = |settings: plan::BuildSettings| plan::StartBuildRequest {
         map: Some(small_map(1)),
         settings: Some(settings),
         ..Default::default()
     };
     refused(
-        client.build_graph(plan::BuildGraphRequest { map: None, settings: None, ..Default::default() }).await,
+        client.start_build(plan::StartBuildRequest { map: None, settings: None, ..Default::default() }).await,
         Code::InvalidArgument,
         "map is missing",
     );
     refused(
-        client.build_graph(build(plan::BuildSettings { vertices: 101, ..small_graph() })).await,
-        Code::ResourceExhausted,
+        client.start_build(build(plan::BuildSettings { vertices: 101, ..small_graph() })).await,
+        Code::OutOfRange,
         "--max-vertices",
     );
     refused(
-        client.build_graph(build(plan::BuildSettings { vertices: 1, ..small_graph() })).await,
+        client.start_build(build(plan::BuildSettings { vertices: 1, ..small_graph() })).await,
         Code::InvalidArgument,
         "settings.vertices is 1",
     );
     refused(
-        client.build_graph(build(plan::BuildSettings { neighbours: 1000, ..small_graph() })).await,
+        client.start_build(build(plan::BuildSettings { neighbours: 1000, ..small_graph() })).await,
         Code::InvalidArgument,
         "settings.neighbours",
     );
     refused(
-        client.build_graph(build(plan::BuildSettings { repeats: 33, ..small_graph() })).await,
+        client.start_build(build(plan::BuildSettings { repeats: 33, ..small_graph() })).await,
         Code::InvalidArgument,
         "settings.repeats",
     );
     refused(
-        client.build_graph(build(plan::BuildSettings { threshold: f32::NAN, ..small_graph() })).await,
+        client.start_build(build(plan::BuildSettings { threshold: f32::NAN, ..small_graph() })).await,
         Code::InvalidArgument,
         "settings.threshold",
     );
     refused(
-        client.build_graph(build(plan::BuildSettings { placement: 99, ..small_graph() })).await,
+        client.start_build(build(plan::BuildSettings { placement: 99, ..small_graph() })).await,
         Code::InvalidArgument,
         "settings.placement",
     );
@@ -237,12 +237,12 @@ async fn the_planner_refuses_what_it_cannot_use() {
     refused(
         client.get_graph(plan::GetGraphRequest { graph_id: unknown.clone() }).await,
         Code::NotFound,
-        "call BuildGraph first",
+        "call StartBuild first",
     );
     refused(
         client.find_path(plan::FindPathRequest { graph_id: unknown, query: None }).await,
         Code::NotFound,
-        "BuildGraph",
+        "StartBuild",
     );
 
     let (graph_id, summary) = build_graph(&mut client, 1).await;
@@ -259,14 +259,17 @@ async fn the_planner_refuses_what_it_cannot_use() {
         Code::InvalidArgument,
         "query.goal is not finite",
     );
-    let stubborn =
-        plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(2.0, 1.0, 1.0), avoid: vec![plan::Leg::default(); 65] };
+    let stubborn = plan::PathQuery {
+        start: at(1.0, 1.0, 1.0),
+        goal: at(2.0, 1.0, 1.0),
+        avoid: vec![plan::LegEnds::default(); 65],
+    };
     refused(client.find_path(find(Some(stubborn))).await, Code::InvalidArgument, "query.avoid");
     let batch = plan::FindPathsRequest {
         graph_id: graph_id.clone(),
         queries: vec![query(at(1.0, 1.0, 1.0), at(9.0, 1.0, 9.0)).unwrap(); 4],
     };
-    refused(client.find_paths(batch).await, Code::ResourceExhausted, "--max-queries");
+    refused(client.find_paths(batch).await, Code::OutOfRange, "--max-queries");
 
     // A good query among all that is answered in full.
     let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();

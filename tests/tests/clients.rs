@@ -2,7 +2,7 @@
 
 use e2e::{
     LIMIT, build_graph, create_world, ground, planner_client, set_goal, small_map, spawn, start_planner, start_server,
-    start_worker, until_metrics_say, watch, watch_until, world_client,
+    start_worker, stats, stats_until, until_metrics_say, watch, watch_until, world_client,
 };
 use std::time::Duration;
 use surefoot_planner_service::PlannerConfig;
@@ -84,7 +84,7 @@ async fn a_client_follows_an_npc_and_its_plan() {
             }
         }
     };
-    let plan = tokio::time::timeout(LIMIT, following).await.expect("a plan is told");
+    let plan = tokio::time::timeout(LIMIT, following).await.expect("a plan is sent");
     assert_eq!(plan.waypoints.last(), Some(&points[1]), "a plan ends at the goal");
     assert_eq!(plan.legs.len(), plan.waypoints.len());
     assert!(plan.legs.iter().all(|leg| leg.seconds > 0.0 && (0.0..=1.0).contains(&leg.chance)));
@@ -145,7 +145,7 @@ async fn a_client_has_its_quotas_and_gets_room_back() {
     assert!(refusal.code() == Code::ResourceExhausted && refusal.message().contains("--max-worlds-per-client"));
     let start = ground(&mut client, world_id, 1).await[0];
     let npcs = [spawn(&mut client, world_id, start).await, spawn(&mut client, world_id, start).await];
-    let one_more = wire::SpawnNpcRequest { world_id, position: Some(start), yaw: 0.0 };
+    let one_more = wire::SpawnNpcRequest { world_id, position: Some(start), ..Default::default() };
     let refusal = client.spawn_npc(one_more).await.unwrap_err();
     assert!(refusal.code() == Code::ResourceExhausted && refusal.message().contains("--max-npcs-per-client"));
     client.despawn_npc(wire::DespawnNpcRequest { npc_id: npcs[0] }).await.unwrap();
@@ -181,12 +181,8 @@ async fn a_worker_that_joins_takes_npcs_over_without_a_missed_decision() {
     let shared = watch_until(&mut client, world_id, shared_by(2)).await;
     let with_second = shared.npcs.iter().filter(|npc| npc.worker_id == 2).count();
     assert_eq!(with_second, 6, "half of them");
-    let answered = shared.stats.unwrap().decisions_answered;
-    let end = watch_until(&mut client, world_id, |snapshot| {
-        snapshot.stats.as_ref().unwrap().decisions_answered > answered + 200
-    })
-    .await;
-    let stats = end.stats.unwrap();
+    let answered = stats(&mut client, world_id).await.decisions_answered;
+    let stats = stats_until(&mut client, world_id, |stats| stats.decisions_answered > answered + 200).await;
     assert_eq!((stats.decisions_missed, stats.npcs_without_worker), (0, 0));
     first.stop().await;
     second.stop().await;
@@ -211,11 +207,11 @@ async fn worlds_outlive_the_server() {
 
     let server = start_server(config);
     let mut client = world_client(&server).await;
-    let worlds = client.list_worlds(wire::ListWorldsRequest {}).await.unwrap().into_inner().worlds;
+    let worlds = client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap().into_inner().worlds;
     assert_eq!(worlds.len(), 1, "the dropped one stays dropped, the damaged one is left out");
     assert_eq!((worlds[0].world_id, worlds[0].npc_count), (world_id, 2));
     let npc = client.get_npc(wire::GetNpcRequest { npc_id: seeker }).await.unwrap().into_inner().npc.unwrap();
-    assert_eq!((npc.goal, npc.attempts, npc.status()), (Some(points[2]), 1, wire::NpcStatus::Seeking));
+    assert_eq!((npc.goal, npc.attempts_begun, npc.attempts_ended), (Some(points[2]), 1, 0));
     let other = create_world(&mut client, 15, wire::TimeMode::Realtime).await.world_id;
     assert!(other > world_id, "ids are not used twice");
     let worker = start_worker(&server, None, 8);
@@ -239,12 +235,13 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
         seed: 5,
         goal_min_m: 2.0,
         goal_max_m: 6.0,
+        ..Default::default()
     };
-    let one = client.create_env(request).await.unwrap().into_inner();
-    let two = client.create_env(request).await.unwrap().into_inner();
+    let one = client.create_env(request.clone()).await.unwrap().into_inner();
+    let two = client.create_env(request.clone()).await.unwrap().into_inner();
     assert_eq!(one.observations, two.observations, "same seed, same start");
     assert_eq!(one.observations.len(), NPCS * OBSERVATION_LEN * 4);
-    let full = client.create_env(request).await.unwrap_err();
+    let full = client.create_env(request.clone()).await.unwrap_err();
     assert!(full.code() == Code::ResourceExhausted && full.message().contains("--max-envs"), "{full}");
 
     let actions = |step: usize| {
@@ -282,10 +279,10 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
         assert!(refusal.code() == code && refusal.message().contains(words), "{refusal}");
     }
     for (changed, words) in [
-        (wire::CreateEnvRequest { npc_count: 0, ..request }, "npc_count"),
-        (wire::CreateEnvRequest { goal_max_m: f32::NAN, ..request }, "goal_max_m"),
-        (wire::CreateEnvRequest { goal_min_m: 9.0, ..request }, "goal_max_m"),
-        (wire::CreateEnvRequest { map: None, ..request }, "map is missing"),
+        (wire::CreateEnvRequest { npc_count: 0, ..request.clone() }, "npc_count"),
+        (wire::CreateEnvRequest { goal_max_m: f32::NAN, ..request.clone() }, "goal_max_m"),
+        (wire::CreateEnvRequest { goal_min_m: 9.0, ..request.clone() }, "goal_max_m"),
+        (wire::CreateEnvRequest { map: None, ..request.clone() }, "map is missing"),
     ] {
         let refusal = client.create_env(changed).await.unwrap_err();
         assert!(refusal.code() == Code::InvalidArgument && refusal.message().contains(words), "{refusal}");
@@ -295,7 +292,7 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
         client.close_env(wire::CloseEnvRequest { env_id: one.env_id }).await.unwrap_err().code(),
         Code::NotFound
     );
-    client.create_env(request).await.expect("there is room again");
+    client.create_env(request.clone()).await.expect("there is room again");
     server.stop().await;
 }
 
@@ -309,12 +306,12 @@ async fn a_stalled_world_drops_time_and_leaves_others_alone() {
     let before = watching.next().await.unwrap().unwrap();
     client.stall_world(wire::StallWorldRequest { world_id: stalled, milliseconds: 500 }).await.unwrap();
     // 500 ms are 30 ticks: two are made up for.
-    let dropped = |snapshot: &wire::WatchWorldResponse| snapshot.stats.as_ref().unwrap().ticks_dropped;
-    let after = watch_until(&mut client, stalled, |snapshot| dropped(snapshot) > 0).await;
-    assert!((26..=40).contains(&dropped(&after)), "{} dropped", dropped(&after));
-    let there = watch_until(&mut client, other, |snapshot| snapshot.tick > before.tick + 20).await;
-    let stats = there.stats.unwrap();
-    assert_eq!(stats.tick_histogram.iter().sum::<u64>(), there.tick, "every tick is timed");
+    let after = stats_until(&mut client, stalled, |stats| stats.ticks_dropped > 0).await;
+    assert!((26..=40).contains(&after.ticks_dropped), "{} dropped", after.ticks_dropped);
+    watch_until(&mut client, other, |snapshot| snapshot.tick > before.tick + 20).await;
+    let request = wire::WatchStatsRequest { world_id: other, ..Default::default() };
+    let there = client.watch_stats(request).await.unwrap().into_inner().next().await.unwrap().unwrap();
+    assert_eq!(there.stats.unwrap().tick_histogram.iter().sum::<u64>(), there.tick, "every tick is timed");
     for milliseconds in [0, 1001] {
         let request = wire::StallWorldRequest { world_id: stalled, milliseconds };
         assert_eq!(client.stall_world(request).await.unwrap_err().code(), Code::InvalidArgument);

@@ -51,13 +51,18 @@ async fn the_world_server_gives_details() {
     let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
     let many = wire::SampleGroundRequest { world_id, count: 0, seed: 0 };
     assert_eq!(fields(&client.sample_ground(many).await.unwrap_err()), ["count"]);
-    let at = |position| wire::SpawnNpcRequest { world_id, position: Some(position), yaw: 0.0 };
+    let at = |position| wire::SpawnNpcRequest { world_id, position: Some(position), ..Default::default() };
     let outside = client.spawn_npc(at(wire::Vec3 { x: 5000.0, y: 1.0, z: 1.0 })).await.unwrap_err();
     assert_eq!(fields(&outside), ["position"]);
     let start = ground(&mut client, world_id, 1).await[0];
     client.spawn_npc(at(start)).await.unwrap();
     let full = client.spawn_npc(at(start)).await.unwrap_err();
-    assert!(full.code() == Code::ResourceExhausted && says_when_to_retry(&full), "{full}");
+    let quota = full.get_details_quota_failure().expect("whose quota it is");
+    assert_eq!(
+        (full.code(), quota.violations[0].subject.clone()),
+        (Code::ResourceExhausted, format!("world:{world_id}"))
+    );
+    assert!(!says_when_to_retry(&full), "there is room when an NPC goes, not after some time");
     let gone = client.get_npc(wire::GetNpcRequest { npc_id: 77 }).await.unwrap_err();
     assert_eq!(resource(&gone), ("npc".to_owned(), "77".to_owned()));
 
@@ -77,11 +82,11 @@ async fn the_planner_gives_details() {
     let mut client = planner_client(&planner).await;
     for (settings, code) in [
         (plan::BuildSettings { vertices: 1, ..small_graph() }, Code::InvalidArgument),
-        (plan::BuildSettings { vertices: 101, ..small_graph() }, Code::ResourceExhausted),
+        (plan::BuildSettings { vertices: 101, ..small_graph() }, Code::OutOfRange),
     ] {
         let request =
-            plan::BuildGraphRequest { map: Some(small_map(1)), settings: Some(settings), ..Default::default() };
-        let refused = client.build_graph(request).await.unwrap_err();
+            plan::StartBuildRequest { map: Some(small_map(1)), settings: Some(settings), ..Default::default() };
+        let refused = client.start_build(request).await.unwrap_err();
         assert_eq!((refused.code(), fields(&refused)), (code, vec!["settings.vertices".to_owned()]));
     }
     let unknown = "0".repeat(64);
@@ -92,7 +97,7 @@ async fn the_planner_gives_details() {
     assert_eq!(fields(&client.find_path(query).await.unwrap_err()), ["query"]);
     let queries = vec![plan::PathQuery::default(); 2];
     let batch = client.find_paths(plan::FindPathsRequest { graph_id: graph_id.clone(), queries }).await.unwrap_err();
-    assert_eq!((batch.code(), fields(&batch)), (Code::ResourceExhausted, vec!["queries".to_owned()]));
+    assert_eq!((batch.code(), fields(&batch)), (Code::OutOfRange, vec!["queries".to_owned()]));
     // Asking for as much again is no use.
     assert!(!says_when_to_retry(&batch));
     let undo = plan::UndoEditsRequest { graph_id, layer: "night".to_owned(), count: 1, if_revision: 0 };

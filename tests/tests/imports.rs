@@ -1,8 +1,8 @@
 //! Levels made elsewhere, from their file to NPCs that follow plans on them.
 
 use e2e::{
-    LIMIT, ground, planner_client, set_goal, small_graph, small_map, spawn, start_planner, start_planner_at,
-    start_server, start_worker, watch_until, world_client,
+    LIMIT, build_to_end, ground, planner_client, set_goal, small_graph, small_map, spawn, start_planner,
+    start_planner_at, start_server, start_worker, watch_until, world_client,
 };
 use surefoot_net::serving::{EndpointConfig, Limits};
 use surefoot_planner_service::PlannerConfig;
@@ -57,7 +57,8 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
         async { while steps.next().await.unwrap().unwrap().plan.is_none_or(|plan| plan.waypoints.is_empty()) {} };
     tokio::time::timeout(LIMIT, planned).await.expect("a plan on the imported level");
     watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)).await;
-    let handed_on = maps(&planner.uri).await.list_maps(wire::ListMapsRequest {}).await.unwrap().into_inner().maps;
+    let handed_on =
+        maps(&planner.uri).await.list_maps(wire::ListMapsRequest::default()).await.unwrap().into_inner().maps;
     assert_eq!(handed_on.len(), 1);
     assert_eq!((&handed_on[0].map_hash, handed_on[0].name.as_str()), (&map_hash, "arena.glb"));
     worker.stop().await;
@@ -77,14 +78,9 @@ async fn edits_of_a_level_outlive_its_changes() {
         let request = import(wire::MapFormat::Saved, exchange::encode(&map));
         let kept = maps(&planner.uri).await.import_map(request).await;
         let map_hash = kept.unwrap().into_inner().map.unwrap().map_hash;
-        let request = plan::BuildGraphRequest { map_hash, settings: Some(small_graph()), map: None };
-        let mut progress = client.build_graph(request).await.unwrap().into_inner();
-        let last = loop {
-            let message = progress.next().await.unwrap().unwrap();
-            if let Some(summary) = message.summary {
-                break (message.graph_id, summary);
-            }
-        };
+        let request = plan::StartBuildRequest { map_hash, settings: Some(small_graph()), map: None };
+        let build = build_to_end(&mut client, request).await;
+        let last = (build.graph_id, build.summary.unwrap());
         if graphs.is_empty() {
             let at = Some(wire::Vec3 { x: 50.0, y: 0.0, z: 50.0 });
             let edit = plan::edit::Edit::RemoveVertex(plan::VertexEdit { at });
@@ -98,7 +94,7 @@ async fn edits_of_a_level_outlive_its_changes() {
     assert_eq!((graphs[0].1.edits, graphs[1].1.edits), (0, 1), "the second version has the first one's edit");
 
     // What one version lost to the other is what the other gains from it.
-    let listed = client.list_graphs(plan::ListGraphsRequest {}).await.unwrap().into_inner().graphs;
+    let listed = client.list_graphs(plan::ListGraphsRequest::default()).await.unwrap().into_inner().graphs;
     assert!(listed.iter().map(|graph| &graph.graph_id).eq([&graphs[1].0, &graphs[0].0]));
     assert!(listed.iter().all(|graph| graph.map.is_none() && !graph.level.is_empty()));
     let mut compared = Vec::new();
@@ -145,14 +141,14 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
     assert!(unknown.code() == Code::NotFound && unknown.message().contains("ImportMap"), "{unknown}");
 
     let mut graphs = planner_client(&planner).await;
-    let both = plan::BuildGraphRequest { map: Some(small_map(1)), map_hash: kept.map_hash.clone(), settings: None };
-    assert!(graphs.build_graph(both).await.unwrap_err().message().contains("both set"));
-    let neither = plan::BuildGraphRequest { map: None, map_hash: String::new(), settings: None };
-    assert!(graphs.build_graph(neither).await.unwrap_err().message().contains("map is missing"));
+    let both = plan::StartBuildRequest { map: Some(small_map(1)), map_hash: kept.map_hash.clone(), settings: None };
+    assert!(graphs.start_build(both).await.unwrap_err().message().contains("both set"));
+    let neither = plan::StartBuildRequest { map: None, map_hash: String::new(), settings: None };
+    assert!(graphs.start_build(neither).await.unwrap_err().message().contains("map is missing"));
 
     // There is room for one: nothing stands on the first, so it goes.
     let other = exchange::encode(&Map::generate(&map_spec(Some(&small_map(3))).unwrap()));
     client.import_map(import(wire::MapFormat::Saved, other)).await.unwrap();
-    assert_eq!(client.list_maps(wire::ListMapsRequest {}).await.unwrap().into_inner().maps.len(), 1);
+    assert_eq!(client.list_maps(wire::ListMapsRequest::default()).await.unwrap().into_inner().maps.len(), 1);
     planner.stop().await;
 }

@@ -2,7 +2,7 @@
 
 use e2e::{
     build_graph, create_world, distance, ground, planner_client, set_goal, spawn, start_planner, start_server,
-    start_worker, start_worker_with, watch_until, world_client,
+    start_worker, start_worker_with, stats, stats_until, watch_until, world_client,
 };
 use surefoot_planner_service::PlannerConfig;
 use surefoot_policy::Policy;
@@ -44,7 +44,7 @@ async fn npcs_reach_far_goals_by_plan_in_lockstep() {
         "only {arrived} of 8 arrived: {:?}",
         end.npcs.iter().map(wire::Npc::last_outcome).collect::<Vec<_>>()
     );
-    let stats = end.stats.unwrap();
+    let stats = stats(&mut client, world.world_id).await;
     assert_eq!(stats.reached as usize, arrived);
     assert_eq!(stats.decisions_missed, 0, "a lockstep world waits for every answer");
     worker.stop().await;
@@ -69,22 +69,16 @@ async fn npcs_of_a_killed_worker_go_on_with_another() {
     for (npc, goal) in npcs.iter().zip(&points[6..]) {
         set_goal(&mut client, *npc, *goal).await;
     }
-    watch_until(&mut client, world.world_id, |snapshot| snapshot.stats.as_ref().unwrap().decisions_answered > 10).await;
+    stats_until(&mut client, world.world_id, |stats| stats.decisions_answered > 10).await;
     first.kill();
-    let after = watch_until(&mut client, world.world_id, |snapshot| {
-        set_worker_of(snapshot).is_some_and(|worker| worker != before)
-    })
-    .await;
-    let answered = after.stats.unwrap().decisions_answered;
-    let end = watch_until(&mut client, world.world_id, |snapshot| {
-        snapshot.stats.as_ref().unwrap().decisions_answered > answered + 60
-            || snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)
-    })
-    .await;
-    assert!(
-        end.npcs.len() == 6
-            && end.stats.as_ref().unwrap().reached + end.stats.as_ref().unwrap().decisions_answered > answered
-    );
+    watch_until(&mut client, world.world_id, |snapshot| set_worker_of(snapshot).is_some_and(|worker| worker != before))
+        .await;
+    let answered = stats(&mut client, world.world_id).await.decisions_answered;
+    let ends = |stats: &wire::WorldStats| stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress;
+    let end =
+        stats_until(&mut client, world.world_id, |stats| stats.decisions_answered > answered + 60 || ends(stats) == 6)
+            .await;
+    assert!(end.decisions_answered > answered || ends(&end) == 6);
     second.stop().await;
     server.stop().await;
 }

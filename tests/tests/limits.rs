@@ -1,4 +1,4 @@
-//! Every limit of an endpoint, exceeded on purpose; whoever keeps within them goes on.
+//! Every limit of an endpoint, exceeded on purpose; clients within them go on.
 
 use e2e::{Running, create_world, metrics, planner_client, small_map, start_planner, start_server_at, world_client};
 use std::io::ErrorKind;
@@ -81,10 +81,10 @@ async fn a_stream_too_many_waits_and_other_connections_go_on() {
     let first = watch(&mut client, world_id).await;
     let mut second = watch(&mut client, world_id).await;
     let mut third_client = client.clone();
-    let third = tokio::spawn(async move { third_client.list_worlds(wire::ListWorldsRequest {}).await });
+    let third = tokio::spawn(async move { third_client.list_worlds(wire::ListWorldsRequest::default()).await });
     let mut other = world_client(&server).await;
     for _ in 0..20 {
-        other.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+        other.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
         second.next().await.unwrap().unwrap();
     }
     assert!(!third.is_finished(), "a third stream was let in");
@@ -97,21 +97,21 @@ async fn a_stream_too_many_waits_and_other_connections_go_on() {
 async fn a_connection_too_many_is_closed_at_once_and_counted() {
     let server = server_with(|limits| limits.max_connections = 2);
     let mut client = world_client(&server).await;
-    client.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+    client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
     let second = connect(&server).await;
     let mut third = connect(&server).await;
     closed(&mut third).await;
-    client.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+    client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
     drop(second);
     // The place is free once the server has seen the second go.
     let mut newcomer = loop {
         let Ok(mut newcomer) = WorldServiceClient::connect(server.uri.clone()).await else { continue };
-        if newcomer.list_worlds(wire::ListWorldsRequest {}).await.is_ok() {
+        if newcomer.list_worlds(wire::ListWorldsRequest::default()).await.is_ok() {
             break newcomer;
         }
     };
     drop(client);
-    newcomer.list_worlds(wire::ListWorldsRequest {}).await.unwrap();
+    newcomer.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
     let refused = loop {
         // The page too needs a place, which the first client leaves.
         let page = metrics_or_nothing(&server).await;

@@ -1,10 +1,12 @@
 //! What designers and NPCs tell the planner changes plans for everybody, over real sockets.
 
-use e2e::{build_graph, planner_client, small_graph, small_map, start_planner};
+use e2e::{build_graph, build_to_end, planner_client, small_map, start_of, start_planner, watch_build};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::world::v1::Vec3;
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use surefoot_proto::world::v1::{ImportMapRequest, MapFormat, Vec3};
 use tonic::Code;
 use tonic::transport::Channel;
 
@@ -23,15 +25,23 @@ async fn plan(client: &mut Client, graph_id: &str, start: Vec3, goal: Vec3) -> w
     client.find_path(request).await.unwrap().into_inner().plan.unwrap()
 }
 
-/// A pair of vertices whose plan passes at least one proved edge, with that edge.
-async fn travelled_edge(client: &mut Client, graph_id: &str) -> (Vec3, Vec3, wire::Leg) {
+/// The two vertices of a leg along a proved edge.
+fn vertices_of(leg: &wire::Leg) -> Option<[u32; 2]> {
+    let vertex = |stop: Option<wire::Stop>| match stop?.stop? {
+        wire::stop::Stop::Vertex(vertex) => Some(vertex),
+        wire::stop::Stop::End(_) => None,
+    };
+    Some([vertex(leg.from)?, vertex(leg.to)?])
+}
+
+/// A pair of vertices whose plan passes at least one proved edge, with that edge and its ends.
+async fn travelled_edge(client: &mut Client, graph_id: &str) -> (Vec3, Vec3, wire::Leg, [u32; 2]) {
     let graph = get(client, graph_id).await;
     for (idx, &start) in graph.vertices.iter().enumerate() {
         let goal = graph.vertices[(idx + 25) % graph.vertices.len()];
         let plan = plan(client, graph_id, start, goal).await;
-        let is_proved = |leg: &&wire::Leg| leg.from != u32::MAX && leg.to != u32::MAX;
-        if let Some(leg) = plan.legs.iter().find(is_proved) {
-            return (start, goal, *leg);
+        if let Some((leg, ends)) = plan.legs.iter().find_map(|leg| Some((*leg, vertices_of(leg)?))) {
+            return (start, goal, leg, ends);
         }
     }
     panic!("no plan passes an edge");
@@ -47,8 +57,8 @@ async fn a_leg_that_npcs_fail_on_is_avoided_at_the_next_plan_and_remembered() {
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
     let (graph_id, _) = build_graph(&mut client, MAP).await;
-    let (start, goal, leg) = travelled_edge(&mut client, &graph_id).await;
-    let failed = wire::Traversal { from: leg.from, to: leg.to, reached: false, decisions: 50 };
+    let (start, goal, leg, [from, to]) = travelled_edge(&mut client, &graph_id).await;
+    let failed = wire::Traversal { from, to, reached: false, decisions: 50 };
     let nowhere = wire::Traversal { from: 4000, to: 4001, reached: true, decisions: 5 };
     let mut traversals = vec![failed; 30];
     traversals.push(nowhere);
@@ -62,7 +72,7 @@ async fn a_leg_that_npcs_fail_on_is_avoided_at_the_next_plan_and_remembered() {
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
     let (same, summary) = build_graph(&mut client, MAP).await;
-    assert!(same == graph_id && summary.cached && summary.passages == 30);
+    assert!(same == graph_id && summary.cached && summary.traversals == 30);
     assert!(!passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
     planner.stop().await;
 }
@@ -73,9 +83,9 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = planner_client(&planner).await;
     let (graph_id, before) = build_graph(&mut client, MAP).await;
-    let (start, goal, leg) = travelled_edge(&mut client, &graph_id).await;
+    let (start, goal, leg, ends) = travelled_edge(&mut client, &graph_id).await;
     let graph = get(&mut client, &graph_id).await;
-    let (from, to) = (graph.vertices[leg.from as usize], graph.vertices[leg.to as usize]);
+    let [from, to] = ends.map(|vertex| graph.vertices[vertex as usize]);
     let forbid =
         wire::Edit { edit: Some(wire::edit::Edit::ForbidEdge(wire::EdgeEdit { from: Some(from), to: Some(to) })) };
     let misfit = wire::Edit {
@@ -89,8 +99,12 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
     };
     let answer = client.append_edits(append(vec![forbid, misfit])).await.unwrap().into_inner();
     let summary = answer.summary.unwrap();
-    assert_eq!((summary.edits, summary.unfit_edits, summary.edges), (2, 1, before.edges - 1));
-    assert!(answer.unfit[0].index == 1 && answer.unfit[0].reason.contains("no vertex"), "{:?}", answer.unfit);
+    assert_eq!((summary.edits, summary.unapplied_edits, summary.edges), (2, 1, before.edges - 1));
+    assert!(
+        answer.unapplied[0].index == 1 && answer.unapplied[0].reason.contains("no vertex"),
+        "{:?}",
+        answer.unapplied
+    );
     assert!(!passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
     planner.stop().await;
 
@@ -99,7 +113,7 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
     build_graph(&mut client, MAP).await;
     assert!(!passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
     let layers = client.get_layers(wire::GetLayersRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
-    assert_eq!((layers.layers.len(), layers.layers[0].edits.len(), layers.unfit.len()), (1, 2, 1));
+    assert_eq!((layers.layers.len(), layers.layers[0].edits.len(), layers.unapplied.len()), (1, 2, 1));
     let undo =
         |count| wire::UndoEditsRequest { graph_id: graph_id.clone(), layer: "night".to_owned(), count, if_revision: 0 };
     let answer = client.undo_edits(undo(9)).await.unwrap().into_inner();
@@ -138,32 +152,67 @@ async fn edits_and_reports_that_make_no_sense_are_refused_and_change_nothing() {
     let status = client.report_traversals(report(vec![traversal])).await.unwrap_err();
     assert!(status.message().contains("traversals.decisions is 20000"), "{status:?}");
     let status = client.report_traversals(report(vec![traversal; 5000])).await.unwrap_err();
-    assert_eq!(status.code(), Code::ResourceExhausted);
+    assert_eq!(status.code(), Code::OutOfRange);
     let after = get(&mut client, &graph_id).await.summary.unwrap();
-    assert_eq!((after.edges, after.edits, after.passages), (before.edges, 0, 0));
+    assert_eq!((after.edges, after.edits, after.traversals), (before.edges, 0, 0));
     planner.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_build_that_nobody_waits_for_any_more_makes_room() {
+async fn a_build_is_an_operation_that_outlives_its_caller_and_can_be_listed_and_cancelled() {
     let cache = tempfile::tempdir().unwrap();
-    let planner = start_planner(cache.path(), PlannerConfig { max_builds: 1, ..PlannerConfig::default() });
+    let planner = start_planner(cache.path(), PlannerConfig { max_builds: 2, ..PlannerConfig::default() });
     let mut client = planner_client(&planner).await;
-    // Minutes of probing, left after the first sign of life.
+    // Minutes of probing.
     let settings = wire::BuildSettings { vertices: 2000, neighbours: 64, repeats: 32, ..Default::default() };
-    let request = wire::BuildGraphRequest { map: Some(small_map(9)), settings: Some(settings), ..Default::default() };
-    let mut progress = client.build_graph(request).await.unwrap().into_inner();
-    assert!(progress.message().await.unwrap().unwrap().summary.is_none());
-    let other =
-        wire::BuildGraphRequest { map: Some(small_map(MAP)), settings: Some(small_graph()), ..Default::default() };
-    let refused = client.build_graph(other.clone()).await.unwrap_err();
-    assert_eq!(refused.code(), Code::ResourceExhausted);
-    drop(progress);
-    let accepted = async {
-        while client.build_graph(other.clone()).await.is_err() {
-            tokio::task::yield_now().await;
-        }
-    };
-    tokio::time::timeout(std::time::Duration::from_secs(60), accepted).await.expect("the build is cancelled");
+    let long = wire::StartBuildRequest { map: Some(small_map(9)), settings: Some(settings), ..Default::default() };
+    let first = client.start_build(long.clone()).await.unwrap().into_inner().build.unwrap();
+    drop(client);
+    let mut client = planner_client(&planner).await;
+    let same = client.start_build(long).await.unwrap().into_inner().build.unwrap();
+    assert_eq!(same.build_id, first.build_id, "the same graph is not built twice");
+    let second = client.start_build(start_of(MAP)).await.unwrap().into_inner().build.unwrap();
+    let refused = client.start_build(start_of(MAP + 1)).await.unwrap_err();
+    assert_eq!((refused.code(), Reason::of(&refused)), (Code::ResourceExhausted, Some(Reason::TooManyBuilds)));
+
+    let list = |size, token: String| wire::ListBuildsRequest { page_size: size, page_token: token };
+    let page = client.list_builds(list(1, String::new())).await.unwrap().into_inner();
+    assert_eq!((page.builds.len(), &page.builds[0].build_id), (1, &second.build_id), "the latest first");
+    let page = client.list_builds(list(1, page.next_page_token)).await.unwrap().into_inner();
+    assert_eq!((&page.builds[0].build_id, page.next_page_token.as_str()), (&first.build_id, ""));
+
+    client.cancel_build(wire::CancelBuildRequest { build_id: first.build_id.clone() }).await.unwrap();
+    let end = watch_build(&mut client, &first.build_id).await.pop().unwrap();
+    assert!(end.stage() == wire::BuildStage::Cancelled && end.summary.is_none(), "{end:?}");
+    let stages: Vec<_> = watch_build(&mut client, &second.build_id).await.iter().map(wire::Build::stage).collect();
+    let mut order = stages.clone();
+    order.dedup();
+    use wire::BuildStage::{Done, Index, Map, Probes, Queued, Vertices};
+    assert_eq!(order, [Queued, Map, Vertices, Probes, Index, Done]);
+    let cached = build_to_end(&mut client, start_of(MAP)).await;
+    assert!(cached.build_id != second.build_id && cached.stage() == Done && !cached.graph_id.is_empty());
+    for build_id in ["", "nonsense", "0000000000000000"] {
+        let request = wire::WatchBuildRequest { build_id: build_id.to_owned() };
+        let unknown = client.watch_build(request).await.unwrap_err();
+        assert_eq!((unknown.code(), Reason::of(&unknown)), (Code::NotFound, Some(Reason::BuildNotFound)));
+    }
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_build_on_a_map_without_ground_fails_with_a_reason() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut maps = MapServiceClient::connect(planner.uri.clone()).await.unwrap();
+    // A wall, on which nobody can stand.
+    let file = b"v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 0\nf 1 2 3\nf 1 3 4\n".to_vec();
+    let request =
+        ImportMapRequest { name: "wall".to_owned(), format: MapFormat::Obj.into(), file, ..Default::default() };
+    let map_hash = maps.import_map(request).await.unwrap().into_inner().map.unwrap().map_hash;
+    let mut client = planner_client(&planner).await;
+    let end = build_to_end(&mut client, wire::StartBuildRequest { map_hash, ..Default::default() }).await;
+    let failure = end.failure.clone().unwrap_or_else(|| panic!("no failure in {end:?}"));
+    assert_eq!((end.stage(), failure.reason.as_str()), (wire::BuildStage::Failed, "NO_GROUND"));
+    assert_eq!(failure.code, i32::from(Code::FailedPrecondition));
     planner.stop().await;
 }

@@ -1,4 +1,4 @@
-//! What is written is read back as it was: maps, recordings, graphs, what lies over them, and messages.
+//! What is written is read back as it was: maps, recordings, graphs, their layers, and messages.
 
 #[path = "../../fuzz/src/lib.rs"]
 #[expect(dead_code, reason = "only the floor is needed of what the trials are made of")]
@@ -12,7 +12,8 @@ use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::live::{LiveEvidence, Passage};
+use surefoot_planner::links::NavMesh;
+use surefoot_planner::live::{LiveEvidence, Traversal};
 use surefoot_planner::{
     BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Placement, Plan, Probing, RawBuildSettings,
     Stop, VertexId, store as cache,
@@ -227,7 +228,7 @@ fn settings() -> impl Strategy<Value = BuildSettings> {
 }
 
 fn plan() -> impl Strategy<Value = Plan> {
-    let stop = |off_graph| prop_oneof![Just(off_graph), (0..u32::MAX).prop_map(|id| Stop::Vertex(VertexId(id)))];
+    let stop = |end| prop_oneof![Just(end), any::<u32>().prop_map(|id| Stop::Vertex(VertexId(id)))];
     let leg = (stop(Stop::Start), stop(Stop::Goal), 0.0..1.0e6f32, 0.0..1.0f32, ability()).prop_map(
         |(from, to, seconds, chance, ability)| Leg {
             key: LegKey { from, to },
@@ -268,15 +269,17 @@ proptest! {
         let back = cache::decode_entry(&cache::encode_entry(&built)).unwrap();
         prop_assert_eq!(back.graph.to_data(), built.graph.to_data());
         prop_assert_eq!(back.stats, built.stats);
-        let text = export(&built.graph, Format::Json, 0.3);
+        let islands = vec![None; built.graph.vertex_count()];
+        let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
+        let text = export(&built.graph, Format::Json, nav_mesh, None);
         prop_assert_eq!(import_json(&text).unwrap().to_data(), built.graph.to_data());
     }
 
     #[test]
-    fn live_evidence_comes_back(graph in graph(), passages in prop::collection::vec((0..12u32, 0..12u32, any::<bool>(), any::<u32>()), 0..200)) {
+    fn live_evidence_comes_back(graph in graph(), traversals in prop::collection::vec((0..12u32, 0..12u32, any::<bool>(), any::<u32>()), 0..200)) {
         let mut live = LiveEvidence::default();
-        for (from, to, reached, decisions) in passages {
-            live.note(&graph, &Passage { edge: EdgeKey::new(from, to), reached, decisions });
+        for (from, to, reached, decisions) in traversals {
+            live.note(&graph, &Traversal { edge: EdgeKey::new(from, to), reached, decisions });
         }
         prop_assert_eq!(&cache::decode_live(&cache::encode_live(&live)).unwrap(), &live);
         prop_assert_eq!(live.apply_to(&graph).edge_count(), graph.edge_count());

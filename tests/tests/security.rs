@@ -199,7 +199,7 @@ fn start_tls_server(certificates: &Certificates, name: &str, client_authority: O
 async fn list_worlds(uri: &str, files: ClientTlsFiles) -> Result<(), String> {
     let credentials = Credentials::load(Some(&Secret::new(secret_of(Role::Admin))), &files).unwrap();
     let link = credentials.dial(uri).unwrap().connect().await.map_err(|error| format!("{error:?}"))?;
-    let listed = WorldServiceClient::new(link).list_worlds(ListWorldsRequest {}).await;
+    let listed = WorldServiceClient::new(link).list_worlds(ListWorldsRequest::default()).await;
     listed.map(drop).map_err(|status| format!("{status:?}"))
 }
 

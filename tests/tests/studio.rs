@@ -164,7 +164,7 @@ async fn of_two_designers_the_one_who_knows_the_latest_state_is_heard() {
     };
     let after = client.append_edits(append(&graph.edges[0], before)).await.unwrap().into_inner().revision;
     assert_ne!(after, before);
-    let told = tokio::time::timeout(LIMIT, changes.next()).await.expect("the change is told").unwrap().unwrap();
+    let told = tokio::time::timeout(LIMIT, changes.next()).await.expect("the change is sent").unwrap().unwrap();
     assert_eq!((told.revision, told.summary.unwrap().edits), (after, 1));
 
     // Somebody who knows only the state before.
@@ -239,7 +239,7 @@ async fn edges_tell_their_evidence_and_what_designers_did_to_them() {
         .unwrap()
         .into_inner();
     assert!(other_graph.lost.is_empty() && other_graph.gained.is_empty());
-    let listed = client.list_graphs(plan::ListGraphsRequest {}).await.unwrap().into_inner().graphs;
+    let listed = client.list_graphs(plan::ListGraphsRequest::default()).await.unwrap().into_inner().graphs;
     assert!(listed.len() == 1 && listed[0].graph_id == graph_id && listed[0].map.unwrap().seed == 7);
     let unknown = plan::CompareGraphsRequest { before: graph_id.clone(), after: "0".repeat(64) };
     assert_eq!(client.compare_graphs(unknown).await.unwrap_err().code(), Code::NotFound);
@@ -259,7 +259,7 @@ async fn edges_tell_their_evidence_and_what_designers_did_to_them() {
     planner.stop().await;
 }
 
-/// The plan that an NPC is told to follow next.
+/// The next plan that an NPC follows.
 async fn next_plan(steps: &mut tonic::Streaming<wire::FollowNpcResponse>) -> wire::NpcPlan {
     let following = async {
         loop {
@@ -269,7 +269,7 @@ async fn next_plan(steps: &mut tonic::Streaming<wire::FollowNpcResponse>) -> wir
             }
         }
     };
-    tokio::time::timeout(LIMIT, following).await.expect("a plan is told")
+    tokio::time::timeout(LIMIT, following).await.expect("a plan is sent")
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -326,7 +326,7 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
     assert_eq!(second.waypoints.last(), Some(&goal));
     // It is still the same attempt.
     let snapshot = watch_until(&mut client, world_id, |snapshot| !snapshot.npcs.is_empty()).await;
-    assert_eq!((snapshot.npcs[0].attempts, snapshot.npcs[0].status()), (1, wire::NpcStatus::Seeking));
+    assert_eq!((snapshot.npcs[0].attempts_begun, snapshot.npcs[0].status()), (1, wire::NpcStatus::Seeking));
     worker.stop().await;
     planner.stop().await;
     server.stop().await;

@@ -50,9 +50,15 @@ pub fn sample_where(
     fits: impl Fn(Vec3) -> bool,
 ) -> Result<Option<Vec3>, NoGround> {
     let extent = map.extent();
+    // Levels made by people may be as narrow as a wall.
+    let inner = |extent: f32| {
+        let rim = RIM_M.min(extent / 4.0);
+        (extent > 0.0).then_some(rim..extent - rim).ok_or(NoGround)
+    };
+    let (along_x, along_z) = (inner(extent.x)?, inner(extent.z)?);
     for _ in 0..MAX_TRIES {
-        let x = rng.random_range(RIM_M..extent.x - RIM_M);
-        let z = rng.random_range(RIM_M..extent.z - RIM_M);
+        let x = rng.random_range(along_x.clone());
+        let z = rng.random_range(along_z.clone());
         let (floors, floor_count) = floors(map, profile, x, z);
         if floor_count == 0 {
             continue;

@@ -30,6 +30,8 @@ pub struct World {
     cone: RayCone,
     tick: u64,
     npcs: Vec<Option<Npc>>,
+    /// What happened to each NPC in the last tick; no part of the state.
+    tick_events: Vec<TickEvents>,
     scratch: MoveScratch,
     crowd: CrowdScratch,
     recording: Option<Box<Recording>>,
@@ -53,6 +55,7 @@ impl World {
             cone: RayCone::default(),
             tick: 0,
             npcs: Vec::new(),
+            tick_events: Vec::new(),
             scratch: MoveScratch::default(),
             crowd: CrowdScratch::default(),
             recording: None,
@@ -88,6 +91,7 @@ impl World {
         self.recording = None;
         self.tick = state.tick;
         self.npcs = state.npcs;
+        self.tick_events = vec![TickEvents::default(); self.npcs.len()];
     }
 
     /// The map.
@@ -133,9 +137,11 @@ impl World {
         };
         let free = self.npcs.iter().position(Option::is_none).unwrap_or_else(|| {
             self.npcs.push(None);
+            self.tick_events.push(TickEvents::default());
             self.npcs.len() - 1
         });
         self.npcs[free] = Some(npc);
+        self.tick_events[free] = TickEvents::default();
         NpcSlot(free as u32)
     }
 
@@ -153,6 +159,14 @@ impl World {
     /// The NPC in `slot`.
     pub fn npc(&self, slot: NpcSlot) -> Option<&Npc> {
         self.npcs.get(slot.0 as usize).and_then(Option::as_ref)
+    }
+
+    /// What happened to the NPC in `slot` in the last tick.
+    ///
+    /// # Panics
+    /// If there never was an NPC in it.
+    pub fn tick_events(&self, slot: NpcSlot) -> TickEvents {
+        self.tick_events[slot.0 as usize]
     }
 
     /// All NPCs with their slots.
@@ -204,10 +218,11 @@ impl World {
     /// Moves every NPC by one tick. An NPC that came to harm stays where it is;
     /// one that reached its goal runs on until its decision is over.
     pub fn tick(&mut self) {
-        let Self { map, config, npcs, scratch, crowd, .. } = self;
-        for npc in npcs.iter_mut().flatten() {
+        let Self { map, config, npcs, tick_events, scratch, crowd, .. } = self;
+        for (npc, events) in npcs.iter_mut().zip(tick_events) {
+            let Some(npc) = npc else { continue };
             let profile = &config.profiles[usize::from(npc.profile.0)];
-            tick_npc(npc, map, profile, &config.task, scratch);
+            *events = tick_npc(npc, map, profile, &config.task, scratch);
         }
         if config.npc_collision {
             crowd.separate(npcs, map, &config.profiles, scratch);
@@ -259,14 +274,20 @@ impl World {
     }
 }
 
-fn tick_npc(npc: &mut Npc, map: &Map, profile: &CharacterProfile, task: &TaskConfig, scratch: &mut MoveScratch) {
+fn tick_npc(
+    npc: &mut Npc,
+    map: &Map,
+    profile: &CharacterProfile,
+    task: &TaskConfig,
+    scratch: &mut MoveScratch,
+) -> TickEvents {
     if npc.harm.is_some() || npc.episode.and_then(|episode| episode.end) == Some(End::NoProgress) {
-        return;
+        return TickEvents::default();
     }
     let before = npc.body;
     let events = npc.body.tick(map, profile, &npc.action, scratch);
     if !(npc.body.feet.is_finite() && npc.body.velocity.is_finite()) {
-        // Never let a body without a place spread: it stays where it last was, and its owner is told.
+        // Never let a body without a place spread: it stays where it last was and counts as fallen.
         npc.body = before;
         npc.harm = Some(End::Fell);
     }
@@ -276,6 +297,7 @@ fn tick_npc(npc: &mut Npc, map: &Map, profile: &CharacterProfile, task: &TaskCon
         episode.note_tick(npc.body.feet, task);
         episode.end = episode.end.or(npc.harm);
     }
+    events
 }
 
 /// The hazard that ends an attempt at this tick.

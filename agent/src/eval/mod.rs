@@ -1,6 +1,6 @@
 //! The paper's evaluation protocol: random goals on whole maps, success by difficulty, failures by their end.
 //!
-//! An evaluation is a list of [units](mod@unit), one for each map and seed, that can be kept on disk and taken up again; a
+//! An evaluation is a list of [units](mod@unit), one for each map and seed, that can be kept on disk and resumed; a
 //! [`report`] sums them up. [`suite`] runs the rows of the paper's table, [`variants`]
 //! many graphs on one split.
 

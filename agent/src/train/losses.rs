@@ -1,7 +1,7 @@
 //! The losses of soft actor-critic, as pure functions of what the networks said.
 //!
 //! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (arXiv 1812.05905). Where we
-//! differ from them, and why, is in docs/training.md. `rows` are those of a batch; each has a weight, its share in the mean: the
+//! differ from them, and why, is in docs/training-and-models.md. `rows` are those of a batch; each has a weight, its share in the mean: the
 //! weights of a batch add up to 1.
 
 use burn::tensor::Tensor;

@@ -3,7 +3,7 @@
 //! Read [`run`](mod@run) for how a run goes on: rounds in which collecting ([`collector`]) and learning ([`learner`]) happen side
 //! by side, on one thread each, and meet at a barrier where what was collected goes into the [`replay`] buffer. That makes a run
 //! a pure function of its configuration ([`config`]), so that a checkpoint taken at a barrier (`state`) continues exactly.
-//! [`losses`] can be read against the paper; docs/training.md lists where we differ from it, and why.
+//! [`losses`] can be read against the paper; docs/training-and-models.md lists where we differ from it, and why.
 
 mod adam;
 mod arena;

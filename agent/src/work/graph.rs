@@ -4,8 +4,8 @@ use super::config::{MAX_PAUSE, MIN_PAUSE};
 use std::time::Duration;
 use surefoot_net::client::Link;
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
-use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::planner::v1::{self as planner, BuildStage};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use tokio::sync::watch;
@@ -47,7 +47,7 @@ impl Graph {
         let is_imported = assignment.map.is_none();
         let builder = Builder {
             client: client.clone(),
-            request: planner::BuildGraphRequest {
+            request: planner::StartBuildRequest {
                 map: assignment.map,
                 map_hash: if is_imported { assignment.map_hash.clone() } else { String::new() },
                 settings: Some(settings),
@@ -67,7 +67,7 @@ impl Drop for Graph {
 
 struct Builder {
     client: PlannerServiceClient<Link>,
-    request: planner::BuildGraphRequest,
+    request: planner::StartBuildRequest,
     /// The server's maps, and the planner's.
     from: MapServiceClient<Link>,
     to: MapServiceClient<Link>,
@@ -123,7 +123,7 @@ impl Builder {
             };
             edited.send_replace(None);
             match ended.code() {
-                // Whoever asks it next for a plan has it built again: a planner may have no room for graphs that nobody asks.
+                // The next query has it built again: a planner may have no room for graphs that nobody queries.
                 // Planners of an older version do not tell at all.
                 Code::NotFound | Code::Unimplemented => std::future::pending().await,
                 _ => tokio::time::sleep(MAX_PAUSE).await,
@@ -142,11 +142,16 @@ impl Builder {
     }
 
     async fn build_known(&mut self) -> Result<String, Status> {
-        let mut progress = self.client.build_graph(self.request.clone()).await?.into_inner();
+        let started = self.client.start_build(self.request.clone()).await?.into_inner();
+        let build_id = started.build.unwrap_or_default().build_id;
+        let mut progress = self.client.watch_build(planner::WatchBuildRequest { build_id }).await?.into_inner();
         while let Some(message) = progress.next().await {
-            let message = message?;
-            if message.summary.is_some() {
-                return Ok(message.graph_id);
+            let build = message?.build.unwrap_or_default();
+            match (build.stage(), build.failure) {
+                (BuildStage::Done, _) => return Ok(build.graph_id),
+                (BuildStage::Cancelled, _) => return Err(Status::cancelled("somebody cancelled the build")),
+                (BuildStage::Failed, Some(failure)) => return Err(Status::new(failure.code.into(), failure.message)),
+                _ => {}
             }
         }
         Err(Status::unavailable("the planner ended the build without a graph"))

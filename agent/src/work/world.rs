@@ -7,12 +7,12 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 use surefoot_net::client::Link;
 use surefoot_planner::Plan;
-use surefoot_planner::live::Passage;
+use surefoot_planner::live::Traversal;
 use surefoot_policy::Policy;
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::plans::{self, npc_plan_to_wire, passage_to_wire, query_to_wire};
+use surefoot_proto::plans::{self, npc_plan_to_wire, query_to_wire, traversal_to_wire};
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_world::{OBSERVATION_LEN, Vec3};
@@ -22,14 +22,14 @@ use tracing::warn;
 
 /// Batches of plans that have come and wait to be taken.
 const PLAN_QUEUE: usize = 256;
-/// Passages that are reported together, unless one failed.
+/// Traversals that are reported together, unless one failed.
 const REPORT_LEN: usize = 64;
 /// Plans that are asked for in one batch; planners allow more.
 const MAX_QUERIES: usize = 1024;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
 
-/// What a world's task is told.
+/// Messages to a world's task.
 pub(super) enum WorldMessage {
     Release(Vec<u64>),
     Ended(wire::AttemptsEnded),
@@ -72,8 +72,8 @@ pub(super) struct WorldTask {
     npcs: BTreeMap<u64, Carried>,
     planned: mpsc::Sender<Planned>,
     plans: mpsc::Receiver<Planned>,
-    /// Passages along edges that the planner has not been told of.
-    passages: Vec<Passage>,
+    /// Traversals that have not been reported to the planner yet.
+    traversals: Vec<Traversal>,
     out: mpsc::Sender<wire::WorkRequest>,
 }
 
@@ -96,7 +96,7 @@ impl WorldTask {
             npcs: BTreeMap::new(),
             planned,
             plans,
-            passages: Vec::new(),
+            traversals: Vec::new(),
             out,
         }
     }
@@ -213,7 +213,7 @@ impl WorldTask {
             carried.follower.forget_plan();
         }
         let step = carried.follower.note(feet, touched);
-        self.passages.extend(carried.follower.take_passages());
+        self.traversals.extend(carried.follower.take_traversals());
         step
     }
 
@@ -223,7 +223,7 @@ impl WorldTask {
             let harmed = matches!(outcome, wire::Outcome::Fell | wire::Outcome::Burnt | wire::Outcome::Drowned);
             if let Some(carried) = self.npcs.get_mut(id).filter(|carried| harmed && carried.attempt == attempt) {
                 carried.follower.note_harm();
-                self.passages.extend(carried.follower.take_passages());
+                self.traversals.extend(carried.follower.take_traversals());
             }
         }
         self.report();
@@ -231,18 +231,20 @@ impl WorldTask {
 
     /// Tells the planner how legs went, if there is something worth telling.
     fn report(&mut self) {
-        let is_urgent = self.passages.iter().any(|passage| !passage.reached);
-        let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.passages.len() >= REPORT_LEN) else {
+        let is_urgent = self.traversals.iter().any(|traversal| !traversal.reached);
+        let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
             return;
         };
         let graph_id = graph.id.borrow().clone();
-        let traversals = std::mem::take(&mut self.passages);
+        let traversals = std::mem::take(&mut self.traversals);
         if graph_id.is_empty() {
             // The planner has lost the graph that these were of.
             return;
         }
-        let request =
-            planner::ReportTraversalsRequest { graph_id, traversals: traversals.iter().map(passage_to_wire).collect() };
+        let request = planner::ReportTraversalsRequest {
+            graph_id,
+            traversals: traversals.iter().map(traversal_to_wire).collect(),
+        };
         let mut client = graph.client.clone();
         tokio::spawn(async move {
             if let Ok(Err(status)) = tokio::time::timeout(PLAN_LIMIT, client.report_traversals(request)).await {
@@ -251,7 +253,7 @@ impl WorldTask {
         });
     }
 
-    /// Asks the planner; in lockstep waits for the answer, otherwise it is taken up at a later decision.
+    /// Asks the planner; in lockstep waits for the answer, otherwise it applies from a later decision on.
     async fn ask_for_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
         let Some(graph) = &mut self.graph else { return };
         if self.is_lockstep && graph.id.wait_for(|id| !id.is_empty()).await.is_err() {

@@ -56,7 +56,7 @@ pub struct ServerLimits {
     /// Seconds that the reader of a stream may leave everything unread until it is cut off
     #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
     reader_patience: f64,
-    /// Folder where worlds are saved when the server stops, and taken up again from when it starts
+    /// Folder where worlds are saved when the server stops, and restored from when it starts
     #[arg(long, value_name = "FOLDER")]
     state: Option<PathBuf>,
     /// Seconds from saving them to saving them again, while it runs

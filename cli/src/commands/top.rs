@@ -10,6 +10,7 @@ use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, NpcStatus, WorldStats};
 use surefoot_server::times::TickTimes;
+use tonic::Status;
 
 /// Watch a running world server.
 #[derive(clap::Args)]
@@ -52,28 +53,37 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// A world at one moment.
 struct Look {
     world: wire::World,
-    snapshot: wire::WatchWorldResponse,
+    npcs: Vec<wire::Npc>,
+    stats: WorldStats,
 }
 
 async fn look(client: &mut WorldServiceClient<Link>) -> anyhow::Result<Vec<Look>> {
-    let worlds = client.list_worlds(wire::ListWorldsRequest {}).await.context("the server went away")?;
+    let request = wire::ListWorldsRequest { page_size: 1000, ..Default::default() };
+    let worlds = client.list_worlds(request).await.context("the server went away")?;
     let mut looks = Vec::new();
     for world in worlds.into_inner().worlds {
-        let request = wire::WatchWorldRequest { world_id: world.world_id, ..Default::default() };
-        // A world may be dropped between the two calls.
-        let Ok(stream) = client.watch_world(request).await else { continue };
-        if let Ok(Some(snapshot)) = stream.into_inner().message().await {
-            looks.push(Look { world, snapshot });
+        // A world may be dropped between two calls.
+        if let Ok(look) = look_at(client, world).await {
+            looks.push(look);
         }
     }
     Ok(looks)
+}
+
+async fn look_at(client: &mut WorldServiceClient<Link>, world: wire::World) -> Result<Look, Status> {
+    let world_id = world.world_id;
+    let first = client.watch_stats(wire::WatchStatsRequest { world_id, ..Default::default() }).await?;
+    let stats = first.into_inner().message().await?.and_then(|message| message.stats).unwrap_or_default();
+    let request = wire::WatchWorldRequest { world_id, ..Default::default() };
+    let first = client.watch_world(request).await?.into_inner().message().await?;
+    Ok(Look { world, npcs: first.unwrap_or_default().npcs, stats })
 }
 
 fn table(server: &str, before: &[Look], now: &[Look], span: Duration) -> String {
     let mut text = format!(
         "{server}   {} worlds, {} NPCs\n\n{:>6} {:>10} {:>6} {:>6} {:>6} {:>6} {:>7} {:>9} {:>9} {:>7} {:>8} {:>9} {:>8} {:>8}\n",
         now.len(),
-        now.iter().map(|look| look.snapshot.npcs.len()).sum::<usize>(),
+        now.iter().map(|look| look.npcs.len()).sum::<usize>(),
         "world",
         "seed",
         "idle",
@@ -97,13 +107,13 @@ fn table(server: &str, before: &[Look], now: &[Look], span: Duration) -> String 
 }
 
 fn row(text: &mut String, look: &Look, old: Option<&Look>, span: Duration) {
-    let stats = look.snapshot.stats.clone().unwrap_or_default();
-    let past = old.and_then(|old| old.snapshot.stats.clone()).unwrap_or_default();
-    let since = |value: fn(&WorldStats) -> u64| value(&stats).saturating_sub(value(&past));
+    let stats = &look.stats;
+    let past = old.map(|old| old.stats.clone()).unwrap_or_default();
+    let since = |value: fn(&WorldStats) -> u64| value(stats).saturating_sub(value(&past));
     let rate = |count: u64| count as f64 / span.as_secs_f64();
     let times = |stats: &WorldStats| TickTimes::from_counts(&stats.tick_histogram);
-    let recent = times(&stats).since(&times(&past));
-    let count = |status: NpcStatus| look.snapshot.npcs.iter().filter(|npc| npc.status() == status).count();
+    let recent = times(stats).since(&times(&past));
+    let count = |status: NpcStatus| look.npcs.iter().filter(|npc| npc.status() == status).count();
     let ends = |stats: &WorldStats| stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress;
     let percent = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
     // Writing to a string cannot fail.
@@ -122,7 +132,7 @@ fn row(text: &mut String, look: &Look, old: Option<&Look>, span: Duration) {
         since(|stats| stats.ticks_late),
         since(|stats| stats.ticks_dropped),
         rate(since(|stats| stats.decisions_answered)),
-        percent(since(|stats| stats.decisions_missed), since(|stats| stats.decisions_asked)),
-        percent(stats.reached, ends(&stats)),
+        percent(since(|stats| stats.decisions_missed), since(|stats| stats.decisions_requested)),
+        percent(stats.reached, ends(stats)),
     );
 }

@@ -14,7 +14,7 @@ use surefoot_net::client::Credentials;
 use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_planner_service::{self as planner, PlannerConfig};
 use surefoot_proto::convert::map_spec_to_wire;
-use surefoot_proto::world::v1::{WatchWorldResponse, WorldStats};
+use surefoot_proto::world::v1::{WatchStatsResponse, WorldStats};
 use surefoot_world::MapSpec;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -119,8 +119,8 @@ async fn scene(
         let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
         let crowd =
             Crowd::start(link.clone(), map, share, FIRST_SEED + idx).await.context("cannot populate a world")?;
-        let (latest, watching) = watch::channel(WatchWorldResponse::default());
-        watches.push((crowd.world().world_id, watching));
+        let (latest, watching) = watch::channel(WatchStatsResponse::default());
+        watches.push(Watched { world_id: crowd.world().world_id, npcs: share, latest: watching });
         let stop = shutdown.clone();
         parts.spawn(async move {
             tokio::select! {
@@ -133,18 +133,25 @@ async fn scene(
     let failure = watch_scene(args, started, &watches, &mut parts, &shutdown).await;
     shutdown.trigger();
     while let Some(ended) = parts.join_next().await {
-        // The first failure is the one that is told.
+        // The first failure is the one that is reported.
         drop(ended);
     }
     failure?;
     summarise(args, started, &watches)
 }
 
+/// A world of the scene.
+struct Watched {
+    world_id: u64,
+    npcs: usize,
+    latest: watch::Receiver<WatchStatsResponse>,
+}
+
 /// Prints a table until time is up, the user stops, or a part fails.
 async fn watch_scene(
     args: &Args,
     started: Instant,
-    watches: &[(u64, watch::Receiver<WatchWorldResponse>)],
+    watches: &[Watched],
     parts: &mut JoinSet<anyhow::Result<()>>,
     shutdown: &Shutdown,
 ) -> anyhow::Result<()> {
@@ -171,7 +178,7 @@ async fn watch_scene(
     }
 }
 
-fn stats(watching: &watch::Receiver<WatchWorldResponse>) -> WorldStats {
+fn stats(watching: &watch::Receiver<WatchStatsResponse>) -> WorldStats {
     watching.borrow().stats.clone().unwrap_or_default()
 }
 
@@ -184,12 +191,7 @@ fn percent(part: u64, whole: u64) -> f64 {
 }
 
 /// Prints one row per world; returns the decisions answered so far.
-fn print_table(
-    started: Instant,
-    watches: &[(u64, watch::Receiver<WatchWorldResponse>)],
-    before: u64,
-    period: Duration,
-) -> u64 {
+fn print_table(started: Instant, watches: &[Watched], before: u64, period: Duration) -> u64 {
     let mut table = format!(
         "{:>6.0} s  {:>5} {:>5} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8}\n",
         started.elapsed().as_secs_f64(),
@@ -203,16 +205,16 @@ fn print_table(
         "success"
     );
     let mut answered = 0;
-    for (world_id, watching) in watches {
-        let stats = stats(watching);
+    for Watched { world_id, npcs, latest } in watches {
+        let stats = stats(latest);
         answered += stats.decisions_answered;
         table += &format!(
             "          {world_id:>5} {:>5} {:>6.2} ms {:>6.2} ms {:>8} {:>7.2}% {:>8} {:>7.1}%\n",
-            watching.borrow().npcs.len(),
+            npcs,
             stats.tick_us_p50 / 1000.0,
             stats.tick_us_p99 / 1000.0,
             stats.ticks_dropped,
-            percent(stats.decisions_missed, stats.decisions_asked),
+            percent(stats.decisions_missed, stats.decisions_requested),
             stats.reached,
             percent(stats.reached, attempts(&stats)),
         );
@@ -221,12 +223,8 @@ fn print_table(
     answered
 }
 
-fn summarise(
-    args: &Args,
-    started: Instant,
-    watches: &[(u64, watch::Receiver<WatchWorldResponse>)],
-) -> anyhow::Result<()> {
-    let all: Vec<WorldStats> = watches.iter().map(|(_, watching)| stats(watching)).collect();
+fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Result<()> {
+    let all: Vec<WorldStats> = watches.iter().map(|watched| stats(&watched.latest)).collect();
     let sum = |value: fn(&WorldStats) -> u64| all.iter().map(value).sum::<u64>();
     let worst = |value: fn(&WorldStats) -> f32| all.iter().map(value).fold(0.0, f32::max);
     let (arrivals, attempted) = (sum(|stats| stats.reached), sum(attempts));
@@ -242,7 +240,7 @@ fn summarise(
             "tick_ms_p50": worst(|s| s.tick_us_p50) / 1000.0,
             "tick_ms_p99": worst(|s| s.tick_us_p99) / 1000.0,
             "ticks_dropped": sum(|s| s.ticks_dropped),
-            "decisions_asked": sum(|s| s.decisions_asked),
+            "decisions_requested": sum(|s| s.decisions_requested),
             "decisions_missed": sum(|s| s.decisions_missed),
         }))?;
     } else {
@@ -259,8 +257,8 @@ fn summarise(
             worst(|s| s.tick_us_p50) / 1000.0,
             worst(|s| s.tick_us_p99) / 1000.0,
             sum(|s| s.ticks_dropped),
-            percent(sum(|s| s.decisions_missed), sum(|s| s.decisions_asked)),
-            sum(|s| s.decisions_asked)
+            percent(sum(|s| s.decisions_missed), sum(|s| s.decisions_requested)),
+            sum(|s| s.decisions_requested)
         );
     }
     if args.duration.is_some() && arrivals == 0 {

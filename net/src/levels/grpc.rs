@@ -1,9 +1,11 @@
 //! `MapService`: decode, call, encode.
 
 use super::store::{Level, LevelError, LevelFormat, LevelStore, MapSource, read};
+use crate::paging::{PageSize, page};
 use crate::status;
 use std::sync::Arc;
 use surefoot_proto::convert;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_server::MapService;
 use surefoot_world::exchange;
@@ -16,8 +18,8 @@ impl From<LevelError> for Status {
     fn from(error: LevelError) -> Self {
         let message = error.to_string();
         match error {
-            LevelError::Full(_) => status::exhausted(message),
-            LevelError::Unknown(map_hash) => status::not_found("map", map_hash, message),
+            LevelError::Full(_) => status::quota(Reason::TooManyMaps, "server", message),
+            LevelError::Unknown(map_hash) => status::not_found(Reason::MapNotFound, "map", map_hash, message),
             LevelError::File(_) => status::invalid("file", message),
         }
     }
@@ -50,7 +52,7 @@ fn format(format: wire::MapFormat) -> Result<LevelFormat, Status> {
         wire::MapFormat::Saved => Ok(LevelFormat::Saved),
         wire::MapFormat::Gltf => Ok(LevelFormat::Gltf),
         wire::MapFormat::Obj => Ok(LevelFormat::Obj),
-        wire::MapFormat::Unspecified => Err(status::invalid("file", "format is not set")),
+        wire::MapFormat::Unspecified => Err(status::invalid("format", "format is not set")),
     }
 }
 
@@ -68,7 +70,8 @@ impl MapService for LevelStore {
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
             read(format, &file, sidecar)
         });
-        let (map, warnings) = task.await.map_err(|error| Status::internal(format!("the import failed: {error}")))??;
+        let (map, warnings) =
+            task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
         let level = self.put(name, Arc::new(map))?;
         Ok(Response::new(wire::ImportMapResponse { map: Some(level_to_wire(&level)), warnings }))
     }
@@ -77,12 +80,20 @@ impl MapService for LevelStore {
         let level = self.get(&request.into_inner().map_hash)?;
         let map = Some(level_to_wire(&level));
         let task = tokio::task::spawn_blocking(move || exchange::encode(&level.map));
-        let file = task.await.map_err(|error| Status::internal(format!("the map cannot be saved: {error}")))?;
+        let file = task
+            .await
+            .map_err(|error| status::failure(Reason::Internal, format!("the map cannot be saved: {error}")))?;
         Ok(Response::new(wire::GetMapResponse { map, file }))
     }
 
-    async fn list_maps(&self, _: Request<wire::ListMapsRequest>) -> Result<Response<wire::ListMapsResponse>, Status> {
-        let maps = self.all().iter().map(|level| level_to_wire(level)).collect();
-        Ok(Response::new(wire::ListMapsResponse { maps }))
+    async fn list_maps(
+        &self,
+        request: Request<wire::ListMapsRequest>,
+    ) -> Result<Response<wire::ListMapsResponse>, Status> {
+        let wire::ListMapsRequest { page_size, page_token } = request.into_inner();
+        let hash = |level: &Arc<Level>| level.map.hash().to_hex();
+        let page = page(self.all(), hash, PageSize::USUAL, page_size, &page_token)?;
+        let maps = page.items.iter().map(|level| level_to_wire(level)).collect();
+        Ok(Response::new(wire::ListMapsResponse { maps, next_page_token: page.next_token }))
     }
 }

@@ -35,7 +35,7 @@ impl MapSource {
         }
     }
 
-    /// Tells it from other sources.
+    /// Distinguishes it from other sources.
     pub fn key(&self) -> String {
         match self {
             MapSource::Spec(spec) => format!("{spec:?}"),

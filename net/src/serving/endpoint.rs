@@ -1,11 +1,14 @@
 //! An endpoint: one address with its services, from binding it to a drain that ends.
 
+use super::connect;
 use super::gate::{self, Gate};
 use super::incoming::{Counters, Incoming};
 use super::limits::Limits;
+use super::openapi;
 use super::origin::Origins;
 use super::security::Security;
 use super::shutdown::Shutdown;
+use axum::http::header::CONTENT_TYPE;
 use std::future::Future;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -158,11 +161,21 @@ impl Endpoint {
         let origins = Origins { named: security.origins.into(), guarded };
         let cors = origins.layer();
         let gate = Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline };
-        let mut router = services.routes().into_axum_router().route("/metrics", axum::routing::get(page));
+        let contracts = openapi::document(&names);
+        let contracts = move || async move { ([(CONTENT_TYPE, "application/json")], contracts) };
+        let mut router = services
+            .routes()
+            .into_axum_router()
+            .route("/metrics", axum::routing::get(page))
+            .route("/openapi.json", axum::routing::get(contracts));
         if let Some(pages) = pages {
             router = router.fallback(move |request| gate::page(pages, request));
         }
-        let router = router.layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass)).layer(cors);
+        // From the inside out.
+        let router = router
+            .layer(axum::middleware::from_fn_with_state(limits.max_import_bytes * 2, connect::serve))
+            .layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass))
+            .layer(cors);
         let mut server = Server::builder()
             .accept_http1(true)
             .max_concurrent_streams(limits.max_streams)

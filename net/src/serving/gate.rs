@@ -2,7 +2,9 @@
 
 use super::access::{Access, access};
 use super::origin::Origins;
+use super::protocol::Connect;
 use super::tokens::Tokens;
+use crate::status;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, Method, StatusCode, header};
@@ -10,6 +12,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
+use surefoot_proto::reason::Reason;
 use tonic::Status;
 use tonic::transport::server::{TcpConnectInfo, TlsConnectInfo};
 use tower_service::Service;
@@ -32,17 +35,16 @@ pub(super) struct Gate {
 
 /// Lets a request through to its service, or answers it.
 pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
-    let is_web = content_type(&request).is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc-web"));
-    let web_kind = content_type(&request).filter(|_| is_web).cloned();
+    let protocol = Protocol::of(&request);
     let caller = match gate.admit(&request) {
         Ok(caller) => caller,
         Err(status) if request.uri().path() == "/metrics" => return refuse_page(&status),
-        Err(status) => return refuse(status, web_kind),
+        Err(status) => return protocol.refuse(status),
     };
     let span = info_span!("rpc", method = request.uri().path(), caller = &*caller.name);
     request.extensions_mut().insert(caller);
-    let has_deadline = request.headers().contains_key("grpc-timeout");
-    let answer = next.run(request).instrument(span);
+    let has_deadline = ["grpc-timeout", "connect-timeout-ms"].iter().any(|name| request.headers().contains_key(*name));
+    let answer = async { with_reason(next.run(request).await) }.instrument(span);
     if has_deadline {
         // tonic itself heeds it.
         return answer.await;
@@ -51,12 +53,22 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
         Ok(response) => response,
         Err(_) => {
             let limit = gate.default_deadline.as_secs_f64();
-            let status = Status::deadline_exceeded(format!(
-                "no answer within {limit} s, the default (--default-deadline): ask with a deadline of your own"
-            ));
-            refuse(status, web_kind)
+            let message = format!(
+                "no answer within {limit} s, the default (--default-deadline): set a deadline of your own on the call"
+            );
+            let status = status::failure(Reason::DeadlineExceeded, message);
+            protocol.refuse(status)
         }
     }
+}
+
+/// Adds the reason to a refusal that the transport made by itself, such as that of a message that is too large.
+fn with_reason(mut response: Response) -> Response {
+    let Some(status) = Status::from_header_map(response.headers()) else { return response };
+    let told = status::with_reason(status);
+    // A status that cannot be written stays as it was.
+    let _ = told.add_header(response.headers_mut());
+    response
 }
 
 impl Gate {
@@ -72,16 +84,16 @@ impl Gate {
             return Ok(peer());
         }
         let secret = bearer(request).ok_or_else(|| {
-            Status::unauthenticated("a token is needed: send `authorization: Bearer SECRET` (--token)")
+            status::failure(Reason::TokenMissing, "a token is needed: send `authorization: Bearer SECRET` (--token)")
         })?;
+        let holder = tokens.holder(secret);
         let (name, role) =
-            tokens.holder(secret).ok_or_else(|| Status::unauthenticated("the token is not one that is known here"))?;
+            holder.ok_or_else(|| status::failure(Reason::TokenUnknown, "the token is not known to this service"))?;
         match access {
-            Access::Roles(roles) if !roles.contains(&role) => Err(Status::permission_denied(format!(
-                "`{name}` is a {} and may not call {}",
-                role.name(),
-                request.uri().path()
-            ))),
+            Access::Roles(roles) if !roles.contains(&role) => {
+                let (role, path) = (role.name(), request.uri().path());
+                Err(status::failure(Reason::RoleForbidden, format!("`{name}` is a {role} and may not call {path}")))
+            }
             _ => Ok(Caller { name }),
         }
     }
@@ -97,7 +109,7 @@ pub(super) async fn page(mut pages: axum::Router, request: Request) -> Response 
         return pages.call(request).await.into_response();
     }
     let path = request.uri().path();
-    Status::unimplemented(format!("{path} is no method of this service")).into_http()
+    status::failure(Reason::UnknownMethod, format!("{path} is not a method of this service")).into_http()
 }
 
 fn content_type(request: &Request) -> Option<&HeaderValue> {
@@ -117,13 +129,34 @@ fn peer(request: &Request) -> String {
     plain.or_else(secured).map_or_else(|| "unknown".to_owned(), |address| address.ip().to_canonical().to_string())
 }
 
-/// A status as an answer; one of gRPC-Web says so.
-fn refuse(status: Status, web_kind: Option<HeaderValue>) -> Response {
-    let mut response = status.into_http::<Body>();
-    if let Some(kind) = web_kind {
-        response.headers_mut().insert(header::CONTENT_TYPE, kind);
+/// What a caller speaks, and so how a refusal looks.
+enum Protocol {
+    Grpc,
+    /// With its content type.
+    GrpcWeb(HeaderValue),
+    Connect(Connect),
+}
+
+impl Protocol {
+    fn of(request: &Request) -> Self {
+        if let Some(connect) = Connect::of(request) {
+            return Self::Connect(connect);
+        }
+        let is_web = |kind: &&HeaderValue| kind.as_bytes().starts_with(b"application/grpc-web");
+        content_type(request).filter(is_web).map_or(Self::Grpc, |kind| Self::GrpcWeb(kind.clone()))
     }
-    response
+
+    fn refuse(self, status: Status) -> Response {
+        match self {
+            Self::Grpc => status.into_http::<Body>(),
+            Self::GrpcWeb(kind) => {
+                let mut response = status.into_http::<Body>();
+                response.headers_mut().insert(header::CONTENT_TYPE, kind);
+                response
+            }
+            Self::Connect(connect) => connect.refuse(&status),
+        }
+    }
 }
 
 /// A status as an answer to a plain HTTP request.

@@ -1,6 +1,6 @@
 //! Accepts connections, as many as there may be, and cuts off those that stay silent.
 //!
-//! A connection beyond the limit is closed at once, not queued: whoever balances the load then tries elsewhere.
+//! A connection beyond the limit is closed at once, not queued: a load balancer then tries elsewhere.
 
 use super::limits::Limits;
 use super::shutdown::Shutdown;

@@ -1,16 +1,19 @@
-//! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, gRPC-Web, and a drain that
-//! ends.
+//! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, gRPC-Web, Connect with JSON,
+//! and a drain that ends.
 //!
 //! [`Endpoint`] puts it together. A connection comes in through `incoming` (how many, how long silent), a request through
-//! `gate` (who, by [`access`], and by when).
+//! `gate` (who, by [`access`], and by when); one in the Connect protocol becomes one of gRPC in `connect`.
 
 pub mod access;
+mod connect;
 mod endpoint;
 mod files;
 mod gate;
 mod incoming;
 mod limits;
+mod openapi;
 mod origin;
+mod protocol;
 pub mod security;
 mod shutdown;
 pub mod tokens;

@@ -1,10 +1,12 @@
 //! Which web pages may call. A browser tells where a page comes from; every other client says nothing and is not asked.
 
+use crate::status;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
+use surefoot_proto::reason::Reason;
 use tonic::Status;
 use tower_http::cors::{AllowHeaders, AllowOrigin, CorsLayer};
 
@@ -26,10 +28,13 @@ impl Origins {
     /// Refuses a page that is not let in.
     pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), Status> {
         match headers.get(header::ORIGIN) {
-            Some(origin) if !self.admit(origin, uri, headers) => Err(Status::permission_denied(format!(
-                "a page from {} may not call this service: serve it from the same host or name it (--allow-origin)",
-                origin.to_str().unwrap_or("elsewhere")
-            ))),
+            Some(origin) if !self.admit(origin, uri, headers) => {
+                let origin = origin.to_str().unwrap_or("elsewhere");
+                let message = format!(
+                    "a page from {origin} may not call this service: serve it from the same host or name it (--allow-origin)"
+                );
+                Err(status::failure(Reason::OriginForbidden, message))
+            }
             _ => Ok(()),
         }
     }

@@ -2,8 +2,13 @@
 
 use crate::status;
 use std::future::Future;
+use std::time::Duration;
+use surefoot_proto::reason::Reason;
 use tokio::sync::watch;
 use tonic::Status;
+
+/// A service that restarts is back after about this long.
+const RESTART: Duration = Duration::from_secs(2);
 
 /// Tells every part of a process that it is time to stop.
 #[derive(Debug, Clone)]
@@ -40,5 +45,5 @@ impl Shutdown {
 
 /// The status that ends streams when an endpoint drains.
 pub fn going_away() -> Status {
-    status::unavailable("the service is shutting down: connect again later")
+    status::retry(Reason::ShuttingDown, RESTART, "the service is shutting down: connect again later")
 }

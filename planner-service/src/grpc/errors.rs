@@ -1,25 +1,36 @@
 //! From the planner's errors to statuses: one match, exhaustive.
 
 use crate::error::PlannerError;
+use std::time::Duration;
 use surefoot_net::status;
 use surefoot_planner::BuildError;
+use surefoot_proto::reason::Reason;
 use tonic::Status;
+
+/// About how long a build takes, after which there is room for another.
+const BUILD_TIME: Duration = Duration::from_secs(5);
 
 impl From<PlannerError> for Status {
     fn from(error: PlannerError) -> Self {
         let message = error.to_string();
         match error {
             PlannerError::BadGraphId => status::invalid("graph_id", message),
-            PlannerError::UnknownGraph(id) | PlannerError::Unloaded(id) => status::not_found("graph", id, message),
-            PlannerError::UnknownVertex { vertex, .. } => status::not_found("vertex", vertex.to_string(), message),
-            PlannerError::UnknownLayer(name) => status::not_found("layer", name, message),
-            PlannerError::TooManyBuilds(_) => status::exhausted(message),
+            PlannerError::UnknownGraph(id) | PlannerError::Unloaded(id) => {
+                status::not_found(Reason::GraphNotFound, "graph", id, message)
+            }
+            PlannerError::UnknownBuild(id) => status::not_found(Reason::BuildNotFound, "build", id, message),
+            PlannerError::UnknownVertex { vertex, .. } => {
+                status::not_found(Reason::VertexNotFound, "vertex", vertex.to_string(), message)
+            }
+            PlannerError::UnknownLayer(name) => status::not_found(Reason::LayerNotFound, "layer", name, message),
+            PlannerError::TooManyBuilds(_) => status::retry(Reason::TooManyBuilds, BUILD_TIME, message),
             PlannerError::Build(error) => build_status(&error),
             PlannerError::Level(error) => error.into(),
             PlannerError::Layer(_) => status::invalid("layer", message),
-            PlannerError::Overtaken => Status::aborted(message),
-            PlannerError::Store { .. } | PlannerError::Lost { .. } => Status::internal(message),
-            PlannerError::ShuttingDown => status::unavailable(message),
+            PlannerError::Overtaken => status::failure(Reason::LayersChanged, message),
+            PlannerError::Store { .. } => status::failure(Reason::StoreFailed, message),
+            PlannerError::Lost { .. } => status::failure(Reason::Internal, message),
+            PlannerError::ShuttingDown => surefoot_net::serving::going_away(),
         }
     }
 }
@@ -27,7 +38,7 @@ impl From<PlannerError> for Status {
 fn build_status(error: &BuildError) -> Status {
     let message = error.to_string();
     match error {
-        BuildError::NoGround(_) => Status::failed_precondition(message),
-        BuildError::Cancelled => Status::cancelled(message),
+        BuildError::NoGround(_) => status::failure(Reason::NoGround, message),
+        BuildError::Cancelled => status::failure(Reason::BuildCancelled, message),
     }
 }

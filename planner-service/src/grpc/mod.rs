@@ -7,28 +7,30 @@ mod streams;
 
 use crate::error::PlannerError;
 use crate::hosted::Revision;
+use crate::jobs::Job;
 use crate::layers::LayerChange;
 use crate::planner::Planner;
 use crate::wire::{
-    difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire, ready_graph_to_wire,
-    revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire, unfit_to_wire,
+    build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
+    ready_graph_to_wire, revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire, unapplied_to_wire,
 };
 use std::pin::Pin;
 use surefoot_net::levels::grpc as levels;
+use surefoot_net::paging::{PageSize, page};
 use surefoot_net::status;
 use surefoot_planner::VertexId;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::PlannerService;
-use surefoot_proto::plans::{passage, plan_to_wire, query};
+use surefoot_proto::plans::{plan_to_wire, query, traversal};
 use surefoot_world::Seed;
 use tokio::sync::mpsc;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
-/// Passages that one report may hold.
-const MAX_PASSAGES: usize = 4096;
+/// Traversals that one report may hold.
+const MAX_TRAVERSALS: usize = 4096;
 
 /// The service; clones share everything.
 #[derive(Clone)]
@@ -48,30 +50,64 @@ impl PlannerApi {
         graph_id: &str,
         if_revision: u64,
         change: LayerChange,
-    ) -> Result<(Option<wire::GraphSummary>, Vec<wire::UnfitEdit>, u64), Status> {
+    ) -> Result<(Option<wire::GraphSummary>, Vec<wire::UnappliedEdit>, u64), Status> {
         let changed = self.planner.change_layers(graph_id, revision_from_wire(if_revision), change).await?;
         let revision = revision_to_wire(changed.hosted.revision());
-        Ok((Some(summary_to_wire(&changed.hosted)), unfit_to_wire(&changed.unfit), revision))
+        Ok((Some(summary_to_wire(&changed.hosted.figures())), unapplied_to_wire(&changed.unapplied), revision))
     }
+}
+
+/// A build as it stands.
+fn build_now(job: &Job) -> wire::Build {
+    let stage = job.stages().pop().expect("a build is always in some stage");
+    build_to_wire(job, stage)
 }
 
 type BoxStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
 #[tonic::async_trait]
 impl PlannerService for PlannerApi {
-    type BuildGraphStream = BoxStream<wire::BuildGraphResponse>;
-
-    async fn build_graph(
+    async fn start_build(
         &self,
-        request: Request<wire::BuildGraphRequest>,
-    ) -> Result<Response<Self::BuildGraphStream>, Status> {
+        request: Request<wire::StartBuildRequest>,
+    ) -> Result<Response<wire::StartBuildResponse>, Status> {
         let request = request.into_inner();
         let source = levels::source(self.planner.levels(), request.map.as_ref(), &request.map_hash)?;
         let settings = settings_from_wire(request.settings.as_ref(), self.planner.config())?;
-        let job = self.planner.join(source, settings)?;
+        let job = self.planner.start_build(source, settings)?;
+        Ok(Response::new(wire::StartBuildResponse { build: Some(build_now(&job)) }))
+    }
+
+    type WatchBuildStream = BoxStream<wire::WatchBuildResponse>;
+
+    async fn watch_build(
+        &self,
+        request: Request<wire::WatchBuildRequest>,
+    ) -> Result<Response<Self::WatchBuildStream>, Status> {
+        let job = self.planner.jobs().find(&request.into_inner().build_id)?;
         let (queue, stream) = mpsc::channel(4);
         tokio::spawn(streams::report(job, queue, self.planner.shutdown().clone()));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn list_builds(
+        &self,
+        request: Request<wire::ListBuildsRequest>,
+    ) -> Result<Response<wire::ListBuildsResponse>, Status> {
+        let wire::ListBuildsRequest { page_size, page_token } = request.into_inner();
+        let all = self.planner.jobs().all();
+        let page = page(all, |job| job.id.to_string(), PageSize::USUAL, page_size, &page_token)?;
+        let builds = page.items.iter().map(|job| build_now(job)).collect();
+        Ok(Response::new(wire::ListBuildsResponse { builds, next_page_token: page.next_token }))
+    }
+
+    async fn cancel_build(
+        &self,
+        request: Request<wire::CancelBuildRequest>,
+    ) -> Result<Response<wire::CancelBuildResponse>, Status> {
+        let job = self.planner.jobs().find(&request.into_inner().build_id)?;
+        job.cancel();
+        Ok(Response::new(wire::CancelBuildResponse { build: Some(build_now(&job)) }))
     }
 
     async fn get_graph(
@@ -97,10 +133,13 @@ impl PlannerService for PlannerApi {
 
     async fn list_graphs(
         &self,
-        _request: Request<wire::ListGraphsRequest>,
+        request: Request<wire::ListGraphsRequest>,
     ) -> Result<Response<wire::ListGraphsResponse>, Status> {
-        let graphs = self.planner.all_ready().iter().map(|hosted| ready_graph_to_wire(hosted)).collect();
-        Ok(Response::new(wire::ListGraphsResponse { graphs }))
+        let wire::ListGraphsRequest { page_size, page_token } = request.into_inner();
+        let all = self.planner.all_ready();
+        let page = page(all, |hosted| hosted.origin.id.to_string(), PageSize::USUAL, page_size, &page_token)?;
+        let graphs = page.items.iter().map(|hosted| ready_graph_to_wire(hosted)).collect();
+        Ok(Response::new(wire::ListGraphsResponse { graphs, next_page_token: page.next_token }))
     }
 
     async fn probe_edge(
@@ -147,7 +186,7 @@ impl PlannerService for PlannerApi {
         let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
         if count > limit {
             let message = format!("{count} queries, at most {limit} are allowed in one batch (--max-queries)");
-            return Err(status::too_much("queries", message));
+            return Err(status::too_large("queries", message));
         }
         let queries = request.queries.iter().map(query).collect::<Result<Vec<_>, _>>()?;
         let planner = self.planner.clone();
@@ -167,12 +206,12 @@ impl PlannerService for PlannerApi {
         let request = request.into_inner();
         let hosted = self.planner.ready(&request.graph_id)?;
         let count = request.traversals.len();
-        if count > MAX_PASSAGES {
-            let message = format!("{count} traversals, at most {MAX_PASSAGES} are allowed in one report");
-            return Err(status::too_much("traversals", message));
+        if count > MAX_TRAVERSALS {
+            let message = format!("{count} traversals, at most {MAX_TRAVERSALS} are allowed in one report");
+            return Err(status::too_large("traversals", message));
         }
-        let passages = request.traversals.iter().map(passage).collect::<Result<Vec<_>, _>>()?;
-        let accepted = self.planner.report(&hosted, &passages);
+        let traversals = request.traversals.iter().map(traversal).collect::<Result<Vec<_>, _>>()?;
+        let accepted = self.planner.report(&hosted, &traversals);
         Ok(Response::new(wire::ReportTraversalsResponse { accepted }))
     }
 
@@ -180,10 +219,10 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::GetLayersRequest>,
     ) -> Result<Response<wire::GetLayersResponse>, Status> {
-        let (layers, unfit) = self.planner.ready(&request.into_inner().graph_id)?.layers();
+        let (layers, unapplied) = self.planner.ready(&request.into_inner().graph_id)?.layers();
         let revision = revision_to_wire(Revision::of(&layers));
         let layers = layers.iter().map(layer_to_wire).collect();
-        Ok(Response::new(wire::GetLayersResponse { layers, unfit: unfit_to_wire(&unfit), revision }))
+        Ok(Response::new(wire::GetLayersResponse { layers, unapplied: unapplied_to_wire(&unapplied), revision }))
     }
 
     async fn put_layer(
@@ -192,8 +231,8 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::PutLayerResponse>, Status> {
         let wire::PutLayerRequest { graph_id, layer, if_revision } = request.into_inner();
         let change = LayerChange::Put(layer_from_wire(layer.as_ref())?);
-        let (summary, unfit, revision) = self.change_layers(&graph_id, if_revision, change).await?;
-        Ok(Response::new(wire::PutLayerResponse { summary, unfit, revision }))
+        let (summary, unapplied, revision) = self.change_layers(&graph_id, if_revision, change).await?;
+        Ok(Response::new(wire::PutLayerResponse { summary, unapplied, revision }))
     }
 
     async fn append_edits(
@@ -202,8 +241,8 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::AppendEditsResponse>, Status> {
         let wire::AppendEditsRequest { graph_id, layer, edits, if_revision } = request.into_inner();
         let change = LayerChange::Append(layer, edits_from_wire(&edits)?);
-        let (summary, unfit, revision) = self.change_layers(&graph_id, if_revision, change).await?;
-        Ok(Response::new(wire::AppendEditsResponse { summary, unfit, revision }))
+        let (summary, unapplied, revision) = self.change_layers(&graph_id, if_revision, change).await?;
+        Ok(Response::new(wire::AppendEditsResponse { summary, unapplied, revision }))
     }
 
     async fn undo_edits(
@@ -215,7 +254,7 @@ impl PlannerService for PlannerApi {
             return Err(status::invalid("count", "count is 0, at least 1 edit can be taken back"));
         }
         let change = LayerChange::Undo(layer, count as usize);
-        let (summary, unfit, revision) = self.change_layers(&graph_id, if_revision, change).await?;
-        Ok(Response::new(wire::UndoEditsResponse { summary, unfit, revision }))
+        let (summary, unapplied, revision) = self.change_layers(&graph_id, if_revision, change).await?;
+        Ok(Response::new(wire::UndoEditsResponse { summary, unapplied, revision }))
     }
 }

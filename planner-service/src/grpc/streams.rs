@@ -3,8 +3,8 @@
 use crate::error::PlannerError;
 use crate::jobs::Job;
 use crate::planner::Planner;
-use crate::wire::{revision_to_wire, summary_to_wire};
-use std::sync::atomic::Ordering;
+use crate::wire::{build_to_wire, revision_to_wire, summary_to_wire};
+use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::serving::{Shutdown, going_away};
 use surefoot_proto::planner::v1 as wire;
@@ -13,10 +13,10 @@ use tonic::Status;
 
 /// How often a build's progress is sent.
 const PROGRESS_PERIOD: Duration = Duration::from_millis(250);
-/// Those who watch a graph that does not change are told so after this: well before their connection counts as silent.
+/// Watchers of a graph that does not change get a message after this: well before their connection counts as silent.
 const REMIND_AFTER: Duration = Duration::from_secs(20);
 
-/// Tells one reader what a graph is like now, and again whenever it has changed.
+/// Sends one reader the state of a graph, at once and whenever it changes.
 pub async fn tell_changes(
     planner: Planner,
     graph_id: String,
@@ -37,7 +37,7 @@ pub async fn tell_changes(
         }
         let told = match planner.find(&graph_id) {
             Ok(hosted) => wire::WatchGraphResponse {
-                summary: Some(summary_to_wire(&hosted)),
+                summary: Some(summary_to_wire(&hosted.figures())),
                 revision: revision_to_wire(hosted.revision()),
             },
             Err(error) => break error.into(),
@@ -51,46 +51,37 @@ pub async fn tell_changes(
     let _ = queue.try_send(Err(end));
 }
 
-/// Streams a build's progress, then its end.
-pub async fn report(mut job: Job, queue: mpsc::Sender<Result<wire::BuildGraphResponse, Status>>, shutdown: Shutdown) {
-    let progress = job.progress();
+/// Streams a build's progress: each of its stages, counts in between, and its end.
+pub async fn report(job: Arc<Job>, queue: mpsc::Sender<Result<wire::WatchBuildResponse, Status>>, shutdown: Shutdown) {
     let stopping = shutdown.wait();
     tokio::pin!(stopping);
+    let mut shown = 0;
     loop {
-        let finished = tokio::select! {
-            finished = job.finished() => Some(finished.map_err(Status::from)),
-            () = tokio::time::sleep(PROGRESS_PERIOD) => None,
-            () = &mut stopping => Some(Err(going_away())),
-            () = queue.closed() => return,
-        };
-        let (probes_done, probes_total) =
-            (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
-        let (last, message) = match finished {
-            None => {
-                let stage = if probes_total == 0 { "vertices" } else { "probe" };
-                (
-                    false,
-                    Ok(wire::BuildGraphResponse {
-                        stage: stage.to_owned(),
-                        probes_done,
-                        probes_total,
-                        ..Default::default()
-                    }),
-                )
+        // Subscribed before it is read, so that no change is missed.
+        let changes = job.changes();
+        let stages = job.stages();
+        let is_over = stages.last().is_some_and(|stage| stage.is_end());
+        let news = &stages[shown..];
+        // Without news there are counts.
+        for &stage in if news.is_empty() { &stages[stages.len() - 1..] } else { news } {
+            let message = wire::WatchBuildResponse { build: Some(build_to_wire(&job, stage)) };
+            if queue.send(Ok(message)).await.is_err() {
+                return;
             }
-            Some(result) => {
-                let done = result.map(|ready| wire::BuildGraphResponse {
-                    graph_id: ready.origin.id.to_string(),
-                    stage: "done".to_owned(),
-                    probes_done,
-                    probes_total,
-                    summary: Some(summary_to_wire(&ready)),
-                });
-                (true, done)
-            }
-        };
-        if queue.send(message).await.is_err() || last {
+        }
+        if is_over {
             return;
+        }
+        shown = stages.len();
+        tokio::select! {
+            () = changes => {}
+            () = tokio::time::sleep(PROGRESS_PERIOD) => {}
+            () = &mut stopping => {
+                // A reader that does not read does not learn why its stream is over.
+                let _ = queue.try_send(Err(going_away()));
+                return;
+            }
+            () = queue.closed() => return,
         }
     }
 }

@@ -1,5 +1,5 @@
 //! Fast paths for the CPU backend: operations that do several steps in one pass over memory, with their backward passes
-//! written out. Each returns `None` where its tensors live elsewhere; tests hold each against tensor operations.
+//! written out. Each returns `None` where its tensors live elsewhere; tests compare each with tensor operations.
 
 pub mod dense;
 pub mod lstm;

@@ -1,8 +1,10 @@
 //! `EnvService`: decode, call, encode.
 
+use super::client_of;
 use crate::envs::{EnvId, Envs};
 use crate::wire::{env_actions, env_settings, results_to_wire};
 use std::pin::Pin;
+use surefoot_net::idempotency::Answers;
 use surefoot_net::serving::{Shutdown, going_away};
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
@@ -25,6 +27,8 @@ pub struct EnvApi {
     pub envs: Envs,
     /// Ends streams.
     pub shutdown: Shutdown,
+    /// Environments that were created lately: their ids and first observations.
+    pub created: Answers<(EnvId, Vec<f32>)>,
 }
 
 impl EnvApi {
@@ -42,8 +46,12 @@ impl EnvService for EnvApi {
         &self,
         request: Request<wire::CreateEnvRequest>,
     ) -> Result<Response<wire::CreateEnvResponse>, Status> {
-        let settings = env_settings(&request.into_inner())?;
-        let (env_id, observations) = self.envs.create(settings).await?;
+        let client = client_of(&request);
+        let request = request.into_inner();
+        let settings = env_settings(&request)?;
+        let envs = self.envs.clone();
+        let create = async move { Ok(envs.create(settings).await?) };
+        let (env_id, observations) = self.created.once(&client, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateEnvResponse {
             env_id: env_id.0,
             observation_len: OBSERVATION_LEN as u32,

@@ -2,20 +2,28 @@
 
 use crate::envs::EnvError;
 use crate::errors::SimError;
-use crate::hosted::NpcError;
+use crate::hosted::{EventsLost, NpcError};
 use crate::messages::Goodbye;
 use crate::worlds::WorldsError;
+use std::time::Duration;
 use surefoot_net::status;
+use surefoot_proto::reason::Reason;
 use tonic::Status;
+
+/// A world works its inbox off within a tick or two.
+const INBOX_TIME: Duration = Duration::from_millis(50);
 
 impl From<NpcError> for Status {
     fn from(error: NpcError) -> Self {
         let message = error.to_string();
         match error {
-            NpcError::Unknown(npc) => status::not_found("npc", npc.to_string(), message),
-            NpcError::Full { .. } => status::exhausted(message),
+            NpcError::Unknown(npc) => status::not_found(Reason::NpcNotFound, "npc", npc.to_string(), message),
+            NpcError::Full { world, .. } | NpcError::OutOfNumbers(world) => {
+                status::quota(Reason::TooManyNpcs, format!("world:{world}"), message)
+            }
             NpcError::Outside { field, .. } => status::invalid(field, message),
-            NpcError::Down(_) | NpcError::NoGround(_) => Status::failed_precondition(message),
+            NpcError::Down(_) => status::failure(Reason::NpcDown, message),
+            NpcError::NoGround(_) => status::failure(Reason::NoGround, message),
         }
     }
 }
@@ -23,8 +31,8 @@ impl From<NpcError> for Status {
 impl From<SimError> for Status {
     fn from(error: SimError) -> Self {
         match error {
-            SimError::Busy => status::exhausted(error.to_string()),
-            SimError::Stopped => status::unavailable(error.to_string()),
+            SimError::Busy => status::retry(Reason::Busy, INBOX_TIME, error.to_string()),
+            SimError::Stopped => status::failure(Reason::WorldStopped, error.to_string()),
         }
     }
 }
@@ -33,14 +41,25 @@ impl From<WorldsError> for Status {
     fn from(error: WorldsError) -> Self {
         let message = error.to_string();
         match error {
-            WorldsError::UnknownWorld(world) => status::not_found("world", world.to_string(), message),
-            WorldsError::TooManyWorlds(_) | WorldsError::NoThread(_) | WorldsError::Quota(_) => {
-                status::exhausted(message)
+            WorldsError::UnknownWorld(world) => {
+                status::not_found(Reason::WorldNotFound, "world", world.to_string(), message)
             }
+            WorldsError::TooManyWorlds(_) | WorldsError::NoThread(_) => {
+                status::quota(Reason::TooManyWorlds, "server", message)
+            }
+            WorldsError::WorldQuota(error) => status::quota(Reason::TooManyWorlds, error.subject(), message),
+            WorldsError::NpcQuota(error) => status::quota(Reason::TooManyNpcs, error.subject(), message),
             WorldsError::Npc(error) => error.into(),
             WorldsError::Sim(error) => error.into(),
-            WorldsError::Lost(..) => Status::internal(message),
+            WorldsError::BadItem(field, _) => status::invalid(field, message),
+            WorldsError::Lost(..) => status::failure(Reason::Internal, message),
         }
+    }
+}
+
+impl From<EventsLost> for Status {
+    fn from(error: EventsLost) -> Self {
+        status::failure(Reason::EventsLost, error.to_string())
     }
 }
 
@@ -48,11 +67,11 @@ impl From<EnvError> for Status {
     fn from(error: EnvError) -> Self {
         let message = error.to_string();
         match error {
-            EnvError::Unknown(env) => status::not_found("environment", env.to_string(), message),
-            EnvError::TooMany(_) => status::exhausted(message),
-            EnvError::Busy(_) => Status::aborted(message),
-            EnvError::NoGround(_) => Status::failed_precondition(message),
-            EnvError::Lost(_) => Status::internal(message),
+            EnvError::Unknown(env) => status::not_found(Reason::EnvNotFound, "environment", env.to_string(), message),
+            EnvError::TooMany(_) => status::quota(Reason::TooManyEnvs, "server", message),
+            EnvError::Busy(_) => status::failure(Reason::StepInProgress, message),
+            EnvError::NoGround(_) => status::failure(Reason::NoGround, message),
+            EnvError::Lost(_) => status::failure(Reason::Internal, message),
         }
     }
 }
@@ -61,9 +80,9 @@ impl From<Goodbye> for Status {
     fn from(goodbye: Goodbye) -> Self {
         let message = goodbye.to_string();
         match goodbye {
-            Goodbye::ShuttingDown => status::unavailable(message),
-            Goodbye::NotReading => Status::aborted(message),
-            Goodbye::Unexpected => Status::invalid_argument(message),
+            Goodbye::ShuttingDown => surefoot_net::serving::going_away(),
+            Goodbye::NotReading => status::failure(Reason::ReaderTooSlow, message),
+            Goodbye::Unexpected => status::failure(Reason::MalformedRequest, message),
             Goodbye::BadAnswer(field, _) => status::invalid(field, message),
             Goodbye::Sim(error) => error.into(),
         }

@@ -1,45 +1,63 @@
 //! `WorldService`: decode, call, encode.
 //!
-//! `readers` are the streams to those who watch, `work` those of workers, `env` is `EnvService`, `errors` turns the
+//! `batches` are calls about many NPCs, `readers` the streams to those who watch, `work` those of workers, `env` is `EnvService`, `errors` turns the
 //! server's errors into statuses.
 
+mod batches;
 pub mod env;
 mod errors;
 mod readers;
 mod work;
 
 use crate::geometry::Tiles;
+use crate::hosted::HostedWorld;
 use crate::ids::{NpcId, WorldId};
 use crate::view::View;
 use crate::wire::{features_to_wire, finite, npc_to_wire, region as convert_region, time_mode, world_to_wire};
-use crate::worlds::Worlds;
+use crate::worlds::{WorldSummary, Worlds};
 use readers::ReaderStream;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
+use surefoot_net::idempotency::Answers;
 use surefoot_net::levels::grpc as levels;
+use surefoot_net::paging::{PageSize, page_by_id};
 use surefoot_net::serving::Caller;
+use surefoot_net::status;
 use surefoot_proto::convert;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
-use surefoot_world::{Map, Seed};
+use surefoot_world::sense::OBSERVATION_VERSION;
+use surefoot_world::{Map, OBSERVATION_LEN, Seed, TICKS_PER_DECISION, TICKS_PER_SECOND};
 use tokio::sync::Semaphore;
 use tonic::{Request, Response, Status, Streaming};
 use work::WorkStream;
 
 /// Threads that may make tiles of meshes at the same time: worlds must go on meanwhile.
 const MESHES_AT_A_TIME: usize = 2;
+/// Pages of ListNpcs.
+const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 
 /// The service; clones share everything.
 #[derive(Debug, Clone)]
 pub struct WorldApi {
     worlds: Worlds,
     meshing: Arc<Semaphore>,
+    created_worlds: Answers<WorldSummary>,
+    spawned: Answers<NpcId>,
+    spawned_batches: Answers<wire::BatchSpawnNpcsResponse>,
 }
 
 impl WorldApi {
     /// The service in front of `worlds`.
     pub fn new(worlds: Worlds) -> Self {
-        Self { worlds, meshing: Arc::new(Semaphore::new(MESHES_AT_A_TIME)) }
+        Self {
+            worlds,
+            meshing: Arc::new(Semaphore::new(MESHES_AT_A_TIME)),
+            created_worlds: Answers::default(),
+            spawned: Answers::default(),
+            spawned_batches: Answers::default(),
+        }
     }
 
     /// How long a reader may leave everything unread.
@@ -55,6 +73,24 @@ fn client_of<T>(request: &Request<T>) -> Arc<str> {
 
 #[tonic::async_trait]
 impl WorldService for WorldApi {
+    async fn get_server(
+        &self,
+        _: Request<wire::GetServerRequest>,
+    ) -> Result<Response<wire::GetServerResponse>, Status> {
+        let config = self.worlds.config();
+        Ok(Response::new(wire::GetServerResponse {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            epoch: self.worlds.epoch(),
+            server_time: Some(SystemTime::now().into()),
+            ticks_per_second: TICKS_PER_SECOND,
+            ticks_per_decision: TICKS_PER_DECISION,
+            max_worlds: config.max_worlds as u32,
+            max_npcs_per_world: config.max_npcs_per_world as u32,
+            observation_len: OBSERVATION_LEN as u32,
+            observation_version: OBSERVATION_VERSION,
+        }))
+    }
+
     async fn create_world(
         &self,
         request: Request<wire::CreateWorldRequest>,
@@ -62,16 +98,33 @@ impl WorldService for WorldApi {
         let client = client_of(&request);
         let request = request.into_inner();
         let source = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
-        let world = self.worlds.create(&client, source, time_mode(request.mode)?).await?;
+        let mode = time_mode(request.mode)?;
+        let (worlds, owner) = (self.worlds.clone(), client.clone());
+        let create = async move { Ok(worlds.create(&owner, source, mode).await?) };
+        let world = self.created_worlds.once(&client, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateWorldResponse { world: Some(world_to_wire(&world)) }))
+    }
+
+    async fn get_world(
+        &self,
+        request: Request<wire::GetWorldRequest>,
+    ) -> Result<Response<wire::GetWorldResponse>, Status> {
+        let world = self.worlds.describe(WorldId(request.into_inner().world_id)).await?;
+        Ok(Response::new(wire::GetWorldResponse { world: Some(world_to_wire(&world)) }))
     }
 
     async fn list_worlds(
         &self,
-        _: Request<wire::ListWorldsRequest>,
+        request: Request<wire::ListWorldsRequest>,
     ) -> Result<Response<wire::ListWorldsResponse>, Status> {
-        let worlds = self.worlds.list().await.iter().map(world_to_wire).collect();
-        Ok(Response::new(wire::ListWorldsResponse { worlds }))
+        let wire::ListWorldsRequest { page_size, page_token } = request.into_inner();
+        let page = page_by_id(self.worlds.ids(), |id| id.0, PageSize::USUAL, page_size, &page_token)?;
+        let mut worlds = Vec::with_capacity(page.items.len());
+        for id in page.items {
+            // A world may have been dropped since the ids were read.
+            worlds.extend(self.worlds.describe(id).await.ok().as_ref().map(world_to_wire));
+        }
+        Ok(Response::new(wire::ListWorldsResponse { worlds, next_page_token: page.next_token }))
     }
 
     async fn drop_world(
@@ -103,8 +156,33 @@ impl WorldService for WorldApi {
         let world = WorldId(request.world_id);
         self.worlds.handle(world)?;
         let position = convert::point(request.position.as_ref(), "position")?;
-        let npc = self.worlds.spawn(&client, world, position, finite(request.yaw, "yaw")?).await?;
+        let yaw = finite(request.yaw, "yaw")?;
+        let (worlds, owner) = (self.worlds.clone(), client.clone());
+        let spawn = async move { Ok(worlds.spawn(&owner, world, position, yaw).await?) };
+        let npc = self.spawned.once(&client, &request.request_id, &request, spawn).await?;
         Ok(Response::new(wire::SpawnNpcResponse { npc_id: npc.0 }))
+    }
+
+    async fn batch_spawn_npcs(
+        &self,
+        request: Request<wire::BatchSpawnNpcsRequest>,
+    ) -> Result<Response<wire::BatchSpawnNpcsResponse>, Status> {
+        use wire::spawn_result::Result as Kind;
+        let client = client_of(&request);
+        let request = request.into_inner();
+        batches::check_count(request.spawns.len(), "spawns")?;
+        let orders = request.spawns.iter().map(batches::spawn).collect();
+        let (worlds, owner, world) = (self.worlds.clone(), client.clone(), WorldId(request.world_id));
+        let spawn = async move {
+            let results = worlds.spawn_many(&owner, world, orders).await?.into_iter();
+            let results = results.map(|result| match result {
+                Ok(npc) => wire::SpawnResult { result: Some(Kind::NpcId(npc.0)) },
+                Err(error) => wire::SpawnResult { result: Some(Kind::Error(batches::item_error(error))) },
+            });
+            Ok(wire::BatchSpawnNpcsResponse { results: results.collect() })
+        };
+        let response = self.spawned_batches.once(&client, &request.request_id, &request, spawn).await?;
+        Ok(Response::new(response))
     }
 
     async fn despawn_npc(
@@ -116,31 +194,98 @@ impl WorldService for WorldApi {
         Ok(Response::new(wire::DespawnNpcResponse {}))
     }
 
+    async fn batch_despawn_npcs(
+        &self,
+        request: Request<wire::BatchDespawnNpcsRequest>,
+    ) -> Result<Response<wire::BatchDespawnNpcsResponse>, Status> {
+        let ids = request.into_inner().npc_ids;
+        batches::check_count(ids.len(), "npc_ids")?;
+        let items = ids.into_iter().map(|id| Ok((NpcId(id), ()))).collect();
+        let results = self.worlds.with_npcs(items, |world, npc, ()| world.despawn(npc)).await;
+        let results = results.into_iter().map(batches::item_result).collect();
+        Ok(Response::new(wire::BatchDespawnNpcsResponse { results }))
+    }
+
     async fn set_goal(
         &self,
         request: Request<wire::SetGoalRequest>,
     ) -> Result<Response<wire::SetGoalResponse>, Status> {
-        let wire::SetGoalRequest { npc_id, goal } = request.into_inner();
-        let (npc, goal) = (NpcId(npc_id), convert::point(goal.as_ref(), "goal")?);
-        self.worlds.with_npc(npc, move |world| world.set_goal(npc, goal)).await?;
-        Ok(Response::new(wire::SetGoalResponse {}))
+        let (npc, goal) = batches::goal(&request.into_inner())?;
+        let attempt = self.worlds.with_npc(npc, move |world| world.set_goal(npc, goal)).await?;
+        Ok(Response::new(wire::SetGoalResponse { attempt }))
+    }
+
+    async fn batch_set_goals(
+        &self,
+        request: Request<wire::BatchSetGoalsRequest>,
+    ) -> Result<Response<wire::BatchSetGoalsResponse>, Status> {
+        use wire::set_goal_result::Result as Kind;
+        let goals = request.into_inner().goals;
+        batches::check_count(goals.len(), "goals")?;
+        let items = goals.iter().map(|goal| Ok(batches::goal(goal)?)).collect();
+        let results = self.worlds.with_npcs(items, HostedWorld::set_goal).await.into_iter().map(|result| {
+            let result = result.map_or_else(|error| Kind::Error(batches::item_error(error)), Kind::Attempt);
+            wire::SetGoalResult { result: Some(result) }
+        });
+        Ok(Response::new(wire::BatchSetGoalsResponse { results: results.collect() }))
     }
 
     async fn teleport_npc(
         &self,
         request: Request<wire::TeleportNpcRequest>,
     ) -> Result<Response<wire::TeleportNpcResponse>, Status> {
-        let wire::TeleportNpcRequest { npc_id, position, yaw } = request.into_inner();
-        let (npc, position) = (NpcId(npc_id), convert::point(position.as_ref(), "position")?);
-        let yaw = finite(yaw, "yaw")?;
+        let (npc, (position, yaw)) = batches::teleport(&request.into_inner())?;
         self.worlds.with_npc(npc, move |world| world.teleport(npc, position, yaw)).await?;
         Ok(Response::new(wire::TeleportNpcResponse {}))
+    }
+
+    async fn batch_teleport_npcs(
+        &self,
+        request: Request<wire::BatchTeleportNpcsRequest>,
+    ) -> Result<Response<wire::BatchTeleportNpcsResponse>, Status> {
+        let teleports = request.into_inner().teleports;
+        batches::check_count(teleports.len(), "teleports")?;
+        let items = teleports.iter().map(|teleport| Ok(batches::teleport(teleport)?)).collect();
+        let teleport = |world: &mut HostedWorld, npc, (position, yaw)| world.teleport(npc, position, yaw);
+        let results = self.worlds.with_npcs(items, teleport).await;
+        let results = results.into_iter().map(batches::item_result).collect();
+        Ok(Response::new(wire::BatchTeleportNpcsResponse { results }))
     }
 
     async fn get_npc(&self, request: Request<wire::GetNpcRequest>) -> Result<Response<wire::GetNpcResponse>, Status> {
         let npc = NpcId(request.into_inner().npc_id);
         let state = self.worlds.with_npc(npc, move |world| world.npc(npc)).await?;
         Ok(Response::new(wire::GetNpcResponse { npc: Some(npc_to_wire(&state)) }))
+    }
+
+    async fn batch_get_npcs(
+        &self,
+        request: Request<wire::BatchGetNpcsRequest>,
+    ) -> Result<Response<wire::BatchGetNpcsResponse>, Status> {
+        use wire::get_npc_result::Result as Kind;
+        let ids = request.into_inner().npc_ids;
+        batches::check_count(ids.len(), "npc_ids")?;
+        let items = ids.into_iter().map(|id| Ok((NpcId(id), ()))).collect();
+        let results = self.worlds.with_npcs(items, |world, npc, ()| world.npc(npc)).await.into_iter().map(|result| {
+            let result = result.map(|npc| Kind::Npc(npc_to_wire(&npc)));
+            wire::GetNpcResult { result: Some(result.unwrap_or_else(|error| Kind::Error(batches::item_error(error)))) }
+        });
+        Ok(Response::new(wire::BatchGetNpcsResponse { results: results.collect() }))
+    }
+
+    async fn list_npcs(
+        &self,
+        request: Request<wire::ListNpcsRequest>,
+    ) -> Result<Response<wire::ListNpcsResponse>, Status> {
+        let wire::ListNpcsRequest { world_id, region, page_size, page_token } = request.into_inner();
+        let handle = self.worlds.handle(WorldId(world_id))?;
+        let region = convert_region(region.as_ref())?;
+        let (tick, npcs) =
+            handle.sim.call(|state| (state.world.tick(), state.world.npcs().collect::<Vec<_>>())).await?;
+        let npcs = npcs.into_iter().filter(|npc| region.is_none_or(|region| region.holds(npc.position)));
+        let page = page_by_id(npcs, |npc| npc.id.0, NPC_PAGE, page_size, &page_token)?;
+        let npcs = page.items.iter().map(npc_to_wire).collect();
+        Ok(Response::new(wire::ListNpcsResponse { npcs, next_page_token: page.next_token, tick: tick.0 }))
     }
 
     type WatchWorldStream = ReaderStream<wire::WatchWorldResponse>;
@@ -167,6 +312,52 @@ impl WorldService for WorldApi {
             self.patience(),
             self.worlds.shutdown(),
         )))
+    }
+
+    type WatchEventsStream = ReaderStream<wire::WatchEventsResponse>;
+
+    async fn watch_events(
+        &self,
+        request: Request<wire::WatchEventsRequest>,
+    ) -> Result<Response<Self::WatchEventsStream>, Status> {
+        let wire::WatchEventsRequest { world_id, after, npc_ids } = request.into_inner();
+        batches::check_count(npc_ids.len(), "npc_ids")?;
+        let (world, epoch) = (WorldId(world_id), self.worlds.epoch());
+        let handle = self.worlds.handle(world)?;
+        if let Some(after) = after.filter(|after| after.epoch != epoch && after.sequence != 0) {
+            let message = format!("after.epoch is {}, this server's is {epoch}: it has restarted since", after.epoch);
+            return Err(status::failure(Reason::EventsLost, message));
+        }
+        let sequence = after.map(|after| after.sequence);
+        let subscribed = handle.sim.call(move |state| {
+            let log = state.world.events();
+            let after = sequence.unwrap_or_else(|| log.latest());
+            log.after(after, 0).map(|_| (after, state.world.tick(), state.latest_event.subscribe()))
+        });
+        let (after, tick, latest) = subscribed.await?.map_err(Status::from)?;
+        let begin = wire::WatchEventsResponse {
+            tick: tick.0,
+            server_time: Some(SystemTime::now().into()),
+            cursor: Some(wire::EventCursor { epoch, sequence: after }),
+            events: Vec::new(),
+        };
+        let npcs = npc_ids.into_iter().map(NpcId).collect();
+        let wanted = readers::WantedEvents { epoch, world, npcs, begin, after };
+        let source = (handle.sim.clone(), latest);
+        Ok(Response::new(readers::watch_events(wanted, source, self.patience(), self.worlds.shutdown())))
+    }
+
+    type WatchStatsStream = ReaderStream<wire::WatchStatsResponse>;
+
+    async fn watch_stats(
+        &self,
+        request: Request<wire::WatchStatsRequest>,
+    ) -> Result<Response<Self::WatchStatsStream>, Status> {
+        let wire::WatchStatsRequest { world_id, period_s } = request.into_inner();
+        let world = WorldId(world_id);
+        let sim = self.worlds.handle(world)?.sim;
+        let pause = readers::period_of(period_s)?;
+        Ok(Response::new(readers::watch_stats(world, sim, pause, self.patience(), self.worlds.shutdown())))
     }
 
     type FollowNpcStream = ReaderStream<wire::FollowNpcResponse>;

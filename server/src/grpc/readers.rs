@@ -1,20 +1,27 @@
-//! Streams to readers: snapshots of a world, its mesh, one NPC with its plan.
+//! Streams to readers: snapshots, events and figures of a world, its mesh, one NPC with its plan.
 //!
 //! A slow reader gets the latest snapshot and costs one message; one that does not read at all is cut off.
 
+use crate::errors::SimError;
 use crate::geometry::Tiles;
 use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcPlan, NpcState, Snapshot};
 use crate::ids::{NpcId, WorldId};
 use crate::sim::SimHandle;
 use crate::view::View;
-use crate::wire::{ended_attempt_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire, shown_to_wire, tile_to_wire};
+use crate::wire::{
+    ended_attempt_to_wire, events_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire, shown_to_wire, stats_to_wire,
+    tile_to_wire,
+};
+use crate::worlds::WorldsError;
+use std::collections::BTreeSet;
 use std::pin::Pin;
 use std::sync::{Arc, OnceLock};
 use std::task::{Context, Poll, ready};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 use surefoot_net::serving::{Shutdown, going_away};
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::sense::Sight;
 use surefoot_world::{Map, Tick};
@@ -24,6 +31,8 @@ use tonic::Status;
 
 /// Messages waiting for one reader; older snapshots are skipped.
 const QUEUE: usize = 1;
+/// Events that are copied out of a world at a time.
+const EVENTS_AT_A_TIME: usize = 4096;
 /// Snapshots a second unless the reader says otherwise.
 const DEFAULT_RATE: f64 = 10.0;
 
@@ -34,6 +43,15 @@ const DEFAULT_RATE: f64 = 10.0;
 pub fn pause_of(rate_hz: f32) -> Result<Duration, FieldError> {
     let rate = if rate_hz == 0.0 { DEFAULT_RATE } else { convert::in_range(f64::from(rate_hz), 0.1, 60.0, "rate_hz")? };
     Ok(Duration::from_secs_f64(1.0 / rate))
+}
+
+/// The pause between two messages of figures, 0 for the default of a second.
+///
+/// # Errors
+/// If it is out of range.
+pub fn period_of(period_s: f32) -> Result<Duration, FieldError> {
+    let seconds = if period_s == 0.0 { 1.0 } else { convert::in_range(f64::from(period_s), 0.1, 60.0, "period_s")? };
+    Ok(Duration::from_secs_f64(seconds))
 }
 
 /// A stream to one reader that ends with a status.
@@ -86,7 +104,10 @@ impl<T> Reader<T> {
             Ok(Err(_)) => None,
             Err(_) => {
                 let seconds = self.patience.as_secs_f32();
-                self.close(Status::aborted(format!("nothing was read for {seconds} s: watch again")));
+                self.close(status::failure(
+                    Reason::ReaderTooSlow,
+                    format!("nothing was read for {seconds} s: watch again"),
+                ));
                 None
             }
         }
@@ -111,10 +132,7 @@ pub fn watch_world(
             let snapshot = tokio::select! {
                 changed = snapshots.changed() => match changed {
                     Ok(()) => snapshots.borrow_and_update().clone(),
-                    Err(_) => {
-                        let (id, message) = (world_id.to_string(), format!("world {world_id} was dropped"));
-                        return reader.close(status::not_found("world", id, message));
-                    }
+                    Err(_) => return reader.close(WorldsError::UnknownWorld(world_id).into()),
                 },
                 () = &mut stopping => return reader.close(going_away()),
                 () = reader.queue.closed() => return,
@@ -124,6 +142,107 @@ pub fn watch_world(
                 None => return,
             }
             tokio::time::sleep(pause).await;
+        }
+    });
+    stream
+}
+
+/// Sends a reader every event of a world after `after`, and those to come.
+pub fn watch_events(
+    wanted: WantedEvents,
+    handle: (SimHandle, watch::Receiver<u64>),
+    patience: Duration,
+    shutdown: &Shutdown,
+) -> ReaderStream<wire::WatchEventsResponse> {
+    let (mut reader, stream) = Reader::new(patience);
+    let stopping = shutdown.wait();
+    let (sim, mut latest) = handle;
+    let WantedEvents { epoch, world, npcs, begin, mut after } = wanted;
+    tokio::spawn(async move {
+        tokio::pin!(stopping);
+        // Where the stream begins, so that it can be resumed even if nothing happens.
+        match reader.send(begin).await {
+            Some(still) => reader = still,
+            None => return,
+        }
+        loop {
+            let read = after;
+            let events = match sim.call(move |state| state.world.events().after(read, EVENTS_AT_A_TIME)).await {
+                Ok(Ok(events)) => events,
+                // What was kept when the stream began is gone: the reader was too slow for the world.
+                Ok(Err(error)) => return reader.close(status::failure(Reason::ReaderTooSlow, error.to_string())),
+                Err(SimError::Busy) => Vec::new(),
+                Err(SimError::Stopped) => return reader.close(WorldsError::UnknownWorld(world).into()),
+            };
+            for tick in events.chunk_by(|a, b| a.tick == b.tick) {
+                after = tick[tick.len() - 1].sequence;
+                let Some(message) = events_to_wire(epoch, tick, &npcs).filter(|it| !it.events.is_empty()) else {
+                    continue;
+                };
+                match reader.send(message).await {
+                    Some(still) => reader = still,
+                    None => return,
+                }
+            }
+            tokio::select! {
+                changed = latest.wait_for(|latest| *latest != after) => if changed.is_err() {
+                    return reader.close(WorldsError::UnknownWorld(world).into());
+                },
+                () = &mut stopping => return reader.close(going_away()),
+                () = reader.queue.closed() => return,
+            }
+        }
+    });
+    stream
+}
+
+/// Events that a reader wants.
+pub struct WantedEvents {
+    /// Epoch of the server.
+    pub epoch: u64,
+    /// Of which world.
+    pub world: WorldId,
+    /// Of these NPCs only; of all, if there are none.
+    pub npcs: BTreeSet<NpcId>,
+    /// The first message.
+    pub begin: wire::WatchEventsResponse,
+    /// Those after this one; 0: from the oldest kept on.
+    pub after: u64,
+}
+
+/// Sends a reader the figures of a world, again and again.
+pub fn watch_stats(
+    world: WorldId,
+    sim: SimHandle,
+    pause: Duration,
+    patience: Duration,
+    shutdown: &Shutdown,
+) -> ReaderStream<wire::WatchStatsResponse> {
+    let (mut reader, stream) = Reader::new(patience);
+    let stopping = shutdown.wait();
+    tokio::spawn(async move {
+        tokio::pin!(stopping);
+        loop {
+            match sim.call(|state| (state.world.tick(), state.world.stats())).await {
+                Ok((tick, stats)) => {
+                    let message = wire::WatchStatsResponse {
+                        tick: tick.0,
+                        server_time: Some(SystemTime::now().into()),
+                        stats: Some(stats_to_wire(&stats)),
+                    };
+                    match reader.send(message).await {
+                        Some(still) => reader = still,
+                        None => return,
+                    }
+                }
+                Err(SimError::Busy) => {}
+                Err(SimError::Stopped) => return reader.close(WorldsError::UnknownWorld(world).into()),
+            }
+            tokio::select! {
+                () = tokio::time::sleep(pause) => {}
+                () = &mut stopping => return reader.close(going_away()),
+                () = reader.queue.closed() => return,
+            }
         }
     });
     stream
@@ -139,7 +258,7 @@ pub fn send_mesh(
 ) -> ReaderStream<wire::GetMeshResponse> {
     let (mut reader, stream) = Reader::new(patience);
     let shutdown = shutdown.clone();
-    let lost = || Status::internal("the mesh cannot be made");
+    let lost = || status::failure(Reason::Internal, "the mesh cannot be made");
     tokio::spawn(async move {
         let of = map.clone();
         let Some(tiles) = in_turn(&turns, &reader.queue, move || Arc::new(tiles(&of))).await else {
@@ -179,6 +298,7 @@ async fn in_turn<T: Send + 'static, M>(
 /// What a reader is shown of an NPC at one moment.
 struct Look {
     tick: Tick,
+    time: SystemTime,
     npc: NpcState,
     sight: Option<Sight>,
     plan: Option<Arc<NpcPlan>>,
@@ -189,6 +309,7 @@ impl Look {
     fn at(world: &HostedWorld, npc: NpcId, rays: bool) -> Result<Self, NpcError> {
         Ok(Self {
             tick: world.tick(),
+            time: SystemTime::now(),
             npc: world.npc(npc)?,
             sight: rays.then(|| world.sight(npc)).transpose()?,
             plan: world.plan(npc)?,
@@ -202,6 +323,7 @@ impl Look {
         let heading = waypoints.iter().position(|waypoint| Some(*waypoint) == self.npc.waypoint);
         let mut message = wire::FollowNpcResponse {
             tick: self.tick.0,
+            server_time: Some(self.time.into()),
             waypoint_idx: heading.unwrap_or(waypoints.len().saturating_sub(1)) as u32,
             npc: Some(npc_to_wire(&self.npc)),
             ..Default::default()

@@ -7,6 +7,8 @@ use crate::wire::{self as convert_worker, to_worker};
 use crate::worlds::Worlds;
 use std::pin::Pin;
 use std::time::Duration;
+use surefoot_net::status;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -30,7 +32,7 @@ pub type WorkStream = Pin<Box<dyn Stream<Item = Result<wire::WorkResponse, Statu
 pub async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello, Status> {
     let first = tokio::time::timeout(HELLO_LIMIT, requests.next())
         .await
-        .map_err(|_| Status::deadline_exceeded("no hello within five seconds"))?;
+        .map_err(|_| status::failure(Reason::DeadlineExceeded, "no hello within five seconds"))?;
     convert_worker::hello(first.transpose()?)
 }
 

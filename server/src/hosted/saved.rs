@@ -16,8 +16,10 @@ use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const SUFFIX: &str = "world";
+/// Numbers that NPCs may have been given after the world was saved for the last time: no other NPC gets them.
+const UNSAVED_SERIALS: u32 = 1 << 16;
 
 /// A world as it was when the server stopped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,9 +59,10 @@ struct SavedNpc {
     goal: Option<Vec3>,
     last_outcome: Option<End>,
     attempts: u32,
+    attempts_ended: u32,
 }
 
-/// A saved world that cannot be taken up again.
+/// A saved world that cannot be restored.
 #[derive(Debug, thiserror::Error)]
 pub enum SavedError {
     /// The file cannot be read or written.
@@ -160,7 +163,7 @@ impl SavedWorld {
         self.npcs.iter().all(is_ours)
             && slots.len() == self.npcs.len()
             && self.state.slots().eq(slots)
-            // Rides on zip lines are held against the map when it is there.
+            // Rides on zip lines are checked against the map once there is one.
             && self.state.fits(1, usize::MAX)
     }
 
@@ -215,6 +218,7 @@ impl HostedWorld {
             goal: record.goal,
             last_outcome: record.last_outcome,
             attempts: record.attempts,
+            attempts_ended: record.attempts_ended,
         });
         SavedWorld {
             id: self.id,
@@ -229,15 +233,16 @@ impl HostedWorld {
         }
     }
 
-    /// Takes a saved world up on its map. NPCs go on to their goals once workers carry them.
+    /// Restores a saved world on its map. NPCs go on to their goals once workers decide for them.
     pub fn restore(saved: &SavedWorld, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
         let mut world = Self::new(saved.id, map, saved.mode, registry);
         world.world.restore(saved.state.clone());
-        world.last_serial = saved.last_serial;
+        world.last_serial = saved.last_serial.saturating_add(UNSAVED_SERIALS).min(NpcId::MAX_SERIAL);
         world.counters = saved.counters.clone();
         for npc in &saved.npcs {
             let mut record = Record::new(npc.slot, npc_quota.grant(&npc.owner));
-            (record.goal, record.last_outcome, record.attempts) = (npc.goal, npc.last_outcome, npc.attempts);
+            (record.goal, record.last_outcome) = (npc.goal, npc.last_outcome);
+            (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = Tick(saved.state.tick());
             world.records.insert(npc.id, record);
             if let Some(goal) = npc.goal {

@@ -4,6 +4,7 @@ use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::times::TickTimes;
 use serde::{Deserialize, Serialize};
+use std::time::SystemTime;
 use surefoot_world::{Ability, Chance, End, Seconds, Tick, Vec3};
 
 /// What an NPC is doing.
@@ -15,6 +16,21 @@ pub enum NpcStatus {
     Seeking,
     /// Fell, burnt or drowned.
     Down,
+}
+
+/// What supports an NPC.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Support {
+    /// Nothing.
+    Air,
+    /// Ground that can be walked on.
+    Ground,
+    /// A face that is too steep to stand on.
+    Steep,
+    /// The bottom of a pool.
+    Water,
+    /// A zip line.
+    ZipLine,
 }
 
 /// One NPC at one moment.
@@ -37,20 +53,34 @@ pub struct NpcState {
     /// How its last attempt that ended did.
     pub last_outcome: Option<End>,
     /// Attempts that began.
-    pub attempts: u32,
+    pub attempts_begun: u32,
+    /// Attempts that ended with an outcome.
+    pub attempts_ended: u32,
     /// The worker that carries it.
     pub worker: Option<WorkerId>,
+    /// What supports it.
+    pub support: Support,
+    /// What it has used since its last decision.
+    pub ability: Ability,
+    /// The harm that it came to.
+    pub cause: Option<End>,
 }
 
-/// All NPCs of a world at one moment, with its figures.
-#[derive(Debug, Clone, Default, PartialEq)]
+/// All NPCs of a world at one moment.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
-    /// When.
+    /// When, in the world's time.
     pub tick: Tick,
+    /// When, by the server's clock.
+    pub time: SystemTime,
     /// By id.
     pub npcs: Vec<NpcState>,
-    /// Figures since the world began.
-    pub stats: WorldStats,
+}
+
+impl Default for Snapshot {
+    fn default() -> Self {
+        Self { tick: Tick(0), time: SystemTime::UNIX_EPOCH, npcs: Vec::new() }
+    }
 }
 
 /// Figures of a world.

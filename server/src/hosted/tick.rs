@@ -1,5 +1,6 @@
-//! The tick: ask for the decisions that are due, move, settle; and the answers that come between ticks.
+//! The tick: ask for the decisions that are due, move, note what happened, settle; and the answers that come between ticks.
 
+use super::events::EventKind;
 use super::mode::TimeMode;
 use super::workers::hand_over;
 use super::world::{HostedWorld, Record};
@@ -7,7 +8,8 @@ use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::messages::{Answer, AttemptEnd, ObservationBatch, ToWorker};
 use std::sync::Arc;
-use surefoot_world::{Action, End, TICKS_PER_DECISION, Tick};
+use std::time::SystemTime;
+use surefoot_world::{Action, End, TICKS_PER_DECISION};
 
 /// Missed answers in a row after which an NPC stops repeating its last action.
 const MISSES_UNTIL_NEUTRAL: u8 = 2;
@@ -27,13 +29,29 @@ impl HostedWorld {
         self.records.values().all(|record| record.awaiting.is_none())
     }
 
-    /// One tick: ask, move, settle. Lockstep worlds have asked already in [`HostedWorld::is_ready`].
+    /// One tick: ask, move, note, settle. Lockstep worlds have asked already in [`HostedWorld::is_ready`].
     pub fn step(&mut self) {
         if self.mode == TimeMode::Realtime {
             self.ask();
         }
         self.world.tick();
+        self.note_motion();
         self.settle();
+    }
+
+    /// Logs what the tick did to NPCs.
+    fn note_motion(&mut self) {
+        let (tick, mut now) = (self.tick(), None);
+        let Self { records, world, events, .. } = self;
+        for (&id, record) in records {
+            let npc = world.npc(record.slot).expect("every record has an NPC");
+            let attempt = record.goal.map(|_| record.attempts);
+            record.motion.note(npc, world.tick_events(record.slot), attempt, |kind| {
+                // One time for all that a tick did.
+                let time = *now.get_or_insert_with(SystemTime::now);
+                events.push(tick, time, id, kind);
+            });
+        }
     }
 
     /// Sends the observations of all NPCs whose decision is due to their workers.
@@ -129,8 +147,10 @@ impl HostedWorld {
     }
 
     fn end_attempt(&mut self, id: NpcId, end: End) {
+        let tick = self.tick();
         let record = self.records.get_mut(&id).expect("an attempt has a record");
-        record.note_end(end, Tick(self.world.current_tick()));
+        record.note_end(end, tick);
+        let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(tick));
         record.clear_goal();
         self.world.clear_goal(record.slot);
         if let Some(worker) = record.worker {
@@ -139,6 +159,14 @@ impl HostedWorld {
         }
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
+        self.tell(id, EventKind::AttemptEnded { attempt, end: Some(end), goal, seconds });
+    }
+
+    /// Logs that the attempt that is under way ends without an outcome: something else takes its place.
+    pub(super) fn tell_replaced(&mut self, id: NpcId) {
+        let Some(record) = self.records.get(&id).filter(|record| record.goal.is_some()) else { return };
+        let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(self.tick()));
+        self.tell(id, EventKind::AttemptEnded { attempt, end: None, goal, seconds });
     }
 }
 

@@ -1,4 +1,4 @@
-//! Which worker carries which NPC: assignment, hand-over, loss, and what workers are told of it.
+//! Which worker carries which NPC: assignment, hand-over, loss, and how workers are notified.
 
 use super::outbox::Outbox;
 use super::world::HostedWorld;

@@ -1,6 +1,8 @@
 //! A hosted world: the world itself, and what the server knows of its NPCs beyond the world's own state.
 
+use super::events::{EventKind, EventLog};
 use super::mode::TimeMode;
+use super::motion::Motion;
 use super::outbox::Outbox;
 use super::snapshot::{Counters, EndedAttempt, NpcPlan};
 use crate::ids::WorkerId;
@@ -11,7 +13,7 @@ use crate::registry::Registry;
 use crate::times::TickTimes;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 use surefoot_world::{
     CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World,
 };
@@ -23,7 +25,11 @@ pub(super) struct Record {
     pub goal: Option<Vec3>,
     pub waypoint: Option<Vec3>,
     pub last_outcome: Option<End>,
+    /// Attempts that began.
     pub attempts: u32,
+    /// Attempts that ended with an outcome.
+    pub attempts_ended: u32,
+    pub motion: Motion,
     pub worker: Option<WorkerId>,
     /// The worker that takes it over at its next decision.
     pub next_worker: Option<WorkerId>,
@@ -51,6 +57,8 @@ impl Record {
             waypoint: None,
             last_outcome: None,
             attempts: 0,
+            attempts_ended: 0,
+            motion: Motion::default(),
             worker: None,
             next_worker: None,
             awaiting: None,
@@ -71,9 +79,15 @@ impl Record {
             attempt: self.attempts,
             end,
             goal: self.goal,
-            seconds: Seconds(tick.since(self.began) as f32 / TICKS_PER_SECOND as f32),
+            seconds: self.lasted(tick),
         });
         self.last_outcome = Some(end);
+        self.attempts_ended += 1;
+    }
+
+    /// How long its attempt has taken.
+    pub fn lasted(&self, tick: Tick) -> Seconds {
+        Seconds(tick.since(self.began) as f32 / TICKS_PER_SECOND as f32)
     }
 
     /// Forgets where it was going.
@@ -94,6 +108,7 @@ pub struct HostedWorld {
     pub(super) records: BTreeMap<NpcId, Record>,
     pub(super) last_serial: u32,
     pub(super) counters: Counters,
+    pub(super) events: EventLog,
     pub(super) times: TickTimes,
     pub(super) registry: Arc<Registry>,
     pub(super) outbox: BTreeMap<WorkerId, Outbox>,
@@ -113,6 +128,7 @@ impl HostedWorld {
             records: BTreeMap::new(),
             last_serial: 0,
             counters: Counters::default(),
+            events: EventLog::default(),
             times: TickTimes::default(),
             registry,
             outbox: BTreeMap::new(),
@@ -135,6 +151,15 @@ impl HostedWorld {
     /// Counters since the world began.
     pub fn counters(&self) -> &Counters {
         &self.counters
+    }
+
+    /// What happened lately.
+    pub fn events(&self) -> &EventLog {
+        &self.events
+    }
+
+    pub(super) fn tell(&mut self, npc: NpcId, kind: EventKind) {
+        self.events.push(self.tick(), SystemTime::now(), npc, kind);
     }
 
     /// From when ticks were due until they were done.

@@ -176,15 +176,16 @@ async fn over_grpc(
         anyhow::Ok(PlannerServiceClient::new(channel).max_decoding_message_size(64 << 20))
     };
     let mut client = connect().await?;
-    let request = wire::BuildGraphRequest {
+    let request = wire::StartBuildRequest {
         map: Some(convert::map_spec_to_wire(spec)),
         settings: Some(settings_to_wire(settings)),
         ..Default::default()
     };
-    let mut progress = client.build_graph(request).await?.into_inner();
+    let build = client.start_build(request).await?.into_inner().build.unwrap_or_default();
+    let mut progress = client.watch_build(wire::WatchBuildRequest { build_id: build.build_id }).await?.into_inner();
     let mut graph_id = String::new();
     while let Some(message) = progress.message().await? {
-        graph_id = message.graph_id;
+        graph_id = message.build.unwrap_or_default().graph_id;
     }
     let point = |point: Vec3| Some(convert::to_wire(point));
     let wire_queries: Vec<wire::PathQuery> = queries

@@ -11,7 +11,7 @@ use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::convert::map_spec_to_wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
-use surefoot_proto::world::v1::{self as wire, WatchWorldResponse, WorldStats};
+use surefoot_proto::world::v1::{self as wire, WatchStatsResponse, WorldStats};
 use surefoot_report::plots;
 use surefoot_rollout::env::{Env, actions_of};
 use surefoot_server::times::TickTimes;
@@ -98,7 +98,7 @@ struct Scene {
 
 struct Watched {
     world_id: u64,
-    latest: watch::Receiver<WatchWorldResponse>,
+    latest: watch::Receiver<WatchStatsResponse>,
     crowd: tokio::task::JoinHandle<Result<(), tonic::Status>>,
 }
 
@@ -139,7 +139,7 @@ impl Scene {
             let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
             let crowd = Crowd::start(channel.clone(), map, share, idx).await.context("cannot populate a world")?;
             let world_id = crowd.world().world_id;
-            let (sender, latest) = watch::channel(WatchWorldResponse::default());
+            let (sender, latest) = watch::channel(WatchStatsResponse::default());
             worlds.push(Watched { world_id, latest, crowd: tokio::spawn(crowd.keep_busy(sender)) });
         }
         let mut scene = Self { processes, server_uri, channel, worlds };
@@ -149,13 +149,21 @@ impl Scene {
 
     /// Waits until NPCs of every world follow plans.
     async fn wait_for_plans(&mut self) -> anyhow::Result<()> {
-        for world in &mut self.worlds {
-            let planned = world.latest.wait_for(|it| it.npcs.iter().any(|npc| npc.waypoint.is_some()));
-            match tokio::time::timeout(Duration::from_secs(300), planned).await {
-                Ok(Ok(_)) => {}
-                Ok(Err(_)) => bail!("the crowd of world {} stopped", world.world_id),
-                Err(_) => bail!("no NPC of world {} follows a plan after 300 s", world.world_id),
-            }
+        let mut client = WorldServiceClient::new(self.channel.clone());
+        for world in &self.worlds {
+            let world_id = world.world_id;
+            let snapshots = client.watch_world(wire::WatchWorldRequest { world_id, ..Default::default() });
+            let planned = async {
+                let mut snapshots = snapshots.await?.into_inner();
+                while let Some(snapshot) = snapshots.message().await? {
+                    if snapshot.npcs.iter().any(|npc| npc.waypoint.is_some()) {
+                        return Ok(());
+                    }
+                }
+                bail!("world {world_id} ended")
+            };
+            let planned = tokio::time::timeout(Duration::from_secs(300), planned);
+            planned.await.with_context(|| format!("no NPC of world {world_id} follows a plan after 300 s"))??;
         }
         Ok(())
     }

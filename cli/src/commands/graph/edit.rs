@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     let loaded = args.target.load(None)?;
-    super::print_unfit(&loaded.unfit);
+    super::print_unfit(&loaded.unapplied);
     println!("{} vertices, {} edges with all layers", loaded.graph.vertex_count(), loaded.graph.edge_count());
     Ok(())
 }

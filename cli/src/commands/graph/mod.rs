@@ -13,7 +13,7 @@ use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use surefoot_planner::edits::{Unfit, apply_layers};
+use surefoot_planner::edits::{Unapplied, apply_layers};
 use surefoot_planner::store::{GraphStore, LevelId};
 use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress};
 use surefoot_planner_service::store::DiskStore;
@@ -73,7 +73,7 @@ struct Loaded {
     graph: NavGraph,
     stats: BuildStats,
     cached: bool,
-    unfit: Vec<Unfit>,
+    unapplied: Vec<Unapplied>,
     /// Candidates that a change of the map had tried again.
     retried: Option<u64>,
 }
@@ -129,15 +129,15 @@ impl Target {
             store.put(&id, &built)?;
         }
         let Built { mut graph, stats } = built;
-        let mut unfit = Vec::new();
+        let mut unapplied = Vec::new();
         let layers = store.layers(&self.level(&context.map))?;
         if !self.without_edits && !layers.is_empty() {
             let terrain = graphs::terrain(&context, settings, core_count());
             let edited =
                 apply_layers(&graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;
-            (graph, unfit) = (edited.graph, edited.unfit);
+            (graph, unapplied) = (edited.graph, edited.unapplied);
         }
-        Ok(Loaded { context, id, graph, stats, cached, unfit, retried })
+        Ok(Loaded { context, id, graph, stats, cached, unapplied, retried })
     }
 }
 
@@ -172,9 +172,9 @@ fn with_bar<T: Send>(work: impl FnOnce(&Progress) -> Result<T, BuildError> + Sen
     Ok(result?)
 }
 
-fn print_unfit(unfit: &[Unfit]) {
-    for unfit in unfit {
-        println!("edit {} of layer `{}` does not fit: {}", unfit.index, unfit.layer, unfit.reason);
+fn print_unfit(unapplied: &[Unapplied]) {
+    for unapplied in unapplied {
+        println!("edit {} of layer `{}` does not fit: {}", unapplied.index, unapplied.layer, unapplied.reason);
     }
 }
 

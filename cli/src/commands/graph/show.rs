@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
-    let Loaded { id, graph, stats, cached, unfit, retried, .. } = loaded;
+    let Loaded { id, graph, stats, cached, unapplied, retried, .. } = loaded;
     let by_ability = |ability: Ability| graph.edges().filter(|edge| edge.evidence.ability == ability).count();
     let abilities: Vec<Ability> = Ability::ALL.into_iter().filter(|&ability| by_ability(ability) > 0).collect();
     if args.json {
@@ -77,7 +77,7 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
             "build_s": stats.seconds,
             "cached": cached,
             "retried": retried,
-            "unfit_edits": unfit.len(),
+            "unapplied_edits": unapplied.len(),
         }));
     }
     println!("graph {id}{}", if *cached { " (from the cache)" } else { "" });
@@ -97,7 +97,7 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
     if let Some(retried) = retried {
         println!("{retried} candidates were tried again because of what changed");
     }
-    super::print_unfit(unfit);
+    super::print_unfit(unapplied);
     Ok(())
 }
 

@@ -31,7 +31,7 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     }),
     effect(() => {
       viewport.setEditMarks(
-        marksOf(layers.list.value, (layer, index) => layers.unfitReason(layer, index) !== undefined),
+        marksOf(layers.list.value, (layer, index) => layers.unappliedReason(layer, index) !== undefined),
       )
     }),
     effect(() => {

@@ -2,18 +2,21 @@ import { create } from '@bufbuild/protobuf'
 import { describe, expect, it } from 'vitest'
 import {
   alternativeQueries,
+  edgeOf,
   legEnds,
   legKey,
   legsToAvoid,
-  OFF_GRAPH,
   pickAlternatives,
 } from '../../src/data/plan/alternatives'
-import { PlanSchema } from '../../src/gen/surefoot/planner/v1/planner_pb'
+import { PlanSchema, QueryEnd } from '../../src/gen/surefoot/planner/v1/planner_pb'
+
+const START = { stop: { case: 'end' as const, value: QueryEnd.START } }
+const GOAL = { stop: { case: 'end' as const, value: QueryEnd.GOAL } }
 
 /** A plan from vertex to vertex, with a leg onto the graph and one off it. */
 function plan(route: number[], seconds = 10, chances: number[] = []) {
-  const stops = [OFF_GRAPH, ...route, OFF_GRAPH]
-  const legs = stops.slice(1).map((to, index) => ({ from: stops[index] ?? 0, to, chance: chances[index] ?? 0.9 }))
+  const stops = [START, ...route.map((value) => ({ stop: { case: 'vertex' as const, value } })), GOAL]
+  const legs = stops.slice(1).map((to, index) => ({ from: stops[index] ?? START, to, chance: chances[index] ?? 0.9 }))
   const waypoints = legs.map((_, index) => ({ x: index + 1 }))
   return create(PlanSchema, { found: true, legs, waypoints, seconds })
 }
@@ -21,7 +24,7 @@ function plan(route: number[], seconds = 10, chances: number[] = []) {
 describe('legsToAvoid', () => {
   it('takes edges of the graph, the least certain first', () => {
     const legs = legsToAvoid(plan([1, 2, 3, 4], 10, [0.1, 0.9, 0.3, 0.6, 0.1]))
-    expect(legs.map(({ from, to }) => `${from}>${to}`)).toEqual(['2>3', '3>4', '1>2'])
+    expect(legs.map(edgeOf).map((edge) => `${edge?.from}>${edge?.to}`)).toEqual(['2>3', '3>4', '1>2'])
   })
 
   it('takes 24 at most', () => {
@@ -30,7 +33,7 @@ describe('legsToAvoid', () => {
   })
 
   it('asks nothing where no edge is used', () => {
-    const direct = create(PlanSchema, { found: true, legs: [{ from: OFF_GRAPH, to: OFF_GRAPH }] })
+    const direct = create(PlanSchema, { found: true, legs: [{ from: START, to: GOAL }] })
     expect(alternativeQueries({ x: 0, y: 0, z: 0 }, { x: 1, y: 0, z: 0 }, direct)).toEqual([])
   })
 

@@ -36,8 +36,11 @@ class Planner {
       this.isMute = false
       throw new ConnectError('Failed to fetch', Code.Unknown)
     }
-    const isUnfit = this.layers.some((layer) => layer.name === 'misfits')
-    return { revision: this.revision, unfit: isUnfit ? [{ layer: 'misfits', index: 0, reason: this.reason }] : [] }
+    const isUnapplied = this.layers.some((layer) => layer.name === 'misfits')
+    return {
+      revision: this.revision,
+      unapplied: isUnapplied ? [{ layer: 'misfits', index: 0, reason: this.reason }] : [],
+    }
   }
 
   /** What another designer does. */
@@ -49,7 +52,7 @@ class Planner {
     service(PlannerService, {
       getLayers: () => {
         if (this.deaf !== undefined) throw this.deaf
-        return { layers: this.layers, revision: this.revision, unfit: [] }
+        return { layers: this.layers, revision: this.revision, unapplied: [] }
       },
       appendEdits: ({ layer, edits, ifRevision }) => this.change(layer, ifRevision, (before) => [...before, ...edits]),
       undoEdits: ({ layer, count, ifRevision }) => this.change(layer, ifRevision, (before) => before.slice(0, -count)),

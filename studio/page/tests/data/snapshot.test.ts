@@ -9,6 +9,7 @@ import {
   WatchWorldResponseSchema,
   WorldStatsSchema,
 } from '../../src/gen/surefoot/world/v1/world_pb'
+import { Vec3Schema } from '../../src/gen/surefoot/world/v1/map_pb'
 import { afterMessage, type Followed } from '../../src/data/world/npcs'
 import {
   afterSnapshot,
@@ -32,12 +33,20 @@ describe('afterSnapshot', () => {
     expect([...afterSnapshot(known, message).keys()]).toEqual([2n])
   })
 
-  it('lays changes over what is known', () => {
-    const message = create(WatchWorldResponseSchema, { isDelta: true, npcs: [npc(2n, NpcStatus.DOWN, 7), npc(9n)] })
-    const after = afterSnapshot(known, message)
-    expect([...after.keys()]).toEqual([1n, 2n, 3n, 9n])
-    expect(after.get(2n)?.position?.x).toBe(7)
-    expect(known.get(2n)?.position?.x).toBe(0)
+  it('applies changes to what is known, field by field', () => {
+    const sent = create(NpcSchema, {
+      ...npc(2n, NpcStatus.SEEKING),
+      goal: create(Vec3Schema, { x: 5 }),
+      attemptsBegun: 1,
+    })
+    const changed = [{ npcId: 2n, status: NpcStatus.DOWN, position: { x: 7 }, goalCleared: true }, { npcId: 77n }]
+    const message = create(WatchWorldResponseSchema, { isDelta: true, npcs: [npc(9n)], changed })
+    const before = world(npc(1n), sent)
+    const after = afterSnapshot(before, message)
+    expect([...after.keys()]).toEqual([1n, 2n, 9n])
+    expect(after.get(2n)).toMatchObject({ status: NpcStatus.DOWN, position: { x: 7 }, attemptsBegun: 1 })
+    expect(after.get(2n)?.goal).toBeUndefined()
+    expect(before.get(2n)).toMatchObject({ status: NpcStatus.SEEKING, position: { x: 0 }, goal: { x: 5 } })
   })
 
   it('takes those away that are gone', () => {

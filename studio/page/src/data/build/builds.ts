@@ -3,9 +3,10 @@
 import { create } from '@bufbuild/protobuf'
 import { signal } from '@preact/signals'
 import {
-  type BuildGraphResponse,
+  type Build,
   type BuildSettings,
   BuildSettingsSchema,
+  BuildStage,
   type CompareGraphsResponse,
   type GraphSummary,
   Placement,
@@ -35,20 +36,25 @@ export function standardSettings(): BuildSettings {
   })
 }
 
-const STAGES: Record<string, string> = {
-  map: 'Making the map',
-  vertices: 'Placing vertices',
-  probe: 'Probing edges',
-  done: 'Done',
+const STAGES: Record<BuildStage, string> = {
+  [BuildStage.UNSPECIFIED]: 'Starting',
+  [BuildStage.QUEUED]: 'Waiting for another build',
+  [BuildStage.MAP]: 'Making the map',
+  [BuildStage.VERTICES]: 'Placing vertices',
+  [BuildStage.PROBES]: 'Probing edges',
+  [BuildStage.INDEX]: 'Preparing the search',
+  [BuildStage.DONE]: 'Done',
+  [BuildStage.FAILED]: 'Failed',
+  [BuildStage.CANCELLED]: 'Cancelled',
 }
 
-export function stageName(stage: string): string {
-  return STAGES[stage] ?? 'Starting'
+export function stageName(stage: BuildStage): string {
+  return STAGES[stage]
 }
 
 export type BuildState =
   | { kind: 'none' }
-  | { kind: 'running'; progress: BuildGraphResponse | undefined; probingSince: number | undefined }
+  | { kind: 'running'; progress: Build | undefined; probingSince: number | undefined }
   | { kind: 'done'; graphId: string; mapHash: string; summary: GraphSummary }
   | { kind: 'cancelled' }
 
@@ -83,7 +89,7 @@ export class Builds {
     this.state.value = { kind: 'running', progress: undefined, probingSince }
     try {
       for await (const progress of buildGraph(this.context, world, this.settings.value, running.signal)) {
-        if (progress.stage === 'probe') probingSince ??= performance.now()
+        if (progress.stage === BuildStage.PROBES) probingSince ??= performance.now()
         this.state.value = { kind: 'running', progress, probingSince }
         if (progress.summary === undefined) continue
         const { graphId, summary } = progress
@@ -97,10 +103,17 @@ export class Builds {
     }
   }
 
-  /** The planner ends a build when nobody waits for it any more. */
-  cancel(): void {
+  /** Cancels the build on the planner, for everybody who waits for it. */
+  async cancel(): Promise<void> {
+    const state = this.state.peek()
     this.running?.abort()
     this.state.value = { kind: 'cancelled' }
+    if (state.kind !== 'running' || state.progress === undefined) return
+    try {
+      await this.context.planner.calls.cancelBuild({ buildId: state.progress.buildId })
+    } catch (error) {
+      report(this.context, 'The build was not cancelled', error)
+    }
   }
 
   async compare(before: string, after: string): Promise<void> {

@@ -5,7 +5,7 @@
 
 import { create } from '@bufbuild/protobuf'
 import { batch, computed, signal } from '@preact/signals'
-import { type Edit, type Layer, LayerSchema, type UnfitEdit } from '../../gen/surefoot/planner/v1/planner_pb'
+import { type Edit, type Layer, LayerSchema, type UnappliedEdit } from '../../gen/surefoot/planner/v1/planner_pb'
 import { type Context, report, reportEdit } from '../context'
 import { pauseAfter, sleep } from '../net/backoff'
 import { type Failure, failureOf, inWords } from '../net/errors'
@@ -58,13 +58,13 @@ export interface Conflict {
 
 /** What the planner says a change has led to. */
 interface Changed {
-  unfit: UnfitEdit[]
+  unapplied: UnappliedEdit[]
   revision: bigint
 }
 
 export class Layers {
   readonly list = signal<readonly Layer[]>([])
-  readonly unfit = signal<readonly UnfitEdit[]>([])
+  readonly unapplied = signal<readonly UnappliedEdit[]>([])
   readonly active = signal(FIRST_LAYER)
   readonly history = signal<History>(NOTHING_DONE)
   readonly conflict = signal<Conflict | undefined>(undefined)
@@ -91,8 +91,8 @@ export class Layers {
     this.active.value = context.store?.getItem(KEPT_AS) ?? FIRST_LAYER
   }
 
-  unfitReason(layer: string, index: number): string | undefined {
-    return this.unfit.value.find((unfit) => unfit.layer === layer && unfit.index === index)?.reason
+  unappliedReason(layer: string, index: number): string | undefined {
+    return this.unapplied.value.find((unapplied) => unapplied.layer === layer && unapplied.index === index)?.reason
   }
 
   setActive(name: string): void {
@@ -119,7 +119,7 @@ export class Layers {
       this.revision = undefined
       batch(() => {
         this.list.value = []
-        this.unfit.value = []
+        this.unapplied.value = []
         this.failure.value = ''
       })
     })
@@ -230,12 +230,12 @@ export class Layers {
     const graphId = this.graphId
     if (graphId === undefined) return
     try {
-      const { layers, unfit, revision } = await this.context.planner.calls.getLayers({ graphId }, TIMED)
+      const { layers, unapplied, revision } = await this.context.planner.calls.getLayers({ graphId }, TIMED)
       this.revision = revision
       this.readFailures = 0
       batch(() => {
         this.list.value = layers
-        this.unfit.value = unfit
+        this.unapplied.value = unapplied
         this.failure.value = ''
       })
     } catch (error) {
@@ -296,7 +296,7 @@ export class Layers {
   private noteAppended({ layer, edits }: Held): void {
     this.history.value = withStep(this.history.peek(), { kind: 'append', layer, edits })
     const end = editsOf(this.list.peek(), layer).length
-    const reason = edits.map((_, at) => this.unfitReason(layer, end - 1 - at)).find((it) => it !== undefined)
+    const reason = edits.map((_, at) => this.unappliedReason(layer, end - 1 - at)).find((it) => it !== undefined)
     if (reason !== undefined) this.context.toasts.say(`The edit is kept, but changes nothing: ${reason}.`, 'bad')
   }
 
@@ -413,11 +413,11 @@ export class Layers {
     if (this.graphId === undefined || this.revision === undefined) throw new NoGraph()
     this.saving.value += 1
     try {
-      const { unfit, revision } = await call({ graphId: this.graphId, ifRevision: this.revision })
+      const { unapplied, revision } = await call({ graphId: this.graphId, ifRevision: this.revision })
       this.revision = revision
       batch(() => {
         this.list.value = withLayer(this.list.peek(), name, after)
-        this.unfit.value = unfit
+        this.unapplied.value = unapplied
       })
       this.onChange()
     } finally {

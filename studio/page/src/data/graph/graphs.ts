@@ -2,12 +2,7 @@
 
 import { Code, ConnectError } from '@connectrpc/connect'
 import { batch, computed, signal } from '@preact/signals'
-import type {
-  BuildGraphResponse,
-  GetGraphResponse,
-  GraphSummary,
-  ReadyGraph,
-} from '../../gen/surefoot/planner/v1/planner_pb'
+import type { Build, GetGraphResponse, GraphSummary, ReadyGraph } from '../../gen/surefoot/planner/v1/planner_pb'
 import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import type { Graph, GraphFilter } from '../../view/viewport.types'
 import type { Context } from '../context'
@@ -19,6 +14,8 @@ import { SHOW_ALL } from './filter'
 import { graphToShow, islandsOf } from './islands'
 
 const LIST_MS = 5000
+/** A planner keeps far fewer graphs than this. */
+const PAGE = 1000
 const TIMEOUT_MS = 8000
 /** What NPCs report changes figures all the time: the graph is loaded again for it no more often than this. */
 const LEARNED_MS = 10_000
@@ -31,7 +28,7 @@ const PATIENCE = { breakdowns: 3 }
 export type GraphState =
   | { kind: 'none' }
   | { kind: 'searching' }
-  | { kind: 'building'; progress: BuildGraphResponse }
+  | { kind: 'building'; progress: Build }
   | { kind: 'loading' }
   | { kind: 'ready' }
   | { kind: 'failed'; why: string }
@@ -103,7 +100,7 @@ export class Graphs {
       try {
         const upkeep = { link: planner.link, session, signal }
         const options = { signal, timeoutMs: TIMEOUT_MS }
-        const answer = await keepAsking(upkeep, () => planner.calls.listGraphs({}, options))
+        const answer = await keepAsking(upkeep, () => planner.calls.listGraphs({ pageSize: PAGE }, options))
         if (answer !== undefined) this.list.value = answer.graphs
       } catch {
         // Too old a planner, or a role that may not: the list stays empty, which the panels say.
@@ -114,7 +111,9 @@ export class Graphs {
 
   async refreshList(): Promise<void> {
     try {
-      this.list.value = (await this.context.planner.calls.listGraphs({}, { timeoutMs: TIMEOUT_MS })).graphs
+      this.list.value = (
+        await this.context.planner.calls.listGraphs({ pageSize: PAGE }, { timeoutMs: TIMEOUT_MS })
+      ).graphs
     } catch {
       // The next poll gets it.
     }
@@ -158,7 +157,9 @@ export class Graphs {
     const { session, planner } = this.context
     const upkeep = { link: planner.link, session, signal }
     try {
-      const answer = await keepAsking(upkeep, () => planner.calls.listGraphs({}, { signal, timeoutMs: TIMEOUT_MS }))
+      const answer = await keepAsking(upkeep, () =>
+        planner.calls.listGraphs({ pageSize: PAGE }, { signal, timeoutMs: TIMEOUT_MS }),
+      )
       this.list.value = answer?.graphs ?? []
       const ready = answer?.graphs.find(({ summary }) => summary?.mapHash === world.mapHash)
       if (ready !== undefined) return ready.graphId
@@ -212,7 +213,7 @@ export class Graphs {
         if (revision !== this.loaded.peek()?.revision) {
           clearTimeout(waiting)
           reload()
-        } else if (summary?.passages !== this.loaded.peek()?.summary?.passages) {
+        } else if (summary?.traversals !== this.loaded.peek()?.summary?.traversals) {
           waiting ??= setTimeout(reload, Math.max(0, LEARNED_MS - (performance.now() - lastLoad)))
         }
       },

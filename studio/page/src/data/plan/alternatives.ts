@@ -1,36 +1,51 @@
 // Other ways to a goal: the best plan with one of its legs left out, for each of the legs that are worth it.
 
 import { create } from '@bufbuild/protobuf'
-import { type Leg, type PathQuery, PathQuerySchema, type Plan } from '../../gen/surefoot/planner/v1/planner_pb'
+import {
+  type Leg,
+  type PathQuery,
+  PathQuerySchema,
+  type Plan,
+  type Stop,
+} from '../../gen/surefoot/planner/v1/planner_pb'
 import type { Place } from '../../view/viewport.types'
 
-/** In place of a vertex: the start or the goal. */
-export const OFF_GRAPH = 0xffff_ffff
 /** Most queries for alternatives. */
 const MAX_QUERIES = 24
 /** Most alternatives beside the best plan. */
 const MAX_ALTERNATIVES = 3
 
-/** Whether a leg is an edge of the graph. */
-export function isOnGraph(leg: Pick<Leg, 'from' | 'to'>): boolean {
-  return leg.from !== OFF_GRAPH && leg.to !== OFF_GRAPH
+/** The two vertices of a leg that is an edge of the graph. */
+export function edgeOf(leg: Pick<Leg, 'from' | 'to'>): { from: number; to: number } | undefined {
+  const [from, to] = [vertexOf(leg.from), vertexOf(leg.to)]
+  return from === undefined || to === undefined ? undefined : { from, to }
+}
+
+function vertexOf(stop: Stop | undefined): number | undefined {
+  return stop?.stop.case === 'vertex' ? stop.stop.value : undefined
 }
 
 /** The legs to leave out, one a query: the least certain first. */
 export function legsToAvoid(best: Plan): Leg[] {
   return best.legs
-    .filter(isOnGraph)
+    .filter((leg) => edgeOf(leg) !== undefined)
     .sort((a, b) => a.chance - b.chance)
     .slice(0, MAX_QUERIES)
 }
 
 export function alternativeQueries(start: Place, goal: Place, best: Plan): PathQuery[] {
-  return legsToAvoid(best).map((leg) => create(PathQuerySchema, { start, goal, avoid: [leg] }))
+  return legsToAvoid(best).map((leg) =>
+    create(PathQuerySchema, { start, goal, avoid: [{ from: leg.from, to: leg.to }] }),
+  )
 }
 
 /** Tells plans with the same legs. */
 export function legKey(plan: Plan): string {
-  return plan.legs.map(({ from, to }) => `${from}>${to}`).join(' ')
+  return plan.legs.map(({ from, to }) => `${stopKey(from)}>${stopKey(to)}`).join(' ')
+}
+
+function stopKey(stop: Stop | undefined): string {
+  return `${stop?.stop.case} ${stop?.stop.value}`
 }
 
 /** The alternatives worth showing: found, different from one another and from the best, the quickest first. */

@@ -1,7 +1,7 @@
 // A world as it goes: its NPCs and how it is doing.
 
 import { batch, signal } from '@preact/signals'
-import type { Npc, WatchWorldResponse, WorldStats } from '../../gen/surefoot/world/v1/world_pb'
+import type { Npc, WatchStatsResponse, WatchWorldResponse, WorldStats } from '../../gen/surefoot/world/v1/world_pb'
 import { type Context, report } from '../context'
 import { sleep } from '../net/backoff'
 import { failureOf } from '../net/errors'
@@ -15,8 +15,8 @@ const IDLE_MS = 10_000
 const PANEL_MS = 300
 /** Pause before a world that is missing is asked for again. */
 const MISSING_MS = 1000
-/** How often counters are kept, and for how long. */
-const SAMPLE_MS = 500
+/** How often figures come, and how many of them are kept. */
+const STATS_S = 0.5
 const SAMPLES = 40
 
 export interface Moment {
@@ -41,17 +41,26 @@ export class Live {
     return id === undefined ? undefined : this.npcs.value.get(id)
   }
 
-  /** Watches a world until the signal aborts. */
+  /** Watches a world and its figures until the signal aborts. */
   async watch(worldId: bigint, signal: AbortSignal): Promise<void> {
-    const { session, world } = this.context
+    const { world } = this.context
     const request = { worldId, rateHz: RATE_HZ, delta: true }
+    const watchNpcs = (signal: AbortSignal) => world.calls.watchWorld(request, { signal })
+    const watchStats = (signal: AbortSignal) => world.calls.watchStats({ worldId, periodS: STATS_S }, { signal })
+    await Promise.all([
+      this.keepWatching(watchNpcs, (message) => this.take(message), signal),
+      this.keepWatching(watchStats, (message) => this.keep(message), signal),
+    ])
+  }
+
+  private async keepWatching<T>(
+    open: (signal: AbortSignal) => AsyncIterable<T>,
+    take: (message: T) => void,
+    signal: AbortSignal,
+  ): Promise<void> {
+    const { session, world } = this.context
     while (!signal.aborted) {
-      const error = await keepReading(
-        { link: world.link, session, signal },
-        (signal) => world.calls.watchWorld(request, { signal }),
-        (message) => this.take(message),
-        IDLE_MS,
-      )
+      const error = await keepReading({ link: world.link, session, signal }, open, take, IDLE_MS)
       if (error === undefined) return
       if (failureOf(error) !== 'missing') return report(this.context, 'The world cannot be watched', error)
       // A server that began anew may be about to make it again. One that is gone for good is taken off the list by the poll.
@@ -76,17 +85,18 @@ export class Live {
       if (now - this.told < PANEL_MS) return
       this.told = now
       this.npcs.value = npcs
-      if (message.stats !== undefined) this.keep({ atMs: now, stats: message.stats })
     })
   }
 
-  private keep(sample: StatsSample): void {
-    this.stats.value = sample.stats
+  private keep({ stats }: WatchStatsResponse): void {
+    if (stats === undefined) return
     const samples = this.samples.peek()
     const last = samples.at(-1)
-    if (last !== undefined && sample.atMs - last.atMs < SAMPLE_MS) return
     // A server that began anew counts from zero again.
-    const isAnew = last !== undefined && sample.stats.decisionsAsked < last.stats.decisionsAsked
-    this.samples.value = [...(isAnew ? [] : samples), sample].slice(-SAMPLES)
+    const isAnew = last !== undefined && stats.decisionsRequested < last.stats.decisionsRequested
+    batch(() => {
+      this.stats.value = stats
+      this.samples.value = [...(isAnew ? [] : samples), { atMs: performance.now(), stats }].slice(-SAMPLES)
+    })
   }
 }

@@ -1,7 +1,7 @@
 // The selected NPC, and what can be done with NPCs.
 
 import { batch, signal } from '@preact/signals'
-import type { EndedAttempt, FollowNpcResponse, Npc, NpcPlan, Ray } from '../../gen/surefoot/world/v1/world_pb'
+import type { AttemptEnded, FollowNpcResponse, Npc, NpcPlan, Ray } from '../../gen/surefoot/world/v1/world_pb'
 import type { Place } from '../../view/viewport.types'
 import { type Context, report } from '../context'
 import { failureOf } from '../net/errors'
@@ -20,7 +20,7 @@ export interface Followed {
   waypointIdx: number
   eyes: Place | undefined
   rays: readonly Ray[]
-  history: readonly EndedAttempt[]
+  history: readonly AttemptEnded[]
 }
 
 /** What is known after a message: plan and history are only sent when they have changed. */

@@ -1,6 +1,12 @@
 // What is known of a world's NPCs, kept up to date by snapshots and changes.
 
-import { type Npc, NpcStatus, type WatchWorldResponse, type WorldStats } from '../../gen/surefoot/world/v1/world_pb'
+import {
+  type Npc,
+  type NpcDelta,
+  NpcStatus,
+  type WatchWorldResponse,
+  type WorldStats,
+} from '../../gen/surefoot/world/v1/world_pb'
 import type { NpcPose, NpcState, Place } from '../../view/viewport.types'
 
 export type NpcsById = ReadonlyMap<bigint, Npc>
@@ -9,7 +15,35 @@ export type NpcsById = ReadonlyMap<bigint, Npc>
 export function afterSnapshot(known: NpcsById, message: WatchWorldResponse): NpcsById {
   const next = new Map(message.isDelta ? known : [])
   for (const npc of message.npcs) next.set(npc.npcId, npc)
-  if (message.isDelta) for (const id of message.goneNpcIds) next.delete(id)
+  for (const delta of message.changed) {
+    const npc = next.get(delta.npcId)
+    if (npc !== undefined) next.set(delta.npcId, afterDelta(npc, delta))
+  }
+  for (const id of message.goneNpcIds) next.delete(id)
+  return next
+}
+
+/** An NPC after a change: what the change does not name stays. */
+function afterDelta(npc: Npc, delta: NpcDelta): Npc {
+  const { goalCleared, waypointCleared } = delta
+  const next: Npc = {
+    ...npc,
+    position: delta.position ?? npc.position,
+    velocity: delta.velocity ?? npc.velocity,
+    yaw: delta.yaw ?? npc.yaw,
+    status: delta.status ?? npc.status,
+    goal: delta.goal ?? npc.goal,
+    waypoint: delta.waypoint ?? npc.waypoint,
+    lastOutcome: delta.lastOutcome ?? npc.lastOutcome,
+    attemptsBegun: delta.attemptsBegun ?? npc.attemptsBegun,
+    attemptsEnded: delta.attemptsEnded ?? npc.attemptsEnded,
+    workerId: delta.workerId ?? npc.workerId,
+    support: delta.support ?? npc.support,
+    ability: delta.ability ?? npc.ability,
+    cause: delta.cause ?? npc.cause,
+  }
+  if (goalCleared) delete next.goal
+  if (waypointCleared) delete next.waypoint
   return next
 }
 
@@ -40,7 +74,7 @@ export function countStates(npcs: NpcsById): Record<NpcState, number> {
 
 /** Number of an NPC within its world: what people call it. */
 export function npcNumber(id: bigint): string {
-  return String(id & 0xffff_ffffn)
+  return String(id & 0xfff_ffffn)
 }
 
 /** The NPCs that a search finds, by number: digits find numbers, words find states. */

@@ -33,7 +33,7 @@ export class Worlds {
     while (!signal.aborted) {
       try {
         const answer = await keepAsking({ link: world.link, session, signal }, (signal) =>
-          world.calls.listWorlds({}, { signal, timeoutMs: TIMEOUT_MS }),
+          world.calls.listWorlds({ pageSize: 1000 }, { signal, timeoutMs: TIMEOUT_MS }),
         )
         if (answer !== undefined) this.take(answer.worlds)
       } catch (error) {

@@ -2,7 +2,7 @@ import { PLACEMENTS } from '../../data/abilities'
 import { type BuildState, RANGES, stageName, standardSettings } from '../../data/build/builds'
 import { count, duration, percent, timeLeft } from '../../data/format'
 import type { Studio } from '../../data/studio'
-import { type BuildSettings, Probing } from '../../gen/surefoot/planner/v1/planner_pb'
+import { type BuildSettings, BuildStage, Probing } from '../../gen/surefoot/planner/v1/planner_pb'
 import { Button, Check, Empty, Facts, NumberField, Progress, Section, SelectField } from '../controls'
 import { CompareSection } from './compare-section'
 
@@ -24,7 +24,7 @@ export function BuildPanel({ studio }: { studio: Studio }) {
         <Options studio={studio} />
         <div class="row">
           {state.kind === 'running' ? (
-            <Button label="Cancel the build" icon="close" tone="bad" onClick={() => builds.cancel()} />
+            <Button label="Cancel the build" icon="close" tone="bad" onClick={() => void builds.cancel()} />
           ) : (
             <Button
               label="Start the build"
@@ -137,7 +137,7 @@ function Running({ state: { progress, probingSince } }: { state: Extract<BuildSt
     <div class="running" role="status">
       <Progress label="Build" share={total > 0 ? done / total : undefined} />
       <p>
-        {stageName(progress?.stage ?? '')}
+        {stageName(progress?.stage ?? BuildStage.UNSPECIFIED)}
         {total > 0 ? `: ${count(done)} of ${count(total)} probes` : ' …'}
         {left !== undefined && `, ${duration(Math.ceil(left))} left`}
       </p>

@@ -52,10 +52,12 @@ function Summary({ studio }: { studio: Studio }) {
           ['Pairs connected', percent(summary.connected)],
           ['Probes', `${count(summary.probes)} for ${count(summary.candidates)} candidates`],
           ['Build', `${duration(summary.buildS)}${summary.cached ? ', from the cache' : ''}`],
-          ['Passages of NPCs', count(summary.passages)],
+          ['Traversals by NPCs', count(summary.traversals)],
           [
             'Edits',
-            summary.unfitEdits > 0 ? `${summary.edits}, ${summary.unfitEdits} do not fit` : count(summary.edits),
+            summary.unappliedEdits > 0
+              ? `${summary.edits}, ${summary.unappliedEdits} not applied`
+              : count(summary.edits),
           ],
         ]}
       />

@@ -101,10 +101,10 @@ function LayerCard({ studio, layer }: { studio: Studio; layer: Layer }) {
 
 function EditRow(props: { studio: Studio; layer: string; index: number; edit: Edit }) {
   const { studio, layer, index, edit } = props
-  const misfit = studio.layers.unfitReason(layer, index)
+  const misfit = studio.layers.unappliedReason(layer, index)
   const at = whereIs(edit)
   return (
-    <li class={misfit === undefined ? '' : 'unfit'}>
+    <li class={misfit === undefined ? '' : 'unapplied'}>
       <button type="button" class="item" onClick={() => at !== undefined && studio.viewport.value?.lookAt(at)}>
         {describe(edit)}
         {misfit !== undefined && <span class="warn">Does not fit: {misfit}</span>}

@@ -32,7 +32,7 @@ export function SelectedNpcCard({ studio }: { studio: Studio }) {
             ['At', place(npc.position)],
             ['Goal', place(npc.goal)],
             ['Worker', npc.workerId === 0n ? <span class="warn">none</span> : String(npc.workerId)],
-            ['Attempts', count(npc.attempts)],
+            ['Attempts', `${count(npc.attemptsBegun)} begun, ${count(npc.attemptsEnded)} ended`],
           ]}
         />
       )}

@@ -1,7 +1,7 @@
 import { noPathReason } from '../../data/abilities'
 import { priceEdge } from '../../data/edit/edits'
 import { count, duration, percent, place } from '../../data/format'
-import { isOnGraph, legEnds } from '../../data/plan/alternatives'
+import { edgeOf, legEnds } from '../../data/plan/alternatives'
 import type { Studio } from '../../data/studio'
 import type { Leg, Plan } from '../../gen/surefoot/planner/v1/planner_pb'
 import { AbilityName, Button, ChanceBar, Choice, Empty, Section } from '../controls'
@@ -120,11 +120,12 @@ function Ways({ studio: { plans } }: { studio: Studio }) {
 function LegRow({ studio, plan, leg, index }: { studio: Studio; plan: Plan; leg: Leg; index: number }) {
   const { graphs, plans } = studio
   const selection = graphs.selection.value
-  const isSelected = selection?.kind === 'edge' && selection.from === leg.from && selection.to === leg.to
+  const edge = edgeOf(leg)
+  const isSelected = selection?.kind === 'edge' && selection.from === edge?.from && selection.to === edge.to
   const show = () => {
     const { from, to } = legEnds(plan, index, plans.start.value ?? { x: 0, y: 0, z: 0 })
     studio.viewport.value?.lookAt({ x: (from.x + to.x) / 2, y: (from.y + to.y) / 2, z: (from.z + to.z) / 2 })
-    graphs.select(isOnGraph(leg) ? { kind: 'edge', from: leg.from, to: leg.to } : undefined)
+    graphs.select(edge === undefined ? undefined : { kind: 'edge', ...edge })
   }
   return (
     <li class={isSelected ? 'current' : ''}>
@@ -133,23 +134,23 @@ function LegRow({ studio, plan, leg, index }: { studio: Studio; plan: Plan; leg:
         <span class="number">{duration(leg.seconds)}</span>
         <ChanceBar chance={leg.chance} />
       </button>
-      {!isOnGraph(leg) && <p class="note">Straight there, off the graph: not proved.</p>}
-      {isSelected && isOnGraph(leg) && <LegActions studio={studio} leg={leg} />}
+      {edge === undefined && <p class="note">Straight there, off the graph: not proved.</p>}
+      {isSelected && edge !== undefined && <LegActions studio={studio} edge={edge} />}
     </li>
   )
 }
 
-function LegActions({ studio, leg }: { studio: Studio; leg: Leg }) {
+function LegActions({ studio, edge }: { studio: Studio; edge: { from: number; to: number } }) {
   const { graphs, layers } = studio
   const makeDearer = () => {
-    const [from, to] = [graphs.position(leg.from), graphs.position(leg.to)]
-    const present = graphs.edge(leg.from, leg.to)?.priceFactor || 1
+    const [from, to] = [graphs.position(edge.from), graphs.position(edge.to)]
+    const present = graphs.edge(edge.from, edge.to)?.priceFactor || 1
     if (from === undefined || to === undefined) return
     void layers.apply(priceEdge(from, to, Math.min(MAX_FACTOR / present, DEARER)))
   }
   return (
     <div class="row wrap" role="group" aria-label="What to do with the leg">
-      <Button label="Forbid this leg" icon="forbid" onClick={() => forbid(studio, leg.from, leg.to)} />
+      <Button label="Forbid this leg" icon="forbid" onClick={() => forbid(studio, edge.from, edge.to)} />
       <Button label="Make dearer" icon="plus" hint={`Its price times ${DEARER}`} onClick={makeDearer} />
       <Button label="Inspect" icon="look" onClick={() => studio.openTab('graph')} />
     </div>

@@ -1,0 +1,87 @@
+//! The reasons that errors carry in their `google.rpc.ErrorInfo`: stable names for programs to act on. Each has one code.
+
+use tonic::{Code, Status};
+use tonic_types::StatusExt;
+
+/// Domain of every `ErrorInfo`.
+pub const DOMAIN: &str = "surefoot";
+
+/// Declares the reasons: variant, name on the wire, code, meaning.
+macro_rules! reasons {
+    ($($variant:ident $name:literal $code:ident $meaning:literal,)*) => {
+        /// Why a call failed.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Reason {
+            $(#[doc = $meaning] $variant,)*
+        }
+
+        impl Reason {
+            /// All reasons.
+            pub const ALL: &[Reason] = &[$(Reason::$variant),*];
+
+            /// The name on the wire.
+            pub fn name(self) -> &'static str {
+                match self { $(Reason::$variant => $name,)* }
+            }
+
+            /// The code that goes with it.
+            pub fn code(self) -> Code {
+                match self { $(Reason::$variant => Code::$code,)* }
+            }
+
+            /// What it means, as Markdown.
+            pub fn meaning(self) -> &'static str {
+                match self { $(Reason::$variant => $meaning,)* }
+            }
+        }
+    };
+}
+
+reasons! {
+    InvalidField "INVALID_FIELD" InvalidArgument "A field of the request is missing, out of range or malformed; `BadRequest` names it.",
+    InvalidPageToken "INVALID_PAGE_TOKEN" InvalidArgument "The page token is not one that this call returned.",
+    RequestIdReused "REQUEST_ID_REUSED" InvalidArgument "The request id was used for another request within the last ten minutes.",
+    MalformedRequest "MALFORMED_REQUEST" InvalidArgument "The request cannot be decoded, or a stream's message comes out of turn.",
+    WorldNotFound "WORLD_NOT_FOUND" NotFound "There is no such world.",
+    NpcNotFound "NPC_NOT_FOUND" NotFound "There is no such NPC.",
+    EnvNotFound "ENV_NOT_FOUND" NotFound "There is no such environment, or it ended because it was not stepped.",
+    MapNotFound "MAP_NOT_FOUND" NotFound "No map with that hash was imported on this service.",
+    GraphNotFound "GRAPH_NOT_FOUND" NotFound "The graph is not in memory: call `StartBuild`, which loads a cached graph at once.",
+    BuildNotFound "BUILD_NOT_FOUND" NotFound "There is no such build, or it ended more than ten minutes ago.",
+    VertexNotFound "VERTEX_NOT_FOUND" NotFound "The graph has no such vertex.",
+    LayerNotFound "LAYER_NOT_FOUND" NotFound "The level has no such layer.",
+    NpcDown "NPC_DOWN" FailedPrecondition "The NPC fell, burned or drowned: teleport it first.",
+    NoGround "NO_GROUND" FailedPrecondition "The map has no navigable ground.",
+    ObservationMismatch "OBSERVATION_MISMATCH" FailedPrecondition "The worker expects another layout of observations.",
+    TooManyWorlds "TOO_MANY_WORLDS" ResourceExhausted "The server or this client has as many worlds as allowed.",
+    TooManyNpcs "TOO_MANY_NPCS" ResourceExhausted "The world or this client has as many NPCs as allowed.",
+    TooManyEnvs "TOO_MANY_ENVS" ResourceExhausted "The server has as many environments as allowed.",
+    TooManyMaps "TOO_MANY_MAPS" ResourceExhausted "All kept maps are in use.",
+    TooManyBuilds "TOO_MANY_BUILDS" ResourceExhausted "As many builds as allowed are running or waiting.",
+    TooManyStreams "TOO_MANY_STREAMS" ResourceExhausted "This service has as many streams of this kind as allowed.",
+    TooLarge "TOO_LARGE" OutOfRange "The request asks for more than the service allows in one request, or is too large; the message says how much it allows.",
+    EventsLost "EVENTS_LOST" OutOfRange "The events after that cursor are no longer kept, or are of another epoch: read the state anew.",
+    LayersChanged "LAYERS_CHANGED" Aborted "Somebody else has changed the layers since that revision.",
+    StepInProgress "STEP_IN_PROGRESS" Aborted "Another step of this environment is running.",
+    ReaderTooSlow "READER_TOO_SLOW" Aborted "The stream was not read in time.",
+    Busy "BUSY" Unavailable "The world has too many calls waiting.",
+    WorldStopped "WORLD_STOPPED" Unavailable "The world has stopped.",
+    ShuttingDown "SHUTTING_DOWN" Unavailable "The service is shutting down.",
+    DeadlineExceeded "DEADLINE_EXCEEDED" DeadlineExceeded "There was no answer in time.",
+    BuildCancelled "BUILD_CANCELLED" Cancelled "The build was cancelled.",
+    TokenMissing "TOKEN_MISSING" Unauthenticated "The call needs a token.",
+    TokenUnknown "TOKEN_UNKNOWN" Unauthenticated "The token is not known here.",
+    RoleForbidden "ROLE_FORBIDDEN" PermissionDenied "The role of the token may not make this call.",
+    OriginForbidden "ORIGIN_FORBIDDEN" PermissionDenied "Pages of this origin may not call the service.",
+    UnknownMethod "UNKNOWN_METHOD" Unimplemented "The service has no such method.",
+    StoreFailed "STORE_FAILED" Internal "A file or the store cannot be read or written.",
+    Internal "INTERNAL" Internal "A defect of the service.",
+}
+
+impl Reason {
+    /// The reason of a status, if it carries one that this version knows.
+    pub fn of(status: &Status) -> Option<Self> {
+        let info = status.get_details_error_info().filter(|info| info.domain == DOMAIN)?;
+        Self::ALL.iter().copied().find(|reason| reason.name() == info.reason)
+    }
+}

@@ -1,0 +1,68 @@
+//! Calls about many NPCs: each item has a result of its own.
+
+use crate::hosted::SpawnOrder;
+use crate::ids::NpcId;
+use crate::wire::finite;
+use crate::worlds::WorldsError;
+use surefoot_net::status;
+use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1 as wire;
+use surefoot_world::Vec3;
+use tonic::Status;
+
+/// Most items of a batch.
+const MAX_ITEMS: usize = 4096;
+
+/// Checks how many items there are.
+///
+/// # Errors
+/// OUT_OF_RANGE if there are too many.
+pub fn check_count(count: usize, field: &str) -> Result<(), Status> {
+    if count > MAX_ITEMS {
+        let message = format!("{field} has {count} items, at most {MAX_ITEMS} are allowed in one call");
+        return Err(status::too_large(field, message));
+    }
+    Ok(())
+}
+
+impl From<FieldError> for WorldsError {
+    fn from(error: FieldError) -> Self {
+        WorldsError::BadItem(error.field(), error.to_string())
+    }
+}
+
+/// An item of BatchSpawnNpcs.
+pub fn spawn(spawn: &wire::Spawn) -> Result<SpawnOrder, WorldsError> {
+    Ok(SpawnOrder {
+        position: convert::point(spawn.position.as_ref(), "position")?,
+        yaw: finite(spawn.yaw, "yaw")?,
+        goal: spawn.goal.map(|goal| convert::point(Some(&goal), "goal")).transpose()?,
+    })
+}
+
+/// An item of BatchSetGoals, or the request of SetGoal.
+pub fn goal(request: &wire::SetGoalRequest) -> Result<(NpcId, Vec3), FieldError> {
+    Ok((NpcId(request.npc_id), convert::point(request.goal.as_ref(), "goal")?))
+}
+
+/// An item of BatchTeleportNpcs, or the request of TeleportNpc.
+pub fn teleport(request: &wire::TeleportNpcRequest) -> Result<(NpcId, (Vec3, f32)), FieldError> {
+    let position = convert::point(request.position.as_ref(), "position")?;
+    Ok((NpcId(request.npc_id), (position, finite(request.yaw, "yaw")?)))
+}
+
+/// Why an item failed: what the single call would have answered.
+pub fn item_error(error: WorldsError) -> wire::ItemError {
+    let status = Status::from(error);
+    wire::ItemError {
+        code: status.code().into(),
+        reason: Reason::of(&status).map(|reason| reason.name().to_owned()).unwrap_or_default(),
+        message: status.message().to_owned(),
+    }
+}
+
+/// The result of an item that has no other answer.
+pub fn item_result(result: Result<(), WorldsError>) -> wire::ItemResult {
+    wire::ItemResult { error: result.err().map(item_error) }
+}
