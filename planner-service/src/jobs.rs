@@ -99,11 +99,15 @@ impl Job {
     /// The stages that it has been in, the present one last.
     pub fn stages(&self) -> Vec<Stage> {
         let mut stages = self.state.borrow().stages.clone();
-        // Probes are counted where they are run.
+        self.note_probes(&mut stages);
+        stages
+    }
+
+    /// Adds the stage of probes once they have begun: they are counted where they are run, which knows no stages.
+    fn note_probes(&self, stages: &mut Vec<Stage>) {
         if stages.last() == Some(&Stage::Vertices) && self.progress.total.load(Ordering::Relaxed) > 0 {
             stages.push(Stage::Probes);
         }
-        stages
     }
 
     /// How it ended, if it has.
@@ -143,12 +147,7 @@ impl Job {
 
     pub(crate) fn enter(&self, stage: Stage) {
         self.state.send_modify(|state| {
-            if stage == Stage::Index
-                && state.stages.last() == Some(&Stage::Vertices)
-                && self.progress.total.load(Ordering::Relaxed) > 0
-            {
-                state.stages.push(Stage::Probes);
-            }
+            self.note_probes(&mut state.stages);
             state.stages.push(stage);
         });
     }
@@ -160,6 +159,7 @@ impl Job {
             Err(_) => Stage::Failed,
         };
         self.state.send_modify(|state| {
+            self.note_probes(&mut state.stages);
             state.stages.push(stage);
             state.end = Some((Instant::now(), end));
         });

@@ -58,7 +58,6 @@ reasons! {
     TooManyEnvs "TOO_MANY_ENVS" ResourceExhausted "The server has as many environments as allowed.",
     TooManyMaps "TOO_MANY_MAPS" ResourceExhausted "All kept maps are in use.",
     TooManyBuilds "TOO_MANY_BUILDS" ResourceExhausted "As many builds as allowed are running or waiting.",
-    TooManyStreams "TOO_MANY_STREAMS" ResourceExhausted "This service has as many streams of this kind as allowed.",
     TooLarge "TOO_LARGE" OutOfRange "The request asks for more than the service allows in one request, or is too large; the message says how much it allows.",
     EventsLost "EVENTS_LOST" OutOfRange "The events after that cursor are no longer kept, or are of another epoch: read the state anew.",
     LayersChanged "LAYERS_CHANGED" Aborted "Somebody else has changed the layers since that revision.",

@@ -266,11 +266,8 @@ impl Worlds {
     ///
     /// # Errors
     /// If there are too many, or the position lies outside the map.
-    pub async fn spawn(&self, client: &str, world: WorldId, position: Vec3, yaw: f32) -> Result<NpcId, WorldsError> {
-        let handle = self.handle(world)?;
-        let limit = self.shared.config.max_npcs_per_world;
-        let ticket = self.shared.npc_quota.take(client).map_err(WorldsError::NpcQuota)?;
-        Ok(handle.sim.call(move |state| state.world.spawn(position, yaw, limit, ticket)).await??)
+    pub async fn spawn(&self, client: &str, world: WorldId, order: SpawnOrder) -> Result<NpcId, WorldsError> {
+        self.spawn_many(client, world, vec![Ok(order)]).await?.pop().expect("one result for one order")
     }
 
     /// Adds NPCs for `client`, each with a result of its own.
@@ -312,22 +309,20 @@ impl Worlds {
         for (world, items) in by_world {
             let places: Vec<(usize, NpcId)> = items.iter().map(|(idx, npc, _)| (*idx, *npc)).collect();
             let call = call.clone();
-            let done = async {
-                let handle = self.handle(world).ok();
-                let Some(handle) = handle else { return Ok(None) };
-                let work = move |state: &mut SimState| -> Vec<_> {
-                    items.into_iter().map(|(_, npc, item)| call(&mut state.world, npc, item)).collect()
-                };
-                handle.sim.call(work).await.map(Some)
+            let done = match self.handle(world) {
+                Ok(handle) => {
+                    let work = move |state: &mut SimState| -> Vec<_> {
+                        items.into_iter().map(|(_, npc, item)| call(&mut state.world, npc, item)).collect()
+                    };
+                    handle.sim.call(work).await
+                }
+                Err(_) => Ok(places.iter().map(|(_, npc)| Err(NpcError::Unknown(*npc))).collect()),
             };
-            match done.await {
-                Ok(Some(done)) => {
+            match done {
+                Ok(done) => {
                     for ((idx, _), result) in places.into_iter().zip(done) {
                         results[idx] = Some(result.map_err(WorldsError::from));
                     }
-                }
-                Ok(None) => {
-                    places.into_iter().for_each(|(idx, npc)| results[idx] = Some(Err(NpcError::Unknown(npc).into())))
                 }
                 Err(error) => places.into_iter().for_each(|(idx, _)| results[idx] = Some(Err(error.into()))),
             }

@@ -87,9 +87,14 @@ pub fn start_planner_at(endpoint: EndpointConfig, folder: &Path, config: Planner
 
 /// The answer to `GET /metrics`, headers included.
 pub async fn metrics(server: &Running, headers: &str) -> String {
+    get(server, "/metrics", headers).await
+}
+
+/// The answer to a `GET` request, headers included.
+pub async fn get(server: &Running, path: &str, headers: &str) -> String {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     let mut socket = tokio::net::TcpStream::connect(server.address()).await.expect("the server accepts");
-    let request = format!("GET /metrics HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n{headers}\r\n", server.address());
+    let request = format!("GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n{headers}\r\n", server.address());
     socket.write_all(request.as_bytes()).await.expect("a request");
     let mut text = String::new();
     socket.read_to_string(&mut text).await.expect("an answer");

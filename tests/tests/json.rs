@@ -1,6 +1,6 @@
 //! Plain HTTP with JSON, as scripts and engines without protobuf speak it.
 
-use e2e::{LIMIT, Running, start_server, start_server_at};
+use e2e::{LIMIT, Running, get, start_server, start_server_at};
 use prost::Message;
 use serde_json::{Value, json};
 use surefoot_net::serving::tokens::Tokens;
@@ -218,11 +218,7 @@ async fn tokens_and_protobuf_work_over_plain_http_too() {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_contracts_are_served_as_openapi_and_every_reason_is_documented() {
     let server = start_server(ServerConfig::default());
-    let mut socket = TcpStream::connect(server.address()).await.unwrap();
-    let request = format!("GET /openapi.json HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", server.address());
-    socket.write_all(request.as_bytes()).await.unwrap();
-    let mut answer = String::new();
-    socket.read_to_string(&mut answer).await.unwrap();
+    let answer = get(&server, "/openapi.json", "").await;
     let document: Value = serde_json::from_str(answer.split_once("\r\n\r\n").unwrap().1).unwrap();
     let schemas = document["components"]["schemas"].as_object().unwrap();
     assert!(document["paths"].get(format!("{WORLD}/Work")).is_none());

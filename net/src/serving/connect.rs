@@ -6,7 +6,7 @@
 //! plain `application/json` answers with one JSON document a line (`application/x-ndjson`), the last one `{"error": ...}` if it
 //! failed. Streams from the client need gRPC.
 
-use super::protocol::{Codec, Connect};
+use super::protocol::{Codec, Connect, END, FRAME, framed};
 use crate::status;
 use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
@@ -25,11 +25,6 @@ use tonic::Status;
 pub(super) static POOL: LazyLock<DescriptorPool> = LazyLock::new(|| {
     DescriptorPool::decode(surefoot_proto::FILE_DESCRIPTOR_SET).expect("the contracts were compiled with this program")
 });
-
-/// Bytes before each message of gRPC and of Connect's streams: flags and length.
-const FRAME: usize = 5;
-/// Flag of the last frame of a Connect stream.
-const END: u8 = 2;
 
 /// Answers Connect calls; everything else passes.
 pub(super) async fn serve(State(max_bytes): State<usize>, request: Request, next: Next) -> Response<Body> {
@@ -129,12 +124,6 @@ fn from_json(descriptor: MessageDescriptor, body: &[u8]) -> Result<Vec<u8>, Stat
     let message = DynamicMessage::deserialize(descriptor.clone(), &mut json).map_err(malformed)?;
     json.end().map_err(malformed)?;
     Ok(message.encode_to_vec())
-}
-
-/// A message in a frame.
-fn framed(flags: u8, message: &[u8]) -> Vec<u8> {
-    let len = u32::try_from(message.len()).expect("messages are far smaller than 4 GiB");
-    [&[flags][..], &len.to_be_bytes(), message].concat()
 }
 
 /// The message of the only frame of a request.

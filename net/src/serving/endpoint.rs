@@ -8,10 +8,11 @@ use super::openapi;
 use super::origin::Origins;
 use super::security::Security;
 use super::shutdown::Shutdown;
+use axum::body::Bytes;
 use axum::http::header::CONTENT_TYPE;
 use std::future::Future;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::time::sleep;
@@ -139,6 +140,7 @@ impl Endpoint {
     {
         let Self { listener, address, config: EndpointConfig { limits, security }, pages } = self;
         let (mut health, health_service) = tonic_health::server::health_reporter();
+        let served: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
         // The empty name stands for all of them.
         let names: Vec<&str> = names.iter().copied().chain([""]).collect();
         for name in &names {
@@ -161,8 +163,14 @@ impl Endpoint {
         let origins = Origins { named: security.origins.into(), guarded };
         let cors = origins.layer();
         let gate = Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline };
-        let contracts = openapi::document(&names);
-        let contracts = move || async move { ([(CONTENT_TYPE, "application/json")], contracts) };
+        let contracts = {
+            // Made when somebody first asks for it.
+            let (document, names) = (Arc::<OnceLock<Bytes>>::default(), served);
+            move || {
+                let document = document.get_or_init(|| openapi::document(&names).into()).clone();
+                async move { ([(CONTENT_TYPE, "application/json")], document) }
+            }
+        };
         let mut router = services
             .routes()
             .into_axum_router()

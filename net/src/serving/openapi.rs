@@ -12,11 +12,11 @@ const SERVICES: i32 = 6;
 const MEMBERS: i32 = 2;
 
 /// The document of some services, as JSON.
-pub(super) fn document(services: &[&str]) -> String {
+pub(super) fn document(services: &[String]) -> String {
     let comments = comments();
     let mut schemas = Schemas { comments: &comments, found: BTreeMap::new() };
     let mut paths = Map::new();
-    for service in POOL.services().filter(|service| services.contains(&service.full_name())) {
+    for service in POOL.services().filter(|service| services.iter().any(|name| name == service.full_name())) {
         // Streams from the client need gRPC.
         for method in service.methods().filter(|method| !method.is_client_streaming()) {
             let path = format!("/{}/{}", service.full_name(), method.name());

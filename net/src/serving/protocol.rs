@@ -10,6 +10,17 @@ use serde_json::{Value, json};
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
+/// Bytes before each message of gRPC and of Connect's streams: flags and length.
+pub(super) const FRAME: usize = 5;
+/// Flag of the last frame of a Connect stream.
+pub(super) const END: u8 = 2;
+
+/// A message in a frame.
+pub(super) fn framed(flags: u8, message: &[u8]) -> Vec<u8> {
+    let len = u32::try_from(message.len()).expect("messages are far smaller than 4 GiB");
+    [&[flags][..], &len.to_be_bytes(), message].concat()
+}
+
 /// How messages are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Codec {
@@ -59,8 +70,7 @@ impl Connect {
         let error = Self::error(status);
         let (code, kind, body) = if self.is_stream {
             let end = serde_json::to_vec(&json!({ "error": error })).expect("plain data");
-            let len = u32::try_from(end.len()).expect("errors are short");
-            (StatusCode::OK, self.content_type(), [&[2][..], &len.to_be_bytes(), &end].concat())
+            (StatusCode::OK, self.content_type(), framed(END, &end))
         } else {
             let body = serde_json::to_vec(&error).expect("plain data");
             (http_status(status.code()), "application/json", body)

@@ -32,12 +32,12 @@ impl From<FieldError> for WorldsError {
     }
 }
 
-/// An item of BatchSpawnNpcs.
-pub fn spawn(spawn: &wire::Spawn) -> Result<SpawnOrder, WorldsError> {
+/// What an item of BatchSpawnNpcs, or the request of SpawnNpc, asks for.
+pub fn spawn(position: Option<&wire::Vec3>, yaw: f32, goal: Option<&wire::Vec3>) -> Result<SpawnOrder, FieldError> {
     Ok(SpawnOrder {
-        position: convert::point(spawn.position.as_ref(), "position")?,
-        yaw: finite(spawn.yaw, "yaw")?,
-        goal: spawn.goal.map(|goal| convert::point(Some(&goal), "goal")).transpose()?,
+        position: convert::point(position, "position")?,
+        yaw: finite(yaw, "yaw")?,
+        goal: goal.map(|goal| convert::point(Some(goal), "goal")).transpose()?,
     })
 }
 

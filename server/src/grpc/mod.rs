@@ -13,7 +13,7 @@ use crate::geometry::Tiles;
 use crate::hosted::HostedWorld;
 use crate::ids::{NpcId, WorldId};
 use crate::view::View;
-use crate::wire::{features_to_wire, finite, npc_to_wire, region as convert_region, time_mode, world_to_wire};
+use crate::wire::{features_to_wire, npc_to_wire, region as convert_region, time_mode, world_to_wire};
 use crate::worlds::{WorldSummary, Worlds};
 use readers::ReaderStream;
 use std::sync::Arc;
@@ -155,10 +155,9 @@ impl WorldService for WorldApi {
         let request = request.into_inner();
         let world = WorldId(request.world_id);
         self.worlds.handle(world)?;
-        let position = convert::point(request.position.as_ref(), "position")?;
-        let yaw = finite(request.yaw, "yaw")?;
+        let order = batches::spawn(request.position.as_ref(), request.yaw, None)?;
         let (worlds, owner) = (self.worlds.clone(), client.clone());
-        let spawn = async move { Ok(worlds.spawn(&owner, world, position, yaw).await?) };
+        let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
         let npc = self.spawned.once(&client, &request.request_id, &request, spawn).await?;
         Ok(Response::new(wire::SpawnNpcResponse { npc_id: npc.0 }))
     }
@@ -171,7 +170,8 @@ impl WorldService for WorldApi {
         let client = client_of(&request);
         let request = request.into_inner();
         batches::check_count(request.spawns.len(), "spawns")?;
-        let orders = request.spawns.iter().map(batches::spawn).collect();
+        let order = |it: &wire::Spawn| Ok(batches::spawn(it.position.as_ref(), it.yaw, it.goal.as_ref())?);
+        let orders = request.spawns.iter().map(order).collect();
         let (worlds, owner, world) = (self.worlds.clone(), client.clone(), WorldId(request.world_id));
         let spawn = async move {
             let results = worlds.spawn_many(&owner, world, orders).await?.into_iter();

@@ -33,6 +33,8 @@ use tonic::Status;
 const QUEUE: usize = 1;
 /// Events that are copied out of a world at a time.
 const EVENTS_AT_A_TIME: usize = 4096;
+/// Pause before a world with too many calls is asked again.
+const BUSY_PAUSE: Duration = Duration::from_millis(50);
 /// Snapshots a second unless the reader says otherwise.
 const DEFAULT_RATE: f64 = 10.0;
 
@@ -171,7 +173,11 @@ pub fn watch_events(
                 Ok(Ok(events)) => events,
                 // What was kept when the stream began is gone: the reader was too slow for the world.
                 Ok(Err(error)) => return reader.close(status::failure(Reason::ReaderTooSlow, error.to_string())),
-                Err(SimError::Busy) => Vec::new(),
+                Err(SimError::Busy) => {
+                    // There are events to be read: without a pause this would ask again at once, and again.
+                    tokio::time::sleep(BUSY_PAUSE).await;
+                    continue;
+                }
                 Err(SimError::Stopped) => return reader.close(WorldsError::UnknownWorld(world).into()),
             };
             for tick in events.chunk_by(|a, b| a.tick == b.tick) {
