@@ -1,12 +1,12 @@
-//! What a character has to be able to do to get somewhere.
+//! Abilities: what a character must be able to do to traverse a leg.
 
 use crate::character::TickEvents;
 use serde::{Deserialize, Serialize};
 
-/// The most demanding thing that a leg takes.
+/// The most demanding ability that a leg needs, ordered from the least demanding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub enum Ability {
-    /// Walking, sliding, dropping.
+    /// Walking, sliding or dropping.
     #[default]
     Walk,
     /// A jump from the ground.
@@ -24,7 +24,7 @@ pub enum Ability {
 }
 
 impl Ability {
-    /// All abilities, from the least demanding on.
+    /// All abilities, the least demanding first.
     pub const ALL: [Ability; 7] = [
         Ability::Walk,
         Ability::Jump,
@@ -35,7 +35,7 @@ impl Ability {
         Ability::Jetpack,
     ];
 
-    /// The ability behind what a body did.
+    /// The most demanding ability among `events`; [`Ability::Walk`] if there were none.
     pub fn used(events: TickEvents) -> Self {
         if events.thrust {
             Ability::Jetpack
@@ -54,7 +54,7 @@ impl Ability {
         }
     }
 
-    /// Lower-case name.
+    /// Name in snake case, as used in reports and exports.
     pub fn name(self) -> &'static str {
         match self {
             Ability::Walk => "walk",

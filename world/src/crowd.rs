@@ -1,4 +1,4 @@
-//! NPCs that stand in each other's way.
+//! Collisions between NPCs.
 
 use crate::Vec3;
 use crate::character::{CharacterProfile, MoveScratch};
@@ -6,17 +6,17 @@ use crate::float::hypot;
 use crate::map::Map;
 use crate::npc::Npc;
 
-/// Side of a cell of the grid that finds neighbours, m: no two bodies further apart than this touch.
+/// Side of a cell of the grid that finds neighbours, m; bodies further apart than this never touch.
 const CELL_M: f32 = 2.0;
-/// Farthest that a body is pushed in one tick, m.
+/// Longest push of a body in one tick, m.
 const MAX_PUSH_M: f32 = 0.15;
 
-/// Memory of the neighbour search, reused from tick to tick.
+/// Buffers of the neighbour search, reused from tick to tick.
 #[derive(Debug, Default)]
 pub(crate) struct CrowdScratch {
     /// (cell, slot), sorted.
     cells: Vec<((i32, i32), u32)>,
-    /// What each slot is to be pushed by.
+    /// Push of the NPC in each slot, m.
     pushes: Vec<Vec3>,
 }
 
@@ -63,7 +63,7 @@ impl CrowdScratch {
     }
 }
 
-/// Half of the way out of the overlap with `other`; bodies in the same place part along x.
+/// Push of `npc` by half of its overlap with `other`, m; bodies in the same place separate along x.
 fn push(npc: &Npc, other: &Npc, is_first: bool, profiles: &[CharacterProfile]) -> Vec3 {
     let [own, others] = [npc, other].map(|npc| &profiles[usize::from(npc.profile.0)]);
     let offset = npc.body.feet - other.body.feet;

@@ -1,9 +1,9 @@
 //! Functions of floating-point numbers whose bits are the same on every platform.
 //!
-//! The standard library leaves `hypot`, `sin`, `exp` and their like to the system, and systems differ in the last bit. What the
-//! simulation and the planner compute must not: they use these and `libm`, and `clippy.toml` refuses the others.
+//! The standard library delegates `hypot`, `sin`, `exp` and similar functions to the platform, and platforms differ in the last
+//! bit. The simulation and the planner must not: they use this module and `libm`, and `clippy.toml` forbids the standard ones.
 
-/// Length of the vector `(x, y)`, rounded correctly but for double rounding: no two floats overflow a double when squared.
+/// Length of the vector `(x, y)`, computed in `f64`, where no square of an `f32` overflows, and then rounded to `f32`.
 #[inline]
 pub fn hypot(x: f32, y: f32) -> f32 {
     let (x, y) = (f64::from(x), f64::from(y));

@@ -1,8 +1,8 @@
-//! Sampling of navigable ground: places where the real body stands.
+//! Samples navigable ground: places where the simulated body can stand.
 //!
-//! This is the paper's `f_navmesh`. A sample is a place where the capsule, dropped, comes to rest on ground
-//! that can be walked, clear of geometry, pads and liquids. It may still be cut off from the rest of the map:
-//! such goals stay in the headline score.
+//! This is the paper's `f_navmesh`. A sample is a place where the capsule, when dropped, comes to rest on walkable
+//! ground, clear of geometry, devices and liquids. The place may still be cut off from the rest of the map: such goals
+//! count in the headline score.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, is_clear};
 use crate::map::Map;
@@ -10,16 +10,16 @@ use crate::mesh::Surface;
 use crate::{TICKS_PER_SECOND, Vec3};
 use rand::{Rng, RngExt};
 
-/// Attempts until a map is declared to have no navigable ground.
+/// Draws after which a map counts as having no navigable ground.
 const MAX_TRIES: usize = 10_000;
 /// Distance kept from the rim of the map, m.
 const RIM_M: f32 = 2.0;
-/// Horizontal drift while settling that is still called standing, m.
+/// Largest horizontal drift while settling that still counts as standing, m.
 const MAX_DRIFT_M: f32 = 0.25;
-/// Floors considered in one column.
+/// Most floors considered in one column.
 const MAX_FLOORS: usize = 8;
 
-/// A map on which no place was found where the character can stand.
+/// No place was found on a map where the character can stand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("no navigable ground found in {MAX_TRIES} samples: the map has no place where this character can stand")]
 pub struct NoGround;
@@ -27,7 +27,7 @@ pub struct NoGround;
 /// Draws one place to stand, uniformly over the map's area.
 ///
 /// # Errors
-/// [`NoGround`] if ten thousand columns offered none.
+/// [`NoGround`] if ten thousand draws found none.
 pub fn sample(
     map: &Map,
     profile: &CharacterProfile,
@@ -37,11 +37,11 @@ pub fn sample(
     Ok(sample_where(map, profile, rng, scratch, |_| true)?.expect("every place fits"))
 }
 
-/// Draws one place to stand; `None` if `fits` does not want it. It is asked before the costly part, about a point that
-/// differs from the place itself by less than half a metre.
+/// Draws one place to stand; `None` if `fits` rejects it. `fits` is called before the costly part, with a point less than
+/// half a metre away from the place itself.
 ///
 /// # Errors
-/// As [`sample`].
+/// Same as [`sample`].
 pub fn sample_where(
     map: &Map,
     profile: &CharacterProfile,
@@ -77,7 +77,7 @@ pub fn sample_where(
 /// Draws `count` places to stand.
 ///
 /// # Errors
-/// As [`sample`].
+/// Same as [`sample`].
 pub fn sample_many(
     map: &Map,
     profile: &CharacterProfile,
@@ -88,7 +88,8 @@ pub fn sample_many(
     (0..count).map(|_| sample(map, profile, rng, &mut scratch)).collect()
 }
 
-/// Where the character comes to stand on the floor nearest to `point`, at most `rise` metres higher or lower.
+/// The place where the character stands on the floor nearest to `point`; `None` if it cannot stand there or the floor is
+/// more than `rise` metres higher or lower.
 pub fn stand_at(
     map: &Map,
     profile: &CharacterProfile,
@@ -107,8 +108,8 @@ pub fn stand_at(
     if offset(&nearest) <= rise { settle(map, profile, nearest, scratch) } else { None }
 }
 
-/// A place to stand within `reach` metres of the column over `point` and at most `rise` metres higher or lower, the
-/// nearest of sixteen tried around it.
+/// The nearest to `point` of sixteen candidate places, if the character can stand there: `reach` or half of `reach` metres
+/// away horizontally, and at most `rise` metres higher or lower.
 pub fn stand_near(
     map: &Map,
     profile: &CharacterProfile,
@@ -119,7 +120,7 @@ pub fn stand_near(
 ) -> Option<Vec3> {
     let mut best: Option<(f32, Vec3)> = None;
     for idx in 0..16 {
-        // Two rings, turned against each other and off the lattice.
+        // Two rings, rotated relative to each other and to the lattice.
         let (ring, spoke) = (idx / 8, idx % 8);
         let radius = reach * if ring == 0 { 0.5 } else { 1.0 };
         let angle = std::f32::consts::FRAC_PI_4 * (spoke as f32 + 0.37 * ring as f32 + 0.13);
@@ -141,16 +142,16 @@ pub fn stand_near(
     best.map(|(_, feet)| feet)
 }
 
-/// A hair off vertical, so that no ray runs exactly along an edge of the lattice.
+/// Down, but a hair off vertical, so that no ray runs exactly along an edge of the lattice.
 pub const DOWN: Vec3 = Vec3::new(0.000_31, -0.999_999_9, 0.000_23);
 
-/// Points on the walkable floors over (`x`, `z`) with their normals, from the top down.
+/// Points on the walkable floors at (`x`, `z`) with their normals, from the top down, and their number.
 pub(crate) fn floors(map: &Map, profile: &CharacterProfile, x: f32, z: f32) -> ([(Vec3, Vec3); MAX_FLOORS], usize) {
     let mut found = [(Vec3::ZERO, Vec3::Y); MAX_FLOORS];
     let mut count = 0;
     let limit = libm::cosf(profile.max_slope);
     let mut origin = Vec3::new(x, map.extent().y - 0.01, z);
-    // Solids entered and not left: ground under the floor of a building is inside it, not a floor.
+    // Solids that the ray has entered and not left: ground inside a building is not a floor.
     let mut solids_around = 0;
     while count < MAX_FLOORS {
         let Some(hit) = map.mesh().cast_ray(origin, DOWN, map.extent().y) else { break };

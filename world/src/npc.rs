@@ -1,11 +1,11 @@
-//! What a world holds: NPCs, what they are run with, and all of it as plain data.
+//! NPCs, the configuration that they run under, and the state of a world as plain data.
 
 use crate::character::{Action, Body, CharacterProfile, TickEvents};
 use crate::sense::LastDecision;
 use crate::task::{End, Episode, TaskConfig};
 use serde::{Deserialize, Serialize};
 
-/// Index of an NPC's place in its world's arrays; reused after the NPC is removed.
+/// Index of an NPC in its world; reused after the NPC is removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct NpcSlot(pub u32);
 
@@ -13,10 +13,10 @@ pub struct NpcSlot(pub u32);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct ProfileIdx(pub u8);
 
-/// What a world is run with, besides its map.
+/// Configuration of a world, besides its map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WorldConfig {
-    /// The kinds of characters that may be spawned, 1 to 256.
+    /// Profiles of the characters that may be spawned, 1 to 256.
     pub profiles: Vec<CharacterProfile>,
     /// Constants of the task.
     pub task: TaskConfig,
@@ -24,26 +24,26 @@ pub struct WorldConfig {
     pub npc_collision: bool,
 }
 
-/// One NPC: its body, its running decision and its episode.
+/// One NPC: its body, its current decision and its episode.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Npc {
-    /// What kind of character it is.
+    /// Profile of the character.
     pub profile: ProfileIdx,
     /// Position and motion.
     pub body: Body,
-    /// The action that is held.
+    /// Action that is held until the next decision.
     pub action: Action,
-    /// The attempt under way; an NPC without one stands still.
+    /// Current attempt; an NPC without one stands still.
     pub episode: Option<Episode>,
-    /// What the running decision started from.
+    /// State from which the current decision started.
     pub last: LastDecision,
-    /// What happened since the running decision began.
+    /// Events since the current decision began.
     pub events: TickEvents,
-    /// The hazard it came to; it stays where that happened until it is teleported.
+    /// Hazard that harmed the NPC; a harmed NPC stays in place until it is teleported.
     pub harm: Option<End>,
 }
 
-/// Beyond this a counted tick or decision of a stored NPC cannot be, and counting on might overflow.
+/// Largest count of ticks or decisions accepted in a stored NPC; counting on from a larger one might overflow.
 const MAX_COUNT: u32 = 1 << 30;
 
 /// Everything about a world that changes while it is stepped.
@@ -54,12 +54,12 @@ pub struct WorldState {
 }
 
 impl WorldState {
-    /// Ticks stepped when it was saved.
+    /// Ticks stepped before the state was saved.
     pub fn tick(&self) -> u64 {
         self.tick
     }
 
-    /// Whether a world with so many profiles, on a map with so many zip lines, can have been in it.
+    /// Whether this can be the state of a world with `profile_count` profiles on a map with `zip_line_count` zip lines.
     pub fn fits(&self, profile_count: usize, zip_line_count: usize) -> bool {
         self.npcs.iter().flatten().all(|npc| {
             let counts = [
@@ -73,12 +73,12 @@ impl WorldState {
         })
     }
 
-    /// Slots that NPCs stand in, in order.
+    /// Occupied slots in ascending order.
     pub fn slots(&self) -> impl Iterator<Item = NpcSlot> {
         (0..).zip(&self.npcs).filter(|(_, npc)| npc.is_some()).map(|(slot, _)| NpcSlot(slot))
     }
 
-    /// Hash of every bit of it.
+    /// BLAKE3 hash of the whole state.
     pub fn hash(&self) -> [u8; 32] {
         *blake3::hash(&postcard::to_stdvec(self).expect("plain data")).as_bytes()
     }

@@ -1,6 +1,6 @@
-//! Work split over threads by position, so that results do not depend on how many there are.
+//! Splits work over threads by position, so that results do not depend on the number of threads.
 
-/// Runs `fill` on each slab of `slab_len` values, on `thread_count` threads.
+/// Calls `fill` with the index and the values of each slab of `slab_len` values, on `thread_count` threads.
 pub(crate) fn for_each_slab<T: Send>(
     values: &mut [T],
     slab_len: usize,
@@ -25,7 +25,7 @@ pub(crate) fn for_each_slab<T: Send>(
     });
 }
 
-/// `map` of every index below `count`, in order, computed on `thread_count` threads.
+/// Applies `map` to ranges that cover the indices below `count`, on `thread_count` threads, and joins the results in order.
 pub(crate) fn map_indices<T: Send>(
     count: usize,
     thread_count: usize,
@@ -45,7 +45,7 @@ pub(crate) fn map_indices<T: Send>(
     parts.into_iter().flatten().collect()
 }
 
-/// One thread per core.
+/// Number of available cores; 1 if it is unknown.
 pub(crate) fn core_count() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }

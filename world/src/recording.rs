@@ -1,6 +1,6 @@
-//! Recordings: every input of a world by its tick, and hashes of its state on the way.
+//! Recordings: every input of a world with its tick, and hashes of intermediate states.
 //!
-//! A recording names the map by its hash. Running it again is the business of [`replay`](mod@crate::replay).
+//! A recording identifies the map by its hash. [`replay`](mod@crate::replay) runs it again.
 
 use crate::character::{Action, CharacterProfile};
 use crate::map::{Map, MapHash, MapSpec};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// First bytes of a recording's file.
 const MAGIC: &[u8; 8] = b"SFREPLAY";
-/// Changes whenever older recordings could not be read or would be replayed otherwise.
+/// Changes whenever older recordings cannot be read or would replay differently.
 pub const REPLAY_VERSION: u32 = 1;
 /// Ticks between two hashes of the state.
 pub const CHECK_EVERY_TICKS: u64 = 600;
@@ -38,75 +38,75 @@ pub enum Input {
 /// A recorded run of one world.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recording {
-    /// The map it ran on.
+    /// Hash of the map that the world ran on.
     pub map: MapHash,
-    /// How that map is generated, if it was.
+    /// Spec of the map; `None` if the map was not generated.
     pub spec: Option<MapSpec>,
     pub(crate) profiles: Vec<CharacterProfile>,
     pub(crate) task: TaskConfig,
     pub(crate) npc_collision: bool,
     pub(crate) start: WorldState,
-    /// In the order they were made; the tick is the number of ticks stepped before.
+    /// In the order of the calls, each with the number of ticks stepped before it.
     pub(crate) inputs: Vec<(u64, Input)>,
     pub(crate) checks: Vec<Check>,
     pub(crate) end_tick: u64,
 }
 
-/// A state on the way.
+/// Hash of an intermediate state.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Check {
-    /// Ticks stepped before it.
+    /// Ticks stepped before the state.
     pub tick: u64,
-    /// Inputs made before it.
+    /// Inputs applied before the state.
     pub input_count: u64,
     pub hash: [u8; 32],
 }
 
-/// Why a recording cannot be read or does not repeat.
+/// Why a recording cannot be read, or its replay fails.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ReplayError {
-    /// Not a recording.
+    /// The bytes are not a recording.
     #[error("this is not a recording: it does not begin with SFREPLAY")]
     Magic,
-    /// Written by another version.
-    #[error("the recording has version {0}, this program replays version {REPLAY_VERSION}: record it anew")]
+    /// The recording was written by another version.
+    #[error("the recording has version {0}, this program replays version {REPLAY_VERSION}: record it again")]
     Version(u32),
-    /// Cut off or changed.
-    #[error("the recording is damaged: its checksum does not fit; copy it again")]
+    /// The recording is truncated or its checksum does not match.
+    #[error("the recording is damaged: its checksum does not match; copy it again")]
     Damaged,
-    /// Undamaged, but no world can have run like that.
-    #[error("the recording makes no sense ({0}): record it anew")]
+    /// The recording is undamaged, but no world can have run like this.
+    #[error("the recording is not valid ({0}): record it again")]
     Senseless(&'static str),
-    /// The map at hand is another one.
-    #[error("the recording was made on map {expected}, this is map {found}")]
+    /// The recording was made on another map.
+    #[error("the recording was made on map {expected}, but this is map {found}")]
     OtherMap {
-        /// The recording's.
+        /// Map of the recording.
         expected: MapHash,
-        /// The one given.
+        /// Map given for the replay.
         found: MapHash,
     },
     /// An input names an NPC that does not exist.
     #[error("the recording is inconsistent at tick {tick}: {input} for NPC {slot}, which does not exist")]
     Inconsistent {
-        /// When.
+        /// Tick of the input.
         tick: u64,
-        /// What.
+        /// Name of the input.
         input: &'static str,
-        /// For whom.
+        /// Slot of the missing NPC.
         slot: u32,
     },
     /// The state differs from the recorded one.
     #[error("the replay differs from the recording at tick {tick} (they agreed up to tick {agreed})")]
     Diverged {
-        /// First check that failed.
+        /// Tick of the first state that differed.
         tick: u64,
-        /// Last check that held.
+        /// Tick of the last state that matched.
         agreed: u64,
     },
 }
 
 impl Recording {
-    /// Begins a recording of a world in its present state.
+    /// Begins a recording of a world whose state is `start`.
     pub(crate) fn begin(map: &Map, config: &WorldConfig, start: WorldState) -> Self {
         Self {
             map: map.hash(),
@@ -140,12 +140,12 @@ impl Recording {
         self.inputs.len()
     }
 
-    /// `one`, with the inputs of `other`: for trying whether a difference is found.
+    /// Returns `one` with the inputs of `other`, to test that a replay detects the difference.
     pub fn with_inputs_of(one: &Self, other: &Self) -> Self {
         Self { inputs: other.inputs.clone(), ..one.clone() }
     }
 
-    /// As bytes: magic, version, checksum, content.
+    /// Encodes the recording as bytes: magic, version, checksum, content.
     pub fn encode(&self) -> Vec<u8> {
         sealed::seal(MAGIC, REPLAY_VERSION, &postcard::to_stdvec(self).expect("plain data"))
     }
@@ -153,7 +153,7 @@ impl Recording {
     /// Reads what [`Recording::encode`] wrote.
     ///
     /// # Errors
-    /// If it is something else, of another version, damaged, or no world can have run like that.
+    /// If the bytes are not a recording, have another version, are damaged, or no world can have run like this.
     pub fn decode(bytes: &[u8]) -> Result<Self, ReplayError> {
         let content = sealed::open(MAGIC, REPLAY_VERSION, bytes).map_err(|error| match error {
             SealError::Magic => ReplayError::Magic,
@@ -161,7 +161,7 @@ impl Recording {
             SealError::Damaged => ReplayError::Damaged,
         })?;
         let recording: Self = postcard::from_bytes(content).map_err(|error| match error {
-            // What can only exist checked refuses itself.
+            // Checked types reject invalid values when they are deserialized.
             postcard::Error::SerdeDeCustom => {
                 ReplayError::Senseless("a character profile or the map's spec is out of range")
             }
@@ -171,7 +171,7 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Whether a world can have run like that: what replaying relies on, and no more ticks than its checks bear out.
+    /// Checks that a world can have run like this: what a replay relies on, and that the checks cover all ticks.
     fn check(&self) -> Result<(), ReplayError> {
         let senseless = |what| Err(ReplayError::Senseless(what));
         let profile_count = self.profiles.len();
@@ -179,7 +179,7 @@ impl Recording {
             return senseless("it has no character profile or too many");
         }
         if !self.start.fits(profile_count, usize::MAX) {
-            return senseless("the state that it begins with is out of range");
+            return senseless("its initial state is out of range");
         }
         let spawns_unknown =
             |input: &Input| matches!(input, Input::Spawn(profile, ..) if usize::from(profile.0) >= profile_count);
@@ -199,7 +199,7 @@ impl Recording {
             return senseless("its ticks are not in order");
         }
         if (self.end_tick - self.start.tick()) / CHECK_EVERY_TICKS >= self.checks.len() as u64 {
-            return senseless("it has too few states for its length");
+            return senseless("it has too few state hashes for its length");
         }
         Ok(())
     }

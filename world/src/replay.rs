@@ -1,4 +1,4 @@
-//! Replays: a recorded run repeated bit for bit; one that comes to another state says at which tick.
+//! Replays: a recorded run is repeated bit for bit; a replay that diverges reports the tick.
 
 use crate::map::Map;
 use crate::npc::{WorldConfig, WorldState};
@@ -7,11 +7,12 @@ use crate::world::World;
 use std::sync::Arc;
 
 impl Recording {
-    /// Runs it again on `map` and compares the state with the recorded one at every check and at the end. `restore_at`, for tests and suspicious minds,
-    /// saves the world at that tick and goes on in a fresh one restored from it.
+    /// Runs the recording again on `map`, compares the state with the recorded one at every check and at the end, and returns
+    /// the final state. For tests, the world is saved at tick `restore_at` and the replay continues in a new world restored
+    /// from that state.
     ///
     /// # Errors
-    /// If the map is another one, a state differs, or something happens that cannot.
+    /// If the map is another one, a state differs, or an NPC or zip line that is named does not exist.
     pub fn replay(&self, map: Arc<Map>, restore_at: Option<u64>) -> Result<WorldState, ReplayError> {
         if map.hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.hash() });
@@ -40,7 +41,7 @@ impl Recording {
                 apply(&mut world, tick, *input)?;
             }
             if tick >= self.end_tick {
-                // What is left names a tick that has passed, or a state after inputs that were not made.
+                // What is left names a past tick, or a state after inputs that do not exist.
                 let is_done = inputs.peek().is_none() && checks.peek().is_none();
                 return if is_done { Ok(world.save()) } else { Err(ReplayError::Diverged { tick, agreed }) };
             }

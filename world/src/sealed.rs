@@ -1,17 +1,17 @@
-//! Files that know when they are damaged: magic, version, checksum (BLAKE3), content.
+//! Sealed files, which detect damage: magic, version, checksum (BLAKE3), content.
 
-/// What keeps a sealed file from being opened.
+/// Why a sealed file cannot be opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SealError {
-    /// It begins with other bytes: another kind of file.
+    /// The file begins with another magic: it is another kind of file.
     Magic,
-    /// It is of this other version.
+    /// The file has this version instead of the expected one.
     Version(u32),
-    /// It is cut off or changed.
+    /// The file is truncated or its checksum does not match.
     Damaged,
 }
 
-/// `content` behind its seal.
+/// Prepends magic, version and checksum to `content`.
 pub fn seal(magic: &[u8], version: u32, content: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(magic.len() + 36 + content.len());
     bytes.extend(magic);
@@ -21,10 +21,10 @@ pub fn seal(magic: &[u8], version: u32, content: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The content that [`seal`] put behind this magic and version.
+/// Returns the content that [`seal`] wrote with this magic and version.
 ///
 /// # Errors
-/// If it is something else, of another version, or damaged.
+/// If the magic or the version differs, or the file is damaged.
 pub fn open<'a>(magic: &[u8], version: u32, bytes: &'a [u8]) -> Result<&'a [u8], SealError> {
     let rest = bytes.strip_prefix(magic).ok_or(SealError::Magic)?;
     let (found, rest) = rest.split_first_chunk::<4>().ok_or(SealError::Damaged)?;

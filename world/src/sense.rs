@@ -1,4 +1,4 @@
-//! What an NPC sees: 8 x 8 rays and a vector of its own state, as one flat row of f32.
+//! Observations: 8 x 8 rays and a vector of the NPC's own state, as one flat row of `f32`.
 //!
 //! Layout of a row (all values roughly in [-1, 1]):
 //!
@@ -6,9 +6,9 @@
 //! |---|---|
 //! | 0..64 | proximity `1 - d / 30 m` of each ray, 0 where nothing is hit |
 //! | 64..128 | 1 where the ray ended on water |
-//! | 128..192 | 1 where it ended on lava |
-//! | 192..256 | 1 where it ended on a jump pad |
-//! | 256..320 | where it ended on another device: 1 zip line, 0.7 teleporter, 0.4 jetpack |
+//! | 128..192 | 1 where the ray ended on lava |
+//! | 192..256 | 1 where the ray ended on a jump pad |
+//! | 256..320 | where the ray ended on another device: 1 zip line, 0.7 teleporter, 0.4 jetpack |
 //! | 320..355 | the state vector, see [`state_vector`] |
 //!
 //! Rays are ordered row by row from the lowest elevation, each row from left to right.
@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 /// Rays per row and per column of the cone.
 pub const RAY_SIDE: usize = 8;
-/// Rays in all.
+/// Rays of an observation.
 pub const RAY_COUNT: usize = RAY_SIDE * RAY_SIDE;
 /// Values per ray.
 pub const RAY_CHANNELS: usize = 5;
@@ -32,10 +32,10 @@ pub const STATE_LEN: usize = 35;
 pub const OBSERVATION_LEN: usize = RAY_COUNT * RAY_CHANNELS + STATE_LEN;
 /// Reach of every ray, m.
 pub const RAY_RANGE_M: f32 = 30.0;
-/// Changes whenever the meaning of an observation changes; checkpoints carry it.
+/// Changes whenever the meaning of an observation changes; stored in checkpoints.
 pub const OBSERVATION_VERSION: u32 = 2;
 
-/// Share of the body's height at which the rays start.
+/// Height of the rays' origin as a share of the body's height.
 const EYE_HEIGHT_SHARE: f32 = 0.85;
 /// Azimuth of each ray of a row, degrees, positive to the right: denser ahead, symmetric for mirroring.
 const AZIMUTHS_DEG: [f32; RAY_SIDE] = [-80.0, -45.0, -22.0, -7.0, 7.0, 22.0, 45.0, 80.0];
@@ -63,17 +63,17 @@ impl Default for RayCone {
 }
 
 impl RayCone {
-    /// Directions in the body's frame.
+    /// Unit directions in the body's frame, in the order of an observation.
     pub fn directions(&self) -> &[Vec3; RAY_COUNT] {
         &self.directions
     }
 
-    /// Where the rays begin, m.
+    /// Origin of the rays, m.
     pub fn eye(profile: &CharacterProfile, body: &Body) -> Vec3 {
         body.feet + Vec3::new(0.0, profile.height * EYE_HEIGHT_SHARE, 0.0)
     }
 
-    /// Unit directions of the cone, turned as `body` is.
+    /// Unit directions of the cone in the map's frame.
     fn turned(&self, body: &Body) -> impl Iterator<Item = Vec3> {
         let (sin, cos) = libm::sincosf(body.yaw);
         self.directions
@@ -81,7 +81,7 @@ impl RayCone {
             .map(move |local| Vec3::new(sin * local.z - cos * local.x, local.y, cos * local.z + sin * local.x))
     }
 
-    /// Casts the cone from `body` and calls `found` with each ray's index, distance and surface.
+    /// Casts the cone from `body` and calls `found` with the index, distance (m) and surface of each ray that hits.
     pub fn cast(&self, map: &Map, profile: &CharacterProfile, body: &Body, mut found: impl FnMut(usize, f32, Surface)) {
         let eye = Self::eye(profile, body);
         for (idx, direction) in self.turned(body).enumerate() {
@@ -91,7 +91,7 @@ impl RayCone {
         }
     }
 
-    /// What `body` sees.
+    /// Casts the cone from `body` and returns where every ray ends.
     pub fn sight(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Sight {
         let eye = Self::eye(profile, body);
         let mut ends: Vec<_> = self.turned(body).map(|direction| (eye + direction * RAY_RANGE_M, None)).collect();
@@ -102,16 +102,16 @@ impl RayCone {
     }
 }
 
-/// What a body sees, for people to look at.
+/// The rays of a body, for display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sight {
-    /// Where its rays begin, m.
+    /// Origin of the rays, m.
     pub eye: Vec3,
-    /// Where each ray ends, m, and on what; in the air, if it hits nothing within its range.
+    /// End of each ray, m, and the surface hit; a ray that hits nothing ends at its full range.
     pub ends: Vec<(Vec3, Option<Surface>)>,
 }
 
-/// What the state vector needs besides the body.
+/// Inputs of the state vector besides the body and its episode.
 #[derive(Debug, Clone, Copy)]
 pub struct SenseContext<'a> {
     /// The map that the body is on.
@@ -122,14 +122,14 @@ pub struct SenseContext<'a> {
     pub task: &'a TaskConfig,
 }
 
-/// Memory of the previous decision that the state vector reports.
+/// Facts about the previous decision that the state vector reports.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LastDecision {
-    /// Velocity at its start, m/s.
+    /// Velocity at the start of the decision, m/s.
     pub velocity: Vec3,
-    /// Forward, strafe, turn, jump.
+    /// Forward, strafe, turn and jump, each in [-1, 1].
     pub action: [f32; 4],
-    /// Ticks spent in water so far.
+    /// Ticks in water; counts down again outside water.
     pub ticks_in_water: u32,
 }
 
@@ -157,7 +157,7 @@ pub fn observe(
     state.copy_from_slice(&state_vector(context, body, episode, last));
 }
 
-/// The channel that shows a ray's end on `surface`, and its value there; ground shows in none.
+/// The ray channel that represents `surface`, and its value; `None` for ground.
 pub fn surface_channel(surface: Surface) -> Option<(usize, f32)> {
     match surface {
         Surface::Ground => None,
@@ -170,7 +170,7 @@ pub fn surface_channel(surface: Surface) -> Option<(usize, f32)> {
     }
 }
 
-/// The surface that ray `ray` of an observation ended on; ground where it shows none.
+/// The surface on which ray `ray` of an observation ended; ground if no channel represents one.
 pub fn ray_surface(observation: &[f32], ray: usize) -> Surface {
     let shows = |&surface: &Surface| {
         surface_channel(surface)
@@ -179,7 +179,7 @@ pub fn ray_surface(observation: &[f32], ray: usize) -> Surface {
     Surface::ALL.into_iter().find(shows).unwrap_or(Surface::Ground)
 }
 
-/// The non-visual part of an observation. Vectors are in the body's frame (x right, y up, z forward).
+/// Computes the non-visual part of an observation. Vectors are in the body's frame (x right, y up, z forward).
 ///
 /// 0 goal distance / 50 m; 1..4 unit direction to the goal; 4 horizontal goal distance and 5 height of the
 /// goal, each / 8 m and clamped; 6..9 velocity / 12 m/s; 9..12 change of velocity over the last decision /
@@ -255,7 +255,7 @@ pub fn state_vector(
     ]
 }
 
-/// Reflects an observation left to right, in place; its own inverse.
+/// Mirrors an observation left to right, in place; its own inverse.
 pub fn mirror_observation(row: &mut [f32]) {
     let (rays, state) = row.split_at_mut(RAY_COUNT * RAY_CHANNELS);
     for ray_row in rays.chunks_mut(RAY_SIDE) {
@@ -267,7 +267,7 @@ pub fn mirror_observation(row: &mut [f32]) {
     }
 }
 
-/// Reflects an action left to right, in place; its own inverse.
+/// Mirrors an action left to right, in place; its own inverse.
 pub fn mirror_action(action: &mut [f32]) {
     action[1] = -action[1];
     action[2] = -action[2];

@@ -1,4 +1,4 @@
-//! The point-goal task: reward, patience and every way an episode ends.
+//! The point-goal task: reward, patience and the ends of an episode.
 
 use crate::Vec3;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct TaskConfig {
     /// A goal counts as reached within this distance of the feet, m (paper: 1 m).
     pub goal_radius: f32,
-    /// Decisions without a new best distance until the episode is cut off (paper: 300).
+    /// Decisions without a new best distance after which the episode is truncated (paper: 300).
     pub patience: u32,
     /// The paper's lambda: metres of progress that are worth a reward of 1.
     pub lambda: f32,
@@ -28,15 +28,15 @@ impl Default for TaskConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum End {
-    /// Within the goal radius.
+    /// The feet came within the goal radius.
     Reached,
-    /// Left the map.
+    /// The NPC left the map.
     Fell,
-    /// Touched lava.
+    /// The NPC touched lava.
     Burnt,
-    /// Was in water for too long.
+    /// The NPC was in water for too long.
     Drowned,
-    /// No new best distance for the whole patience: cut off, not part of the task's dynamics.
+    /// Patience ran out without a new best distance: a truncation, not part of the task's dynamics.
     NoProgress,
 }
 
@@ -44,7 +44,7 @@ impl End {
     /// All ends, in a fixed order.
     pub const ALL: [End; 5] = [End::Reached, End::Fell, End::Burnt, End::Drowned, End::NoProgress];
 
-    /// Whether this is a cut-off after which the value of the next state still counts.
+    /// Whether the episode was truncated, so that the value of the next state still counts.
     pub fn is_truncation(self) -> bool {
         self == End::NoProgress
     }
@@ -69,7 +69,7 @@ impl End {
 /// One attempt at one goal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Episode {
-    /// Where the feet should be, m.
+    /// Position that the feet must reach, m.
     pub goal: Vec3,
     /// Smallest distance to the goal so far, m.
     pub best_distance: f32,
@@ -77,9 +77,9 @@ pub struct Episode {
     pub stalled_decisions: u32,
     /// Decisions taken so far.
     pub decisions: u32,
-    /// Set by the tick in which it ended.
+    /// How the episode ended; `None` while it runs.
     pub end: Option<End>,
-    /// Progress since the last decision, m: the best distance then minus now.
+    /// Decrease of the best distance since the last decision, m.
     progress: f32,
 }
 
@@ -89,7 +89,7 @@ impl Episode {
         Self { goal, best_distance: feet.distance(goal), stalled_decisions: 0, decisions: 0, end: None, progress: 0.0 }
     }
 
-    /// Notes where the feet are after a tick. Reaching is tested here, every tick.
+    /// Records the position of the feet after a tick and tests whether they have reached the goal.
     pub fn note_tick(&mut self, feet: Vec3, config: &TaskConfig) {
         let distance = feet.distance(self.goal);
         if distance < self.best_distance {
@@ -101,9 +101,9 @@ impl Episode {
         }
     }
 
-    /// Closes a decision: returns its reward and, if patience has run out, ends the episode.
+    /// Closes a decision: ends the episode if patience has run out, and returns the reward.
     ///
-    /// The reward is the paper's: progress / lambda, a constant penalty, and the end's +1 or -1.
+    /// The reward is the paper's: progress / lambda, a constant penalty, and +1 or -1 for the end.
     pub fn close_decision(&mut self, config: &TaskConfig) -> f32 {
         self.decisions += 1;
         if self.progress > 0.0 {
@@ -118,7 +118,7 @@ impl Episode {
         dense + config.decision_penalty + self.end.map_or(0.0, End::reward)
     }
 
-    /// Share of the patience that is used up, in [0, 1].
+    /// Share of the patience used, in [0, 1].
     pub fn patience_used(&self, config: &TaskConfig) -> f32 {
         self.stalled_decisions as f32 / config.patience as f32
     }

@@ -1,16 +1,16 @@
-//! Units and counts that cross modules, so that none is taken for another.
+//! Newtypes for units and counts that cross modules, so that the compiler tells them apart.
 
 use crate::DECISION_SECONDS;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::{Add, Mul};
 
-/// A moment of a world: ticks stepped since it began, 1/60 s each.
+/// A point in the time of a world: ticks stepped since the world began, 1/60 s each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub struct Tick(pub u64);
 
 impl Tick {
-    /// Ticks from an earlier moment to this one; 0 if that was later.
+    /// Ticks since `earlier`; 0 if `earlier` is later.
     pub fn since(self, earlier: Tick) -> u64 {
         self.0.saturating_sub(earlier.0)
     }
@@ -30,7 +30,7 @@ impl fmt::Display for Tick {
     }
 }
 
-/// Where a stream of pseudo-random numbers begins.
+/// Seed of a pseudo-random number generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub struct Seed(pub u64);
 
@@ -51,7 +51,7 @@ impl fmt::Display for Seed {
 pub struct Chance(f64);
 
 impl Chance {
-    /// Certainty.
+    /// The probability 1.
     pub const CERTAIN: Self = Self(1.0);
 
     /// The nearest probability to `value`; 0 for NaN.
@@ -59,7 +59,7 @@ impl Chance {
         Self(if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) })
     }
 
-    /// As a number in [0, 1].
+    /// The probability as a number in [0, 1].
     pub fn get(self) -> f64 {
         self.0
     }
@@ -80,7 +80,7 @@ impl std::iter::Product for Chance {
     }
 }
 
-/// A duration in decisions, not negative; means and estimates are not whole.
+/// A non-negative duration in decisions; fractional, because means and estimates are.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, Serialize, Deserialize)]
 pub struct Decisions(pub f64);
 

@@ -1,4 +1,4 @@
-//! Many NPCs on one map.
+//! A world: many NPCs on one map.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
 use crate::crowd::CrowdScratch;
@@ -10,7 +10,7 @@ use crate::task::{End, Episode, TaskConfig};
 use crate::{TICKS_PER_DECISION, Vec3};
 use std::sync::Arc;
 
-/// What one decision came to.
+/// Result of one decision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DecisionOutcome {
     /// Reward of the decision.
@@ -19,7 +19,7 @@ pub struct DecisionOutcome {
     pub end: Option<End>,
 }
 
-/// A map with its NPCs, stepped tick by tick. Nothing is allocated while stepping.
+/// A map with its NPCs, stepped tick by tick. Stepping does not allocate.
 ///
 /// The calls of one decision, for one NPC: [`World::observe`], [`World::decide`], ten times [`World::tick`]
 /// (which moves every NPC), [`World::close_decision`]. NPCs may be at different ticks of their decisions.
@@ -30,7 +30,7 @@ pub struct World {
     cone: RayCone,
     tick: u64,
     npcs: Vec<Option<Npc>>,
-    /// What happened to each NPC in the last tick; no part of the state.
+    /// Events of each NPC in the last tick; not part of the state.
     tick_events: Vec<TickEvents>,
     scratch: MoveScratch,
     crowd: CrowdScratch,
@@ -38,15 +38,15 @@ pub struct World {
 }
 
 impl World {
-    /// An empty world on `map`.
+    /// Creates an empty world on `map` with one profile and without collisions between NPCs.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
         Self::with_config(map, WorldConfig { profiles: vec![profile], task, npc_collision: false })
     }
 
-    /// An empty world on `map` for several kinds of characters.
+    /// Creates an empty world on `map` with one or more profiles.
     ///
     /// # Panics
-    /// If there is no profile, or more than 256.
+    /// If there are no profiles or more than 256.
     pub fn with_config(map: Arc<Map>, config: WorldConfig) -> Self {
         assert!((1..=256).contains(&config.profiles.len()), "1 to 256 profiles");
         Self {
@@ -62,12 +62,12 @@ impl World {
         }
     }
 
-    /// Records every input from now on; a recording under way is thrown away.
+    /// Starts to record every input; discards a recording in progress.
     pub fn start_recording(&mut self) {
         self.recording = Some(Box::new(Recording::begin(&self.map, &self.config, self.save())));
     }
 
-    /// Ends the recording under way and hands it over.
+    /// Ends the recording in progress and returns it; `None` if there is none.
     pub fn finish_recording(&mut self) -> Option<Recording> {
         let mut recording = self.recording.take()?;
         recording.note_state(self.tick, self.save().hash());
@@ -80,13 +80,13 @@ impl World {
         }
     }
 
-    /// A copy of all that changes; together with the map, the profile and the task it restores this world.
+    /// Copies the state; together with the map and the configuration, it restores this world.
     pub fn save(&self) -> WorldState {
         WorldState { tick: self.tick, npcs: self.npcs.clone() }
     }
 
-    /// Continues from a saved state; the map and the configuration must be those it was saved with. Ends a recording
-    /// under way.
+    /// Restores a saved state, which must come from a world with the same map and configuration. Discards a recording in
+    /// progress.
     pub fn restore(&mut self, state: WorldState) {
         self.recording = None;
         self.tick = state.tick;
@@ -94,12 +94,12 @@ impl World {
         self.tick_events = vec![TickEvents::default(); self.npcs.len()];
     }
 
-    /// The map.
+    /// The map that the world runs on.
     pub fn map(&self) -> &Arc<Map> {
         &self.map
     }
 
-    /// What it is run with.
+    /// Configuration of the world.
     pub fn config(&self) -> &WorldConfig {
         &self.config
     }
@@ -114,12 +114,12 @@ impl World {
         self.tick
     }
 
-    /// Adds a resting NPC of the first profile and returns its slot.
+    /// Adds an NPC of the first profile at rest and returns its slot; `feet` is in m, `yaw` in rad.
     pub fn spawn(&mut self, feet: Vec3, yaw: f32) -> NpcSlot {
         self.spawn_as(ProfileIdx::default(), feet, yaw)
     }
 
-    /// Adds a resting NPC of a profile and returns its slot.
+    /// Adds an NPC of a profile at rest and returns its slot; `feet` is in m, `yaw` in rad.
     ///
     /// # Panics
     /// If the world has no such profile.
@@ -151,33 +151,33 @@ impl World {
         self.npcs.get_mut(slot.0 as usize).is_some_and(|npc| npc.take().is_some())
     }
 
-    /// Slots below this may be taken.
+    /// Number of slots, occupied and empty.
     pub fn slot_count(&self) -> usize {
         self.npcs.len()
     }
 
-    /// The NPC in `slot`.
+    /// The NPC in `slot`; `None` if the slot is empty.
     pub fn npc(&self, slot: NpcSlot) -> Option<&Npc> {
         self.npcs.get(slot.0 as usize).and_then(Option::as_ref)
     }
 
-    /// What happened to the NPC in `slot` in the last tick.
+    /// Events of the NPC in `slot` in the last tick.
     ///
     /// # Panics
-    /// If there never was an NPC in it.
+    /// If no NPC has ever been in `slot`.
     pub fn tick_events(&self, slot: NpcSlot) -> TickEvents {
         self.tick_events[slot.0 as usize]
     }
 
-    /// All NPCs with their slots.
+    /// All NPCs with their slots, in ascending order.
     pub fn npcs(&self) -> impl Iterator<Item = (NpcSlot, &Npc)> {
         self.npcs.iter().enumerate().filter_map(|(idx, npc)| npc.as_ref().map(|npc| (NpcSlot(idx as u32), npc)))
     }
 
-    /// Puts an NPC elsewhere, at rest and without an episode.
+    /// Moves an NPC to another place, at rest and without an episode; `feet` is in m, `yaw` in rad.
     ///
     /// # Panics
-    /// If the slot is empty, like every call below.
+    /// If the slot is empty, like every method below that takes a slot.
     pub fn teleport(&mut self, slot: NpcSlot, feet: Vec3, yaw: f32) {
         self.note(Input::Teleport(slot, feet, yaw));
         let npc = self.npc_mut(slot);
@@ -188,7 +188,7 @@ impl World {
         npc.harm = None;
     }
 
-    /// Starts an episode towards `goal`, keeping the body's motion.
+    /// Starts an episode towards `goal`, m; the body keeps its motion.
     pub fn set_goal(&mut self, slot: NpcSlot, goal: Vec3) {
         self.note(Input::SetGoal(slot, goal));
         let npc = self.npc_mut(slot);
@@ -215,8 +215,8 @@ impl World {
         npc.body.begin_decision(&action);
     }
 
-    /// Moves every NPC by one tick. An NPC that came to harm stays where it is;
-    /// one that reached its goal runs on until its decision is over.
+    /// Advances every NPC by one tick. An NPC that came to harm stays in place; one that reached its goal continues until
+    /// its decision is over.
     pub fn tick(&mut self) {
         let Self { map, config, npcs, tick_events, scratch, crowd, .. } = self;
         for (npc, events) in npcs.iter_mut().zip(tick_events) {
@@ -234,14 +234,14 @@ impl World {
         }
     }
 
-    /// Ten ticks: a whole decision when all NPCs decide together.
+    /// Advances every NPC by ten ticks: a whole decision if all NPCs decide together.
     pub fn tick_decision(&mut self) {
         for _ in 0..TICKS_PER_DECISION {
             self.tick();
         }
     }
 
-    /// Closes the running decision of an NPC with an episode: its reward, and its end if it came.
+    /// Closes the current decision of an NPC and returns its reward; `None` if the NPC has no episode.
     pub fn close_decision(&mut self, slot: NpcSlot) -> Option<DecisionOutcome> {
         self.note(Input::Close(slot));
         let npc = self.npcs[slot.0 as usize].as_mut().expect("an occupied slot");
@@ -263,7 +263,7 @@ impl World {
         true
     }
 
-    /// What an NPC sees.
+    /// Casts the rays of an NPC, for display.
     pub fn sight(&self, slot: NpcSlot) -> Sight {
         let npc = self.npc(slot).expect("an occupied slot");
         self.cone.sight(&self.map, &self.config.profiles[usize::from(npc.profile.0)], &npc.body)
@@ -287,7 +287,7 @@ fn tick_npc(
     let before = npc.body;
     let events = npc.body.tick(map, profile, &npc.action, scratch);
     if !(npc.body.feet.is_finite() && npc.body.velocity.is_finite()) {
-        // Never let a body without a place spread: it stays where it last was and counts as fallen.
+        // A position that is not finite must not spread: the body stays at its last position and counts as fallen.
         npc.body = before;
         npc.harm = Some(End::Fell);
     }
@@ -300,7 +300,7 @@ fn tick_npc(
     events
 }
 
-/// The hazard that ends an attempt at this tick.
+/// The hazard that ends an attempt in this tick; counts ticks in water.
 fn hazard_end(npc: &mut Npc, map: &Map, task: &TaskConfig) -> Option<End> {
     if map.is_outside(npc.body.feet) {
         return Some(End::Fell);

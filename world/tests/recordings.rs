@@ -71,13 +71,13 @@ fn what_cannot_have_happened_is_refused() {
         ("character profile", |parts, _| parts.profiles.clear()),
         ("character profile", |parts, _| parts.profiles[0].forward_speed = f32::INFINITY),
         ("character profile", |parts, _| parts.profiles = vec![RawCharacterProfile::default(); 257]),
-        ("state that it begins with", |parts, _| parts.npc().profile = ProfileIdx(1)),
-        ("state that it begins with", |parts, _| parts.npc().body.feet.x = f32::NAN),
-        ("state that it begins with", |parts, _| parts.npc().body.feet.x = 1.0e30),
+        ("initial state", |parts, _| parts.npc().profile = ProfileIdx(1)),
+        ("initial state", |parts, _| parts.npc().body.feet.x = f32::NAN),
+        ("initial state", |parts, _| parts.npc().body.feet.x = 1.0e30),
         // A body moves in steps of 22 cm.
-        ("state that it begins with", |parts, _| parts.npc().body.velocity.z = 1.0e30),
-        ("state that it begins with", |parts, _| parts.npc().last.ticks_in_water = u32::MAX),
-        ("state that it begins with", |parts, _| {
+        ("initial state", |parts, _| parts.npc().body.velocity.z = 1.0e30),
+        ("initial state", |parts, _| parts.npc().last.ticks_in_water = u32::MAX),
+        ("initial state", |parts, _| {
             parts.npc().episode.iter_mut().for_each(|episode| episode.decisions = u32::MAX);
         }),
         ("zip line that the map does not have", |parts, _| {
@@ -90,8 +90,8 @@ fn what_cannot_have_happened_is_refused() {
             parts.inputs = [5, 4].map(|tick| (tick, Input::SetGoal(NpcSlot(0), at))).to_vec();
         }),
         ("not in order", |parts, _| parts.inputs.push((11, Input::ClearGoal(NpcSlot(0))))),
-        ("too few states", |parts, _| parts.end_tick = u64::MAX),
-        ("too few states", |parts, _| parts.checks.clear()),
+        ("too few state hashes", |parts, _| parts.end_tick = u64::MAX),
+        ("too few state hashes", |parts, _| parts.checks.clear()),
     ];
     for (expected, spoil) in cases {
         let mut parts = Parts::new(&map);
