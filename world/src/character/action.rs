@@ -1,35 +1,35 @@
-//! What the policy controls.
+//! Actions: the controls of a character.
 
 use serde::{Deserialize, Serialize};
 
-/// What the policy controls, each in [-1, 1].
+/// The controls of a character for one decision, each in [-1, 1].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Action {
-    /// Forward (positive) or backwards.
+    /// Moves forward (positive) or backward (negative).
     pub forward: f32,
-    /// To the right (positive) or left.
+    /// Moves to the right (positive) or to the left (negative).
     pub strafe: f32,
-    /// Turn left (positive) or right.
+    /// Turns to the left (positive) or to the right (negative).
     pub turn: f32,
-    /// Jump, or jump again in the air, when positive.
+    /// Jumps, or jumps again in the air, when positive.
     pub jump: f32,
 }
 
 /// Number of values in an [`Action`].
 pub const ACTION_LEN: usize = 4;
 
-/// An action with a value that is not a finite number.
+/// An action has a value that is not a finite number.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("action[{index}] is {value}, allowed are finite numbers (values beyond -1 to 1 are clamped)")]
+#[error("action[{index}] is {value}, but must be a finite number (values outside -1 to 1 are clamped)")]
 pub struct ActionError {
-    /// Position in the order forward, strafe, turn, jump.
+    /// Index of the value in the order forward, strafe, turn, jump.
     pub index: usize,
-    /// The offending value.
+    /// The rejected value.
     pub value: f32,
 }
 
 impl Action {
-    /// Takes forward, strafe, turn, jump and clamps each to [-1, 1].
+    /// Creates an action from forward, strafe, turn and jump, each clamped to [-1, 1].
     ///
     /// # Errors
     /// Names the first value that is NaN or infinite.
@@ -41,7 +41,7 @@ impl Action {
         Ok(Self { forward, strafe, turn, jump })
     }
 
-    /// Forward, strafe, turn, jump.
+    /// Returns forward, strafe, turn and jump.
     pub fn to_array(self) -> [f32; ACTION_LEN] {
         [self.forward, self.strafe, self.turn, self.jump]
     }

@@ -1,4 +1,4 @@
-//! Where a body is, how it moves, and what happened to it.
+//! The state of a body: its position, its motion, and the events of a tick.
 
 use super::action::Action;
 use super::profile::CharacterProfile;
@@ -6,19 +6,19 @@ use crate::Vec3;
 use crate::map::Liquid;
 use serde::{Deserialize, Serialize};
 
-/// No body is further from the origin, m, or faster, m/s: even pads cannot throw it so.
+/// Bounds of the position, m, and the speed, m/s, of a stored body; not even a pad can throw a body beyond them.
 const FARTHEST_M: f32 = 1.0e6;
 const FASTEST: f32 = 2.0e4;
 
 /// How a body is supported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Support {
-    /// Nothing underneath.
+    /// Nothing is underneath.
     #[default]
     Air,
-    /// On ground that can be walked.
+    /// The body stands on walkable ground.
     Ground,
-    /// Touching only ground too steep to stand on.
+    /// The body touches only ground that is too steep to stand on.
     Steep,
 }
 
@@ -31,23 +31,23 @@ pub struct Body {
     pub velocity: Vec3,
     /// Heading, rad, in (-pi, pi].
     pub yaw: f32,
-    /// What it stands on.
+    /// What supports the body.
     pub support: Support,
-    /// The liquid it wades in.
+    /// Liquid that the body wades in; `None` if it is dry.
     pub liquid: Option<Liquid>,
-    /// Jumps left before it must land.
+    /// Jumps in the air that are left before the body must land.
     pub air_jumps_left: u8,
-    /// Ticks since it last stood on ground, saturating.
+    /// Ticks since the body last stood on ground, saturating.
     pub ticks_in_air: u8,
-    /// The jump asked for by the running decision has not been made yet.
+    /// Whether the jump of the current decision has not been made yet.
     pub jump_pending: bool,
-    /// The zip line it hangs on.
+    /// Ride on a zip line, if the body hangs on one.
     pub ride: Option<Ride>,
     /// Seconds of jetpack thrust left.
     pub fuel: f32,
-    /// It has just been teleported and must step off the disc before the next time.
+    /// Whether the body was just teleported and must step off the disc before it can be teleported again.
     pub teleport_locked: bool,
-    /// Horizontal direction out of the steep face touched last tick.
+    /// Horizontal unit vector away from the steep face touched in the last tick.
     pub(super) steep_out: Vec3,
 }
 
@@ -56,29 +56,29 @@ pub struct Body {
 pub struct Ride {
     /// Index of the zip line on the map.
     pub line_idx: u32,
-    /// Metres travelled.
+    /// Distance travelled, m.
     pub distance: f32,
 }
 
 /// What happened to a body in one tick, besides moving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TickEvents {
-    /// It jumped from the ground.
+    /// The body jumped from the ground.
     pub jumped: bool,
-    /// It jumped in the air.
+    /// The body jumped in the air.
     pub double_jumped: bool,
-    /// A pad threw it upwards.
+    /// A pad threw the body upwards.
     pub padded: bool,
-    /// It began to ride a zip line.
+    /// The body began to ride a zip line.
     pub zipped: bool,
-    /// It was teleported.
+    /// The body was teleported.
     pub teleported: bool,
-    /// Its jetpack pushed.
+    /// A jetpack pushed the body.
     pub thrust: bool,
 }
 
 impl TickEvents {
-    /// Adds what happened in another tick.
+    /// Adds the events of another tick.
     pub fn merge(&mut self, other: TickEvents) {
         self.jumped |= other.jumped;
         self.double_jumped |= other.double_jumped;
@@ -90,12 +90,12 @@ impl TickEvents {
 }
 
 impl Body {
-    /// A resting body.
+    /// A body at rest; `feet` is in m, `yaw` in rad.
     pub fn at(feet: Vec3, yaw: f32) -> Self {
         Self { feet, yaw, ..Self::default() }
     }
 
-    /// Whether a stored body can have moved on a map with so many zip lines: what a tick takes for granted.
+    /// Whether a stored body satisfies what a tick assumes, on a map with `zip_line_count` zip lines.
     pub(crate) fn is_sound(&self, zip_line_count: usize) -> bool {
         let lies_within = |vector: Vec3, most: f32| vector.abs().max_element() <= most && vector.is_finite();
         lies_within(self.feet, FARTHEST_M)
@@ -105,29 +105,29 @@ impl Body {
             && self.ride.is_none_or(|ride| (ride.line_idx as usize) < zip_line_count && ride.distance.is_finite())
     }
 
-    /// Whether it stands on ground that can be walked.
+    /// Whether the body stands on walkable ground.
     pub fn is_grounded(&self) -> bool {
         self.support == Support::Ground
     }
 
-    /// Whether a jump asked for now would be made.
+    /// Whether a jump requested now would be made.
     pub fn can_jump(&self, profile: &CharacterProfile) -> bool {
         self.is_grounded() || self.ticks_in_air <= profile.coyote_ticks || self.air_jumps_left > 0
     }
 
-    /// Unit vector that it faces.
+    /// Horizontal unit vector that the body faces.
     pub fn facing(&self) -> Vec3 {
         let (sin, cos) = libm::sincosf(self.yaw);
         Vec3::new(sin, 0.0, cos)
     }
 
-    /// Turns a world vector into this body's frame: x right, y up, z forward.
+    /// Rotates a vector from the map's frame into the body's frame: x right, y up, z forward.
     pub fn to_local(&self, vector: Vec3) -> Vec3 {
         let (sin, cos) = libm::sincosf(self.yaw);
         Vec3::new(vector.z * sin - vector.x * cos, vector.y, vector.x * sin + vector.z * cos)
     }
 
-    /// Notes that a new decision has begun: its jump, if any, is due once.
+    /// Begins a decision: its jump, if any, is pending until it is made once.
     pub fn begin_decision(&mut self, action: &Action) {
         self.jump_pending = action.jump > 0.0;
     }

@@ -1,20 +1,21 @@
-//! How a body meets geometry: integrate in small moves, push out of the deepest contact, stay on falling ground.
+//! Collision of a body with geometry: integrate in small steps, push out of the deepest contact, follow ground that falls
+//! away.
 
 use super::body::{Body, Support};
 use super::profile::CharacterProfile;
 use crate::mesh::{Contact, Mesh};
 use crate::{TICK_SECONDS, Vec3};
 
-/// Longest move between two contact passes, in metres: below the capsule's radius, so nothing is tunnelled.
+/// Longest move between two contact passes, in metres: below the capsule's radius, so that nothing tunnels.
 const SUBSTEP_M: f32 = 0.22;
 /// Contact passes after each move.
 const MAX_PUSHES: usize = 6;
-/// Contacts shallower than this are left alone, in metres.
+/// Contacts shallower than this are ignored, in metres.
 const CONTACT_SLOP_M: f32 = 1.0e-4;
 /// Speed below which a body wedged between steep faces counts as standing, m/s.
 const WEDGED_SPEED: f32 = 0.6;
 
-/// Scratch memory of the controller, reused from tick to tick so that none is allocated.
+/// Scratch memory of the controller, reused so that a tick does not allocate.
 #[derive(Debug, Default)]
 pub struct MoveScratch {
     triangles: Vec<u32>,
@@ -56,8 +57,7 @@ impl Body {
         }
     }
 
-    /// Moves the body out of what it penetrates, deepest contact first, and takes the blocked part of its
-    /// velocity away.
+    /// Moves the body out of what it penetrates, deepest contact first, and removes the blocked part of its velocity.
     fn push_out(&mut self, mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], was_grounded: bool) {
         for _ in 0..MAX_PUSHES {
             let Some(contact) = deepest_contact(mesh, profile, triangles, self.feet) else { return };
@@ -77,7 +77,7 @@ impl Body {
                     self.steep_out = out;
                 }
                 if was_grounded || self.support == Support::Ground {
-                    // Someone who walks meets a steep face as a wall, not as a ramp.
+                    // To a walking body a steep face is a wall, not a ramp.
                     self.feet += out * (contact.depth / sideways_length.max(0.2));
                     self.velocity -= out * self.velocity.dot(out).min(0.0);
                     continue;
@@ -90,7 +90,7 @@ impl Body {
         }
     }
 
-    /// Moves the body aside by `offset` metres, as far as the geometry lets it.
+    /// Moves the body by `offset` metres, as far as the geometry allows.
     pub(crate) fn shove(&mut self, mesh: &Mesh, profile: &CharacterProfile, offset: Vec3, scratch: &mut MoveScratch) {
         let support = self.support;
         let reach = Vec3::splat(profile.radius + 0.05);
@@ -101,7 +101,7 @@ impl Body {
         self.support = support;
     }
 
-    /// Keeps a walker on the ground that falls away under it; leaves it in the air over a ledge.
+    /// Keeps a walking body on ground that falls away; leaves the body in the air over a ledge.
     fn snap_down(&mut self, mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], snap: f32) {
         let before = *self;
         self.feet.y -= snap;
@@ -133,9 +133,9 @@ fn deepest_contact(mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], f
     deepest
 }
 
-/// Whether a body with its feet at `feet` is free of solid geometry (down to `slop` metres of penetration).
+/// Whether a body with its feet at `feet` is clear of solid geometry, up to `slop` metres of penetration.
 ///
-/// Contacts are one-sided, so the axis is checked besides: no face may cross it between sole and crown.
+/// Contacts are one-sided, so the capsule's axis is checked as well: no front face may cross it between sole and crown.
 pub fn is_clear(mesh: &Mesh, profile: &CharacterProfile, feet: Vec3, slop: f32, scratch: &mut MoveScratch) -> bool {
     let up = Vec3::new(0.000_31, 0.999_999_9, 0.000_23);
     let mut from = feet - Vec3::new(0.0, slop, 0.0);
@@ -145,7 +145,7 @@ pub fn is_clear(mesh: &Mesh, profile: &CharacterProfile, feet: Vec3, slop: f32, 
         if hit.surface.is_solid() && enters && from.y + hit.distance > feet.y - 1.0e-3 {
             return false;
         }
-        // The ground itself, something within it, or something to walk through.
+        // The ray hit the ground itself, something inside it, or something that bodies pass through.
         from += up * (hit.distance + 1.0e-3);
         if from.y >= crown {
             break;

@@ -1,4 +1,4 @@
-//! What a body does with pads, zip lines, teleporters and jetpacks.
+//! How a body uses pads, zip lines, teleporters and jetpacks.
 
 use super::body::{Body, Ride, Support, TickEvents};
 use super::profile::CharacterProfile;
@@ -6,7 +6,7 @@ use crate::map::features::ZIP_LIFT_M;
 use crate::map::{Map, Zone};
 use crate::{TICK_SECONDS, Vec3};
 
-/// Share of the speed that is kept when a zip line is let go.
+/// Share of the speed that a body keeps when it lets go of a zip line.
 const ZIP_RELEASE_SHARE: f32 = 0.4;
 
 impl Body {
@@ -46,7 +46,7 @@ impl Body {
         events.teleported = true;
     }
 
-    /// One tick along a zip line: the cable has the say until its end, or until a jump lets go.
+    /// Rides a zip line for one tick: the cable sets the motion until its end, or until the body lets go with a jump.
     pub(super) fn ride_on(&mut self, map: &Map, profile: &CharacterProfile, ride: Ride) {
         let line = &map.placed().zip_lines[ride.line_idx as usize];
         let distance = ride.distance + profile.zip_line_speed * TICK_SECONDS;

@@ -1,10 +1,11 @@
 //! One character: its profile, its body and one tick of its motion.
 //!
 //! The body is an upright capsule moved by our own controller: integrate, then push out of the deepest
-//! contact until none is left, then snap to the ground when walking down. Tick by tick it touches only the
-//! few triangles around it (see `docs/adr/0001-own-capsule-controller.md` for why it is not rapier's).
+//! contact until none is left, then snap to the ground when walking down. Each tick looks only at the few
+//! triangles around the body (`docs/adr/0001-own-capsule-controller.md` says why the controller is not rapier's).
 //!
-//! `tick` is [`Body::tick`] with its phases; `contact` moves the capsule, `devices` are pads, zip lines and their like.
+//! `tick` is [`Body::tick`] with its phases; `contact` moves the capsule; `devices` handles pads, zip lines, teleporters
+//! and jetpacks.
 
 mod action;
 mod body;

@@ -1,16 +1,16 @@
-//! What makes one kind of character move differently from another.
+//! Character profiles: what makes one kind of character move differently from another.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 
 /// Everything that makes one kind of character move differently from another.
 ///
-/// It exists only checked; [`RawCharacterProfile`] is what can be asked for.
+/// Every value is in its range: a profile is made from a [`RawCharacterProfile`], which is checked.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "RawCharacterProfile")]
 pub struct CharacterProfile(RawCharacterProfile);
 
-/// The numbers of a [`CharacterProfile`], as somebody asks for them.
+/// The values of a [`CharacterProfile`] before they are checked.
 ///
 /// Defaults follow the figures of the environment that the paper's authors released.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,27 +29,27 @@ pub struct RawCharacterProfile {
     pub jump_speed: f32,
     /// Gravity, m/s2.
     pub gravity: f32,
-    /// Jumps that can be made in the air before landing.
+    /// Jumps that the character can make in the air before it lands.
     pub extra_jumps: u8,
-    /// Steepest slope that can be walked, rad.
+    /// Steepest walkable slope, rad.
     pub max_slope: f32,
-    /// Highest step that is walked over without a jump, m.
+    /// Highest step that the character climbs without a jump, m.
     pub step_height: f32,
     /// Horizontal acceleration on the ground, m/s2.
     pub ground_acceleration: f32,
     /// Horizontal acceleration in the air, m/s2.
     pub air_acceleration: f32,
-    /// Time after leaving the ground in which a jump still counts as one from the ground, in ticks.
+    /// Ticks after leaving the ground during which a jump still counts as one from the ground.
     pub coyote_ticks: u8,
-    /// Whether it can use zip lines.
+    /// Whether the character can use zip lines.
     pub uses_zip_lines: bool,
     /// Speed along a zip line, m/s.
     pub zip_line_speed: f32,
-    /// Whether it can put on jetpacks.
+    /// Whether the character can use jetpacks.
     pub uses_jetpacks: bool,
     /// Upward acceleration of a jetpack, gravity not subtracted, m/s2.
     pub jetpack_acceleration: f32,
-    /// Upward speed from which a jetpack pushes no more, m/s.
+    /// Upward speed at which a jetpack stops pushing, m/s.
     pub jetpack_climb_speed: f32,
 }
 
@@ -78,13 +78,13 @@ impl Default for RawCharacterProfile {
     }
 }
 
-/// A field of a [`CharacterProfile`] outside its range.
+/// A field of a [`RawCharacterProfile`] is outside its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("profile.{field} is {value}, allowed are {min} to {max}")]
+#[error("profile.{field} is {value}, but must be {min} to {max}")]
 pub struct ProfileError {
-    /// Which field.
+    /// Name of the field.
     pub field: &'static str,
-    /// What was asked for.
+    /// The rejected value.
     pub value: f32,
     /// Smallest allowed value.
     pub min: f32,
@@ -93,7 +93,7 @@ pub struct ProfileError {
 }
 
 impl CharacterProfile {
-    /// This profile with a change.
+    /// Returns a copy of this profile with a change.
     ///
     /// # Errors
     /// Names the first field outside its range.

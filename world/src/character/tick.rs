@@ -9,9 +9,9 @@ use crate::{TICK_SECONDS, Vec3};
 
 /// Terminal speed of a fall, m/s.
 const MAX_FALL_SPEED: f32 = 45.0;
-/// Share of the control in the air that is left while sliding down a steep face.
+/// Share of the air control that is left while sliding down a steep face.
 const SLIDE_CONTROL: f32 = 0.2;
-/// Depth of liquid over the feet from which it acts, in metres.
+/// Depth of liquid above the feet from which it slows a body down, in metres.
 const WADING_DEPTH_M: f32 = 0.25;
 /// Share of the walking speed that is left in water.
 const WADING_SPEED: f32 = 0.5;
@@ -68,7 +68,7 @@ impl Body {
         let limit = match self.support {
             Support::Ground => profile.ground_acceleration,
             Support::Air => profile.air_acceleration,
-            // Sliding: the slope has the say, not the legs.
+            // While the body slides, the slope dominates its motion.
             Support::Steep => profile.air_acceleration * SLIDE_CONTROL,
         };
         let mut change = Vec3::new(wish.x - self.velocity.x, 0.0, wish.z - self.velocity.z);
@@ -79,7 +79,7 @@ impl Body {
         }
         self.velocity += change;
         if self.support == Support::Steep {
-            // No running up faces that are too steep to stand on.
+            // A body cannot run up faces that are too steep to stand on.
             let into = self.velocity.dot(self.steep_out);
             if into < 0.0 {
                 self.velocity -= self.steep_out * into;
@@ -105,7 +105,7 @@ impl Body {
         self.jump_pending = false;
     }
 
-    /// A jetpack pushes in the air while the jump is held and no jump was made of it in this tick.
+    /// Applies jetpack thrust in the air while the jump is held and was not used for a jump in this tick.
     fn thrust(&mut self, profile: &CharacterProfile, action: &Action, events: &mut TickEvents) {
         let jumps = events.jumped || events.double_jumped;
         let wanted = action.jump > 0.0 && !jumps && !self.is_grounded();

@@ -1,15 +1,15 @@
-//! The grid: how triangles are sorted into cells, and which of them touch a box.
+//! The grid: sorts triangles into cells and finds those that touch a box.
 
 use super::triangle::Triangle;
 use crate::{Vec3, parallel};
 
 /// Side of a grid cell in metres.
 pub(super) const CELL_M: f32 = 1.6;
-/// Its inverse.
+/// Cells per metre.
 const CELLS_PER_M: f32 = 1.0 / CELL_M;
 /// Longest empty-space skip that is stored, in cells.
 const MAX_SKIP: u8 = 15;
-/// Cells below which starting threads takes longer than the work.
+/// Fewest cells for which starting threads is worth the time.
 const CELLS_WORTH_THREADS: usize = 1 << 16;
 
 /// Centre of a grid cell.
@@ -18,30 +18,30 @@ fn centre_of([x, y, z]: [i32; 3]) -> Vec3 {
     (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M
 }
 
-/// Set in the entry of a cell without triangles; the rest is how many cells (Chebyshev) it is certainly away from
-/// the nearest one with triangles.
+/// Bit set in the entry of a cell without triangles; the other bits are a lower bound of the Chebyshev distance, in cells,
+/// to the nearest cell with triangles.
 pub(super) const EMPTY: u32 = 1 << 31;
 
 /// The triangles of one occupied cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Occupied {
-    /// Its first item; it ends where the next cell's begin.
+    /// Index of the cell's first item; the items end where those of the next cell begin.
     start: u32,
-    /// Lowest and highest y that its triangles reach, m: rays that pass above or below are not tested.
+    /// Lowest and highest y of the cell's triangles, m: rays that pass above or below are not tested.
     pub lowest: f32,
     pub highest: f32,
 }
 
-/// Triangles with the grid that finds them.
+/// Triangles indexed by a uniform grid.
 #[derive(Debug)]
 pub struct Mesh {
     pub(super) triangles: Vec<Triangle>,
     pub(super) counts: [i32; 3],
-    /// For each cell [`EMPTY`] with its distance, or its index among the occupied ones.
+    /// For each cell, [`EMPTY`] with a distance, or an index into `occupied`.
     pub(super) cells: Vec<u32>,
-    /// In the order of their cells, with one more at the end.
+    /// Occupied cells in the order of `cells`, and a sentinel at the end.
     pub(super) occupied: Vec<Occupied>,
-    /// Triangles of each occupied cell, in the order of the cells.
+    /// Indices of the triangles of each occupied cell, in the order of the cells.
     items: Vec<u32>,
 }
 
@@ -85,12 +85,12 @@ impl Mesh {
         &self.triangles
     }
 
-    /// Gives the triangles back.
+    /// Returns the triangles and drops the grid.
     pub(crate) fn into_triangles(self) -> Vec<Triangle> {
         self.triangles
     }
 
-    /// Bytes held by the triangles and their grid.
+    /// Memory of the triangles and the grid, in bytes.
     pub fn memory_bytes(&self) -> usize {
         std::mem::size_of_val(self.triangles.as_slice())
             + std::mem::size_of_val(self.cells.as_slice())
@@ -144,7 +144,7 @@ impl Mesh {
 
     /// Chebyshev distance transform of the cells with a count above 0, capped at [`MAX_SKIP`].
     ///
-    /// It separates by axis: the distance along x first, then `min over j of max(d(j), |i - j|)` along y and z, row
+    /// The transform is separable: first the distance along x, then `min over j of max(d(j), |i - j|)` along y and z, row
     /// by row so that the inner loops run over consecutive bytes.
     fn empty_space_skips(&self, triangle_counts: &[u32]) -> Vec<u8> {
         let [nx, ny, nz] = self.counts.map(|count| count as usize);
@@ -199,7 +199,7 @@ impl Mesh {
         skips
     }
 
-    /// Fills `found` with the solid triangles whose bounds touch the box; a triangle may appear twice.
+    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box.
     pub fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
         found.clear();
         let (from, to) = self.clamped_cells(low, high);

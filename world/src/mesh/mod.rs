@@ -1,7 +1,7 @@
-//! Triangles in a uniform grid: the one structure behind both contacts and rays.
+//! Triangles in a uniform grid: one structure for both contacts and rays.
 //!
-//! Each cell lists the triangles whose bounds touch it; a cell without any holds how many cells (Chebyshev
-//! distance) it is certainly away from the nearest one with triangles, so that rays leap over empty space.
+//! Each cell lists the triangles that touch it; an empty cell holds a lower bound of the Chebyshev distance, in
+//! cells, to the nearest cell with triangles, so that rays skip empty space.
 //! parry3d's triangle is the reference: property tests compare rays and contacts with it.
 
 mod grid;

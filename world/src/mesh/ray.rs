@@ -1,4 +1,4 @@
-//! Rays through the grid, leaping over empty space.
+//! Casts rays through the grid, skipping empty space.
 
 use super::grid::{CELL_M, EMPTY, Mesh, Occupied};
 use super::triangle::Surface;
@@ -7,24 +7,24 @@ use crate::Vec3;
 /// Slack around the stretch of a ray inside one cell, m.
 const STRETCH_SLACK_M: f32 = 1.0e-3;
 
-/// Where a ray ended.
+/// The hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayHit {
-    /// Metres along the ray.
+    /// Distance along the ray, m.
     pub distance: f32,
     /// Index of the triangle that was hit.
     pub triangle_idx: u32,
-    /// What was hit.
+    /// Surface of that triangle.
     pub surface: Surface,
 }
 
 impl Mesh {
-    /// First triangle along the ray within `max_distance` metres; `direction` must have unit length.
+    /// Finds the first triangle along the ray within `max_distance` metres; `direction` must have unit length.
     pub fn cast_ray(&self, origin: Vec3, direction: Vec3, max_distance: f32) -> Option<RayHit> {
         let mut travelled = self.enter(origin, direction)?;
         let inverse = Vec3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
         let step = [direction.x, direction.y, direction.z].map(|d| if d > 0.0 { 1 } else { -1 });
-        // Cells are left by their upper border where the ray grows.
+        // Along an axis where the ray grows, it leaves a cell through the upper border.
         let upper = step.map(|step| (step + 1) / 2);
         let entry = self.cell_of(origin + direction * travelled);
         let mut cell = [0, 1, 2].map(|axis| entry[axis].clamp(0, self.counts[axis] - 1));
@@ -71,7 +71,7 @@ impl Mesh {
         None
     }
 
-    /// First triangle of one cell on a stretch of a ray. A hit beyond the cell is found where it lies.
+    /// Finds the first triangle of one cell on a stretch of a ray, which may be hit slightly outside the cell.
     #[inline]
     fn cast_in_cell(
         &self,
@@ -95,9 +95,9 @@ impl Mesh {
         best
     }
 
-    /// In how many solids `point` lies: 0 in the open. For closed solids, which may overlap.
+    /// Number of solids that contain `point`: 0 in the open. Solids must be closed and may overlap.
     ///
-    /// Counts the faces that a ray to the sky leaves and enters through; of three rays, the median counts, since one
+    /// Counts the faces through which a ray to the sky leaves and enters. The result is the median of three rays, since one
     /// may graze an edge or meet two faces that coincide.
     pub fn solid_depth_at(&self, point: Vec3) -> u32 {
         let tilts = [Vec3::new(0.017_3, 1.0, 0.020_1), Vec3::new(-0.151, 1.0, 0.083), Vec3::new(0.061, 1.0, -0.217)];
@@ -106,7 +106,7 @@ impl Mesh {
         depths[1].max(0) as u32
     }
 
-    /// Solid faces that a ray leaves through, less those that it enters through.
+    /// Number of solid faces through which a ray leaves, minus those through which it enters.
     fn faces_left(&self, mut origin: Vec3, direction: Vec3) -> i32 {
         let mut count = 0;
         while let Some(hit) = self.cast_ray(origin, direction, f32::MAX) {
@@ -119,7 +119,7 @@ impl Mesh {
         count
     }
 
-    /// Distance along the ray at which it enters the grid's box; `None` if it misses.
+    /// Distance along the ray at which it enters the grid's box, m; `None` if it misses the box.
     fn enter(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
         let size = Vec3::new(self.counts[0] as f32, self.counts[1] as f32, self.counts[2] as f32) * CELL_M;
         if origin.cmpge(Vec3::ZERO).all() && origin.cmple(size).all() {

@@ -1,32 +1,32 @@
-//! One triangle: what it is made of, where a ray meets it, and where a capsule touches it.
+//! One triangle: its surface, its intersection with a ray, and its contact with a capsule.
 
 use crate::Vec3;
 
-/// Barycentric slack that closes the seams between neighbouring triangles for rays.
+/// Barycentric slack that keeps rays from passing through the seams between neighbouring triangles.
 const SEAM_SLACK: f32 = 1.0e-4;
 
-/// What a triangle is made of.
+/// Surface of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Surface {
-    /// Rock, building, plateau: solid.
+    /// Rock, buildings and plateaus: solid.
     Ground = 0,
-    /// Surface of a water pool: seen by rays, walked through.
+    /// Surface of a water pool: hit by rays, passed by bodies.
     Water = 1,
-    /// Surface of a lava pool: seen by rays, fallen into.
+    /// Surface of a lava pool: hit by rays, passed by bodies.
     Lava = 2,
-    /// A jump pad: seen by rays, triggers by position.
+    /// Disc of a jump pad: hit by rays, passed by bodies; the position of the feet triggers the pad.
     Pad = 3,
-    /// Station of a zip line: likewise.
+    /// Station of a zip line; otherwise like a pad.
     ZipLine = 4,
-    /// Entrance of a teleporter: likewise.
+    /// Entrance of a teleporter; otherwise like a pad.
     Teleporter = 5,
-    /// A jetpack to pick up: likewise.
+    /// Disc of a jetpack pick-up; otherwise like a pad.
     Jetpack = 6,
 }
 
 impl Surface {
-    /// All surfaces, by their number.
+    /// All surfaces in the order of their numbers.
     pub const ALL: [Surface; 7] = [
         Surface::Ground,
         Surface::Water,
@@ -37,13 +37,13 @@ impl Surface {
         Surface::Jetpack,
     ];
 
-    /// Whether bodies collide with it.
+    /// Whether bodies collide with the surface.
     pub fn is_solid(self) -> bool {
         self == Surface::Ground
     }
 }
 
-/// One triangle with its precomputed edges and normal.
+/// A triangle with precomputed edges and normal.
 #[derive(Debug, Clone, Copy)]
 pub struct Triangle {
     a: Vec3,
@@ -54,7 +54,7 @@ pub struct Triangle {
 }
 
 impl Triangle {
-    /// A triangle with corners in counter-clockwise order seen from outside; `None` if it has no area.
+    /// Creates a triangle from corners in counter-clockwise order seen from outside; `None` if it has no area.
     pub fn new([a, b, c]: [Vec3; 3], surface: Surface) -> Option<Self> {
         let (ab, ac) = (b - a, c - a);
         let cross = ab.cross(ac);
@@ -62,7 +62,7 @@ impl Triangle {
         (length > 1.0e-9).then(|| Self { a, ab, ac, normal: cross / length, surface })
     }
 
-    /// The three corners.
+    /// The three corners, m.
     #[inline]
     pub fn corners(&self) -> [Vec3; 3] {
         [self.a, self.a + self.ab, self.a + self.ac]
@@ -74,7 +74,7 @@ impl Triangle {
         self.normal
     }
 
-    /// What it is made of.
+    /// Surface of the triangle.
     #[inline]
     pub fn surface(&self) -> Surface {
         self.surface
@@ -85,13 +85,13 @@ impl Triangle {
         (a.min(b).min(c), a.max(b).max(c))
     }
 
-    /// Two-sided intersection inside `near..=far` along the ray: plane first, which settles most cases, then barycentric
-    /// coordinates, slightly widened so that seams do not leak.
+    /// Distance of the two-sided intersection within `near..=far` along the ray: the plane first, which decides most cases,
+    /// then barycentric coordinates, slightly widened so that seams do not leak.
     #[inline]
     pub(super) fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
         let offset = origin - self.a;
         let distance = -self.normal.dot(offset) / self.normal.dot(direction);
-        // Also refuses the NaN of a ray inside the plane.
+        // Also rejects the NaN of a ray inside the plane.
         if !(distance >= near && distance <= far) {
             return None;
         }
@@ -105,8 +105,7 @@ impl Triangle {
         (b >= slack && c >= slack && b + c <= area - slack).then_some(distance)
     }
 
-    /// Closest point of the triangle to `point` when that lies in its interior or on its border
-    /// (Ericson, Real-Time Collision Detection, 5.1.5).
+    /// Closest point of the triangle, border included, to `point` (Ericson, Real-Time Collision Detection, 5.1.5).
     fn closest_point(&self, point: Vec3) -> Vec3 {
         let (ab, ac, a) = (self.ab, self.ac, self.a);
         let ap = point - a;
@@ -144,7 +143,7 @@ impl Triangle {
     /// Penetration of an upright capsule, if any.
     ///
     /// The capsule is the vertical segment of length `height` above `low`, widened by `radius`. Contacts from
-    /// behind are ignored: solids are entered only through a bug, and pushing outwards then makes it worse.
+    /// behind are ignored: a body enters a solid only through a bug, and pushing it outwards would make that worse.
     #[inline]
     pub fn capsule_contact(&self, low: Vec3, height: f32, radius: f32) -> Option<Contact> {
         let low_side = self.normal.dot(low - self.a);
@@ -172,8 +171,8 @@ impl Triangle {
         Some(Contact { normal, depth: radius - distance, point: on_triangle, face_normal: self.normal })
     }
 
-    /// Closest pair of points between the vertical segment above `low` and the triangle, for a segment that
-    /// does not pass through it.
+    /// Closest pair of points of the vertical segment above `low` and the triangle, if the segment does not pass
+    /// through the triangle.
     #[inline]
     fn closest_to_vertical(&self, low: Vec3, height: f32) -> (Vec3, Vec3) {
         let high = low + Vec3::new(0.0, height, 0.0);
@@ -194,7 +193,7 @@ impl Triangle {
     }
 }
 
-/// Closest points between a vertical segment and an edge.
+/// Closest pair of points of a vertical segment and an edge.
 #[inline]
 fn closest_vertical_to_edge(low: Vec3, height: f32, from: Vec3, to: Vec3) -> (Vec3, Vec3) {
     let edge = to - from;
@@ -208,7 +207,7 @@ fn closest_vertical_to_edge(low: Vec3, height: f32, from: Vec3, to: Vec3) -> (Ve
     let y_on_edge = from.y + edge.y * t;
     let y_on_axis = y_on_edge.clamp(low.y, low.y + height);
     if y_on_axis != y_on_edge || horizontal_squared <= 1.0e-12 {
-        // The infinite axis meets the edge beyond the segment's end: take the end against the edge.
+        // The infinite axis is closest to the edge beyond the segment's end: use that end instead.
         let end = Vec3::new(low.x, y_on_axis, low.z);
         t = ((end - from).dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
         let on_edge = from + edge * t;
@@ -221,12 +220,12 @@ fn closest_vertical_to_edge(low: Vec3, height: f32, from: Vec3, to: Vec3) -> (Ve
 /// A penetration of a capsule into a triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct Contact {
-    /// Unit direction that separates the two fastest, away from the triangle.
+    /// Unit direction away from the triangle that separates the two over the shortest distance.
     pub normal: Vec3,
-    /// Penetration in metres, positive.
+    /// Penetration depth, m, positive.
     pub depth: f32,
     /// The touched point on the triangle.
     pub point: Vec3,
-    /// Normal of the touched triangle; differs from `normal` on its edges.
+    /// Normal of the touched triangle; differs from `normal` at its edges and corners.
     pub face_normal: Vec3,
 }

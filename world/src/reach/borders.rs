@@ -1,4 +1,4 @@
-//! What keeps a walker from going on: the causes of the borders between islands.
+//! The causes of the borders between islands: what keeps a walking character from going on.
 
 use super::Reach;
 use super::ground::NEIGHBOURS;
@@ -7,7 +7,7 @@ use crate::map::{Liquid, Map};
 use crate::{Vec3, navigable};
 use serde::Serialize;
 
-/// Why a place cannot be walked on from a neighbouring one.
+/// Why a character cannot walk from a place to a neighbouring one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -17,9 +17,9 @@ pub enum Cause {
     Water,
     /// Lava.
     Lava,
-    /// A pad, a station, a teleporter or a jetpack is stepped on.
+    /// A pad, a zip line's station, a teleporter or a jetpack.
     Device,
-    /// A wall, a floor's edge or a roof's.
+    /// A wall, or the edge of a floor or roof.
     Building,
     /// The edge of a plateau.
     Plateau,
@@ -32,7 +32,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// All of them.
+    /// All causes, in a fixed order.
     pub const ALL: [Cause; 9] = [
         Cause::Rim,
         Cause::Water,
@@ -62,7 +62,7 @@ impl Cause {
 }
 
 impl Reach {
-    /// How many borders of cells (one for each neighbour that cannot be walked to) each cause makes.
+    /// Counts cell borders by cause; a cell has one border for each neighbour that it cannot walk to.
     pub fn border_causes(&self, map: &Map) -> Vec<(Cause, u64)> {
         let mut counts = Cause::ALL.map(|cause| (cause, 0));
         for (idx, cell) in self.ground.cells().iter().enumerate() {
@@ -84,7 +84,7 @@ fn cause_of(map: &Map, feet: Vec3, ahead: Vec3) -> Cause {
         return Cause::Rim;
     }
     let placed = map.placed();
-    // The ground ahead may lie a little lower or higher: the liquid over it counts.
+    // The ground ahead may be a little lower or higher: the liquid above it counts.
     let above = ahead + Vec3::new(0.0, 1.2, 0.0);
     let below =
         map.mesh().cast_ray(above, navigable::DOWN, 3.0).map_or(ahead, |hit| above + navigable::DOWN * hit.distance);

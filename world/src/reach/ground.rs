@@ -1,4 +1,4 @@
-//! Places to stand, on a grid, joined into islands by walking.
+//! Places to stand on a grid, joined into islands by walking.
 
 use crate::character::{CharacterProfile, MoveScratch, is_clear};
 use crate::float::hypot;
@@ -8,26 +8,26 @@ use crate::{Vec3, navigable, parallel};
 
 /// Spacing of the grid, m.
 pub const SPACING_M: f32 = 1.25;
-/// Offset of the grid, so that no ray runs along the edges of the terrain's lattice, m.
+/// Offset of the grid, m, so that no ray runs along the edges of the terrain's lattice.
 const OFFSET_M: f32 = 0.61;
-/// Points looked at between two neighbouring places.
-const BETWEEN: usize = 3;
-/// Heights above the feet at which the way between two places must be free, m.
-const WAY_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
+/// Points checked between two neighbouring places.
+const INTERMEDIATE_COUNT: usize = 3;
+/// Heights above the feet at which the path between two places must be clear, m.
+const CLEAR_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
 
 /// One place to stand.
 #[derive(Debug, Clone, Copy)]
 pub struct Cell {
-    /// Where the feet are.
+    /// Position of the feet, m.
     pub feet: Vec3,
-    /// Index of the island it belongs to.
+    /// Index of the island that the place belongs to.
     pub island: u32,
 }
 
 /// Places joined by walking.
 #[derive(Debug, Clone, Copy)]
 pub struct Island {
-    /// How many.
+    /// Number of places.
     pub cell_count: u32,
 }
 
@@ -36,7 +36,7 @@ pub struct Island {
 pub struct Ground {
     columns: i32,
     rows: i32,
-    /// First cell of each column of the grid, and one more at the end.
+    /// Index of the first cell of each grid column, and a sentinel at the end.
     starts: Vec<u32>,
     cells: Vec<Cell>,
     islands: Vec<Island>,
@@ -44,11 +44,11 @@ pub struct Ground {
     walkable: Vec<u8>,
 }
 
-/// The eight neighbours (columns, rows); the second half mirrors the first.
+/// Offsets (columns, rows) of the eight neighbours; the second half mirrors the first.
 pub const NEIGHBOURS: [(i32, i32); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
 
 impl Ground {
-    /// Finds all places and islands.
+    /// Finds all places and islands on `thread_count` threads.
     pub(super) fn survey(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
         let extent = map.extent();
         let (columns, rows) = ((extent.x / SPACING_M) as i32, (extent.z / SPACING_M) as i32);
@@ -69,7 +69,7 @@ impl Ground {
         ground
     }
 
-    /// All places, column by column within each row.
+    /// All places, row by row and column by column.
     pub fn cells(&self) -> &[Cell] {
         &self.cells
     }
@@ -79,13 +79,13 @@ impl Ground {
         &self.islands
     }
 
-    /// Column and row over a point.
+    /// Column and row nearest to a point.
     pub fn column_of(&self, point: Vec3) -> (i32, i32) {
         let idx = |value: f32| ((value - OFFSET_M) / SPACING_M).round() as i32;
         (idx(point.x), idx(point.z))
     }
 
-    /// Indices of the places in a column; none outside the map.
+    /// Indices of the places in a grid column; empty outside the map.
     pub fn column(&self, column: i32, row: i32) -> std::ops::Range<usize> {
         if column < 0 || row < 0 || column >= self.columns || row >= self.rows {
             return 0..0;
@@ -94,7 +94,7 @@ impl Ground {
         self.starts[idx] as usize..self.starts[idx + 1] as usize
     }
 
-    /// The place nearest to `feet`, at most one column away and 0.8 m higher or lower.
+    /// The place nearest to `feet`, at most one column away and less than 0.8 m higher or lower.
     pub fn at(&self, feet: Vec3) -> Option<&Cell> {
         let (column, row) = self.column_of(feet);
         let mut best: Option<(f32, &Cell)> = None;
@@ -168,7 +168,7 @@ fn root(parents: &mut [u32], mut cell: u32) -> u32 {
     cell
 }
 
-/// Places of one row of the grid, and how many each column has.
+/// Places of one row of the grid, and the number of places in each column.
 fn find_row(
     map: &Map,
     profile: &CharacterProfile,
@@ -194,8 +194,8 @@ fn find_row(
     (found, counts)
 }
 
-/// Whether the character walks from one place to a neighbouring one and back: the ground between is continuous,
-/// nowhere steeper than it can walk, dry, and nothing stands in the way.
+/// Whether the character can walk between two neighbouring places in both directions: the ground between them is
+/// continuous, dry and nowhere too steep, and nothing is in the way.
 fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     let offset = b - a;
     let run = hypot(offset.x, offset.z);
@@ -203,12 +203,12 @@ fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     if offset.y.abs() > run * slope + profile.step_height {
         return false;
     }
-    let step = run / (BETWEEN + 1) as f32;
+    let step = run / (INTERMEDIATE_COUNT + 1) as f32;
     let most = step * slope + profile.step_height + 0.02;
     let down = navigable::DOWN;
     let mut last = a.y;
-    for i in 1..=BETWEEN {
-        let above = a + offset * (i as f32 / (BETWEEN + 1) as f32) + Vec3::new(0.0, 1.2, 0.0);
+    for i in 1..=INTERMEDIATE_COUNT {
+        let above = a + offset * (i as f32 / (INTERMEDIATE_COUNT + 1) as f32) + Vec3::new(0.0, 1.2, 0.0);
         let Some(hit) = map.mesh().cast_ray(above, down, 2.4) else { return false };
         let height = above.y - hit.distance;
         if hit.surface != Surface::Ground || (height - last).abs() > most + 0.08 {
@@ -220,7 +220,7 @@ fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
         return false;
     }
     let length = offset.length();
-    WAY_HEIGHTS_M.iter().all(|&height| {
+    CLEAR_HEIGHTS_M.iter().all(|&height| {
         let hit = map.mesh().cast_ray(a + Vec3::new(0.0, height, 0.0), offset / length, length);
         hit.is_none_or(|hit| !hit.surface.is_solid())
     })

@@ -1,37 +1,37 @@
-//! Scripted bodies: what happens when a character runs off a ledge, jumps, or is thrown.
+//! Scripted leaps: where a character lands when it runs off a ledge, jumps, or is thrown.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::map::Map;
 use crate::{TICK_SECONDS, Vec3};
 
-/// How a leap begins and what is done in the air.
+/// How a leap begins and what the body does in the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Leap {
-    /// Runs towards the target and over the edge.
+    /// Runs towards the target and off the edge.
     Run,
     /// Jumps at once.
     Jump,
     /// Runs, and jumps where the ground ends.
     RunAndJump,
-    /// As `Jump`, and again in the air.
+    /// Jumps at once, and again in the air.
     DoubleJump,
-    /// As `RunAndJump`, and again in the air.
+    /// Runs, jumps where the ground ends, and jumps again in the air.
     RunAndDoubleJump,
-    /// Thrown upwards by a pad of this speed, m/s.
+    /// Is thrown upwards by a pad of this speed, m/s.
     Pad(f32),
-    /// Flies by a jetpack with this many seconds of fuel.
+    /// Jumps and flies with a jetpack that has this much fuel, s.
     Jetpack(f32),
 }
 
 /// Ticks after which a leap has failed.
 const MAX_TICKS: u32 = 200;
-/// Ticks that a run may take to its edge.
+/// Ticks after which a run that has not left the ground has failed.
 const MAX_RUN_TICKS: u32 = 24;
-/// Deceleration in the air that the approach counts on, m/s2: less than the character has.
+/// Deceleration in the air that the approach assumes, m/s2: less than the default character has.
 const BRAKE: f32 = 18.0;
 
-/// Runs the leap from `from` towards `target` on the character's own body: where it comes to stand on the ground, if
-/// that is safe ground.
+/// Simulates a leap from `from` towards `target` and returns where the body lands, m; `None` if it lands nowhere in time,
+/// in a liquid or outside the map, or triggers a device on the way.
 pub fn land(
     map: &Map,
     profile: &CharacterProfile,
@@ -97,7 +97,7 @@ pub fn land(
     None
 }
 
-/// Speed at which the rest of the way can still be braked, m/s.
+/// Speed from which the body can still stop within `along` metres, m/s, with the sign of `along`.
 fn approach_speed(profile: &CharacterProfile, along: f32) -> f32 {
     let usable = along.abs() - profile.forward_speed * TICK_SECONDS;
     (2.0 * BRAKE * usable.max(0.0)).sqrt().min(profile.forward_speed) * along.signum()

@@ -1,4 +1,4 @@
-//! Finds the links between islands by trying leaps at their borders and rides on the map's devices.
+//! Finds links between islands by simulating leaps at their borders and rides on the map's devices.
 
 use super::ground::{Cell, Ground, NEIGHBOURS, SPACING_M};
 use super::leap::{self, Leap};
@@ -11,19 +11,19 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Failed leaps after which a pair of islands is given up.
+/// Failed leaps after which the search gives up on a pair of islands.
 const MAX_FAILURES: u32 = 10;
-/// Reach of jumps that are tried, in columns of the grid.
+/// Longest jump that is tried, in columns of the grid.
 const JUMP_REACH: i32 = 8;
-/// Highest rise that a double jump is tried at, m.
+/// Highest rise for which a jump is tried, m.
 const MAX_RISE_M: f32 = 4.7;
-/// Reach of pads and jetpacks that is tried, m.
+/// Longest throw of a pad or flight of a jetpack that is tried, m.
 pub(crate) const THROW_REACH_M: f32 = 17.0;
 /// Highest fall that is tried, m.
 const MAX_DROP_M: f32 = 60.0;
 
-/// All links of `ground`, sorted. Each island's links are found by one thread, so the result does not depend on how
-/// many there are.
+/// Finds all links of `ground`, sorted. One thread finds all links of an island, so the result does not depend on
+/// `thread_count`.
 pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, thread_count: usize) -> Vec<Link> {
     let borders = borders_by_island(ground);
     let next = AtomicUsize::new(0);
@@ -61,7 +61,7 @@ pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, threa
     links
 }
 
-/// Cells of each island with a neighbour that cannot be walked to.
+/// For each island, its cells with a neighbour that they cannot walk to.
 fn borders_by_island(ground: &Ground) -> Vec<Vec<u32>> {
     let mut borders = vec![Vec::new(); ground.islands().len()];
     for (idx, cell) in ground.cells().iter().enumerate() {
@@ -72,14 +72,14 @@ fn borders_by_island(ground: &Ground) -> Vec<Vec<u32>> {
     borders
 }
 
-/// What is known of the way to another island.
+/// What the search has found about links to another island.
 #[derive(Debug, Clone, Copy, Default)]
 struct Known {
     means: Option<Means>,
     failures: u32,
 }
 
-/// The search for ways out of one island.
+/// The search for links out of one island.
 struct IslandSearch<'a> {
     map: &'a Map,
     profile: &'a CharacterProfile,
@@ -102,7 +102,7 @@ impl IslandSearch<'_> {
                 .is_some_and(|known| known.means.is_some_and(|best| best <= means) || known.failures >= MAX_FAILURES)
     }
 
-    /// Tries a leap; whatever ground it lands on is linked.
+    /// Simulates a leap and links the island on which the body lands; true if that is the island of `target`.
     fn attempt(&mut self, from: Vec3, target: &Cell, leap: Leap, means: Means) -> bool {
         let landed = leap::land(self.map, self.profile, from, target.feet, leap, self.scratch);
         let island = landed.and_then(|feet| self.ground.at(feet)).map(|cell| cell.island);
@@ -116,7 +116,7 @@ impl IslandSearch<'_> {
         island == Some(target.island)
     }
 
-    /// Runs off every edge under which other ground lies.
+    /// Tries to run off every edge of a cell that has ground below.
     fn drops(&mut self, cell_idx: usize) {
         let feet = self.ground.cells()[cell_idx].feet;
         for (neighbour, (dx, dz)) in NEIGHBOURS.into_iter().enumerate() {
@@ -139,7 +139,7 @@ impl IslandSearch<'_> {
         }
     }
 
-    /// Jumps to other ground ahead of every edge.
+    /// Tries to jump to other ground beyond every edge of a cell.
     fn jumps(&mut self, cell_idx: usize) {
         let feet = self.ground.cells()[cell_idx].feet;
         let (column, row) = self.ground.column_of(feet);
@@ -179,7 +179,7 @@ impl IslandSearch<'_> {
     }
 }
 
-/// Islands whose ground lies beside a device at `centre`, so that it can be stepped on.
+/// Islands with ground so close to `centre` that a character can step on a device there.
 pub(crate) fn islands_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
     let (column, row) = ground.column_of(centre);
     let mut islands = Vec::new();
@@ -198,7 +198,7 @@ pub(crate) fn islands_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
     islands
 }
 
-/// Cells of every island within `reach` metres of `centre`, up to six each, from near to far.
+/// Up to six cells of every island within `reach` metres of `centre` and below `rise` metres above it, from near to far.
 pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f32) -> Vec<Cell> {
     let (column, row) = ground.column_of(centre);
     let span = (reach / SPACING_M) as i32;
@@ -217,7 +217,7 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
         .into_values()
         .flat_map(|mut cells| {
             cells.sort_by(|a, b| a.0.total_cmp(&b.0));
-            // The nearest often lies right above; one further in is easier to land on.
+            // The nearest cell is often right above; one further in is easier to land on.
             let picks = [0, 1, 2, 3, 4, 6].map(|eighths| cells.len() * eighths / 8);
             let mut cells: Vec<Cell> = picks.into_iter().map(|idx| cells[idx].1).collect();
             cells.dedup_by_key(|cell| cell.feet.to_array().map(f32::to_bits));
@@ -277,7 +277,7 @@ fn device_links(map: &Map, profile: &CharacterProfile, ground: &Ground, links: &
     }
 }
 
-/// Rides the zip line whose station is at `from`: where the body comes to stand.
+/// Simulates a ride on the zip line whose station is at `from` and returns where the body lands, m.
 fn ride(map: &Map, profile: &CharacterProfile, from: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
     const MAX_RIDE_TICKS: u32 = 1800;
     let mut body = Body::at(from, 0.0);

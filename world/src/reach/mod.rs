@@ -1,10 +1,10 @@
-//! Which places of a map a character can get to: by geometry and ballistics, without any policy.
+//! Which places of a map a character can reach, by geometry and ballistics, without a policy.
 //!
 //! Three layers. [`ground`]: every place to stand on a fine grid, joined into *islands* by walking. [`leap`]: what
-//! the character's own body does when it runs off a ledge, jumps, or is thrown by a pad; each is simulated tick by
-//! tick. This module: directed *links* between islands, each proved by a leap or a ride, and what they connect.
+//! the character's body does when it runs off a ledge, jumps, or is thrown by a pad; each leap is simulated tick by
+//! tick. This module: directed *links* between islands, each shown by a simulated leap or ride, and what they connect.
 //!
-//! The reading errs on the careful side: a jump counts only where a scripted body made it.
+//! The result is conservative: a jump counts only where a scripted body made it.
 
 mod borders;
 pub mod ground;
@@ -20,7 +20,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
-/// What a link between two islands takes.
+/// What a character must do to follow a link between two islands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Means {
@@ -41,7 +41,7 @@ pub enum Means {
 }
 
 impl Means {
-    /// All of them, from the least demanding on.
+    /// All means, the least demanding first.
     pub const ALL: [Means; 7] =
         [Means::Drop, Means::Jump, Means::DoubleJump, Means::Pad, Means::ZipLine, Means::Teleporter, Means::Jetpack];
 
@@ -59,14 +59,14 @@ impl Means {
     }
 }
 
-/// A way from one island to another.
+/// A directed link from one island to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Link {
-    /// Index of the island it leaves.
+    /// Index of the island that the link leaves.
     pub from: u32,
-    /// Index of the island it reaches.
+    /// Index of the island that the link reaches.
     pub to: u32,
-    /// What it takes.
+    /// What the link takes.
     pub means: Means,
 }
 
@@ -75,7 +75,7 @@ pub struct Link {
 pub struct Reach {
     /// Places to stand.
     pub ground: Ground,
-    /// Sorted, without duplicates.
+    /// Links between islands, sorted, without duplicates.
     pub links: Vec<Link>,
 }
 
@@ -83,21 +83,21 @@ pub struct Reach {
 const START_COUNT: usize = 1000;
 
 impl Reach {
-    /// Surveys `map` for characters of `profile` on `thread_count` threads; equal results for any number of them.
+    /// Surveys `map` for characters of `profile`; the result does not depend on `thread_count`.
     pub fn survey(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
         let ground = Ground::survey(map, profile, thread_count);
         let links = links::find(map, profile, &ground, thread_count);
         Self { ground, links }
     }
 
-    /// Share of ordered pairs of places that are connected on foot: walking, slopes and steps; no drops, no jumps.
+    /// Share of ordered pairs of places that are connected on foot, without drops or jumps, in [0, 1].
     pub fn share_on_foot(&self) -> f64 {
         let total = self.ground.cells().len() as f64;
         self.ground.islands().iter().map(|island| f64::from(island.cell_count) / total).map(|share| share * share).sum()
     }
 
-    /// Share of ordered pairs of places that are connected by the links that `usable` lets through; 0 where there is no
-    /// place to stand.
+    /// Share of ordered pairs of places that are connected by links whose means are `usable`, in [0, 1], estimated from
+    /// random starts; 0 if there is no place to stand.
     pub fn share_by(&self, usable: impl Fn(Means) -> bool) -> f64 {
         if self.ground.cells().is_empty() {
             return 0.0;
@@ -116,7 +116,7 @@ impl Reach {
         sum / START_COUNT as f64
     }
 
-    /// Islands that can reach one another, merged; with the links between the merged ones.
+    /// Merges islands that can reach one another over links whose means are `usable`.
     pub fn regions(&self, usable: impl Fn(Means) -> bool) -> Regions {
         let islands = self.ground.islands();
         let mut forward = vec![Vec::new(); islands.len()];
@@ -150,9 +150,9 @@ impl Reach {
 pub struct Regions {
     /// Region of each island.
     pub of_island: Vec<u32>,
-    /// Cells in each region.
+    /// Number of cells in each region.
     pub cell_counts: Vec<u64>,
-    /// Regions that each leads to directly.
+    /// For each region, the regions that it leads to directly.
     pub exits: Vec<Vec<u32>>,
 }
 
@@ -162,12 +162,12 @@ impl Regions {
         (0..self.cell_counts.len() as u32).max_by_key(|&region| self.cell_counts[region as usize]).unwrap_or(0)
     }
 
-    /// Which regions can be reached from `start`, itself included.
+    /// For each region, whether it can be reached from `start`; true for `start` itself.
     pub fn reachable_from(&self, start: u32) -> Vec<bool> {
         flood(&self.exits, start)
     }
 
-    /// Which regions can reach `goal`, itself included.
+    /// For each region, whether it can reach `goal`; true for `goal` itself.
     pub fn reaching(&self, goal: u32) -> Vec<bool> {
         let mut entrances = vec![Vec::new(); self.exits.len()];
         for (from, targets) in (0..).zip(&self.exits) {
@@ -193,7 +193,7 @@ fn flood(exits: &[Vec<u32>], start: u32) -> Vec<bool> {
     reached
 }
 
-/// Tarjan's algorithm without recursion: the component of each node, and their number.
+/// Tarjan's algorithm without recursion: the component of each node, and the number of components.
 fn strongly_connected(exits: &[Vec<u32>]) -> (Vec<u32>, usize) {
     const NEW: u32 = u32::MAX;
     let node_count = exits.len();
