@@ -1,4 +1,4 @@
-//! What stands on a map besides its bare ground.
+//! Features: what stands on a map besides its bare ground.
 
 use crate::Vec3;
 use crate::float::hypot;
@@ -7,18 +7,18 @@ use serde::{Deserialize, Serialize};
 /// What a pool is filled with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Liquid {
-    /// Slows down; drowns after five seconds.
+    /// Slows characters down, and drowns them after five seconds.
     Water,
-    /// Burns at once.
+    /// Burns characters at once.
     Lava,
 }
 
-/// Outline of a pool seen from above, about its centre.
+/// Outline of a pool seen from above, relative to the pool's centre.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Outline {
     /// A disc.
     Round {
-        /// Metres.
+        /// Radius, m.
         radius: f32,
     },
     /// A rectangle along the axes.
@@ -39,7 +39,7 @@ impl Outline {
         }
     }
 
-    /// Half extents of the rectangle around it, m.
+    /// Half extents (x, z) of the bounding rectangle, m.
     pub fn half_extents(self) -> (f32, f32) {
         match self {
             Outline::Round { radius } => (radius, radius),
@@ -51,47 +51,47 @@ impl Outline {
 /// A body of water or lava with a level surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pool {
-    /// Centre of the liquid's surface.
+    /// Centre of the liquid's surface, m.
     pub centre: Vec3,
-    /// Its shape from above.
+    /// Shape seen from above.
     pub outline: Outline,
     /// Deepest point below the surface, m.
     pub depth: f32,
-    /// What it holds.
+    /// Liquid in the pool.
     pub liquid: Liquid,
 }
 
-/// A disc that throws upwards whoever steps on it.
+/// A jump pad: a disc that throws characters upwards.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pad {
-    /// Centre of the disc, on the ground.
+    /// Centre of the disc, on the ground, m.
     pub centre: Vec3,
-    /// Upward speed given, m/s: `sqrt(2 g (height + 10))` as in the released environment.
+    /// Upward speed that the pad gives, m/s: `sqrt(2 g (height + 10))` as in the released environment.
     pub speed: f32,
 }
 
-/// A cable that carries whoever steps under its upper end down to its lower end.
+/// A zip line: a cable that takes characters from its upper end to its lower end.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ZipLine {
-    /// Centre of the station's disc, on the ground.
+    /// Centre of the station's disc at the upper end, on the ground, m.
     pub from: Vec3,
-    /// Where it lands, on the ground.
+    /// Landing place below the lower end, on the ground, m.
     pub to: Vec3,
 }
 
 impl ZipLine {
-    /// The way of the feet: lifted off the station, along the cable, let go above the landing.
+    /// Path of the feet, m: the station, the start of the cable above it, and the end of the cable above the landing.
     pub fn path(&self) -> [Vec3; 3] {
         let lift = Vec3::new(0.0, ZIP_LIFT_M, 0.0);
         [self.from, self.from + lift, self.to + lift]
     }
 
-    /// Metres from the station to the release.
+    /// Length of the path from the station to the end of the cable, m.
     pub fn length(&self) -> f32 {
         ZIP_LIFT_M + self.from.distance(self.to)
     }
 
-    /// Where the feet are after `distance` metres, and the unit direction of travel there.
+    /// Position of the feet after `distance` metres, m, and the unit direction of travel there.
     pub fn at(&self, distance: f32) -> (Vec3, Vec3) {
         let [start, hung, end] = self.path();
         if distance < ZIP_LIFT_M {
@@ -102,101 +102,101 @@ impl ZipLine {
     }
 }
 
-/// A disc that puts whoever steps on it onto another place.
+/// A teleporter: a disc that moves characters to another place.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Teleporter {
-    /// Centre of the entrance disc, on the ground.
+    /// Centre of the entrance disc, on the ground, m.
     pub from: Vec3,
-    /// Where it leads, on the ground.
+    /// Place that the teleporter leads to, on the ground, m.
     pub to: Vec3,
-    /// Whether the far end is an entrance too.
+    /// Whether `to` is an entrance too.
     pub two_way: bool,
 }
 
-/// A jetpack that is put on by touching it; it stays for the next.
+/// A jetpack pick-up: gives a jetpack to every character that touches it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Jetpack {
-    /// Place of the pick-up, on the ground.
+    /// Centre of the pick-up, on the ground, m.
     pub centre: Vec3,
-    /// Seconds of thrust.
+    /// Thrust that the jetpack gives, s.
     pub fuel: f32,
 }
 
-/// A house with storeys, or a solid block.
+/// A building: a house with storeys, or a solid block.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Building {
-    /// Centre of the ground floor.
+    /// Centre of the ground floor, m.
     pub base: Vec3,
-    /// Half extents along its own axes, m.
+    /// Half extents along the building's own axes, m.
     pub half: [f32; 2],
-    /// Turn about the vertical, rad.
+    /// Rotation about the vertical, rad.
     pub yaw: f32,
-    /// Roof above the ground floor, m.
+    /// Height of the roof above the ground floor, m.
     pub height: f32,
-    /// Storeys that can be entered; 0 for a solid block.
+    /// Number of storeys; 0 for a solid block.
     pub storeys: u8,
     /// Whether stairs lead from the topmost storey onto the roof.
     pub roof_stairs: bool,
 }
 
 impl Building {
-    /// Turns a point of the building's frame (origin at `base`) into the map's.
+    /// Transforms a point from the building's frame (origin at `base`) to the map's.
     pub fn to_map(&self, local: Vec3) -> Vec3 {
         let (sin, cos) = libm::sincosf(self.yaw);
         self.base + Vec3::new(local.x * cos + local.z * sin, local.y, local.z * cos - local.x * sin)
     }
 
-    /// Whether the vertical line through (`x`, `z`) meets it.
+    /// Whether the vertical line through (`x`, `z`) meets the building.
     pub fn covers(&self, x: f32, z: f32) -> bool {
         let (sin, cos) = libm::sincosf(self.yaw);
         let (dx, dz) = (x - self.base.x, z - self.base.z);
         (dx * cos - dz * sin).abs() < self.half[0] && (dx * sin + dz * cos).abs() < self.half[1]
     }
 
-    /// Radius of the circle around its footprint, m.
+    /// Radius of the circle around the footprint, m.
     pub fn radius(&self) -> f32 {
         hypot(self.half[0], self.half[1])
     }
 
-    /// Centre of its roof.
+    /// Centre of the roof, m.
     pub fn roof(&self) -> Vec3 {
         self.base + Vec3::new(0.0, self.height, 0.0)
     }
 }
 
-/// A flat-topped column of rock.
+/// A plateau: a flat-topped column of rock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Plateau {
-    /// Centre of the top.
+    /// Centre of the top, m.
     pub top: Vec3,
     /// Radius of the top, m.
     pub radius: f32,
 }
 
-/// A winding cut in the ground with steep walls.
+/// A ravine: a winding cut in the ground with steep walls.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ravine {
-    /// Points along its bottom.
+    /// Points along the bottom, m.
     pub path: Vec<Vec3>,
     /// Width at the bottom, m.
     pub width: f32,
 }
 
-/// A tunnel through rock.
+/// A cave: a tunnel through rock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cave {
-    /// Middle of one mouth.
+    /// Middle of one mouth, at floor level, m.
     pub from: Vec3,
-    /// Middle of the other.
+    /// Middle of the other mouth, at floor level, m.
     pub to: Vec3,
-    /// Metres.
+    /// Radius of the vault, m.
     pub radius: f32,
 }
 
-/// Everything placed on a map.
+/// All features of a map.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Placed {
-    /// Water and lava.
+    /// Pools of water and lava.
     pub pools: Vec<Pool>,
     /// Jump pads.
     pub pads: Vec<Pad>,
@@ -216,15 +216,15 @@ pub struct Placed {
     pub caves: Vec<Cave>,
 }
 
-/// Gravity that pad speeds are computed for, m/s2.
+/// Gravity for which pad speeds are computed, m/s2.
 pub const PAD_GRAVITY: f32 = 20.0;
 /// Extra height of a pad's throw, m (released environment).
 pub const PAD_EXTRA_M: f32 = 10.0;
-/// Seconds of thrust in a jetpack unless given.
+/// Default thrust of a jetpack, s.
 pub const JETPACK_FUEL_S: f32 = 2.5;
 /// Radius of pads, stations, teleporters and jetpack pick-ups, m.
 pub const DISC_RADIUS_M: f32 = 1.25;
-/// How far above its disc a device still catches a character's feet, m.
+/// Greatest height of the feet above or below a disc's centre at which the device is triggered, m.
 pub const CATCH_HEIGHT_M: f32 = 0.6;
-/// How far a zip line lifts the feet off the ground, m.
+/// Height to which a zip line lifts the feet above the ground, m.
 pub const ZIP_LIFT_M: f32 = 1.5;

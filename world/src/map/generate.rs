@@ -1,5 +1,5 @@
-//! From a [`MapSpec`] to a [`Map`]: terrain, what is cut into it, what stands on it, devices, and last the repair of
-//! ground that has no way in or out. Each is its own phase.
+//! Generates a [`Map`] from a [`MapSpec`], in phases: terrain, what is cut into it, what stands on it, devices, and
+//! finally the repair of ground that has no way in or out.
 
 use super::features::{
     Building, Cave, DISC_RADIUS_M, JETPACK_FUEL_S, Jetpack, Liquid, Outline, PAD_EXTRA_M, Pad, Placed, Plateau, Pool,
@@ -16,7 +16,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::TAU;
 
-/// Counts of each feature on a default map at density 1.
+/// Number of instances of each feature on the default map at density 1.
 const PLATEAU_COUNT: f32 = 12.0;
 const BUILDING_COUNT: f32 = 16.0;
 const WATER_COUNT: f32 = 6.0;
@@ -27,9 +27,9 @@ const CLIFF_PAD_COUNT: f32 = 16.0;
 const RAVINE_COUNT: f32 = 2.0;
 const CAVE_COUNT: f32 = 4.0;
 const JETPACK_COUNT: f32 = 5.0;
-/// Distance of every feature from the rim of the map, m.
+/// Smallest distance of a feature from the rim of the map, m.
 const RIM_M: f32 = 14.0;
-/// Rises above this need a pad: a double jump reaches 5 m.
+/// Highest rise without a pad, m: a double jump reaches 5 m.
 const JUMPABLE_M: f32 = 4.4;
 
 impl Map {
@@ -38,8 +38,8 @@ impl Map {
         Self::generate_with(spec, parallel::core_count(), |_| {})
     }
 
-    /// Generates the map of `spec` on `thread_count` threads (equal bits for any number of them) and tells
-    /// `progress` of each stage as it begins.
+    /// Generates the map of `spec` on `thread_count` threads, with equal bits for any number of threads, and calls
+    /// `progress` at the start of each stage.
     pub fn generate_with(spec: &MapSpec, thread_count: usize, mut progress: impl FnMut(Stage)) -> Self {
         let mut placer = Placer::new(spec);
         progress(Stage::Terrain);
@@ -65,27 +65,27 @@ impl Map {
     }
 }
 
-/// Places features so that none stands in another's way.
+/// Places features so that they do not overlap.
 struct Placer {
     spec: MapSpec,
     rng: ChaCha8Rng,
-    /// Discs (x, z, radius) that are taken.
-    taken: Vec<(f32, f32, f32)>,
+    /// Discs (x, z, radius) that features occupy, m.
+    occupied: Vec<(f32, f32, f32)>,
 }
 
 impl Placer {
     fn new(spec: &MapSpec) -> Self {
-        // A stream of its own, so that terrain and placements do not share random numbers.
+        // A separate stream, so that terrain and placements do not share random numbers.
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
         rng.set_stream(1);
-        Self { spec: *spec, rng, taken: Vec::new() }
+        Self { spec: *spec, rng, occupied: Vec::new() }
     }
 
     fn count(&self, reference: f32, density: f32) -> usize {
         count_on(&self.spec, reference, density)
     }
 
-    /// A free disc of `radius`, or `None` when forty draws found none.
+    /// Centre (x, z) of a free disc of `radius`, m; `None` if forty draws found none.
     fn spot(&mut self, radius: f32) -> Option<(f32, f32)> {
         let (width, depth) = (self.spec.size.width as f32, self.spec.size.depth as f32);
         let rim = RIM_M.max(radius + 2.0);
@@ -100,13 +100,13 @@ impl Placer {
     }
 
     fn is_free(&self, x: f32, z: f32, radius: f32) -> bool {
-        self.taken.iter().all(|&(tx, tz, taken_radius)| {
-            let (dx, dz, gap) = (x - tx, z - tz, radius + taken_radius + 1.0);
+        self.occupied.iter().all(|&(other_x, other_z, other_radius)| {
+            let (dx, dz, gap) = (x - other_x, z - other_z, radius + other_radius + 1.0);
             dx * dx + dz * dz > gap * gap
         })
     }
 
-    /// Winding cuts whose floor lies 8 to 14 m below the ground at their head.
+    /// Places winding cuts whose floor is 8 to 14 m below the ground at their start.
     fn ravines(&mut self, lattice: &mut Lattice) -> Vec<Ravine> {
         const STEP_M: f32 = 4.0;
         let (width, depth) = (self.spec.size.width as f32, self.spec.size.depth as f32);
@@ -148,7 +148,7 @@ impl Placer {
             let Some((x, z)) = self.spot(radius) else { continue };
             let top = (ring_heights(lattice, x, z, radius).0 + rise).max(lattice.top(x, z) + 2.0).min(max_top);
             lattice.edit_column(x, z, radius + 2.0 * VOXEL_M, |distance, height, density| {
-                // The distance to a cylinder's surface, negative outside.
+                // The signed distance to the surface of a cylinder, negative outside.
                 density.max((top - height).min(radius - distance))
             });
             self.taken.push((x, z, radius));
@@ -166,7 +166,7 @@ impl Placer {
         for (liquid, count) in wanted {
             for _ in 0..count {
                 let radius = self.rng.random_range(5.0..10.0);
-                // Only fairly level ground holds a pool; eight draws are given to find some.
+                // Only fairly level ground holds a pool; up to eight sites are tried.
                 let site = (0..8).find_map(|_| {
                     let (x, z) = self.spot(radius + 2.0)?;
                     let (low, high) = ring_heights(lattice, x, z, radius + 1.0);
@@ -187,7 +187,7 @@ impl Placer {
         pools
     }
 
-    /// Houses on levelled ground, and solid blocks wherever they fall.
+    /// Places houses on levelled ground, and solid blocks anywhere.
     fn buildings(&mut self, lattice: &mut Lattice) -> Vec<Building> {
         let max_roof = self.spec.size.height as f32 - 12.0;
         let mut buildings = Vec::new();
@@ -207,7 +207,7 @@ impl Placer {
                 (false, false) => self.rng.random_range(6.0..12.0),
             };
             let radius = hypot(half[0], half[1]);
-            // Houses want ground that can be levelled; a few draws are given to find some.
+            // Houses need ground that can be levelled; up to six sites are tried.
             let site = (0..6).find_map(|_| {
                 let (x, z) = self.spot(radius)?;
                 let (low, high) = ring_heights(lattice, x, z, radius);
@@ -230,7 +230,7 @@ impl Placer {
         buildings
     }
 
-    /// Straight tunnels through rock between two places at the foot of a hill.
+    /// Places straight tunnels through rock, each between two places on the surface.
     fn caves(&mut self, lattice: &mut Lattice) -> Vec<Cave> {
         let mut caves = Vec::new();
         for _ in 0..self.count(CAVE_COUNT, self.spec.features.caves) {
@@ -291,7 +291,7 @@ impl Placer {
         pads
     }
 
-    /// A pad where the terrain nearby rises higher than can be jumped.
+    /// Places a pad where nearby terrain rises higher than a character can jump.
     fn pad_below_cliff(&mut self, lattice: &Lattice) -> Option<Pad> {
         for _ in 0..24 {
             let (x, z) = self.spot(DISC_RADIUS_M)?;
@@ -306,7 +306,7 @@ impl Placer {
         None
     }
 
-    /// A pad at the foot of something too tall to be jumped onto from the pad's own ground.
+    /// Places a pad at the foot of a plateau or building that is too tall to jump onto from the pad's ground.
     fn pad_beside(&mut self, lattice: &Lattice, top: Vec3, radius: f32) -> Option<Pad> {
         for _ in 0..16 {
             let (sin, cos) = libm::sincosf(self.rng.random_range(0.0..TAU));
@@ -348,7 +348,7 @@ fn is_in_pool(pools: &[Pool], x: f32, z: f32) -> bool {
     })
 }
 
-/// Lowest and highest top of the terrain on a circle.
+/// Lowest and highest top of the terrain on a circle, m.
 fn ring_heights(lattice: &Lattice, x: f32, z: f32, radius: f32) -> (f32, f32) {
     (0..12)
         .map(|i| {
@@ -358,7 +358,7 @@ fn ring_heights(lattice: &Lattice, x: f32, z: f32, radius: f32) -> (f32, f32) {
         .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), top| (low.min(top), high.max(top)))
 }
 
-/// Brings the ground in and around a house to just below its floor, sloping back to the old ground outside.
+/// Levels the ground in and around a house to just below its floor, and blends it into the terrain further out.
 fn level_ground(lattice: &mut Lattice, building: &Building) {
     const APRON_M: f32 = 2.5;
     const BLEND_M: f32 = 4.0;
@@ -378,7 +378,7 @@ fn level_ground(lattice: &mut Lattice, building: &Building) {
     });
 }
 
-/// Digs a tunnel with a level floor across between two places on the surface, and clears its mouths.
+/// Carves a tunnel between two places on the surface, with a floor that is level across, and clears the mouths.
 fn carve_tunnel(lattice: &mut Lattice, from: Vec3, to: Vec3, radius: f32) {
     let reach = Vec3::splat(radius + 2.0 * VOXEL_M);
     let axis = to - from;

@@ -1,7 +1,7 @@
-//! A map: static geometry plus the hazards and devices on it.
+//! A map: static geometry with hazards and devices.
 //!
-//! A [`Map`] is immutable once built and shared behind an `Arc` by every world, prober and trainer that
-//! uses it. Its identity is the hash of its content, never its seed.
+//! A [`Map`] is immutable once built and shared behind an `Arc` by all worlds, probes and trainers that
+//! use it. A map is identified by the hash of its content, never by its seed.
 
 pub mod features;
 pub mod generate;
@@ -62,14 +62,14 @@ impl fmt::Debug for MapHash {
 }
 
 impl Map {
-    /// A map of given solid geometry and features: levels made elsewhere, and tests. The surfaces of pools and the
-    /// discs of devices are added here.
+    /// Creates a map from solid geometry and features, for imported levels and tests. The surfaces of pools and the discs
+    /// of devices are added here.
     pub fn from_parts(size: MapSize, mut triangles: Vec<Triangle>, placed: Placed) -> Self {
         structures::add_surfaces(&placed, &mut triangles);
         Self::assemble(None, size, triangles, placed)
     }
 
-    /// Indexes complete geometry, surfaces of pools and devices included.
+    /// Indexes complete geometry, including the surfaces of pools and devices.
     pub(crate) fn assemble(spec: Option<MapSpec>, size: MapSize, triangles: Vec<Triangle>, placed: Placed) -> Self {
         let extent = size.extent();
         let hash = content_hash(size, &triangles, &placed);
@@ -77,12 +77,12 @@ impl Map {
         Self { spec, size, mesh: Mesh::new(triangles, extent), placed, zones, hash }
     }
 
-    /// Gives back the triangles that the mesh indexed.
+    /// Returns the triangles of the mesh.
     fn into_triangles(self) -> Vec<Triangle> {
         self.mesh.into_triangles()
     }
 
-    /// The spec that this map was generated from; `None` for a level made elsewhere.
+    /// The spec from which the map was generated; `None` for an imported level.
     pub fn spec(&self) -> Option<&MapSpec> {
         self.spec.as_ref()
     }
@@ -97,38 +97,38 @@ impl Map {
         &self.mesh
     }
 
-    /// Everything placed on the ground.
+    /// All features of the map.
     pub fn placed(&self) -> &Placed {
         &self.placed
     }
 
-    /// Content hash: equal for maps on which every character moves alike.
+    /// Content hash: equal for maps with the same geometry and features.
     pub fn hash(&self) -> MapHash {
         self.hash
     }
 
-    /// Bytes held by the map.
+    /// Memory of the geometry and its index, in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.mesh.memory_bytes()
     }
 
-    /// Extent as a vector of metres.
+    /// Extent as a vector, m.
     pub fn extent(&self) -> Vec3 {
         self.size.extent()
     }
 
-    /// Whether `feet` has left the map sideways or through the floor.
+    /// Whether `feet` is outside the map sideways or below its floor.
     pub fn is_outside(&self, feet: Vec3) -> bool {
         let extent = self.extent();
         feet.y < 0.0 || feet.x < 0.0 || feet.z < 0.0 || feet.x > extent.x || feet.z > extent.z
     }
 
-    /// Pools and devices that may contain `point`; most places have none.
+    /// Pools and devices near `point` that may contain it; most places have none.
     pub fn zones_near(&self, point: Vec3) -> &[Zone] {
         self.zones.near(point.x, point.z)
     }
 
-    /// The pool whose liquid covers `feet` by more than `depth` metres.
+    /// The liquid that covers `feet` by more than `depth` metres.
     pub fn liquid_at(&self, feet: Vec3, depth: f32) -> Option<Liquid> {
         self.zones_near(feet).iter().find_map(|zone| {
             let Zone::Pool(idx) = zone else { return None };
@@ -144,7 +144,7 @@ impl Map {
         self.zones_near(feet).iter().copied().find(|&zone| self.device_centre(zone).is_some_and(|c| catches(c, feet)))
     }
 
-    /// Where a device is entered; `None` for a pool.
+    /// Centre of the disc where a device is entered, m; `None` for a pool.
     pub fn device_centre(&self, zone: Zone) -> Option<Vec3> {
         Some(match zone {
             Zone::Pool(_) => return None,
@@ -166,8 +166,8 @@ impl Map {
         nearest(&self.placed.jetpacks, |jetpack| jetpack.centre.distance_squared(point))
     }
 
-    /// Entrance and exit of the zip line or teleporter by which `goal` is nearest from `point`: the smallest sum of
-    /// the ways to the entrance and from the exit, among entrances within [`DEVICE_RANGE_M`].
+    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`: the smallest sum of the
+    /// distances to the entrance and from the exit, among entrances within [`DEVICE_RANGE_M`].
     pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {
         let lines = self.placed.zip_lines.iter().map(|line| (line.from, line.to));
         let teleporters = self.placed.teleporters.iter().flat_map(|teleporter| {
@@ -176,11 +176,11 @@ impl Map {
         });
         let mut best: Option<(f32, (Vec3, Vec3))> = None;
         for (entrance, exit) in lines.chain(teleporters) {
-            let way = entrance.distance_squared(point);
-            if way > DEVICE_RANGE_M * DEVICE_RANGE_M {
+            let squared = entrance.distance_squared(point);
+            if squared > DEVICE_RANGE_M * DEVICE_RANGE_M {
                 continue;
             }
-            let sum = way.sqrt() + exit.distance(goal);
+            let sum = squared.sqrt() + exit.distance(goal);
             if best.is_none_or(|(least, _)| sum < least) {
                 best = Some((sum, (entrance, exit)));
             }
@@ -189,7 +189,7 @@ impl Map {
     }
 }
 
-/// How far devices are sensed, m.
+/// Range within which an NPC senses devices, m.
 pub const DEVICE_RANGE_M: f32 = 50.0;
 
 fn nearest<T>(devices: &[T], squared: impl Fn(&T) -> f32) -> Option<&T> {

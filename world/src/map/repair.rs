@@ -1,5 +1,5 @@
-//! Devices placed where they are needed: zip lines and teleporters between islands, and a pad or a zip line wherever
-//! ground has no way in or out.
+//! Places devices that need a survey of the ground: zip lines and teleporters between islands, and a pad or a zip line
+//! wherever ground has no way in or out.
 
 use super::features::{CATCH_HEIGHT_M, DISC_RADIUS_M, Pad, Placed, Teleporter, ZipLine};
 use super::stage::{Stage, count_on, pad};
@@ -14,29 +14,29 @@ use crate::reach::{Link, Means, Reach, links};
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 
-/// Counts on a default map at density 1.
+/// Number of zip lines and of teleporters on the default map at density 1.
 const ZIP_LINE_COUNT: f32 = 8.0;
 const TELEPORTER_COUNT: f32 = 4.0;
-/// Length of a zip line, m.
+/// Horizontal length of a zip line, m.
 const ZIP_LENGTH_M: std::ops::Range<f32> = 15.0..75.0;
-/// Fall of a zip line as a share of its length from above.
+/// Fall of a zip line as a share of its horizontal length.
 const ZIP_FALL: std::ops::Range<f32> = 0.1..0.7;
-/// Teleporters lead at least this far, m.
+/// Smallest distance that a teleporter covers, m.
 const TELEPORT_LENGTH_M: f32 = 60.0;
-/// Repair goes on until this share of all ground can be reached from everywhere and left to everywhere.
+/// Share of all ground that must be mutually reachable before a repair stops early.
 const CONNECTED_SHARE: f64 = 0.988;
 /// Islands with fewer cells are not repaired.
 const MIN_CELLS: u32 = 3;
-/// Rounds of survey and repair.
+/// Rounds of one repair, without a new survey in between.
 const MAX_ROUNDS: usize = 8;
-/// Share of connected ground with which a repaired map is accepted.
+/// Share of connected ground at which a repaired map is accepted.
 const ACCEPTED_SHARE: f64 = 0.975;
-/// Repairs, each after a survey of what the one before came to.
+/// Most repairs; each starts with a survey of the result of the one before.
 const MAX_PASSES: usize = 4;
 /// Places that are tried for one device.
 const SITE_TRIES: usize = 40;
 
-/// Adds the devices that need a survey, then repairs, then indexes the map again with all its devices' discs.
+/// Adds the devices that need a survey, repairs the map, and indexes it again with the discs of all devices.
 pub(super) fn connect(
     bare: Map,
     spec: &MapSpec,
@@ -59,7 +59,7 @@ pub(super) fn connect(
             repair.add_zip_lines(count_on(spec, ZIP_LINE_COUNT, spec.features.zip_lines), rng);
             repair.add_teleporters(count_on(spec, TELEPORTER_COUNT, spec.features.teleporters), rng);
         }
-        // New devices cut into ground that was connected, so what came of a repair is surveyed again.
+        // New devices cut into ground that was connected, so the result of a repair is surveyed again.
         if pass > 0 && repair.connected_share() >= ACCEPTED_SHARE {
             break;
         }
@@ -78,19 +78,19 @@ pub(super) fn connect(
     map
 }
 
-/// Which way a cut-off island lacks.
+/// Direction of the connection that a cut-off island lacks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum Direction {
     In,
     Out,
 }
 
-impl Way {
+impl Direction {
     /// Start and end of a device between a cell of the island and one of connected ground.
     fn ends<'c>(self, own: &'c Cell, other: &'c Cell) -> (&'c Cell, &'c Cell) {
         match self {
-            Way::In => (other, own),
-            Way::Out => (own, other),
+            Direction::In => (other, own),
+            Direction::Out => (own, other),
         }
     }
 }
@@ -108,7 +108,7 @@ impl Repair<'_> {
         &self.reach.ground
     }
 
-    /// Share of all ground in the largest region whose places can all reach one another.
+    /// Share of all ground that belongs to the largest region, whose places can all reach one another.
     fn connected_share(&self) -> f64 {
         let regions = self.reach.regions(|_| true);
         let main = regions.cell_counts.iter().max().copied().unwrap_or(0);
@@ -120,7 +120,7 @@ impl Repair<'_> {
         cells[rng.random_range(0..cells.len())]
     }
 
-    /// Whether a device's disc fits on the ground around `feet`: level, clear of other devices and of pools.
+    /// Whether a device's disc fits on the ground around `feet`: the ground is level, and other devices are far enough away.
     fn is_site(&self, feet: Vec3) -> bool {
         let (column, row) = self.ground().column_of(feet);
         let is_level = [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().all(|&(dx, dz)| {
@@ -139,7 +139,7 @@ impl Repair<'_> {
         self.reach.links.extend(links);
     }
 
-    /// Zip lines from high ground to other islands below.
+    /// Adds up to `count` zip lines from high ground to other islands below.
     fn add_zip_lines(&mut self, count: usize, rng: &mut ChaCha8Rng) {
         for _ in 0..count {
             for _ in 0..SITE_TRIES * 5 {
@@ -156,7 +156,7 @@ impl Repair<'_> {
         }
     }
 
-    /// Hangs a zip line between two cells if it fits.
+    /// Adds a zip line between two cells if it fits; true if it does.
     fn try_zip_line(&mut self, from: &Cell, to: &Cell) -> bool {
         let line = ZipLine { from: from.feet, to: to.feet };
         let run = hypot(to.feet.x - from.feet.x, to.feet.z - from.feet.z);
@@ -164,7 +164,7 @@ impl Repair<'_> {
         if !ZIP_LENGTH_M.contains(&run) || !ZIP_FALL.contains(&fall) {
             return false;
         }
-        if !self.is_site(from.feet) || !self.is_site(to.feet) || !self.is_free_way(&line) {
+        if !self.is_site(from.feet) || !self.is_site(to.feet) || !self.is_path_clear(&line) {
             return false;
         }
         self.placed.zip_lines.push(line);
@@ -173,8 +173,8 @@ impl Repair<'_> {
         true
     }
 
-    /// Whether a body hanging on the line touches nothing on its way.
-    fn is_free_way(&mut self, line: &ZipLine) -> bool {
+    /// Whether a body that rides the line touches nothing.
+    fn is_path_clear(&mut self, line: &ZipLine) -> bool {
         const STEP_M: f32 = 0.4;
         let steps = (line.length() / STEP_M) as usize;
         (1..=steps).all(|step| {
@@ -204,7 +204,7 @@ impl Repair<'_> {
         }
     }
 
-    /// Adds a pad or a zip line for islands without a way in or out, the largest first, until enough ground is
+    /// Adds a pad or a zip line for each island without a way in or out, the largest first, until enough ground is
     /// connected.
     fn connect_islands(&mut self, spec: &MapSpec) {
         let cells_of = cells_by_island(self.ground());
@@ -223,12 +223,12 @@ impl Repair<'_> {
                 if is_main[island] || (cells_of[island].len() as u32) < MIN_CELLS {
                     continue;
                 }
-                let has_way_in = reached[region as usize];
-                let has_way_out = reaching[region as usize];
-                let way_in = has_way_in || self.add_way(spec, &cells_of[island], &is_main, Way::In);
-                let way_out = has_way_out || self.add_way(spec, &cells_of[island], &is_main, Way::Out);
-                done &= has_way_in == way_in && has_way_out == way_out;
-                if way_in && way_out {
+                let had_entrance = reached[region as usize];
+                let had_exit = reaching[region as usize];
+                let has_entrance = had_entrance || self.add_device(spec, &cells_of[island], &is_main, Direction::In);
+                let has_exit = had_exit || self.add_device(spec, &cells_of[island], &is_main, Direction::Out);
+                done &= had_entrance == has_entrance && had_exit == has_exit;
+                if has_entrance && has_exit {
                     is_main[island] = true;
                 }
             }
@@ -238,23 +238,23 @@ impl Repair<'_> {
         }
     }
 
-    /// A device that leads from connected ground to `cells`, or back.
-    fn add_way(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool], way: Way) -> bool {
+    /// Adds a device that leads from connected ground to `cells`, or from `cells` to connected ground; false if none fits.
+    fn add_device(&mut self, spec: &MapSpec, cells: &[Cell], is_main: &[bool], direction: Direction) -> bool {
         if spec.features.pads > 0.0 {
-            let own_count = if way == Way::In { 6 } else { 8 };
+            let own_count = if direction == Direction::In { 6 } else { 8 };
             for own in spread(cells, own_count) {
                 for other in self.cells_around(own.feet, is_main).into_iter().take(SITE_TRIES) {
-                    let (site, target) = way.ends(&own, &other);
+                    let (site, target) = direction.ends(&own, &other);
                     if self.try_pad(site, target) {
                         return true;
                     }
                 }
             }
         }
-        spec.features.zip_lines > 0.0 && self.zip_line_between(cells, is_main, way)
+        spec.features.zip_lines > 0.0 && self.zip_line_between(cells, is_main, direction)
     }
 
-    /// Connected cells within reach of a throw, the nearest first, thinned out.
+    /// A sparse selection of connected cells within reach of a pad, the nearest first.
     fn cells_around(&self, centre: Vec3, is_main: &[bool]) -> Vec<Cell> {
         let ground = self.ground();
         let (column, row) = ground.column_of(centre);
@@ -273,7 +273,7 @@ impl Repair<'_> {
         found.into_iter().map(|(_, cell)| cell).collect()
     }
 
-    /// Puts a pad at `site` if it throws a body onto the island of `target`.
+    /// Adds a pad at `site` if the pad throws a body onto the island of `target`; true if it does.
     fn try_pad(&mut self, site: &Cell, target: &Cell) -> bool {
         let rise = target.feet.y - site.feet.y;
         if rise > 24.0 || !self.is_site(site.feet) {
@@ -291,8 +291,8 @@ impl Repair<'_> {
         true
     }
 
-    /// A zip line between `cells` and connected ground.
-    fn zip_line_between(&mut self, cells: &[Cell], is_main: &[bool], way: Way) -> bool {
+    /// Adds a zip line between `cells` and connected ground; false if none fits.
+    fn zip_line_between(&mut self, cells: &[Cell], is_main: &[bool], direction: Direction) -> bool {
         let main: Vec<Cell> = {
             let cells = self.ground().cells();
             let near = |cell: &&Cell| is_main[cell.island as usize];
@@ -304,7 +304,7 @@ impl Repair<'_> {
                 if own.feet.distance_squared(other.feet) > ZIP_LENGTH_M.end * ZIP_LENGTH_M.end {
                     continue;
                 }
-                let (from, to) = way.ends(&own, other);
+                let (from, to) = direction.ends(&own, other);
                 tries += 1;
                 if self.try_zip_line(from, to) {
                     return true;

@@ -1,4 +1,4 @@
-//! What a map is asked to be: [`MapSpec`], checked before anything is allocated.
+//! [`MapSpec`]: what map to generate, checked before anything is allocated.
 
 use crate::Vec3;
 use serde::{Deserialize, Serialize};
@@ -13,24 +13,24 @@ pub const MAX_SIDE_M: u32 = 1000;
 pub const MIN_HEIGHT_M: u32 = 40;
 /// Largest height of a map in metres.
 pub const MAX_HEIGHT_M: u32 = 200;
-/// Largest feature density; 1 is the default map's.
+/// Largest feature density; 1 is the usual density.
 pub const MAX_DENSITY: f32 = 4.0;
 
-/// Everything that decides a generated map: same spec, same bits, on every run and thread count.
+/// All parameters of a generated map: the same spec gives the same bits, on every run and any number of threads.
 ///
-/// It exists only checked; [`RawMapSpec`] is what can be asked for.
+/// Every value is in its range: a spec is made from a [`RawMapSpec`], which is checked.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "RawMapSpec")]
 pub struct MapSpec(RawMapSpec);
 
-/// The numbers of a [`MapSpec`], as somebody asks for them.
+/// The values of a [`MapSpec`] before they are checked.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RawMapSpec {
     /// Seed of the noise and of every placement.
     pub seed: u64,
     /// Width (x), height (y) and depth (z) in metres.
     pub size: MapSize,
-    /// How much of each feature is placed.
+    /// Density of each feature.
     pub features: Features,
 }
 
@@ -71,7 +71,7 @@ pub struct Features {
 }
 
 impl Default for Features {
-    /// The paper's own set.
+    /// The paper's set: no ravines, caves, teleporters or jetpacks.
     fn default() -> Self {
         Self {
             plateaus: 1.0,
@@ -89,12 +89,12 @@ impl Default for Features {
 }
 
 impl Features {
-    /// Everything that the generator knows.
+    /// All features at their usual density.
     pub fn all() -> Self {
         Self { ravines: 1.0, caves: 1.0, teleporters: 1.0, jetpacks: 1.0, ..Self::default() }
     }
 
-    /// Bare terrain.
+    /// No features: bare terrain.
     pub fn none() -> Self {
         let mut features = Self::default();
         features.named_mut().into_iter().for_each(|(_, density)| *density = 0.0);
@@ -125,7 +125,8 @@ impl Features {
 impl FromStr for Features {
     type Err = String;
 
-    /// Reads `paper`, `all` or `none`, then optional changes: `all,lava=0,zip_lines=2`; a bare name means 1.
+    /// Parses an optional `paper` (the default), `all` or `none`, then changes: `all,lava=0,zip_lines=2`; a bare name
+    /// means density 1.
     fn from_str(text: &str) -> Result<Self, String> {
         let bare = |field: &'static str| field.trim_start_matches("features.");
         let mut features = Self::default();
@@ -139,7 +140,7 @@ impl FromStr for Features {
                     let (name, density) = word.split_once('=').unwrap_or((word, "1"));
                     let density: f32 = density.parse().map_err(|_| format!("`{density}` is not a density"))?;
                     if !(0.0..=MAX_DENSITY).contains(&density) {
-                        return Err(format!("{name} is {density}, allowed are 0 to {MAX_DENSITY}"));
+                        return Err(format!("{name} is {density}, but must be 0 to {MAX_DENSITY}"));
                     }
                     let names = features.named().map(|(field, _)| bare(field)).join(", ");
                     let slot = features.named_mut().into_iter().find(|(field, _)| bare(field) == name);
@@ -153,7 +154,7 @@ impl FromStr for Features {
 }
 
 impl MapSize {
-    /// As a vector of metres.
+    /// The extent as a vector, m.
     pub fn extent(self) -> Vec3 {
         Vec3::new(self.width as f32, self.height as f32, self.depth as f32)
     }
@@ -165,7 +166,7 @@ impl MapSpec {
         Self(RawMapSpec::new(seed))
     }
 
-    /// A square default map with `side` metres to a side and 80 m of height.
+    /// A square default map with sides of `side` metres and a height of 80 m.
     ///
     /// # Errors
     /// If `side` is out of range.
@@ -173,10 +174,10 @@ impl MapSpec {
         Self::new(seed).with(|spec| spec.size = MapSize { width: side, height: 80, depth: side })
     }
 
-    /// This spec with a change.
+    /// Returns a copy of this spec with a change.
     ///
     /// # Errors
-    /// Names the first field that lies outside its range.
+    /// Names the first field outside its range.
     pub fn with(&self, change: impl FnOnce(&mut RawMapSpec)) -> Result<Self, SpecError> {
         let mut raw = self.0;
         change(&mut raw);
@@ -201,7 +202,7 @@ impl TryFrom<RawMapSpec> for MapSpec {
 }
 
 impl RawMapSpec {
-    /// The default map's numbers.
+    /// The default map: 250 x 80 x 250 m with the paper's set of features.
     pub fn new(seed: u64) -> Self {
         Self { seed, size: MapSize { width: 250, height: 80, depth: 250 }, features: Features::default() }
     }
@@ -226,13 +227,13 @@ impl RawMapSpec {
     }
 }
 
-/// A field of a [`MapSpec`] outside its range.
+/// A field of a [`RawMapSpec`] is outside its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{field} is {value}, allowed are {min} to {max}")]
+#[error("{field} is {value}, but must be {min} to {max}")]
 pub struct SpecError {
     /// Path of the field inside the spec.
     pub field: &'static str,
-    /// What was asked for.
+    /// The rejected value.
     pub value: f64,
     /// Smallest allowed value.
     pub min: f64,

@@ -1,35 +1,35 @@
-//! The stages of generating a map, and the rules that several of them share.
+//! The stages of map generation, and the rules that several stages share.
 
 use super::features::{PAD_EXTRA_M, PAD_GRAVITY, Pad};
 use super::spec::MapSpec;
 use crate::Vec3;
 
-/// Area that the feature counts below are given for: the default map's, m2.
+/// Area of the default map, for which feature counts are given, m2.
 const REFERENCE_AREA_M2: f32 = 62_500.0;
 
-/// Where a generation stands.
+/// A stage of map generation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// Sampling noise.
+    /// Samples the noise of the terrain.
     Terrain,
-    /// Placing what is cut into the ground and stands on it.
+    /// Places what is cut into the ground and what stands on it.
     Features,
-    /// Extracting and indexing triangles.
+    /// Extracts and indexes triangles.
     Mesh,
-    /// Surveying which ground is connected.
+    /// Surveys which ground is connected.
     Survey,
-    /// Adding devices where ground has no way in or out.
+    /// Adds devices where ground has no way in or out.
     Repair,
-    /// Done.
+    /// The map is complete.
     Done,
 }
 
 impl Stage {
-    /// All stages in their order.
+    /// All stages in order.
     pub const ALL: [Stage; 6] =
         [Stage::Terrain, Stage::Features, Stage::Mesh, Stage::Survey, Stage::Repair, Stage::Done];
 
-    /// A few words on what goes on.
+    /// Short description of the stage, for progress displays.
     pub fn name(self) -> &'static str {
         match self {
             Stage::Terrain => "shaping the terrain",
@@ -42,13 +42,13 @@ impl Stage {
     }
 }
 
-/// How many of a feature belong on a map of `spec`'s area.
+/// Number of instances of a feature on a map of `spec`; `reference` is the number on the default map at density 1.
 pub(super) fn count_on(spec: &MapSpec, reference: f32, density: f32) -> usize {
     let area = (spec.size.width * spec.size.depth) as f32;
     (reference * density * area / REFERENCE_AREA_M2).round() as usize
 }
 
-/// A pad that throws 10 m higher than `rise`: `v = sqrt(2 g (rise + 10))`.
+/// A pad that throws characters 10 m higher than `rise` metres: `v = sqrt(2 g (rise + 10))`, with `rise` at least -4 m.
 pub(super) fn pad(centre: Vec3, rise: f32) -> Pad {
     Pad { centre, speed: (2.0 * PAD_GRAVITY * (rise.max(-4.0) + PAD_EXTRA_M)).sqrt() }
 }

@@ -1,4 +1,4 @@
-//! Triangles of what is built rather than grown: houses, blocks, pools' surfaces and devices' discs.
+//! Triangles of structures: houses, blocks, the surfaces of pools and the discs of devices.
 
 use super::features::{Building, DISC_RADIUS_M, Outline, Placed};
 use crate::Vec3;
@@ -7,29 +7,29 @@ use std::f32::consts::TAU;
 
 /// Thickness of walls, m.
 const WALL_M: f32 = 0.35;
-/// How far walls reach into floors, m.
+/// Depth to which walls reach into floors, m.
 const OVERLAP_M: f32 = 0.1;
 /// Thickness of floors and stairs, m.
 const SLAB_M: f32 = 0.3;
-/// Floor to floor, m.
+/// Height from floor to floor, m.
 pub(super) const STOREY_M: f32 = 3.6;
 /// Width of a flight of stairs, m.
 const STAIR_WIDTH_M: f32 = 1.8;
-/// Floor before and behind a flight of stairs, m.
+/// Length of the landing at either end of a flight of stairs, m.
 const LANDING_M: f32 = 1.7;
-/// Length of a flight from above: 31 degrees.
+/// Horizontal length of a flight of stairs, m; with [`STOREY_M`] it rises at 31 degrees.
 const STAIR_RUN_M: f32 = 6.0;
-/// Half widths and heights of the openings to the outside at ground level and above it, and between rooms, m.
+/// Half width and height of an outside opening at ground level, and of one above it or between rooms, m.
 const DOOR: (f32, f32) = (1.1, 2.6);
 const WINDOW: (f32, f32) = (0.9, 2.4);
-/// Smallest half extents of a house, so that a flight and its landings fit along it.
+/// Smallest half extents of a house, m, so that a flight of stairs and its landings fit.
 pub(super) const MIN_HOUSE_HALF: [f32; 2] =
     [WALL_M + LANDING_M + 0.5 * STAIR_RUN_M, WALL_M + STAIR_WIDTH_M + DOOR.0 + 0.3];
-/// How deep foundations reach below the ground floor, m.
+/// Depth of foundations below the ground floor, m.
 const FOUNDATION_M: f32 = 4.0;
-/// Height of a device's disc above its centre, m.
+/// Height of a device's disc above the device's centre, m.
 const DISC_LIFT_M: f32 = 0.12;
-/// Triangles around a disc.
+/// Number of triangles of a disc.
 const DISC_SIDES: usize = 16;
 
 /// Adds all solid geometry of `buildings`.
@@ -43,7 +43,7 @@ pub(super) fn add_buildings(buildings: &[Building], triangles: &mut Vec<Triangle
     }
 }
 
-/// Adds what rays see but bodies pass: surfaces of pools and discs of devices.
+/// Adds what rays hit and bodies pass through: surfaces of pools and discs of devices.
 pub(super) fn add_surfaces(placed: &Placed, triangles: &mut Vec<Triangle>) {
     for pool in &placed.pools {
         let surface = pool.liquid.into();
@@ -69,7 +69,7 @@ pub(super) fn add_surfaces(placed: &Placed, triangles: &mut Vec<Triangle>) {
     placed.jetpacks.iter().for_each(|jetpack| device(jetpack.centre, Surface::Jetpack));
 }
 
-/// A horizontal disc as a fan, facing up.
+/// Adds a horizontal disc as a triangle fan that faces up.
 fn add_disc(triangles: &mut Vec<Triangle>, centre: Vec3, radius: f32, surface: Surface) {
     let rim = |i: usize| {
         let (sin, cos) = libm::sincosf(i as f32 * TAU / DISC_SIDES as f32);
@@ -78,12 +78,12 @@ fn add_disc(triangles: &mut Vec<Triangle>, centre: Vec3, radius: f32, surface: S
     triangles.extend((0..DISC_SIDES).filter_map(|i| Triangle::new([centre, rim(i), rim(i + 1)], surface)));
 }
 
-/// Six quads: a box whose top and bottom may slant along x.
+/// A box whose top and bottom may slant along x.
 #[derive(Debug, Clone, Copy)]
 struct Block {
     min: Vec3,
     max: Vec3,
-    /// Added to top and bottom at `max.x`, m.
+    /// Height added to top and bottom at `max.x`, m.
     rise: f32,
 }
 
@@ -92,7 +92,7 @@ impl Block {
         Self { min: min.into(), max: max.into(), rise: 0.0 }
     }
 
-    /// Its twelve triangles, facing outwards.
+    /// The twelve triangles of the box, facing outwards.
     fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
         let corner = |x: usize, y: usize, z: usize| {
             let pick = |bit: usize, min: f32, max: f32| if bit == 1 { max } else { min };
@@ -103,7 +103,7 @@ impl Block {
                 pick(z, self.min.z, self.max.z),
             )
         };
-        // Each face counter-clockwise seen from outside, corners as x, y, z bits.
+        // Each face is counter-clockwise seen from outside; corners are x, y, z bits.
         const FACES: [[[usize; 3]; 4]; 6] = [
             [[0, 1, 0], [0, 1, 1], [1, 1, 1], [1, 1, 0]],
             [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]],
@@ -117,7 +117,7 @@ impl Block {
     }
 }
 
-/// The blocks of a building in its own frame.
+/// The blocks of a building in the building's frame.
 fn building_blocks(building: &Building) -> Vec<Block> {
     let [hx, hz] = building.half;
     if building.storeys == 0 {
@@ -159,13 +159,13 @@ fn building_blocks(building: &Building) -> Vec<Block> {
     blocks
 }
 
-/// The two closed walls along x.
+/// Adds the two closed walls along x.
 fn add_long_walls(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], [floor, ceiling]: [f32; 2]) {
     blocks.push(Block::new([-hx, floor, -hz], [hx, ceiling, -hz + WALL_M]));
     blocks.push(Block::new([-hx, floor, hz - WALL_M], [hx, ceiling, hz]));
 }
 
-/// A wall along z with an opening (half width, height) in its middle.
+/// Adds a wall along z with an opening (half width, height) in the middle.
 fn add_wall_across(
     blocks: &mut Vec<Block>,
     [x0, x1]: [f32; 2],
@@ -178,14 +178,14 @@ fn add_wall_across(
     blocks.push(Block::new([x0, floor + height, -half_width], [x1, ceiling, half_width]));
 }
 
-/// A flight of stairs (a ramp) along the wall on `side`, and the ceiling around its opening.
+/// Adds a flight of stairs (a ramp) along the wall on `side`, and the ceiling around the stairwell.
 fn add_stairs(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], floor: f32, side: f32) {
     let (bottom, top) = (floor + STOREY_M - SLAB_M, floor + STOREY_M);
     let half_run = 0.5 * STAIR_RUN_M;
     let (near, far) = (hz - WALL_M - STAIR_WIDTH_M, hz);
     let z = |a: f32, b: f32| if side < 0.0 { (-b, -a) } else { (a, b) };
     let (z0, z1) = z(near, far);
-    // Rises towards +x on one side and towards -x on the other.
+    // Stairs rise towards +x on one side and towards -x on the other.
     let (low, rise) = if side < 0.0 { (floor, STOREY_M) } else { (floor + STOREY_M, -STOREY_M) };
     blocks.push(Block { min: Vec3::new(-half_run, low - SLAB_M, z0), max: Vec3::new(half_run, low, z1), rise });
     blocks.push(Block::new([-hx, bottom, z0], [-half_run, top, z1]));

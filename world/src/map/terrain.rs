@@ -13,28 +13,28 @@ use noise::{NoiseFn, Perlin};
 pub(crate) const VOXEL_M: f32 = 1.25;
 /// Height of the rock floor below every map, in metres (as in the released environment).
 const FLOOR_M: f32 = 1.5;
-/// The lattice on which noise itself is sampled is coarser by this factor, and interpolated between.
+/// Factor by which the lattice of the noise is coarser; the noise is interpolated in between.
 const NOISE_STRIDE: usize = 2;
 
 /// Mean height of the terrain on a map of [`REFERENCE_HEIGHT_M`], m.
 const BASE_HEIGHT_M: f32 = 26.0;
-/// Height of the default map, m. Lower maps flatten the octaves; higher ones get a swell besides.
+/// Height of the default map, m. Lower maps flatten the octaves; higher ones get an additional swell.
 const REFERENCE_HEIGHT_M: f32 = 80.0;
-/// Wavelength of the swell, m; its amplitude and the rise of the mean height, per metre above the reference height.
+/// Wavelength of the swell, m; its amplitude and the rise of the mean height, both per metre above the reference height.
 const SWELL: (f64, f32, f32) = (420.0, 0.45, 0.3);
 /// (wavelength m, amplitude m) of each octave of 3D Perlin noise.
 const OCTAVES: [(f64, f32); 3] = [(95.0, 34.0), (33.0, 12.0), (13.0, 1.6)];
-/// Height of one terrace in metres, drawn for each map: with low ones a double jump (5 m) climbs the risers, with
-/// high ones they must be walked around or taken by a device.
+/// Range of the height of a terrace, m, drawn for each map: a double jump (5 m) climbs the risers of low terraces, while
+/// high ones call for a detour or a device.
 const TERRACE_M: (f32, f32) = (5.2, 8.0);
 /// Wavelength of the noise that decides where the ground is terraced and where it rises smoothly, m.
 const TERRACING_WAVELENGTH_M: f64 = 60.0;
-/// Mean and gain of that noise before it is clamped to [0, 1]: smooth ways up are rare, so that most of the map is not
+/// Mean and gain of that noise before it is clamped to [0, 1]: smooth slopes are rare, so that most of the map is not
 /// connected on foot.
 const TERRACING: (f32, f32) = (3.0, 2.4);
 /// Share of a terrace's height that lies in its nearly level tread.
 const TREAD_HEIGHT_SHARE: f32 = 0.14;
-/// Share of the terrain's rise that the tread takes up; the rest goes into the riser.
+/// Share of the terrain's rise that lies in the tread; the rest lies in the riser.
 const TREAD_RISE_SHARE: f32 = 0.89;
 
 /// Streams of the seed besides those of the octaves and the terracing.
@@ -48,7 +48,7 @@ pub(crate) struct Lattice {
 }
 
 impl Lattice {
-    /// Samples the terrain of `seed` over `size` on `thread_count` threads; equal bits for any number of them.
+    /// Samples the terrain of `seed` over `size` on `thread_count` threads, with equal bits for any number of threads.
     pub(crate) fn sample(seed: u64, size: MapSize, thread_count: usize) -> Self {
         let counts = [size.width, size.height, size.depth].map(|extent| (extent as f32 / VOXEL_M).ceil() as usize + 1);
         let coarse_counts = counts.map(|count| count.div_ceil(NOISE_STRIDE) + 1);
@@ -110,7 +110,7 @@ impl Lattice {
 
     /// Rewrites the density of every lattice point within `radius` of the vertical line through (`x`, `z`).
     ///
-    /// `edit` gets the distance to the line, the height and the density, and returns the new density.
+    /// `edit` receives the distance to the line (m), the height (m) and the density, and returns the new density.
     pub(crate) fn edit_column(&mut self, x: f32, z: f32, radius: f32, edit: impl Fn(f32, f32, f32) -> f32) {
         let top = self.counts[1] as f32 * VOXEL_M;
         self.edit_box(
@@ -123,7 +123,7 @@ impl Lattice {
         );
     }
 
-    /// Rewrites the density of every lattice point in a box; `edit` gets the point and its density.
+    /// Rewrites the density of every lattice point in a box; `edit` receives the point and its density.
     pub(crate) fn edit_box(&mut self, low: Vec3, high: Vec3, edit: impl Fn(Vec3, f32) -> f32) {
         let range = |axis: usize| {
             let first = (low[axis] / VOXEL_M).floor().max(0.0) as usize;
@@ -141,7 +141,7 @@ impl Lattice {
         }
     }
 
-    /// Height of the uppermost surface over (`x`, `z`), linearly interpolated along the nearest column.
+    /// Height of the uppermost surface at (`x`, `z`), m, linearly interpolated along the nearest column.
     pub(crate) fn top(&self, x: f32, z: f32) -> f32 {
         let column = |value: f32, count: usize| ((value / VOXEL_M).round().max(0.0) as usize).min(count - 1);
         let (i, k) = (column(x, self.counts[0]), column(z, self.counts[2]));
@@ -163,7 +163,7 @@ impl Lattice {
         const NONE: u32 = u32::MAX;
         let mut vertices: Vec<Vec3> = Vec::new();
         let mut triangles = Vec::new();
-        // Two layers of cells suffice: a quad around an edge joins cells of this layer and the one before.
+        // Two layers of cells suffice: a quad around an edge joins cells of this layer and the previous one.
         let mut previous = vec![NONE; layer];
         let mut current = vec![NONE; layer];
         for z in 0..cells[2] {
@@ -211,7 +211,7 @@ impl Lattice {
         triangles
     }
 
-    /// The mean of the edge crossings of one cell, if the surface passes through it.
+    /// The mean of the edge crossings of one cell, m; `None` if the surface does not pass through the cell.
     fn cell_vertex(&self, x: usize, y: usize, z: usize) -> Option<Vec3> {
         const CORNERS: [[usize; 3]; 8] =
             [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
@@ -237,7 +237,7 @@ impl Lattice {
     }
 }
 
-/// Pushes the two triangles of a quad around a lattice edge from `here` to `there`, facing the air.
+/// Pushes two triangles around a lattice edge from `here` to `there`, facing the air, if the density changes sign.
 fn push_quad(triangles: &mut Vec<[Vec3; 3]>, here: f32, there: f32, quad: impl Fn() -> [Vec3; 4], flip: bool) {
     if (here > 0.0) == (there > 0.0) {
         return;
@@ -251,7 +251,7 @@ fn push_quad(triangles: &mut Vec<[Vec3; 3]>, here: f32, there: f32, quad: impl F
     }
 }
 
-/// Maps height to "noise height": slow inside treads (so the ground there is nearly level), fast in risers.
+/// Warps a height, m, within its terrace: a tread spans little height, so that the ground there is nearly level.
 fn terrace(height: f32, terrace_height: f32) -> f32 {
     let step = (height / terrace_height).floor();
     let t = height / terrace_height - step;
@@ -275,7 +275,7 @@ fn interpolate(coarse: &[f32], counts: [usize; 3], fine: [usize; 3]) -> f32 {
     lerp(face(0), face(1), tz)
 }
 
-/// Spreads a 64-bit seed and a stream number over the 32 bits that the noise crate takes (SplitMix64).
+/// Mixes a 64-bit seed and a stream number into the 32-bit seed of the noise crate (SplitMix64).
 fn mix_seed(seed: u64, stream: u64) -> u32 {
     let mut z = seed.wrapping_add(stream.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

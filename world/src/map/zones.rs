@@ -1,29 +1,29 @@
-//! Which pools and devices lie around a place: one lookup per body and tick.
+//! Finds the pools and devices near a place, with one lookup per body and tick.
 
 use super::features::{DISC_RADIUS_M, Placed};
 use crate::Vec3;
 
-/// Side of a cell, m.
+/// Side of a cell of the grid, m.
 pub(crate) const CELL_M: f32 = 5.0;
 
-/// A pool or device by its index among its kind.
+/// A pool or device, by its index among those of its kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Zone {
-    /// Liquid.
+    /// A pool.
     Pool(u32),
-    /// Throws upwards.
+    /// A jump pad.
     Pad(u32),
-    /// Carries down its cable.
+    /// The station of a zip line.
     ZipLine(u32),
     /// Entrance of a teleporter.
     Teleporter(u32),
     /// Far end of a two-way teleporter.
     TeleporterBack(u32),
-    /// Gives fuel.
+    /// A jetpack pick-up.
     Jetpack(u32),
 }
 
-/// Zones in a grid over the map, seen from above.
+/// Zones in a grid over the map, as seen from above.
 #[derive(Debug)]
 pub(super) struct ZoneGrid {
     columns: usize,
@@ -73,7 +73,7 @@ impl ZoneGrid {
         Self { columns, rows, starts, zones }
     }
 
-    /// All zones that may contain a point over (`x`, `z`).
+    /// All zones that may contain a point with these horizontal coordinates, m.
     pub(super) fn near(&self, x: f32, z: f32) -> &[Zone] {
         let (column, row) = ((x / CELL_M) as usize, (z / CELL_M) as usize);
         if column >= self.columns || row >= self.rows {
