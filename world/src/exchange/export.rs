@@ -1,7 +1,7 @@
-//! A map as binary glTF 2.0, for modelling tools and game engines; the importer takes it back.
+//! Exports a map as binary glTF 2.0, for modelling tools and game engines; the importer reads it back.
 //!
-//! One mesh node `ground`, one node for each pool and device with the names that `named` knows, and empty nodes
-//! that tell where buildings, plateaus, ravines and caves are. The scene's extras keep the map's size.
+//! The scene has one mesh node `ground`, one node for each pool and device with the names that `named` knows, and empty
+//! nodes that mark buildings, plateaus, ravines and caves. Its extras keep the map's size.
 
 use super::named::{PAD_EXTRA_M, PAD_GRAVITY};
 use crate::Vec3;
@@ -11,17 +11,17 @@ use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 
-/// Corners around a device's disc.
+/// Number of corners of a device's disc.
 const DISC_SIDES: usize = 16;
 /// Height of a device's disc, m.
 const DISC_HEIGHT_M: f32 = 0.12;
-/// glTF's numbers for component types and buffer targets.
+/// Component types and buffer targets of glTF.
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// The map as a `.glb` file.
+/// Encodes the map as a `.glb` file.
 pub fn export_glb(map: &Map) -> Vec<u8> {
     let mut scene = SceneWriter::default();
     let solids = map.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid());
@@ -34,7 +34,7 @@ pub fn export_glb(map: &Map) -> Vec<u8> {
     scene.finish(map.size())
 }
 
-/// Each pool as a box from its surface to its depth.
+/// Adds each pool as a box from its surface to its depth.
 fn add_pools(scene: &mut SceneWriter, map: &Map) {
     let mut counts = [0, 0];
     for pool in &map.placed().pools {
@@ -85,7 +85,7 @@ fn add_devices(scene: &mut SceneWriter, map: &Map) {
     }
 }
 
-/// What is part of the ground, as nodes without a mesh.
+/// Adds what is part of the ground, as nodes without a mesh.
 fn add_landmarks(scene: &mut SceneWriter, map: &Map) {
     let placed = map.placed();
     for (idx, building) in placed.buildings.iter().enumerate() {
@@ -117,7 +117,7 @@ fn box_below_origin() -> Vec<[Vec3; 3]> {
     prism(&rim.map(|(x, z)| Vec3::new(x, 0.0, z)), -1.0, 0.0)
 }
 
-/// A disc that stands on the origin.
+/// A device's disc, with the centre of its bottom at the origin.
 fn disc() -> Vec<[Vec3; 3]> {
     let rim: Vec<Vec3> = (0..DISC_SIDES)
         .map(|i| {
@@ -143,7 +143,7 @@ fn prism(rim: &[Vec3], bottom: f32, top: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-/// Exactly the value's bits: a wider float prints all its digits.
+/// Coordinates as JSON numbers, widened to `f64` so that they print with all digits and read back with the same bits.
 fn numbers(point: Vec3) -> Value {
     json!(point.to_array().map(f64::from))
 }
@@ -160,7 +160,7 @@ struct SceneWriter {
 }
 
 impl SceneWriter {
-    /// Adds an indexed mesh, its corners welded where their bits are equal; `None` without any triangle.
+    /// Adds an indexed mesh, with corners welded where their bits are equal; `None` if there are no triangles.
     fn add_mesh(&mut self, name: &str, surface: Surface, triangles: impl Iterator<Item = [Vec3; 3]>) -> Option<usize> {
         let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
         let (mut positions, mut indices) = (Vec::new(), Vec::new());
@@ -205,7 +205,7 @@ impl SceneWriter {
         Some(self.meshes.len() - 1)
     }
 
-    /// A mesh that many nodes show; made when it is first needed.
+    /// Returns a mesh that several nodes share, and adds it when it is first needed.
     fn shared_mesh(&mut self, name: &'static str, surface: Surface, make: impl Fn() -> Vec<[Vec3; 3]>) -> usize {
         if let Some(&mesh) = self.shared.get(name) {
             return mesh;
@@ -215,7 +215,7 @@ impl SceneWriter {
         mesh
     }
 
-    /// All values are four bytes wide, so every view begins at a multiple of four.
+    /// Adds a buffer view. All values are four bytes wide, so every view begins at a multiple of four.
     fn add_view(&mut self, bytes: &[u8], target: u32) -> usize {
         self.views.push(json!({
             "buffer": 0,
@@ -243,7 +243,7 @@ impl SceneWriter {
         self.nodes.push(node);
     }
 
-    /// Header, JSON chunk padded with spaces, binary chunk padded with zeros (glTF 2.0, section 4.4).
+    /// Writes the header, the JSON chunk padded with spaces, and the binary chunk padded with zeros (glTF 2.0, section 4.4).
     fn finish(self, MapSize { width, height, depth }: MapSize) -> Vec<u8> {
         let mut document = json!({
             "asset": { "version": "2.0", "generator": "Surefoot" },
@@ -257,7 +257,7 @@ impl SceneWriter {
             ("accessors", self.accessors),
             ("bufferViews", self.views),
         ];
-        // Empty lists are not allowed.
+        // glTF does not allow empty lists.
         for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
             if name == "nodes" {
                 document["scenes"][0]["nodes"] = json!((0..list.len()).collect::<Vec<_>>());

@@ -1,6 +1,6 @@
-//! What is said about levels: errors that keep one from becoming a map, and warnings that do not.
+//! Errors that keep a level from becoming a map, and warnings that do not.
 //!
-//! Messages speak of the level's own nodes and meshes, and say what to change.
+//! Messages name the level's own nodes and meshes, and say what to change.
 
 use super::load::Overload;
 use crate::Vec3;
@@ -11,47 +11,47 @@ use std::fmt;
 /// Most triangles of a level.
 pub(super) const MAX_TRIANGLES: usize = 4_000_000;
 
-/// Something odd that does not keep a level from being used.
+/// An oddity of a level that does not keep the level from being used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Warning {
-    /// Triangles without area, left out.
+    /// Triangles without area were left out.
     DegenerateTriangles {
-        /// How many.
+        /// Number of triangles.
         count: usize,
     },
-    /// Points and lines, left out.
+    /// Points and lines were left out.
     NotTriangles {
-        /// How many primitives.
+        /// Number of primitives.
         count: usize,
     },
-    /// Edges of a single triangle.
+    /// Edges belong to a single triangle.
     OpenEdges {
-        /// How many.
+        /// Number of edges.
         count: usize,
     },
-    /// Edges of three or more triangles.
+    /// Edges belong to three or more triangles (non-manifold).
     CrowdedEdges {
-        /// How many.
+        /// Number of edges.
         count: usize,
     },
-    /// Edges whose two triangles face opposite ways.
+    /// Edges join two triangles that face opposite ways.
     TurnedEdges {
-        /// How many.
+        /// Number of edges.
         count: usize,
     },
-    /// Most of what is seen from above faces down.
+    /// Most of the ground visible from above faces down.
     FacesDown {
-        /// In percent.
+        /// Share that faces down, %.
         share: u32,
     },
-    /// Pools whose nodes have no height.
+    /// Nodes of pools have no height.
     FlatPools {
-        /// How many.
+        /// Number of pools.
         count: usize,
     },
-    /// An exported map that no longer fits its former size.
+    /// An exported map no longer fits its former size.
     Outgrown {
-        /// The size it had.
+        /// Size of the map when it was exported.
         former: MapSize,
     },
 }
@@ -63,25 +63,25 @@ impl fmt::Display for Warning {
             Self::NotTriangles { count } => write!(f, "{count} sets of points or lines were left out"),
             Self::OpenEdges { count } => write!(
                 f,
-                "{count} edges belong to one triangle only: a wall without thickness can be passed from behind"
+                "{count} edges belong to one triangle only: bodies pass through a wall without thickness from behind"
             ),
             Self::CrowdedEdges { count } => {
-                write!(f, "{count} edges belong to more than two triangles: bodies may overlap or have walls inside")
+                write!(f, "{count} edges belong to more than two triangles: solids may overlap or have walls inside")
             }
             Self::TurnedEdges { count } => write!(
                 f,
-                "{count} edges join triangles that face opposite ways: one of the two can be passed; make the normals consistent"
+                "{count} edges join triangles that face opposite ways: bodies pass through one of the two; make the normals consistent"
             ),
             Self::FacesDown { share } => write!(
                 f,
-                "{share} % of what is seen from above faces down and would not carry anyone: flip the normals"
+                "{share} % of the ground visible from above faces down, and bodies would fall through it: flip the normals"
             ),
             Self::FlatPools { count } => {
-                write!(f, "{count} pools are flat: their liquid reaches 1 m down; give their nodes a height for more")
+                write!(f, "{count} pools are flat: their liquid is 1 m deep; give their nodes a height for more")
             }
             Self::Outgrown { former: MapSize { width, height, depth } } => write!(
                 f,
-                "the level no longer fits the {width} x {height} x {depth} m it was exported with and was placed anew"
+                "the level no longer fits the {width} x {height} x {depth} m of its export and was placed again"
             ),
         }
     }
@@ -90,147 +90,147 @@ impl fmt::Display for Warning {
 /// Why a level cannot become a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ImportError {
-    /// The scale is no length.
+    /// The scale is not positive and finite.
     #[error("the scale is {0}, but must be above 0 and finite; use --scale 0.01 for a level in centimetres")]
     Scale(f32),
-    /// The container of a binary glTF is broken.
+    /// The container of a binary glTF is damaged.
     #[error("the .glb file is damaged ({0}): export it again")]
     Container(&'static str),
-    /// A glTF of another version than 2.
+    /// The glTF has another version than 2.
     #[error("the file is glTF {0}: export the level as glTF 2.0")]
     GltfVersion(String),
     /// The JSON of a glTF cannot be read.
     #[error("the JSON of the glTF cannot be read: {0}")]
     Json(String),
-    /// An extension without which the geometry is unknown.
+    /// The geometry cannot be known without an unsupported extension.
     #[error(
         "the level uses the glTF extension {0}, which is not supported: export it without compression or instancing"
     )]
     Extension(String),
-    /// Geometry in another file.
-    #[error("the geometry lies in another file, `{uri}`: export the level as one binary .glb")]
+    /// The geometry is in another file.
+    #[error("the geometry is in another file, `{uri}`: export the level as one binary .glb")]
     ExternalBuffer {
-        /// Where it lies.
+        /// URI of that file, shortened.
         uri: String,
     },
-    /// Embedded data that cannot be decoded.
-    #[error("buffer {buffer} holds no valid base64 data: export the level again, best as .glb")]
+    /// Embedded data cannot be decoded.
+    #[error("buffer {buffer} holds no valid base64 data: export the level again, preferably as .glb")]
     Base64 {
         /// Index of the buffer.
         buffer: usize,
     },
-    /// A buffer shorter than it says.
+    /// A buffer is shorter than it claims.
     #[error("buffer {buffer} has {len} of {expected} bytes: the file is cut off; export it again")]
     ShortBuffer {
         /// Index of the buffer.
         buffer: usize,
-        /// Bytes that there are.
+        /// Length of the buffer, bytes.
         len: usize,
-        /// Bytes that there should be.
+        /// Length that the file claims, bytes.
         expected: u64,
     },
-    /// An index within the glTF's JSON that leads nowhere.
+    /// An index in the glTF's JSON refers to nothing.
     #[error("{from} refers to {to} {idx}, which does not exist: export the level again")]
     Reference {
-        /// What refers.
+        /// What holds the reference.
         from: String,
-        /// What it refers to.
+        /// Kind of the missing item.
         to: &'static str,
-        /// Its index.
+        /// Index of the missing item.
         idx: usize,
     },
-    /// Nodes that do not form a tree.
+    /// The nodes do not form a tree.
     #[error("{node} is its own ancestor or has two parents: export the level again")]
     NotATree {
-        /// The node.
+        /// The node that is visited twice.
         node: String,
     },
-    /// Vertex or index data that cannot be read.
+    /// Vertex or index data cannot be read.
     #[error("{mesh} has {problem}")]
     Data {
-        /// The mesh.
+        /// Name of the mesh.
         mesh: String,
-        /// What is wrong with it, and what helps.
+        /// The problem, and what to do about it.
         problem: &'static str,
     },
-    /// A triangle that refers to no vertex.
+    /// A triangle refers to a vertex that does not exist.
     #[error("{mesh} refers to vertex {vertex}, but has only {count}: export the level again")]
     VertexOutOfRange {
-        /// The mesh.
+        /// Name of the mesh.
         mesh: String,
         /// Index of the vertex.
         vertex: u32,
-        /// How many there are.
+        /// Number of vertices.
         count: usize,
     },
-    /// A position that is infinite or not a number.
+    /// A position is infinite or not a number.
     #[error("{node} has a position that is not a finite number: correct or delete it")]
     NotFinite {
-        /// The node or mesh.
+        /// Name of the node or mesh.
         node: String,
     },
-    /// An OBJ file that cannot be read.
+    /// The OBJ file cannot be read.
     #[error("the OBJ file cannot be read: {0}")]
     Obj(String),
-    /// Nothing to stand on.
+    /// The level has no solid triangles.
     #[error(
         "the level has no solid triangles: nodes called lava, water, pad, zip_line, teleporter or jetpack are not solid"
     )]
     Empty,
-    /// Too many triangles.
+    /// The level has too many triangles.
     #[error("the level has more than {MAX_TRIANGLES} triangles: simplify it or split it")]
     TooManyTriangles,
-    /// Larger than a map may be.
+    /// The level is larger than a map may be; its extent in metres.
     #[error(
         "the level is {:.0} x {:.0} x {:.0} m, but at most {MAX_SIDE_M} x {} x {MAX_SIDE_M} m fit: use --scale (0.01 if it is in centimetres) or split it",
         .0.x, .0.y, .0.z, MAX_HEIGHT_M - 1
     )]
     TooLarge(Vec3),
-    /// Too much for any machine.
+    /// The level is too large to index.
     #[error("the level cannot be indexed: {0}")]
     Overload(#[from] Overload),
-    /// One end of a zip line or teleporter without the other.
-    #[error("node `{node}` has no other half: add a node `{missing}`")]
+    /// A zip line or teleporter has only one end.
+    #[error("node `{node}` has no other end: add a node `{missing}`")]
     MissingHalf {
-        /// The node.
+        /// Name of the node.
         node: String,
-        /// What the other should be called.
+        /// Name that the node of the other end should have.
         missing: String,
     },
-    /// Two nodes for the same end.
+    /// Two nodes stand for the same end.
     #[error("node `{node}` is a second {end} end of the same pair: rename it")]
     SecondHalf {
-        /// The node.
+        /// Name of the second node.
         node: String,
-        /// Which end: `from` or `to`.
+        /// The end: `from` or `to`.
         end: &'static str,
     },
-    /// A zip line or teleporter whose name does not say which end it is.
+    /// The name of a zip line or teleporter does not say which end the node is.
     #[error("node `{node}` does not say which end it is: call it `{node}:from` or `{node}:to`")]
     NoEnd {
-        /// The node.
+        /// Name of the node.
         node: String,
     },
-    /// A feature's property that cannot be used.
+    /// A property of a feature cannot be used.
     #[error("{of} has {key} {value}: {expected}")]
     Property {
-        /// The node or entry.
+        /// The node or the entry of the sidecar.
         of: String,
         /// Name of the property.
         key: &'static str,
-        /// What it is set to.
+        /// Value of the property.
         value: String,
-        /// What is allowed.
+        /// Allowed values.
         expected: &'static str,
     },
-    /// A feature off the map.
+    /// A feature lies outside the level.
     #[error("{what} lies outside the level, which spans {low} to {high} in its own coordinates: move or delete it")]
     Outside {
-        /// The node or entry.
+        /// The node or the entry of the sidecar.
         what: String,
-        /// Lowest corner of the level.
+        /// Lowest corner of the level, in the level's coordinates.
         low: Vec3,
-        /// Highest corner of the level.
+        /// Highest corner of the level, in the level's coordinates.
         high: Vec3,
     },
     /// The sidecar cannot be read.

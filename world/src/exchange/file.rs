@@ -1,4 +1,4 @@
-//! The saved-map format: a checksummed header, then everything a map is made of.
+//! The saved-map format: a header with a checksum, then the content of a map.
 //!
 //! ```text
 //! header   magic 8 | format version u32 | payload length u64 | BLAKE3 of the payload 32
@@ -7,8 +7,8 @@
 //!          | vertices 3 x f32 | corners 3 x u32 for each triangle | surfaces u8 for each triangle
 //! ```
 //!
-//! Numbers are little-endian. Vertices are shared by bits, so a map comes back with the very same corners. The
-//! search grid is built anew: that takes less time than reading it would.
+//! Numbers are little-endian. Corners with equal bits share a vertex, so a decoded map has exactly the same corners. The
+//! grid is not stored: building it takes less time than reading it would.
 
 use super::load::{Overload, check_load, is_allowed};
 use crate::Vec3;
@@ -17,13 +17,13 @@ use crate::map::{Map, MapHash, MapSize, MapSpec, Placed, RawMapSpec, SpecError};
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
-/// The last bytes show transfers that rewrite line ends.
+/// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
 const VERSION: u32 = 1;
 const HEADER_LEN: usize = MAGIC.len() + 4 + 8 + blake3::OUT_LEN;
 const VERTEX_LEN: usize = 12;
 const CORNERS_LEN: usize = 12;
-/// Coordinates and measures beyond this cannot belong to a map, m.
+/// Largest magnitude of a coordinate or other number of a map, m.
 const FARTHEST_M: f32 = 10_000.0;
 
 /// Why bytes are not a saved map.
@@ -34,57 +34,57 @@ pub enum FileError {
         "this is not a saved map: save one with `surefoot map generate`, or import a level with `surefoot map import`"
     )]
     NotAMap,
-    /// Saved by a program that writes another format.
+    /// The map was saved in another format version.
     #[error("the map is saved in format {found}, this program reads format {VERSION}: save or import it again")]
     Version {
-        /// The file's format.
+        /// Format version of the file.
         found: u32,
     },
-    /// Shorter than its header says.
+    /// The file is shorter than its header says.
     #[error("the saved map is cut off: {len} of {expected} bytes are there; copy it again")]
     CutOff {
-        /// Bytes that there are.
+        /// Length of the file, bytes.
         len: usize,
-        /// Bytes that there should be.
+        /// Length that the header calls for, bytes.
         expected: u64,
     },
-    /// Longer than its header says.
+    /// The file is longer than its header says.
     #[error("the saved map is followed by {count} bytes that do not belong to it; copy it again")]
     TrailingBytes {
-        /// How many.
+        /// Number of extra bytes.
         count: u64,
     },
     /// The checksum does not match.
     #[error("the saved map is damaged: its checksum does not match; copy it again")]
     Damaged,
-    /// The counts contradict the file's length.
+    /// The counts of vertices and triangles contradict the length of the file.
     #[error("the saved map claims {claimed} bytes of geometry, but has {len}; save it again")]
     Counts {
-        /// Bytes that the counts call for.
+        /// Length that the counts call for, bytes.
         claimed: u64,
-        /// Bytes that there are.
+        /// Length of the geometry, bytes.
         len: usize,
     },
-    /// Spec, size and features cannot be read.
+    /// The spec, the size and the features cannot be read.
     #[error("the description in the saved map cannot be read ({0}); save it again")]
     Description(String),
-    /// The size lies outside what a map may have.
-    #[error("the saved map is {} x {} x {} m, allowed are 1 x 1 x 1 to {MAX_SIDE_M} x {MAX_HEIGHT_M} x {MAX_SIDE_M} m", .0.width, .0.height, .0.depth)]
+    /// The size is out of range.
+    #[error("the saved map is {} x {} x {} m, but must be 1 x 1 x 1 to {MAX_SIDE_M} x {MAX_HEIGHT_M} x {MAX_SIDE_M} m", .0.width, .0.height, .0.depth)]
     Size(MapSize),
     /// The spec is out of range.
     #[error("the spec in the saved map is not valid: {0}")]
     Spec(#[from] SpecError),
-    /// The spec asks for another size than the map has.
-    #[error("the spec in the saved map asks for another size than the map has; save it again")]
+    /// The spec has another size than the map.
+    #[error("the spec in the saved map has another size than the map; save it again")]
     SpecSize,
-    /// A coordinate or measure is infinite, not a number, or absurdly large.
-    #[error("{what} {idx} of the saved map has the value {value}, allowed are -{FARTHEST_M} to {FARTHEST_M}")]
+    /// A number is infinite, not a number, or too large.
+    #[error("{what} {idx} of the saved map has the value {value}, but must be -{FARTHEST_M} to {FARTHEST_M}")]
     Number {
-        /// What it belongs to.
+        /// Kind of the item that has the number.
         what: &'static str,
-        /// Which of them.
+        /// Index of the item.
         idx: usize,
-        /// The value.
+        /// The rejected value.
         value: f32,
     },
     /// A triangle refers to a vertex that does not exist.
@@ -94,10 +94,10 @@ pub enum FileError {
         triangle: usize,
         /// Index of the vertex.
         vertex: u32,
-        /// How many vertices there are.
+        /// Number of vertices.
         count: usize,
     },
-    /// A triangle of an unknown surface.
+    /// A triangle has an unknown surface.
     #[error("triangle {triangle} of the saved map has the unknown surface {surface}")]
     UnknownSurface {
         /// Index of the triangle.
@@ -105,16 +105,16 @@ pub enum FileError {
         /// Number of the surface.
         surface: u8,
     },
-    /// A triangle without area.
+    /// A triangle has no area.
     #[error("triangle {triangle} of the saved map has no area")]
     NoArea {
         /// Index of the triangle.
         triangle: usize,
     },
-    /// Too much for any machine.
+    /// The map is too large to index.
     #[error("the saved map cannot be indexed: {0}")]
     Overload(#[from] Overload),
-    /// The content is not what was saved.
+    /// The hash of the content differs from the saved one.
     #[error("the saved map holds {found}, but was saved as {saved}; save it again")]
     Hash {
         /// Hash of the content.
@@ -124,7 +124,7 @@ pub enum FileError {
     },
 }
 
-/// The map as bytes; the same map gives the same bytes.
+/// Encodes a map; the same map gives the same bytes.
 pub fn encode(map: &Map) -> Vec<u8> {
     let triangles = map.mesh().triangles();
     let description = postcard::to_stdvec(&(map.spec(), map.size(), map.placed())).expect("plain data");
@@ -159,10 +159,10 @@ pub fn encode(map: &Map) -> Vec<u8> {
     bytes
 }
 
-/// The map that [`encode`] turned into `bytes`, with the same hash.
+/// Decodes a map that [`encode`] wrote; the map has the same hash.
 ///
 /// # Errors
-/// If the bytes are not a whole, undamaged saved map of this format.
+/// If the bytes are not a complete, undamaged saved map in this format version.
 pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let mut payload = Reader(checked_payload(bytes)?);
     let saved = MapHash(*payload.array()?);
@@ -181,7 +181,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     if map.hash() == saved { Ok(map) } else { Err(FileError::Hash { found: map.hash(), saved }) }
 }
 
-/// The payload of a file whose header is right.
+/// Checks the header and returns the payload.
 fn checked_payload(bytes: &[u8]) -> Result<&[u8], FileError> {
     if !bytes.starts_with(&MAGIC) {
         let is_beginning = !bytes.is_empty() && MAGIC.starts_with(bytes);
@@ -294,26 +294,26 @@ fn check_numbers(what: &'static str, idx: usize, values: impl IntoIterator<Item 
 }
 
 fn is_sane(value: f32) -> bool {
-    // Also false for NaN.
+    // This is also false for NaN.
     value.abs() <= FARTHEST_M
 }
 
-/// Takes bytes from the front.
+/// Reads bytes from the front of a slice.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
     fn bytes(&mut self, len: usize) -> Result<&'a [u8], FileError> {
         let counts = FileError::Counts { claimed: len as u64, len: self.0.len() };
-        let (taken, rest) = self.0.split_at_checked(len).ok_or(counts)?;
+        let (head, rest) = self.0.split_at_checked(len).ok_or(counts)?;
         self.0 = rest;
-        Ok(taken)
+        Ok(head)
     }
 
     fn array<const N: usize>(&mut self) -> Result<&'a [u8; N], FileError> {
         let counts = FileError::Counts { claimed: N as u64, len: self.0.len() };
-        let (taken, rest) = self.0.split_first_chunk().ok_or(counts)?;
+        let (head, rest) = self.0.split_first_chunk().ok_or(counts)?;
         self.0 = rest;
-        Ok(taken)
+        Ok(head)
     }
 
     fn number(&mut self) -> Result<u32, FileError> {

@@ -1,7 +1,7 @@
-//! glTF 2.0 to a scene: nodes with their transforms applied.
+//! Reads glTF 2.0 into a scene: nodes with their transforms applied.
 //!
-//! The JSON is read with the `gltf` crate's types, but not through its wrappers: they trust indices and lengths, and
-//! its own validation indexes with a number from the file. Here every index, offset and length is checked on use.
+//! The JSON is parsed into the types of the `gltf` crate, but without its wrappers: those trust indices and lengths, and
+//! the crate's own validation indexes with a number from the file. Here every index, offset and length is checked on use.
 
 use super::faults::{ImportError, MAX_TRIANGLES};
 use super::scene::{Node, Scene, node_label};
@@ -15,9 +15,9 @@ use gltf::json::{self, Index, Root};
 use serde::Deserialize;
 use std::borrow::Cow;
 
-/// Shows a mesh many times, without a fallback for programs that do not know it.
+/// Extension that repeats a mesh, without a fallback for programs that do not support it.
 const INSTANCING_EXTENSION: &str = "EXT_mesh_gpu_instancing";
-/// Beginnings of the names of extensions that change looks only, so that a level may require them.
+/// Prefixes of extensions that only change the appearance, so that a level may require them.
 const APPEARANCE_EXTENSIONS: [&str; 5] =
     ["KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "EXT_lights_"];
 const DATA_URI: &str = "data:";
@@ -36,7 +36,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
     Reader { source: &source, triangle_budget: MAX_TRIANGLES, skipped_count: 0 }.scene()
 }
 
-/// JSON and binary chunk of a `.glb`.
+/// Splits a `.glb` into its JSON chunk and its binary chunk.
 fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ImportError> {
     let header: &[u8; 12] = bytes.first_chunk().ok_or(ImportError::Container("its header is cut off"))?;
     let number = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
@@ -55,7 +55,7 @@ fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ImportError> {
     Ok((json.content, (binary.kind == b"BIN\0").then_some(binary.content)))
 }
 
-/// A part of a `.glb`, and what follows it.
+/// A chunk of a `.glb`, and the bytes that follow it.
 struct Chunk<'a> {
     kind: &'a [u8; 4],
     content: &'a [u8],
@@ -75,7 +75,7 @@ impl<'a> Chunk<'a> {
 
 fn check_extensions(root: &Root) -> Result<(), ImportError> {
     let is_appearance = |name: &str| APPEARANCE_EXTENSIONS.iter().any(|start| name.starts_with(start));
-    // Whatever else is used without being required, such as compression, can be read without it.
+    // Other extensions that are used but not required, such as compression, come with a fallback.
     let instancing = root.extensions_used.iter().find(|name| *name == INSTANCING_EXTENSION);
     let unknown = root.extensions_required.iter().find(|name| !is_appearance(name));
     instancing.or(unknown).map_or(Ok(()), |name| Err(ImportError::Extension(name.clone())))
@@ -84,7 +84,7 @@ fn check_extensions(root: &Root) -> Result<(), ImportError> {
 fn read_buffer<'a>(idx: usize, buffer: &json::Buffer, binary: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, ImportError> {
     let bytes = match (&buffer.uri, binary) {
         (None, Some(binary)) if idx == 0 => Cow::Borrowed(binary),
-        // A fallback buffer without data: only an error if something reads it.
+        // A fallback buffer has no data, which is an error only if something reads it.
         (None, _) => return Ok(Cow::Borrowed(&[])),
         (Some(uri), _) if uri.starts_with(DATA_URI) => {
             let text = uri.split_once(BASE64_MARK).map(|(_, text)| text);
@@ -96,7 +96,7 @@ fn read_buffer<'a>(idx: usize, buffer: &json::Buffer, binary: Option<&'a [u8]>) 
     if (len as u64) < expected { Err(ImportError::ShortBuffer { buffer: idx, len, expected }) } else { Ok(bytes) }
 }
 
-/// Standard alphabet, padding optional (RFC 4648, section 4).
+/// Decodes base64 with the standard alphabet and optional padding (RFC 4648, section 4).
 fn decode_base64(text: &str) -> Option<Vec<u8>> {
     let digits = text.trim_end_matches('=').as_bytes();
     if digits.len() % 4 == 1 {
@@ -122,7 +122,7 @@ fn decode_base64(text: &str) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// What an exported map notes on its scene.
+/// Extras that an export writes to its scene.
 #[derive(Deserialize)]
 struct SceneExtras {
     surefoot: Option<SurefootExtras>,
@@ -140,7 +140,7 @@ struct Source<'a> {
 
 struct Reader<'a> {
     source: &'a Source<'a>,
-    /// Triangles that may still come; a mesh counts each time that a node shows it.
+    /// Triangles that may still be added; a mesh counts once for each node that uses it.
     triangle_budget: usize,
     skipped_count: usize,
 }
@@ -164,7 +164,7 @@ impl Reader<'_> {
 
         let mut nodes = Vec::new();
         let mut is_visited = vec![false; root.nodes.len()];
-        // An own stack: how deeply nodes are nested is up to the file.
+        // An explicit stack, since the file decides how deeply nodes are nested.
         let mut waiting: Vec<(usize, Option<usize>, Mat4)> =
             roots.into_iter().rev().map(|idx| (idx, None, Mat4::IDENTITY)).collect();
         while let Some((idx, parent, level_from_parent)) = waiting.pop() {
@@ -188,7 +188,7 @@ impl Reader<'_> {
         Ok(Scene { nodes, former_size, skipped_count: self.skipped_count })
     }
 
-    /// Triangles of all primitives of a mesh, in the level's frame.
+    /// Triangles of all primitives of a mesh, in the level's coordinates.
     fn triangles(
         &mut self,
         from: &str,
@@ -218,7 +218,7 @@ impl Reader<'_> {
         let Checked::Valid(mode) = primitive.mode else {
             return Err(data_error(mesh, "an unknown primitive mode: export the level again"));
         };
-        // A primitive without triangles counts as one, so that the work is bounded as well.
+        // Every primitive costs one triangle, so that the work is bounded even if it has none.
         self.triangle_budget = self.triangle_budget.checked_sub(1).ok_or(ImportError::TooManyTriangles)?;
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
             self.skipped_count += 1;
@@ -260,7 +260,7 @@ impl Reader<'_> {
 }
 
 impl Source<'_> {
-    /// The bytes of an accessor, checked to lie inside its view and buffer.
+    /// The elements of an accessor, checked to lie within its view and buffer.
     fn elements(&self, mesh: &str, accessor_idx: usize, layout: Layout) -> Result<Elements<'_>, ImportError> {
         let reference = |to, idx| ImportError::Reference { from: mesh.to_owned(), to, idx };
         let accessor = self.root.accessors.get(accessor_idx).ok_or_else(|| reference("accessor", accessor_idx))?;
@@ -304,7 +304,7 @@ impl Source<'_> {
             });
         let too_short = || data_error(mesh, "data that lies outside its buffer: the file is damaged; export it again");
         let bytes = bytes.filter(|_| stride >= width).ok_or_else(too_short)?;
-        // The bytes are there, so the count fits.
+        // The bytes exist, so the count fits into a usize.
         Ok(Elements { bytes, stride, width, count: count as usize })
     }
 }
@@ -339,19 +339,19 @@ fn parent_from_node(node: &json::Node) -> Mat4 {
     let scale = node.scale.map_or(Vec3::ONE, Vec3::from);
     let translation = node.translation.map_or(Vec3::ZERO, Vec3::from);
     let rotation = node.rotation.map_or(Quat::IDENTITY, |rotation| Quat::from_array(rotation.0));
-    // A zero rotation would give NaN.
+    // Normalizing a zero rotation would give NaN.
     let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { Quat::IDENTITY };
     Mat4::from_scale_rotation_translation(scale, rotation, translation)
 }
 
-/// What an accessor is read as.
+/// Kind of data that an accessor is read as.
 #[derive(Debug, Clone, Copy)]
 enum Layout {
     Positions,
     Indices,
 }
 
-/// Checked elements: `count` of them, `stride` bytes apart, the last one whole.
+/// Checked elements: `count` elements of `width` bytes, `stride` bytes apart; the last one is complete.
 struct Elements<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -370,7 +370,7 @@ impl Elements<'_> {
         Some(values.map(f32::from_le_bytes).into())
     }
 
-    /// The index at `idx`, which must be below the count.
+    /// The vertex index at `idx`, which must be below `count`.
     fn index(&self, idx: usize) -> u32 {
         let bytes = self.element(idx).unwrap_or_default();
         bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte))

@@ -1,7 +1,7 @@
-//! From a level made in another tool to a [`Map`].
+//! Imports a level made in another tool as a [`Map`].
 //!
 //! Owns the pipeline: a scene of named nodes (`gltf_in`, `obj_in`), its features (`named`), its place and size on
-//! the map, and what is odd about it (`inspect`). Errors and warnings speak of the level's own nodes and meshes.
+//! the map, and the oddities of its geometry (`inspect`).
 
 use super::faults::{ImportError, Warning};
 use super::inspect;
@@ -16,29 +16,29 @@ use crate::mesh::{Surface, Triangle};
 
 /// Space left around a level, m.
 const MARGIN_M: f32 = 2.0;
-/// Height of a level's lowest point, m: what falls below 0 has left the map.
+/// Height of a level's lowest point on the map, m: what falls below 0 has left the map.
 const LOWEST_M: f32 = 1.0;
 /// Space left above a level, m.
 const HEADROOM_M: f32 = 20.0;
-/// How much a level may exceed a whole metre by rounding, m.
+/// Excess of a level over a whole metre that counts as a rounding error, m.
 const ROUNDING_M: f32 = 0.001;
-/// How far an exported map's triangles may stick out of its box and still be taken back as they are, m.
+/// Largest distance by which an exported map's triangles may stick out of its box if the map is to keep its size, m.
 const STICK_OUT_M: f32 = 5.0;
 
 /// A level as a map.
 #[derive(Debug)]
 pub struct Imported {
-    /// The map.
+    /// The map of the level.
     pub map: Map,
-    /// What a designer may want to correct.
+    /// Oddities that a designer may want to correct.
     pub warnings: Vec<Warning>,
 }
 
-/// Imports a level from glTF 2.0: a `.glb`, or a `.gltf` with embedded buffers. `sidecar` is the text of its
+/// Imports a level from glTF 2.0: a `.glb`, or a `.gltf` with embedded buffers. `sidecar` is the content of its
 /// `.surefoot.json`, which lists features in the level's own coordinates.
 ///
 /// # Errors
-/// If the file is broken, uses what is not supported, or describes no map; the error says what to change.
+/// If the file is damaged, uses unsupported features, or does not describe a map; the error says what to change.
 pub fn import_gltf(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
     import(gltf_in::read(bytes)?, sidecar, options)
 }
@@ -47,7 +47,7 @@ pub fn import_gltf(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions)
 /// than four corners must be convex.
 ///
 /// # Errors
-/// Like [`import_gltf`].
+/// Same as [`import_gltf`].
 pub fn import_obj(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
     import(obj_in::read(bytes)?, sidecar, options)
 }
@@ -56,9 +56,9 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let frame = Frame::new(options)?;
     convert(&mut scene, frame)?;
     let mut found = Found::default();
-    let is_solid = named::take_from_nodes(&scene.nodes, &mut found)?;
+    let is_solid = named::collect_from_nodes(&scene.nodes, &mut found)?;
     if let Some(json) = sidecar {
-        named::take_from_sidecar(json, frame, &mut found)?;
+        named::collect_from_sidecar(json, frame, &mut found)?;
     }
     let solids: Vec<[Vec3; 3]> = scene
         .nodes
@@ -112,7 +112,7 @@ fn geometry_warnings(scene: &Scene, solids: &[[Vec3; 3]], triangles: &[Triangle]
     counted.into_iter().filter(|(count, _)| *count > 0).map(|(_, warning)| warning).collect()
 }
 
-/// Turns all coordinates into metres, y up.
+/// Converts all coordinates to metres, y up.
 fn convert(scene: &mut Scene, frame: Frame) -> Result<(), ImportError> {
     for (idx, node) in scene.nodes.iter_mut().enumerate() {
         node.origin = frame.to_metres(node.origin);
@@ -128,15 +128,15 @@ fn convert(scene: &mut Scene, frame: Frame) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// Where a level lies on its map.
+/// Position of a level on its map.
 struct Place {
-    /// From the level's metres to the map's.
+    /// Translation from the level's coordinates, m, to the map's.
     shift: Vec3,
     size: MapSize,
-    /// Bounds of the level before the shift.
+    /// Bounds of the level before the shift, m.
     low: Vec3,
     high: Vec3,
-    /// Whether it lies where it was exported from.
+    /// Whether the level keeps the position that it was exported from.
     is_former: bool,
 }
 
@@ -156,7 +156,7 @@ impl Place {
                 return Ok(Self { shift: Vec3::ZERO, size, low: Vec3::ZERO, high: extent, is_former: true });
             }
         }
-        // The bottom of a pool may be the lowest place of all.
+        // The bottom of a pool may be the lowest point of the level.
         let (pool_low, pool_high) = found.pool_heights();
         (low.y, high.y) = (low.y.min(pool_low), high.y.max(pool_high));
         let span = high - low;
@@ -164,7 +164,7 @@ impl Place {
         if span.x > most_wide || span.y + LOWEST_M > most_high || span.z > most_wide {
             return Err(ImportError::TooLarge(span));
         }
-        // The largest levels have to do with less.
+        // The largest levels get smaller margins.
         let margin = |span: f32| (0.5 * (most_wide - span)).min(MARGIN_M);
         let (margin_x, margin_z) = (margin(span.x), margin(span.z));
         let whole = |metres: f32, most: f32| (metres - ROUNDING_M).ceil().clamp(1.0, most) as u32;

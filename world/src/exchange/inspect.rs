@@ -1,30 +1,30 @@
-//! What is odd about a level's geometry: loose edges and surfaces that face the wrong way.
+//! Inspects the geometry of a level for open edges and surfaces that face the wrong way.
 
 use crate::Vec3;
 use crate::map::Map;
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
-/// Corners in the same cube of this size are one vertex, m.
+/// Side of a cube whose corners are welded into one vertex, m.
 const WELD_M: f32 = 0.001;
 /// Rays from above along each side of a map.
 const RAYS_PER_SIDE: usize = 64;
 
-/// Counts of edges that are not shared by exactly two triangles that face the same way.
+/// Counts of edges other than those shared by exactly two triangles that face the same way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct EdgeCounts {
-    /// Of one triangle.
+    /// Edges of one triangle.
     pub(super) open: usize,
-    /// Of three or more.
+    /// Edges of three or more triangles (non-manifold).
     pub(super) crowded: usize,
-    /// Of two that face opposite ways.
+    /// Edges of two triangles that face opposite ways.
     pub(super) turned: usize,
 }
 
-/// Welds the corners and counts.
+/// Welds the corners and counts the edges.
 pub(super) fn edges(triangles: &[Triangle]) -> EdgeCounts {
     let mut numbers: HashMap<[i32; 3], u64> = HashMap::with_capacity(triangles.len());
-    // Each edge as its lower vertex, its higher vertex, and whether it runs from low to high.
+    // Each edge is packed as its lower vertex, its higher vertex, and whether it runs from low to high.
     let mut edges: Vec<u64> = Vec::with_capacity(triangles.len() * 3);
     for triangle in triangles {
         let corners = triangle.corners().map(|corner| {
@@ -51,7 +51,7 @@ pub(super) fn edges(triangles: &[Triangle]) -> EdgeCounts {
     counts
 }
 
-/// Share of the solid ground seen from above that faces down, 0 to 1.
+/// Share of the solid ground visible from above that faces down, in [0, 1].
 pub(super) fn share_facing_down(map: &Map) -> f64 {
     let extent = map.extent();
     let (mut down_count, mut seen_count) = (0, 0);

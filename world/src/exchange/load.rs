@@ -1,44 +1,44 @@
-//! What would take too long or too much memory to hold.
+//! Limits on maps that would take too long or too much memory to index.
 
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use crate::map::zones::CELL_M as ZONE_CELL_M;
 use crate::map::{MapSize, Placed};
 use crate::mesh::Triangle;
 
-/// Most cells of the mesh's index that triangles may touch, counted by their bounding boxes: about 2 GB of index.
+/// Most cells of the mesh's grid that triangles may touch, counted by their bounding boxes: about 2 GB of index.
 const MAX_TOUCHED_CELLS: f64 = 4.0e8;
-/// Side of the cells counted, m: finer than the index's own, so the estimate errs high.
+/// Side of the counted cells, m: finer than the grid's own, so that the estimate errs high.
 const INDEX_CELL_M: f32 = 1.25;
 /// Most pools and devices of a map together.
 const MAX_FEATURES: usize = 20_000;
-/// Most cells of the zones' grid that pools may cover, counted once for each pool.
+/// Most cells of the zone grid that pools may cover, counted once for each pool.
 const MAX_POOL_CELLS: f64 = 2.0e7;
 
-/// A map that no machine could hold, although each of its parts is valid.
+/// A map is too large to index, although each of its parts is valid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Overload {
-    /// Too many triangles that each span much of the map.
+    /// Too many triangles span much of the map.
     #[error("too many of its triangles span the whole level: split them or remove what cannot be seen or touched")]
     Triangles,
-    /// Too many pools and devices.
-    #[error("it has {count} pools and devices, at most {MAX_FEATURES} fit")]
+    /// There are too many pools and devices.
+    #[error("it has {count} pools and devices, but at most {MAX_FEATURES} fit")]
     Features {
-        /// How many there are.
+        /// Number of pools and devices.
         count: usize,
     },
-    /// Too many pools that each cover much of the map.
+    /// Too many pools cover much of the map.
     #[error("too many of its pools cover the whole level: make them smaller or join them")]
     Pools,
 }
 
-/// Refuses what would take too long or too much memory to index.
+/// Rejects what would take too long or too much memory to index.
 pub(super) fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed) -> Result<(), Overload> {
     let extent = size.extent();
     let cells_along = |low: f32, high: f32, axis: usize, cell_m: f32| {
         let inside = high.clamp(0.0, extent[axis]) - low.clamp(0.0, extent[axis]);
         f64::from(inside.max(0.0) / cell_m) + 2.0
     };
-    // Only large triangles count: the others touch a few cells each, and there cannot be too many of them.
+    // Only large triangles count: the others touch a few cells each, and their number is limited.
     let large = triangles.iter().filter_map(|triangle| {
         let [a, b, c] = triangle.corners();
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
@@ -66,7 +66,7 @@ pub(super) fn check_load(size: MapSize, triangles: &[Triangle], placed: &Placed)
     if covered.sum::<f64>() > MAX_POOL_CELLS { Err(Overload::Pools) } else { Ok(()) }
 }
 
-/// Whether a map may have this size; levels made elsewhere may be smaller than generated ones.
+/// Whether a map may have this size; imported levels may be smaller than generated maps.
 pub(super) fn is_allowed(size: MapSize) -> bool {
     (1..=MAX_SIDE_M).contains(&size.width)
         && (1..=MAX_HEIGHT_M).contains(&size.height)

@@ -1,12 +1,12 @@
-//! Maps as bytes: saved maps, levels from other tools, and export for them.
+//! Maps as bytes: saved maps, levels imported from other tools, and maps exported to them.
 //!
 //! Owns the saved-map format ([`encode`], [`decode`]), the import of glTF and OBJ levels ([`import_gltf`],
 //! [`import_obj`]) and the export as glTF ([`export_glb`]). Knows no file names: callers read and write files. All
-//! bytes that come in are untrusted; whatever they hold, the answer is a map or an error that says what to change.
+//! input is untrusted; whatever it holds, the result is a map or an error that says what to change.
 //!
 //! Start reading at `import`: its pipeline calls `gltf_in` or `obj_in` (bytes to a scene of named nodes), `named`
-//! (nodes and the sidecar to pools and devices) and `inspect` (what is odd about the geometry). What is said about a
-//! level stands in `faults`.
+//! (nodes and the sidecar to pools and devices) and `inspect` (oddities of the geometry). `faults` has the errors and
+//! warnings.
 
 mod export;
 mod faults;

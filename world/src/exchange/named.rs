@@ -1,9 +1,9 @@
-//! Pools and devices of a level: by the names of its nodes, and by the sidecar that lists them.
+//! Finds the pools and devices of a level by the names of its nodes and in the sidecar.
 //!
-//! Nodes: `lava*` and `water*` fill their bounding box; `pad*` and `jetpack*` stand at the centre of its bottom;
-//! `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by what stands before the end (`_from` does as
-//! well as `:from`, for tools that allow no colons). Case does not matter. Such nodes are not solid, nor are their
-//! children. A node without a mesh counts by its origin, or as a mere group if there are such nodes below it.
+//! Nodes: `lava*` and `water*` fill their bounding box; `pad*` and `jetpack*` stand at the centre of the bottom of their
+//! bounding box; `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works
+//! like `:from`, for tools that do not allow colons). Case does not matter. Such nodes and their children are not solid.
+//! The position of a node without a mesh is its origin; if there are feature nodes below it, it is only a group.
 
 use super::faults::ImportError;
 use super::scene::{Frame, Node, node_label};
@@ -14,17 +14,17 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::collections::HashMap;
 
-/// The constants of pads, in the precision of JSON.
+/// Constants of pads in `f64`, like the numbers of JSON.
 pub(super) const PAD_GRAVITY: f64 = features::PAD_GRAVITY as f64;
 pub(super) const PAD_EXTRA_M: f64 = features::PAD_EXTRA_M as f64;
-/// Height of a pad's throw unless given, m.
+/// Default height to which a pad throws, m.
 const PAD_HEIGHT_M: f64 = 4.0;
-/// Height of a pool below which its node counts as flat, m.
+/// Height of a node below which its pool counts as flat, m.
 const FLAT_M: f32 = 0.01;
-/// How far a device may lie off the map by rounding, m.
+/// Distance outside the map that counts as a rounding error, m.
 const ROUNDING_M: f32 = 0.01;
 
-/// What was found, in metres before the shift onto the map, each with its name for messages.
+/// The features found, in metres before the shift onto the map, each with its name for messages.
 #[derive(Default)]
 pub(super) struct Found {
     pools: Vec<(String, FoundPool)>,
@@ -37,12 +37,12 @@ pub(super) struct Found {
 struct FoundPool {
     liquid: Liquid,
     bounds: Bounds,
-    /// Of a round one.
+    /// Radius of a round pool, m; `None` for a rectangle.
     radius: Option<f32>,
 }
 
 impl Found {
-    /// Lowest and highest y of all pools; infinite if there are none.
+    /// Lowest and highest y of all pools, m; infinite if there are none.
     pub(super) fn pool_heights(&self) -> (f32, f32) {
         let heights = self.pools.iter().map(|(_, pool)| (pool.bounds.low.y, pool.bounds.high.y));
         heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), (l, h)| (low.min(l), high.max(h)))
@@ -52,7 +52,7 @@ impl Found {
         self.pools.iter().filter(|(_, pool)| pool.bounds.high.y - pool.bounds.low.y < FLAT_M).count()
     }
 
-    /// Puts everything onto the map; pools are cut at its rim. `Err` names what lies outside.
+    /// Shifts all features onto the map and clips pools at its rim; `Err` is the name of a feature that lies outside.
     pub(super) fn place(self, shift: Vec3, size: MapSize) -> Result<Placed, String> {
         let extent = size.extent();
         let on_map = |name: &String, point: Vec3| {
@@ -86,7 +86,7 @@ impl FoundPool {
     fn place(&self, shift: Vec3, extent: Vec3) -> Option<Pool> {
         let Bounds { low, high } = self.bounds;
         let (low, high) = (low + shift, high + shift);
-        // The bottom need not lie on the map, but no map is deeper.
+        // The bottom may lie below the map, but no pool is deeper than the highest map.
         let depth = (high.y - low.y).min(MAX_HEIGHT_M as f32);
         let (low, high) = match self.radius {
             Some(_) => (low, high),
@@ -98,7 +98,7 @@ impl FoundPool {
         let half = (high - low) * 0.5;
         let middle = (low + high) * 0.5;
         let centre = Vec3::new(middle.x, high.y, middle.z);
-        // Written so that NaN is refused.
+        // These comparisons are false for NaN.
         let is_on_map = half.x > 0.0
             && half.z > 0.0
             && centre.cmpge(Vec3::ZERO).all()
@@ -136,13 +136,13 @@ impl Bounds {
     }
 }
 
-/// What a node's name makes of it.
+/// Kind of feature that a node's name stands for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Kind {
     Pool(Liquid),
     Pad,
     Jetpack,
-    /// The end and what the pair is called; `None` if the name does not say which end it is.
+    /// The end and the name of the pair; `None` if the node's name does not say which end it is.
     ZipLine(Option<(End, String)>),
     Teleporter(Option<(End, String)>),
 }
@@ -184,7 +184,7 @@ impl Kind {
         })
     }
 
-    /// Whether the name alone cannot be a feature.
+    /// Whether the name lacks the end that its feature needs.
     fn lacks_end(&self) -> bool {
         matches!(self, Kind::ZipLine(None) | Kind::Teleporter(None))
     }
@@ -195,7 +195,7 @@ impl Kind {
 }
 
 /// Splits `zip_line_3:from` into its end and `zip_line_3`. A number that a tool appended to a copy (`:from.001`)
-/// stays with the pair.
+/// becomes part of the name of the pair.
 fn split_end(name: &str) -> Option<(End, String)> {
     let (stem, copy) = match name.rsplit_once('.') {
         Some((stem, digits)) if !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()) => {
@@ -209,8 +209,8 @@ fn split_end(name: &str) -> Option<(End, String)> {
     })
 }
 
-/// Collects the features among `nodes` and tells for each node whether it is solid.
-pub(super) fn take_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Vec<bool>, ImportError> {
+/// Adds the features among `nodes` to `found` and returns for each node whether it is solid.
+pub(super) fn collect_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Vec<bool>, ImportError> {
     let kinds: Vec<Option<Kind>> = nodes.iter().map(|node| Kind::of(&node.name)).collect();
     let owners = feature_owners(nodes, &kinds);
     let mut bounds: Vec<Option<Bounds>> = vec![None; nodes.len()];
@@ -260,7 +260,7 @@ pub(super) fn take_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Vec<b
     Ok(owners.iter().map(Option::is_none).collect())
 }
 
-/// For each node the feature that it is or belongs to.
+/// For each node, the index of the feature node that it is or belongs to; `None` for solid nodes.
 fn feature_owners(nodes: &[Node], kinds: &[Option<Kind>]) -> Vec<Option<usize>> {
     let mut has_feature_below = vec![false; nodes.len()];
     for (idx, node) in nodes.iter().enumerate().rev() {
@@ -281,7 +281,7 @@ fn feature_owners(nodes: &[Node], kinds: &[Option<Kind>]) -> Vec<Option<usize>> 
     owners
 }
 
-/// Halves of zip lines or teleporters, in the order in which their first halves came.
+/// Pairs of ends of zip lines or teleporters, in the order in which each pair was first seen.
 #[derive(Default)]
 struct Pairs<'a> {
     pairs: Vec<[Option<Half<'a>>; 2]>,
@@ -307,7 +307,7 @@ impl<'a> Pairs<'a> {
         }
     }
 
-    /// All pairs with their names for messages.
+    /// All pairs, each with its name for messages.
     fn finish(self) -> Result<Vec<(String, Half<'a>, Half<'a>)>, ImportError> {
         let whole = self.pairs.into_iter().filter_map(|pair| match pair {
             [Some(from), Some(to)] => Some(Ok((format!("node `{}` or `{}`", from.node.name, to.node.name), from, to))),
@@ -320,14 +320,14 @@ impl<'a> Pairs<'a> {
 }
 
 fn missing_half(node: &Node, end: End) -> ImportError {
-    // The end is ASCII and stands last, save for a copy's number.
+    // The end is ASCII and comes last, except for the number of a copy.
     let at = node.name.to_ascii_lowercase().rfind(end.name()).unwrap_or(node.name.len());
     let (stem, rest) = node.name.split_at(at);
     let missing = format!("{stem}{}{}", end.other().name(), rest.get(end.name().len()..).unwrap_or_default());
     ImportError::MissingHalf { node: node.name.clone(), missing }
 }
 
-/// What a designer attached to a node.
+/// Properties that a designer attached to a node.
 struct Extras<'a> {
     of: &'a str,
     values: serde_json::Map<String, Value>,
@@ -338,7 +338,7 @@ impl<'a> Extras<'a> {
         let json = node.extras.as_ref().map_or("{}", |extras| extras.get());
         match serde_json::from_str(json) {
             Ok(Value::Object(values)) => Ok(Self { of, values }),
-            // Anything else means nothing here.
+            // Extras that are not an object have no meaning here.
             Ok(_) => Ok(Self { of, values: serde_json::Map::new() }),
             Err(error) => Err(ImportError::Json(format!("extras of {of}: {error}"))),
         }
@@ -349,7 +349,7 @@ impl<'a> Extras<'a> {
         value.as_f64().map(Some).ok_or_else(|| property(self.of, key, value, "give a number"))
     }
 
-    /// Some tools write flags as 0 and 1.
+    /// Reads a flag, false by default; some tools write flags as 0 and 1.
     fn flag(&self, key: &'static str) -> Result<bool, ImportError> {
         match self.values.get(key) {
             None => Ok(false),
@@ -360,7 +360,7 @@ impl<'a> Extras<'a> {
         }
     }
 
-    /// Radius of a pool that is marked as round.
+    /// Radius of a pool that is marked as round, m; `None` for a rectangle.
     fn radius(&self) -> Result<Option<f32>, ImportError> {
         let Some(outline) = self.values.get("outline") else { return Ok(None) };
         match (outline.as_str(), self.number("radius")?) {
@@ -370,7 +370,7 @@ impl<'a> Extras<'a> {
                 let radius = self.values.get("radius").unwrap_or(&Value::Null);
                 Err(property(self.of, "radius", radius, "a round pool needs a radius above 0"))
             }
-            _ => Err(property(self.of, "outline", outline, "allowed are \"round\" and \"rectangle\"")),
+            _ => Err(property(self.of, "outline", outline, "must be \"round\" or \"rectangle\"")),
         }
     }
 }
@@ -379,11 +379,11 @@ fn property(of: &str, key: &'static str, value: impl ToString, expected: &'stati
     ImportError::Property { of: of.to_owned(), key, value: value.to_string(), expected }
 }
 
-/// Speed of a pad that throws `height` metres up.
+/// Upward speed of a pad that throws characters `height` metres up, m/s.
 fn pad_speed(height: Option<f64>, of: &str) -> Result<f32, ImportError> {
     let height = height.unwrap_or(PAD_HEIGHT_M);
     if !(-PAD_EXTRA_M..=1000.0).contains(&height) {
-        return Err(property(of, "height", height, "allowed are -10 to 1000 m"));
+        return Err(property(of, "height", height, "must be -10 to 1000 m"));
     }
     Ok((2.0 * PAD_GRAVITY * (height + PAD_EXTRA_M)).sqrt() as f32)
 }
@@ -393,11 +393,11 @@ fn jetpack_fuel(fuel: Option<f64>, of: &str) -> Result<f32, ImportError> {
     if (0.0..=600.0).contains(&fuel) {
         Ok(fuel as f32)
     } else {
-        Err(property(of, "fuel", fuel, "allowed are 0 to 600 s"))
+        Err(property(of, "fuel", fuel, "must be 0 to 600 s"))
     }
 }
 
-/// `level.surefoot.json`: features in the level's own coordinates.
+/// Content of `level.surefoot.json`: features in the level's own coordinates.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Sidecar {
@@ -458,8 +458,8 @@ struct JetpackEntry {
     fuel: Option<f64>,
 }
 
-/// Adds what the sidecar lists.
-pub(super) fn take_from_sidecar(json: &str, frame: Frame, found: &mut Found) -> Result<(), ImportError> {
+/// Adds the features that the sidecar lists to `found`.
+pub(super) fn collect_from_sidecar(json: &str, frame: Frame, found: &mut Found) -> Result<(), ImportError> {
     let sidecar: Sidecar = serde_json::from_str(json).map_err(|error| ImportError::Sidecar(error.to_string()))?;
     let label = |kind: &str, idx: usize| format!("{kind}[{idx}] of the sidecar");
     let metres = |name: &str, point: [f32; 3]| {

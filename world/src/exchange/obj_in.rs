@@ -1,19 +1,19 @@
-//! Wavefront OBJ to a scene: objects and groups become nodes.
+//! Reads Wavefront OBJ into a scene: objects and groups become nodes.
 //!
-//! Only positions, faces, lines and names reach the parser: texture coordinates and normals mean nothing here, and
-//! their indices are one thing less to trust.
+//! Only positions, faces, lines and names reach the parser: texture coordinates and normals are not needed, and without
+//! them there are fewer indices to trust.
 
 use super::faults::{ImportError, MAX_TRIANGLES};
 use super::scene::{Node, Scene};
 use crate::Vec3;
 use tobj::{LoadError, LoadOptions};
 
-/// What objects without a name are called by the parser.
+/// Name that the parser gives to objects without one.
 const UNNAMED: &str = "unnamed_object";
 
 pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
     let text = geometry_lines(&String::from_utf8_lossy(bytes));
-    // Lines and points are kept as triangles without area: they count for the bounds of features.
+    // Lines and points become triangles without area: they count towards the bounds of features.
     let options = LoadOptions { triangulate: true, ..LoadOptions::default() };
     let no_materials = |_: &std::path::Path| Ok((Vec::new(), Default::default()));
     let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, no_materials).map_err(describe)?;
@@ -30,7 +30,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
     Ok(Scene { nodes: nodes.collect(), former_size: None, skipped_count: 0 })
 }
 
-/// The lines that matter, with nothing but coordinates on a vertex's.
+/// Keeps the lines that matter, with nothing but coordinates on those of vertices.
 fn geometry_lines(text: &str) -> String {
     let joined = if text.contains('\\') { text.replace("\\\r\n", " ").replace("\\\n", " ") } else { text.to_owned() };
     let mut lines = String::with_capacity(joined.len());

@@ -1,26 +1,26 @@
-//! A level as files say it, before it becomes a map: nodes with triangles, and how to read its coordinates.
+//! A level as read from a file: nodes with triangles, and the frame of its coordinates.
 
 use super::faults::ImportError;
 use crate::Vec3;
 use crate::map::MapSize;
 use serde_json::value::RawValue;
 
-/// Which way is up in the level.
+/// Vertical axis of a level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UpAxis {
-    /// As in glTF and here.
+    /// y is up, as in glTF and on maps.
     #[default]
     Y,
-    /// As in many OBJ files: (x, y, z) becomes (x, z, -y).
+    /// z is up, as in many OBJ files: (x, y, z) becomes (x, z, -y).
     Z,
 }
 
-/// How to read a level's coordinates.
+/// How to interpret a level's coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImportOptions {
-    /// Metres for each unit of the level.
+    /// Metres per unit of the level, above 0.
     pub scale: f32,
-    /// Its vertical.
+    /// Vertical axis of the level.
     pub up: UpAxis,
 }
 
@@ -33,25 +33,25 @@ impl Default for ImportOptions {
 /// A level as named nodes, in its own coordinates; parents come before their children.
 pub(super) struct Scene {
     pub(super) nodes: Vec<Node>,
-    /// The size that an exported map had.
+    /// Size of the map that was exported; `None` for other levels.
     pub(super) former_size: Option<MapSize>,
-    /// Sets of points and lines that were left out.
+    /// Number of point and line primitives that were left out.
     pub(super) skipped_count: usize,
 }
 
-/// One node with its mesh.
+/// One node with its triangles.
 pub(super) struct Node {
-    /// Empty if it has none.
+    /// Name of the node; empty if it has none.
     pub(super) name: String,
     pub(super) parent: Option<usize>,
     pub(super) origin: Vec3,
-    /// Corners counter-clockwise seen from outside.
+    /// Triangles with corners counter-clockwise seen from outside.
     pub(super) triangles: Vec<[Vec3; 3]>,
-    /// What the designer attached to it, as JSON.
+    /// Properties that the designer attached to the node, as JSON.
     pub(super) extras: Option<Box<RawValue>>,
 }
 
-/// Turns the level's coordinates into metres, y up.
+/// Converts between the level's coordinates and metres, y up.
 #[derive(Clone, Copy)]
 pub(super) struct Frame(ImportOptions);
 
@@ -78,7 +78,7 @@ impl Frame {
     }
 }
 
-/// How messages call a node.
+/// Label of a node in messages.
 pub(super) fn node_label(name: &str, idx: usize) -> String {
     if name.is_empty() { format!("node {idx}") } else { format!("node `{name}`") }
 }

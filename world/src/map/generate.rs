@@ -132,7 +132,7 @@ impl Placer {
                     let wall = distance - half_width - 0.2 * (height - bottom).max(0.0);
                     density.min(wall.max(bottom - height))
                 });
-                self.taken.push((point.x, point.z, half_width));
+                self.occupied.push((point.x, point.z, half_width));
             }
             ravines.push(Ravine { path, width: 2.0 * half_width });
         }
@@ -151,7 +151,7 @@ impl Placer {
                 // The signed distance to the surface of a cylinder, negative outside.
                 density.max((top - height).min(radius - distance))
             });
-            self.taken.push((x, z, radius));
+            self.occupied.push((x, z, radius));
             plateaus.push(Plateau { top: Vec3::new(x, top, z), radius });
         }
         plateaus
@@ -180,7 +180,7 @@ impl Placer {
                     let bowl = level - depth * (1.0 - share * share) + 0.4 * share;
                     density.min(bowl - height).max(0.6 - height)
                 });
-                self.taken.push((x, z, radius + 1.0));
+                self.occupied.push((x, z, radius + 1.0));
                 pools.push(Pool { centre: Vec3::new(x, level, z), outline: Outline::Round { radius }, depth, liquid });
             }
         }
@@ -224,13 +224,13 @@ impl Placer {
             if is_house {
                 level_ground(lattice, &building);
             }
-            self.taken.push((x, z, radius));
+            self.occupied.push((x, z, radius));
             buildings.push(building);
         }
         buildings
     }
 
-    /// Places straight tunnels through rock, each between two places on the surface.
+    /// Places straight tunnels through rock, each between two places on the surface with a hill in between.
     fn caves(&mut self, lattice: &mut Lattice) -> Vec<Cave> {
         let mut caves = Vec::new();
         for _ in 0..self.count(CAVE_COUNT, self.spec.features.caves) {
@@ -259,8 +259,8 @@ impl Placer {
             });
             let Some((from, to)) = site else { continue };
             carve_tunnel(lattice, from, to, radius);
-            self.taken.push((from.x, from.z, radius));
-            self.taken.push((to.x, to.z, radius));
+            self.occupied.push((from.x, from.z, radius));
+            self.occupied.push((to.x, to.z, radius));
             caves.push(Cave { from, to, radius });
         }
         caves
@@ -285,7 +285,7 @@ impl Placer {
                 continue;
             }
             let rise = self.rng.random_range(0.0..8.0);
-            self.taken.push((x, z, DISC_RADIUS_M));
+            self.occupied.push((x, z, DISC_RADIUS_M));
             pads.push(pad(Vec3::new(x, lattice.top(x, z), z), rise));
         }
         pads
@@ -299,7 +299,7 @@ impl Placer {
             let (low, high) = ring_heights(lattice, x, z, DISC_RADIUS_M);
             let rise = ring_heights(lattice, x, z, 7.0).1 - ground;
             if (JUMPABLE_M..14.0).contains(&rise) && high - low < 0.8 {
-                self.taken.push((x, z, DISC_RADIUS_M));
+                self.occupied.push((x, z, DISC_RADIUS_M));
                 return Some(pad(Vec3::new(x, ground, z), rise - PAD_EXTRA_M + 4.0));
             }
         }
@@ -320,7 +320,7 @@ impl Placer {
             let (low, high) = ring_heights(lattice, x, z, DISC_RADIUS_M);
             let rise = top.y - ground;
             if rise > JUMPABLE_M && high - low < 1.0 && self.is_free(x, z, DISC_RADIUS_M - 1.0) {
-                self.taken.push((x, z, DISC_RADIUS_M));
+                self.occupied.push((x, z, DISC_RADIUS_M));
                 return Some(pad(Vec3::new(x, ground, z), rise - PAD_EXTRA_M + 4.0));
             }
         }
@@ -333,7 +333,7 @@ impl Placer {
             let Some((x, z)) = self.spot(DISC_RADIUS_M) else { continue };
             let (low, high) = ring_heights(lattice, x, z, DISC_RADIUS_M);
             if high - low < 1.0 && !is_in_pool(&placed.pools, x, z) {
-                self.taken.push((x, z, DISC_RADIUS_M));
+                self.occupied.push((x, z, DISC_RADIUS_M));
                 jetpacks.push(Jetpack { centre: Vec3::new(x, lattice.top(x, z), z), fuel: JETPACK_FUEL_S });
             }
         }

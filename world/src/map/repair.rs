@@ -120,7 +120,7 @@ impl Repair<'_> {
         cells[rng.random_range(0..cells.len())]
     }
 
-    /// Whether a device's disc fits on the ground around `feet`: the ground is level, and other devices are far enough away.
+    /// Whether a device's disc fits on the ground around `feet`: the ground is level and clear of other devices and of pools.
     fn is_site(&self, feet: Vec3) -> bool {
         let (column, row) = self.ground().column_of(feet);
         let is_level = [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().all(|&(dx, dz)| {

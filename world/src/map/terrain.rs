@@ -251,7 +251,8 @@ fn push_quad(triangles: &mut Vec<[Vec3; 3]>, here: f32, there: f32, quad: impl F
     }
 }
 
-/// Warps a height, m, within its terrace: a tread spans little height, so that the ground there is nearly level.
+/// Maps a height to the rise of the noise that puts the surface there, m: most of the rise lies in treads, so the ground there
+/// is nearly level.
 fn terrace(height: f32, terrace_height: f32) -> f32 {
     let step = (height / terrace_height).floor();
     let t = height / terrace_height - step;
