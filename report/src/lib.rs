@@ -1,13 +1,13 @@
-//! What people look at: pictures of maps with graphs and tracks drawn over them, and plots of results.
+//! Pictures of maps, with graphs and tracks drawn over them, and plots of results.
 //!
-//! [`render`] draws maps into PNG files, [`plots`] numbers into SVG files. Nothing is measured or simulated here.
+//! [`render`] draws maps as PNG files, [`plots`] draws numbers as SVG files. This crate neither measures nor simulates.
 
 pub mod plots;
 pub mod render;
 
 use std::path::PathBuf;
 
-/// A picture or plot that cannot be written.
+/// Why a picture or plot cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// The file cannot be created or written.

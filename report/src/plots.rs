@@ -1,4 +1,4 @@
-//! Plots of results as SVG. Every plot takes plain numbers: what they were measured on is the caller's business.
+//! Plots of results as SVG. Every plot takes plain numbers; the caller knows what they were measured on.
 
 use crate::ReportError;
 use plotters::prelude::*;
@@ -20,19 +20,19 @@ const COLOURS: [RGBColor; 11] = [
     RGBColor(0, 0, 0),
 ];
 
-/// Attempts whose goals lie between the end of the bin before and this one's.
+/// Attempts whose distance lies between the upper end of the previous bin and that of this bin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistanceBin {
-    /// Upper end, m.
+    /// Upper end of the bin, m.
     pub far_m: f32,
-    /// Share that succeeded, in [0, 1].
+    /// Share of attempts that succeeded, in [0, 1].
     pub rate: f64,
-    /// Attempts.
+    /// Number of attempts.
     pub count: usize,
 }
 
-/// Success by straight-line distance, one line for each named list of bins; points stand `middle_m` below the upper end, bins
-/// of fewer than 30 goals are left out.
+/// Plots success by straight-line distance, with one line for each named list of bins. A point is `middle_m` metres below the
+/// upper end of its bin; bins of fewer than 30 attempts are left out.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -50,7 +50,7 @@ pub fn success_by_distance(rows: &[(&str, Vec<DistanceBin>)], middle_m: f32, pat
     draw_lines("Success by distance of the goal", axes, SeriesLabelPosition::LowerLeft, &lines, path)
 }
 
-/// Lines of tick times, ms, by NPCs, with the limit that they should stay below.
+/// Plots tick times, ms, by number of NPCs, with the limit that they should stay below.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -63,10 +63,10 @@ pub fn tick_times(mut lines: Vec<Line<'_>>, limit_ms: f64, path: &Path) -> Resul
     draw_lines(caption, axes, SeriesLabelPosition::UpperLeft, &lines, path)
 }
 
-/// A name and points.
+/// The name and the points (x, y) of a line.
 pub type Line<'a> = (&'a str, Vec<(f64, f64)>);
 
-/// What the axes show, and where they end.
+/// Labels and upper ends of the axes, which start at 0.
 struct Axes {
     x: &'static str,
     y: &'static str,
@@ -110,13 +110,13 @@ fn draw_lines(
 pub struct BarGroup<'a> {
     /// Name of the model.
     pub name: &'a str,
-    /// Name of each split, and the share that succeeded on it, in [0, 1]; the same splits in every group.
+    /// Name of each split and share of attempts that succeeded on it, in [0, 1]; every group has the same splits.
     pub bars: Vec<(&'a str, f64)>,
-    /// The paper's figure on test maps, in [0, 1], where it has one.
+    /// Success on test maps in the paper, in [0, 1], if the paper reports it.
     pub paper: Option<f64>,
 }
 
-/// Success on training, validation and test maps, a group of bars for each model, with the paper's figure on test maps.
+/// Plots success on the splits of maps, with a group of bars for each model and the paper's result on test maps.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -164,12 +164,12 @@ pub fn generalisation(groups: &[BarGroup<'_>], path: &Path) -> Result<(), Report
     })
 }
 
-/// What graphs of one size came to.
+/// Results of graphs of one size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeOutcome {
-    /// Vertices of the graph.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Neighbours that each vertex was tried against.
+    /// Number of neighbours to which each vertex had candidate edges.
     pub neighbours: usize,
     /// Share of attempts that succeeded, in [0, 1].
     pub rate: f64,
@@ -179,12 +179,12 @@ pub struct SizeOutcome {
     pub search_us: f64,
 }
 
-/// The values of `size` among `outcomes`, ascending.
+/// The distinct values of `size` among `outcomes`, ascending.
 fn sizes(outcomes: &[SizeOutcome], size: impl Fn(&SizeOutcome) -> usize) -> Vec<usize> {
     outcomes.iter().map(size).collect::<BTreeSet<_>>().into_iter().collect()
 }
 
-/// A heat map of success over numbers of vertices and neighbours.
+/// Plots a heat map of success by numbers of vertices and neighbours.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -223,7 +223,7 @@ pub fn sweep(outcomes: &[SizeOutcome], path: &Path) -> Result<(), ReportError> {
     })
 }
 
-/// Build and search times over the number of vertices, one line for each number of neighbours.
+/// Plots build and search times by number of vertices, with one line for each number of neighbours.
 ///
 /// # Errors
 /// If the file cannot be written.

@@ -1,4 +1,4 @@
-//! Pictures of maps: shaded views from above, from the side and cut open, with graphs and tracks drawn over them.
+//! Pictures of maps: shaded views from above, from a corner and of a section, with graphs and tracks drawn over them.
 
 use crate::ReportError;
 use font8x8::legacy::BASIC_LEGACY;
@@ -9,24 +9,24 @@ use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
 use surefoot_world::{Map, Vec3};
 
-/// Where a map is looked at from.
+/// View of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum View {
     /// Straight down; x grows to the right, z downwards.
     Top,
     /// From a corner, in parallel projection.
     Iso,
-    /// Straight down on what lies below this height; rock and walls that are cut are dark.
+    /// Straight down on what lies below this height, m; rock and walls that are cut are dark.
     Section(f32),
 }
 
-/// An RGB colour.
+/// An RGB colour, 8 bits per channel.
 pub type Colour = [u8; 3];
 
-/// Direction towards the sun: from the upper left of maps, and beside the eye where maps are seen from a corner.
+/// Direction towards the sun: the upper left in views from above, and beside the camera in views from a corner.
 const SUN: Vec3 = Vec3::new(-0.4, 0.8, -0.45);
 const SUN_BESIDE: Vec3 = Vec3::new(0.75, 0.8, 0.2);
-/// Height of a line of the legend, in pixels.
+/// Height of a row of the legend, in pixels.
 const LEGEND_ROW: u32 = 22;
 /// Side of a glyph, in pixels.
 const GLYPH: u32 = 8;
@@ -34,12 +34,12 @@ const GLYPH: u32 = 8;
 /// Parallel projection of the map onto the picture.
 #[derive(Debug, Clone, Copy)]
 struct Projection {
-    /// Unit direction of sight.
+    /// Unit direction of view.
     sight: Vec3,
-    /// Metres to the right and down of the picture's corner, per metre of the map.
+    /// Unit vectors to the right and down in the picture.
     right: Vec3,
     down: Vec3,
-    /// Of the picture's corner.
+    /// Coordinates of the picture's upper left corner along `right` and `down`, m.
     corner: (f32, f32),
     pixels_per_m: f32,
 }
@@ -50,7 +50,7 @@ impl Projection {
         (x * self.pixels_per_m, y * self.pixels_per_m)
     }
 
-    /// A point on the line of sight through the middle of a pixel.
+    /// A point on the line of view through the centre of a pixel.
     fn point(&self, x: u32, y: u32) -> Vec3 {
         let x = (x as f32 + 0.5) / self.pixels_per_m + self.corner.0;
         let y = (y as f32 + 0.5) / self.pixels_per_m + self.corner.1;
@@ -67,12 +67,12 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Looks straight down on `map`.
+    /// Draws `map` from above.
     pub fn top_view(map: &Map, pixels_per_m: f32) -> Self {
         Self::of(map, View::Top, pixels_per_m, None)
     }
 
-    /// Looks at `map`; with `islands`, ground is coloured by what is connected on foot.
+    /// Draws `map`; with `islands`, the colour of the ground shows what is connected on foot.
     pub fn of(map: &Map, view: View, pixels_per_m: f32, islands: Option<&Ground>) -> Self {
         let extent = map.extent();
         let mut projection =
@@ -83,7 +83,7 @@ impl Picture {
             let right = sight.cross(Vec3::Y).normalize();
             let down = sight.cross(right);
             projection = Projection { sight, right, down, ..projection };
-            // The highest ground decides how much sky there is.
+            // The highest ground determines how much sky the picture shows.
             let top = map.mesh().triangles().iter().flat_map(|t| t.corners()).map(|c| c.y).fold(0.0, f32::max);
             let corners = [0.0, extent.x]
                 .into_iter()
@@ -123,7 +123,7 @@ impl Picture {
         picture
     }
 
-    /// Draws a straight line between two points of the map.
+    /// Draws a straight line between two points of the map, with an opacity in [0, 1].
     pub fn line(&mut self, from: Vec3, to: Vec3, colour: Colour, opacity: f32) {
         let ((x0, y0), (x1, y1)) = (self.projection.pixel(from), self.projection.pixel(to));
         let steps = (x1 - x0).hypot(y1 - y0).ceil().max(1.0) as u32;
@@ -146,7 +146,7 @@ impl Picture {
         }
     }
 
-    /// Adds a title and the meaning of the colours below the picture.
+    /// Adds a legend with a title and the meaning of the colours below the picture.
     pub fn add_legend(&mut self, title: &str, entries: &[(Colour, &str)]) {
         let wide = |text: &str| text.len() as u32 * GLYPH;
         let mut places = Vec::new();
@@ -211,7 +211,7 @@ impl Picture {
     }
 }
 
-/// Title and colours for a picture of `map`, of what is on it.
+/// Legend of a picture of `map`: the colours of what is on the map, with names.
 pub fn legend(map: &Map) -> Vec<(Colour, &'static str)> {
     let placed = map.placed();
     let pool = |surface: Surface| placed.pools.iter().any(|pool| Surface::from(pool.liquid) == surface);
@@ -260,7 +260,7 @@ fn colour_at(map: &Map, view: View, projection: &Projection, point: Vec3, island
 fn base_colour(map: &Map, place: Vec3, normal: Vec3, hit: RayHit, islands: Option<&Ground>) -> [f32; 3] {
     let height = (place.y / 60.0).clamp(0.0, 1.0);
     let is_walkable = normal.y > 0.819;
-    // A little inside what was hit, so that walls belong to their building.
+    // The point is slightly inside the hit surface, so that walls belong to their building.
     let inside = place - normal * 0.1;
     let on_building = || {
         map.placed().buildings.iter().any(|building| {
@@ -293,9 +293,9 @@ fn base_colour(map: &Map, place: Vec3, normal: Vec3, hit: RayHit, islands: Optio
     }
 }
 
-/// A colour of its own for each of the larger islands.
+/// Colour of an island, clearly different for each of the larger islands.
 fn island_colour(island: u32) -> [f32; 3] {
-    // The golden angle keeps neighbours in the list apart in hue.
+    // The golden angle separates the hues of neighbours in the list.
     let hue = (island as f32 * 0.618_034).fract() * 6.0;
     let ramp = |offset: f32| {
         let distance = ((hue + offset).rem_euclid(6.0) - 3.0).abs();

@@ -1,4 +1,4 @@
-//! Whole episodes towards many goals at once, straight or by plan: what validation, evaluation and pictures share.
+//! Runs whole episodes towards many goals at once, straight or by plan, for validation, evaluation and pictures.
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
 use crate::follow::{Fault, FollowConfig, Follower, Step};
@@ -12,21 +12,21 @@ use surefoot_planner::Router;
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, NpcSlot, TaskConfig, Vec3, World};
 
-/// NPCs that share one batch.
+/// Most NPCs of one batch.
 const BATCH: usize = 256;
 
-/// How one attempt went.
+/// Result of one attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Attempt {
-    /// How it ended.
+    /// How the attempt ended.
     pub end: End,
-    /// Decisions taken.
+    /// Number of decisions.
     pub decisions: u32,
-    /// Plans asked for beyond the first.
+    /// Number of re-plans.
     pub replans: u32,
-    /// Distance covered, from decision to decision, m.
+    /// Length of the path from decision to decision, m.
     pub length: f32,
-    /// What it was doing when it failed, by plan.
+    /// Why the attempt failed; `None` if it succeeded or did not follow a plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
 }
@@ -37,29 +37,29 @@ pub struct Rollout {
     map: Arc<Map>,
     profile: CharacterProfile,
     task: TaskConfig,
-    /// Decisions without progress after which an attempt is called [`End::NoProgress`] early.
+    /// Decisions without progress after which an attempt ends early with [`End::NoProgress`].
     pub give_up_after: u32,
-    /// Share of the policy's exploration noise to act with.
+    /// Share of the policy's exploration noise with which NPCs act, 0 or more.
     pub noise_share: f32,
-    /// Seed of that noise.
+    /// Seed of the noise.
     pub seed: u64,
 }
 
-/// Where the feet of one NPC were after each decision, first the start, m.
+/// Positions of the feet of one NPC, m: the start, then the position after each decision.
 pub type Track = Vec<Vec3>;
 
 impl Rollout {
-    /// Attempts on `map` under `task`.
+    /// Prepares attempts on `map` with the default noise; attempts end early at the patience of `task`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
         Self { map, profile, give_up_after: task.patience, task, noise_share: DEFAULT_NOISE_SHARE, seed: 0 }
     }
 
-    /// One attempt for each goal, in the order of the goals, each heading straight for it.
+    /// Runs one attempt for each goal, heading straight for the goal, and returns the attempts in the order of the goals.
     pub fn run(&self, policy: &Policy, goals: &[Goal]) -> Vec<Attempt> {
         goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, None, chunk, &mut Vec::new()).0).collect()
     }
 
-    /// One attempt for each goal, each following plans of `router`; the duration of every search is noted in
+    /// Runs one attempt for each goal, following plans of `router`, and appends the duration of every search, us, to
     /// `search_us`.
     pub fn run_by_plan(
         &self,
@@ -71,7 +71,7 @@ impl Rollout {
         goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, Some(router), chunk, search_us).0).collect()
     }
 
-    /// The same, with each NPC's track.
+    /// Same as [`run_by_plan`](Self::run_by_plan), but returns the track of each attempt and no durations.
     pub fn track_by_plan(&self, policy: &Policy, router: &Router, goals: &[Goal]) -> Vec<(Attempt, Track)> {
         let run = |chunk| {
             let (attempts, tracks) = self.run_batch(policy, Some(router), chunk, &mut Vec::new());
@@ -123,7 +123,7 @@ impl Rollout {
         FollowConfig { patience: self.give_up_after, ..FollowConfig::default() }
     }
 
-    /// Settles one decision of one NPC: how its attempt ended, if it did.
+    /// Processes one decision of one NPC and returns how the attempt ended, if it did.
     fn settle(
         &self,
         world: &mut World,
@@ -142,7 +142,7 @@ impl Rollout {
     }
 }
 
-/// One NPC on its way.
+/// One NPC with its running attempt.
 struct Walker {
     lane: Lane,
     follower: Option<Follower>,
@@ -151,7 +151,7 @@ struct Walker {
 }
 
 impl Walker {
-    /// By plan if there is a configuration for following one.
+    /// Spawns an NPC that follows plans with the configuration `by_plan`, or heads straight for the goal without one.
     fn start(world: &mut World, goal: &Goal, by_plan: Option<FollowConfig>) -> Self {
         let slot = world.spawn(goal.start, goal.yaw);
         world.set_goal(slot, goal.goal);
@@ -173,9 +173,9 @@ impl Walker {
     }
 }
 
-/// Settles one decision of an NPC that follows a plan: how its attempt ended, if it did.
+/// Processes one decision of an NPC that follows a plan and returns how the attempt ended, if it did.
 ///
-/// `leg_end` is how the decision ended the episode towards the current waypoint, if it did.
+/// `leg_end` is the end of the episode towards the current waypoint, if the episode ended.
 fn follow(
     world: &mut World,
     slot: NpcSlot,
@@ -204,7 +204,7 @@ fn follow(
     None
 }
 
-/// Plans from `feet`: the first waypoint. The duration of the search is noted in `search_us`.
+/// Plans from `feet` and returns the first waypoint; appends the duration of the search, us, to `search_us`.
 fn plan(follower: &mut Follower, router: &Router, feet: Vec3, search_us: &mut Vec<f64>) -> Vec3 {
     let query = follower.query(feet);
     let started = Instant::now();

@@ -1,4 +1,4 @@
-//! Crowds that no episode counts: NPCs that go from goal to goal, for recordings and for samples of what a policy decides.
+//! Crowds: NPCs that head for one goal after another, for recordings and for samples of the decisions of a policy.
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
 use crate::goals::random_point;
@@ -10,10 +10,10 @@ use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::replay::Recording;
 use surefoot_world::{CharacterProfile, Map, TaskConfig, Vec3, World};
 
-/// Records `npc_count` NPCs that go from goal to goal for so many decisions.
+/// Records `npc_count` NPCs that head for one goal after another for `decision_count` decisions.
 ///
 /// # Errors
-/// If the map has nowhere to stand.
+/// If no place to stand is found on the map.
 pub fn record(map: Arc<Map>, policy: &Policy, npc_count: usize, decision_count: u64) -> Result<Recording, NoGround> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let profile = CharacterProfile::default();
@@ -24,15 +24,15 @@ pub fn record(map: Arc<Map>, policy: &Policy, npc_count: usize, decision_count: 
     let mut decisions = DecisionLoop::new(policy);
     lanes.iter().for_each(|lane| decisions.begin(lane.row_idx));
     for _ in 0..decision_count {
-        lanes.iter().for_each(|lane| send_on(&mut worlds[0], *lane, &points, &mut rng));
+        lanes.iter().for_each(|lane| renew_goal(&mut worlds[0], *lane, &points, &mut rng));
         let mut stage = Stage { worlds: &mut worlds, lanes: &lanes };
         decisions.decide(&mut stage, policy, Noise::Shared(DEFAULT_NOISE_SHARE, &mut rng));
     }
     Ok(worlds[0].finish_recording().expect("a recording is under way"))
 }
 
-/// Gives an NPC that has arrived another goal; one that came to harm starts elsewhere.
-fn send_on(world: &mut World, lane: Lane, points: &[Vec3], rng: &mut ChaCha8Rng) {
+/// Sets a new goal for an NPC whose episode has ended; an NPC that came to harm is teleported first.
+fn renew_goal(world: &mut World, lane: Lane, points: &[Vec3], rng: &mut ChaCha8Rng) {
     let npc = world.npc(lane.slot).expect("a spawned NPC");
     let (harmed, episode) = (npc.harm.is_some(), npc.episode);
     if harmed {
@@ -43,7 +43,7 @@ fn send_on(world: &mut World, lane: Lane, points: &[Vec3], rng: &mut ChaCha8Rng)
     }
 }
 
-/// What some NPCs observed at one decision, and what the policy decided without noise.
+/// Observations of NPCs at one decision, and the actions of the policy without noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each NPC.
@@ -52,10 +52,10 @@ pub struct Sample {
     pub actions: Vec<f32>,
 }
 
-/// Decisions of `npc_count` NPCs that head for random goals on `map`, one sample a decision.
+/// Runs `npc_count` NPCs that head for random goals on `map`, and returns one sample for each of `decision_count` decisions.
 ///
 /// # Errors
-/// If the map has nowhere to stand.
+/// If no place to stand is found on the map.
 pub fn sample_decisions(
     map: Arc<Map>,
     policy: &Policy,

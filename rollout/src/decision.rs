@@ -1,51 +1,50 @@
-//! The decision loop: observe, act, ten ticks, close. Whoever steps an NPC by a policy, or by somebody else's actions, steps it
-//! here.
+//! The decision loop: observe, act, ten ticks, close. All code that steps NPCs by a policy or by given actions uses this loop.
 
 use rand::rngs::ChaCha8Rng;
 use surefoot_policy::{Memories, Policy};
 use surefoot_world::{Action, DecisionOutcome, NpcSlot, OBSERVATION_LEN, TICKS_PER_DECISION, World};
 
-/// Share of the exploration noise that evaluation, probes and workers act with unless told otherwise; why it is not 0 is in
-/// docs/adr/0004-acting-with-half-the-noise.md.
+/// Default share of the exploration noise with which evaluation, probes and workers act;
+/// docs/adr/0004-acting-with-half-the-noise.md says why it is not 0.
 pub const DEFAULT_NOISE_SHARE: f32 = 0.5;
 
-/// An NPC that decides, and where its hidden state is kept.
+/// An NPC that decides, and the row of its hidden state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lane {
-    /// Index of its world.
+    /// Index of the world in [`Stage::worlds`].
     pub world_idx: usize,
-    /// Its place in that world.
+    /// Slot of the NPC in that world.
     pub slot: NpcSlot,
-    /// Row of its hidden state.
+    /// Row of the NPC's hidden state.
     pub row_idx: usize,
 }
 
 impl Lane {
-    /// An NPC of the only world.
+    /// The lane of an NPC if there is only one world; the row is the slot.
     pub fn of(slot: NpcSlot) -> Self {
         Self { world_idx: 0, slot, row_idx: slot.0 as usize }
     }
 }
 
-/// Worlds, and the NPCs of them that decide together.
+/// Worlds, and the NPCs in them that decide together.
 #[derive(Debug)]
 pub struct Stage<'a> {
-    /// All of them are stepped.
+    /// Worlds; every one is stepped.
     pub worlds: &'a mut [World],
-    /// Who decides; every other NPC keeps its action.
+    /// NPCs that decide; all others keep their action.
     pub lanes: &'a [Lane],
 }
 
-/// What is added to the policy's mean actions, in units of its own standard deviation.
+/// Noise that is added to the policy's mean actions, in units of the policy's standard deviation.
 #[derive(Debug)]
 pub enum Noise<'a> {
-    /// This share of the policy's exploration noise, drawn for all lanes from one generator in their order.
+    /// This share of the policy's exploration noise, drawn from one generator for all lanes in order.
     Shared(f32, &'a mut ChaCha8Rng),
     /// One row of [`ACTION_LEN`](surefoot_world::character::ACTION_LEN) values for each lane.
     Rows(Vec<f32>),
 }
 
-/// The loop's buffers, reused from decision to decision, and the hidden states of all lanes.
+/// The decision loop: buffers that are reused from decision to decision, and the hidden states of all lanes.
 #[derive(Debug)]
 pub struct DecisionLoop {
     observations: Vec<f32>,
@@ -55,18 +54,18 @@ pub struct DecisionLoop {
 }
 
 impl DecisionLoop {
-    /// A loop for NPCs that act by policies with as long a hidden state as `policy`'s.
+    /// Creates a loop for policies whose hidden state has the same length as that of `policy`.
     pub fn new(policy: &Policy) -> Self {
         Self::with_hidden_len(policy.memory_len())
     }
 
-    /// A loop for hidden states of so many values; 0 for policies without one.
+    /// Creates a loop for hidden states of `hidden_len` values; 0 for policies without a hidden state.
     pub fn with_hidden_len(hidden_len: usize) -> Self {
         let hidden = Memories::of_len(hidden_len);
         Self { observations: Vec::new(), actions: Vec::new(), outcomes: Vec::new(), hidden }
     }
 
-    /// Lets a lane start from an empty hidden state, as at the start of an episode.
+    /// Clears the hidden state in a row, as at the start of an episode.
     pub fn begin(&mut self, row_idx: usize) {
         self.hidden.forget(row_idx);
     }
@@ -76,27 +75,27 @@ impl DecisionLoop {
         self.hidden.rows()
     }
 
-    /// Puts back hidden states that [`hidden`](Self::hidden) gave.
+    /// Restores hidden states that [`hidden`](Self::hidden) returned.
     pub fn set_hidden(&mut self, rows: Vec<f32>) {
         self.hidden.set_rows(rows);
     }
 
-    /// What the lanes observed last, [`OBSERVATION_LEN`] values each.
+    /// Last observations of the lanes, [`OBSERVATION_LEN`] values each.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
 
-    /// What the lanes chose last.
+    /// Last actions of the lanes, in their order.
     pub fn actions(&self) -> &[Action] {
         &self.actions
     }
 
-    /// One whole decision of all lanes; what it came to for each, in their order.
+    /// Runs one whole decision of all lanes and returns the outcome of each lane, in order.
     pub fn decide(&mut self, stage: &mut Stage<'_>, policy: &Policy, noise: Noise<'_>) -> &[DecisionOutcome] {
         self.decide_watched(stage, policy, noise, |_| {})
     }
 
-    /// The same, with a look at the worlds after each tick.
+    /// Same as [`decide`](Self::decide), but calls `each_tick` with the worlds after each tick.
     pub fn decide_watched(
         &mut self,
         stage: &mut Stage<'_>,
@@ -112,7 +111,7 @@ impl DecisionLoop {
         &self.outcomes
     }
 
-    /// The first phase: every lane's observation.
+    /// The first phase: writes the observation of every lane.
     pub fn observe(&mut self, worlds: &[World], lanes: &[Lane]) {
         self.observations.resize(lanes.len() * OBSERVATION_LEN, 0.0);
         for (lane, row) in lanes.iter().zip(self.observations.chunks_exact_mut(OBSERVATION_LEN)) {
@@ -120,7 +119,7 @@ impl DecisionLoop {
         }
     }
 
-    /// The second phase: every lane's action on what it has just observed.
+    /// The second phase: computes the action of every lane from its observation.
     pub fn act(&mut self, lanes: &[Lane], policy: &Policy, noise: Noise<'_>) {
         let rows = lanes.iter().map(|lane| lane.row_idx);
         let Self { observations, actions, hidden, .. } = self;
@@ -130,10 +129,10 @@ impl DecisionLoop {
         }
     }
 
-    /// The third phase: one action for each lane is taken and held for ten ticks of all worlds, then the decision is closed.
+    /// The third phase: holds one action for each lane during ten ticks of all worlds, then closes the decision.
     ///
     /// # Panics
-    /// If a lane's NPC has no episode, or there is not one action for each lane.
+    /// If the NPC of a lane has no episode, or the numbers of actions and lanes differ.
     pub fn advance(
         &mut self,
         stage: &mut Stage<'_>,

@@ -1,4 +1,5 @@
-//! An environment: a world whose actions somebody else chooses, such as a remote trainer: every NPC always has a goal, and a new episode begins where one ends.
+//! An environment: a world whose actions the caller chooses, such as a remote trainer. Every NPC always has a goal, and a new
+//! episode begins as soon as one ends.
 
 use crate::decision::{DecisionLoop, Lane, Stage};
 use crate::goals::{goal_in_band, random_point, random_yaw};
@@ -9,19 +10,19 @@ use surefoot_world::character::{ACTION_LEN, Action, MoveScratch};
 use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, Vec3, World};
 
-/// Places that starts and goals are drawn from.
+/// Number of places from which starts and goals are drawn.
 const PLACES: usize = 1000;
-/// Draws for a goal in the wanted band until the nearest miss is taken.
+/// Draws for a goal at the wanted distance before the nearest miss is used.
 const GOAL_DRAWS: usize = 64;
 
-/// An environment.
+/// A world that the caller steps, one decision of all NPCs at a time.
 #[derive(Debug)]
 pub struct Env {
     worlds: [World; 1],
     lanes: Vec<Lane>,
     decisions: DecisionLoop,
     places: Vec<Vec3>,
-    /// Wanted distances of goals, m.
+    /// Wanted distance of goals from their starts, m.
     band: (f32, f32),
     rng: ChaCha8Rng,
     observations: Vec<f32>,
@@ -33,17 +34,17 @@ pub struct Env {
 pub struct Ended {
     /// Index of the NPC.
     pub npc_idx: usize,
-    /// How.
+    /// How the episode ended.
     pub end: End,
-    /// What it observed last.
+    /// Last observation of the episode, [`OBSERVATION_LEN`] values.
     pub final_observation: Vec<f32>,
 }
 
 impl Env {
-    /// Puts `npc_count` NPCs on `map`, with goals `band` metres away.
+    /// Spawns `npc_count` NPCs on `map`, with goals at distances in `band`, m.
     ///
     /// # Errors
-    /// If the map has nowhere to stand.
+    /// If no place to stand is found on the map.
     pub fn new(map: Arc<Map>, npc_count: usize, band: (f32, f32), seed: u64) -> Result<Self, NoGround> {
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -69,25 +70,25 @@ impl Env {
         Ok(env)
     }
 
-    /// NPCs in it.
+    /// Number of NPCs.
     pub fn npc_count(&self) -> usize {
         self.lanes.len()
     }
 
-    /// What the NPCs observe, [`OBSERVATION_LEN`] values each.
+    /// Current observations of the NPCs, [`OBSERVATION_LEN`] values each.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
 
-    /// Rewards of the last step.
+    /// Rewards of the last step, one for each NPC.
     pub fn rewards(&self) -> &[f32] {
         &self.rewards
     }
 
-    /// One decision of every NPC; returns the episodes that ended. NPCs whose episode ended stand at a new start.
+    /// Runs one decision of every NPC and returns the episodes that ended; their NPCs are at a new start.
     ///
     /// # Panics
-    /// If there is not one action for each NPC.
+    /// If the numbers of actions and NPCs differ.
     pub fn step(&mut self, actions: &[Action]) -> Vec<Ended> {
         let Self { worlds, lanes, decisions, .. } = self;
         let outcomes = decisions.advance(&mut Stage { worlds, lanes }, actions, |_| {}).to_vec();
@@ -114,7 +115,7 @@ impl Env {
         self.worlds[0].observe(self.lanes[npc_idx].slot, row);
     }
 
-    /// Starts an episode: a new place, a new goal.
+    /// Starts an episode of an NPC at a new place with a new goal.
     fn begin(&mut self, npc_idx: usize) {
         let start = random_point(&self.places, &mut self.rng);
         let yaw = random_yaw(&mut self.rng);
@@ -125,10 +126,10 @@ impl Env {
     }
 }
 
-/// Actions from values, [`ACTION_LEN`] each.
+/// Converts values to actions, [`ACTION_LEN`] values each.
 ///
 /// # Errors
-/// What is wrong with an action, and whose it is: `npc_of` names the NPC of each.
+/// The first action with a value that is not finite; `npc_of` maps the index of an action to the NPC in the message.
 pub fn actions_of(values: &[f32], npc_of: impl Fn(usize) -> u64) -> Result<Vec<Action>, String> {
     let rows = values.as_chunks::<ACTION_LEN>().0.iter().enumerate();
     rows.map(|(idx, row)| Action::from_array(*row).map_err(|error| format!("npc {}: {error}", npc_of(idx)))).collect()

@@ -1,6 +1,6 @@
-//! Follows a plan waypoint by waypoint and asks for another when a leg does not work out.
+//! Follows a plan waypoint by waypoint, and asks for a new plan when a leg fails.
 //!
-//! Pure state: it neither senses nor searches. Workers feed it from the network, evaluation from a world.
+//! A [`Follower`] is pure state and neither senses nor searches. Workers feed it from the network, evaluation from a world.
 
 use serde::{Deserialize, Serialize};
 use surefoot_planner::live::Traversal;
@@ -10,11 +10,11 @@ use surefoot_world::Vec3;
 /// Constants of plan following.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FollowConfig {
-    /// Decisions without coming closer to the waypoint until a re-plan (paper: 50).
+    /// Decisions without coming closer to the waypoint that cause a re-plan (paper: 50).
     pub replan_after: u32,
-    /// Decisions without any progress until the attempt is given up (paper: 300).
+    /// Decisions without any progress that end the attempt (paper: 300).
     pub patience: u32,
-    /// Re-plans until the attempt is given up.
+    /// Most re-plans of an attempt.
     pub max_replans: u32,
 }
 
@@ -24,32 +24,32 @@ impl Default for FollowConfig {
     }
 }
 
-/// What to do next.
+/// What the NPC does next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Step {
-    /// Keep heading for the same waypoint.
+    /// Keep heading for the current waypoint.
     Keep,
-    /// Head for this point from now on, m.
+    /// Head for this waypoint from now on, m.
     Head(Vec3),
-    /// Ask for a plan with [`Follower::query`] and hand it to [`Follower::take_plan`].
+    /// Plan with [`Follower::query`] and pass the plan to [`Follower::take_plan`].
     Plan,
-    /// Nothing works any more.
+    /// End the attempt: patience or re-plans have run out.
     GiveUp,
 }
 
-/// What an attempt that failed was doing.
+/// Why an attempt failed: what the NPC was doing at the time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
-    /// The graph knew no path, so it headed straight for the goal.
+    /// The graph had no path, and the NPC headed straight for the goal.
     Unreachable,
-    /// It was on the unproved leg to the first vertex or from the last.
+    /// The NPC was on an unproved leg to the first vertex or from the last.
     Attachment,
-    /// It had just turned to another waypoint.
+    /// The NPC had just switched to the next waypoint.
     WaypointSwitch,
-    /// It was on a proved edge.
+    /// The NPC was on an edge of the graph.
     Edge,
-    /// It came to no harm, but ran out of patience or re-plans.
+    /// The NPC came to no harm, but the attempt ran out of patience or re-plans.
     Timeout,
 }
 
@@ -70,7 +70,7 @@ impl Fault {
     }
 }
 
-/// One NPC's way to one goal.
+/// An attempt of one NPC to reach one goal by plan.
 #[derive(Debug, Clone)]
 pub struct Follower {
     config: FollowConfig,
@@ -89,13 +89,13 @@ pub struct Follower {
     traversals: Vec<Traversal>,
 }
 
-/// Decisions after a waypoint within which harm is laid to the turn towards the next.
+/// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
-/// Failed legs remembered per attempt; the oldest is forgotten first.
+/// Most failed legs kept for an attempt; the oldest is dropped first.
 const MAX_FAILED_LEGS: usize = 12;
 
 impl Follower {
-    /// An attempt at `goal` that has no plan yet.
+    /// Starts an attempt at `goal`, m, without a plan.
     pub fn new(goal: Vec3, config: FollowConfig) -> Self {
         Self {
             config,
@@ -113,17 +113,17 @@ impl Follower {
         }
     }
 
-    /// Takes the traversals along proved edges that ended since the last call.
+    /// Returns the traversals of edges that ended since the last call.
     pub fn take_traversals(&mut self) -> Vec<Traversal> {
         std::mem::take(&mut self.traversals)
     }
 
-    /// Notes that the NPC came to harm, which ends its attempt.
+    /// Records that the NPC came to harm, which ends the attempt on the current leg.
     pub fn note_harm(&mut self) {
         self.end_leg(false);
     }
 
-    /// What the attempt was doing, should it have failed just now; by harm or by running out of patience.
+    /// The fault if the attempt failed now, either by harm or by running out of patience or re-plans.
     pub fn fault(&self, by_harm: bool) -> Fault {
         let Some(plan) = &self.plan else { return Fault::Timeout };
         let leg = plan.legs[self.leg];
@@ -147,27 +147,27 @@ impl Follower {
         }
     }
 
-    /// The point to head for, once there is a plan, m.
+    /// Current waypoint, m; `None` without a plan.
     pub fn waypoint(&self) -> Option<Vec3> {
         self.plan.as_ref().map(|plan| plan.waypoints[self.leg])
     }
 
-    /// Whether the current waypoint is the goal itself.
+    /// Whether the current leg is the last one of the plan.
     pub fn is_last_leg(&self) -> bool {
         self.plan.as_ref().is_some_and(|plan| self.leg + 1 == plan.waypoints.len())
     }
 
-    /// Plans asked for beyond the first.
+    /// Number of re-plans so far.
     pub fn replans(&self) -> u32 {
         self.replans
     }
 
-    /// The query to ask a planner from `feet`.
+    /// The query for a plan from `feet`, m, that avoids the failed legs.
     pub fn query(&self, feet: Vec3) -> Query {
         Query { start: feet, goal: self.goal, avoid: self.failed_legs.clone() }
     }
 
-    /// Starts on a plan; returns its first waypoint.
+    /// Starts to follow a plan and returns its first waypoint, m.
     pub fn take_plan(&mut self, plan: Plan) -> Vec3 {
         let first = plan.waypoints[0];
         self.plan = Some(plan);
@@ -175,7 +175,7 @@ impl Follower {
         first
     }
 
-    /// Forgets the plan, because the graph is no longer what it was made on; the leg does not count as failed.
+    /// Drops the plan because its graph has changed; the leg does not count as failed.
     pub fn forget_plan(&mut self) {
         self.plan = None;
     }
@@ -187,7 +187,7 @@ impl Follower {
         self.decisions_on_leg = 0;
     }
 
-    /// Takes note of one decision: where the feet are and whether the waypoint was touched during it.
+    /// Records one decision: the position of the feet, m, and whether the waypoint was reached during the decision.
     pub fn note(&mut self, feet: Vec3, waypoint_reached: bool) -> Step {
         let Some(plan) = &self.plan else { return Step::Plan };
         let goal_distance = feet.distance(self.goal);

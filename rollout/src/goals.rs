@@ -1,31 +1,31 @@
-//! Starts and goals: where they are drawn from, and how far apart they are.
+//! Draws starts and goals at given distances.
 
 use rand::{Rng, RngExt};
 use std::f32::consts::PI;
 use std::ops::Range;
 use surefoot_world::Vec3;
 
-/// Draws for a pair of points in the wanted band of distances, for each pair that is wanted.
+/// Most draws for each requested pair.
 const PAIR_DRAWS: usize = 2000;
 
-/// One start and goal, both navigable.
+/// A start and a goal, both navigable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Goal {
-    /// Where the feet start, m.
+    /// Position of the feet at the start, m.
     pub start: Vec3,
     /// Heading at the start, rad.
     pub yaw: f32,
-    /// Where they should be, m.
+    /// Position that the feet must reach, m.
     pub goal: Vec3,
 }
 
 impl Goal {
-    /// Straight-line distance, m.
+    /// Straight-line distance from start to goal, m.
     pub fn distance(&self) -> f32 {
         self.start.distance(self.goal)
     }
 
-    /// Draws up to `count` pairs of `points` whose distance lies in `band`, m.
+    /// Draws up to `count` pairs of `points` whose distance is in `band`, m; fewer if such pairs are too rare.
     pub fn draw(points: &[Vec3], band: Range<f32>, count: usize, rng: &mut impl Rng) -> Vec<Goal> {
         let mut goals = Vec::with_capacity(count);
         for _ in 0..count * PAIR_DRAWS {
@@ -41,18 +41,18 @@ impl Goal {
     }
 }
 
-/// One of `points`.
+/// Draws one of `points` uniformly.
 pub fn random_point(points: &[Vec3], rng: &mut impl Rng) -> Vec3 {
     points[rng.random_range(0..points.len())]
 }
 
-/// A heading, rad, in [-pi, pi).
+/// Draws a heading, rad, uniformly from [-pi, pi).
 pub fn random_yaw(rng: &mut impl Rng) -> f32 {
     rng.random_range(-PI..PI)
 }
 
-/// One of `points` at a distance from `from` that is drawn uniformly from `band`, m, or the closest miss of so many draws: every
-/// distance is as likely as any other, however many points lie there.
+/// Draws a distance uniformly from `band`, m, and returns the one of `draw_count` random `points` whose distance from `from` is
+/// closest: all distances are equally likely, regardless of the density of points.
 pub fn goal_at_random_distance(
     points: &[Vec3],
     from: Vec3,
@@ -60,7 +60,7 @@ pub fn goal_at_random_distance(
     draw_count: usize,
     rng: &mut impl Rng,
 ) -> Vec3 {
-    /// Misses below this are none, m.
+    /// A point this close to the distance ends the search, m.
     const CLOSE_M: f32 = 1.0;
     let wanted = rng.random_range(band.0..band.1);
     let mut best = (f32::INFINITY, points[0]);
@@ -77,8 +77,8 @@ pub fn goal_at_random_distance(
     best.1
 }
 
-/// One of `points` whose distance from `from` lies in `band`, m, or the nearest miss of so many draws: distances are as frequent
-/// as points are.
+/// Draws one of `points` whose distance from `from` is in `band`, m, or the nearest miss of `draw_count` draws: distances are as
+/// frequent as points at that distance.
 pub fn goal_in_band(points: &[Vec3], from: Vec3, band: (f32, f32), draw_count: usize, rng: &mut impl Rng) -> Vec3 {
     let miss = |goal: Vec3| {
         let distance = from.distance(goal);

@@ -1,4 +1,4 @@
-//! Graphs built with probes that run in this process, timed by its clock.
+//! Builds graphs with probes that run in this process, timed by the process's clock.
 
 use crate::probe::{InProcess, ProbeContext};
 use std::time::Instant;
@@ -7,7 +7,7 @@ use surefoot_planner::update::Updated;
 use surefoot_planner::{BuildError, BuildSettings, Builder, Built, GraphId, NavGraph, Progress};
 use surefoot_world::Map;
 
-/// The id of the graph that `settings` build in `context`.
+/// Id of the graph that a build with `settings` in `context` gives.
 pub fn id_of(context: &ProbeContext, settings: &BuildSettings) -> GraphId {
     GraphId::of(&context.site(), &context.policy_hash(), settings)
 }
@@ -15,7 +15,7 @@ pub fn id_of(context: &ProbeContext, settings: &BuildSettings) -> GraphId {
 /// Builds a graph on `thread_count` threads.
 ///
 /// # Errors
-/// If a setting is out of range, the map has no ground, or `progress.cancel` was set.
+/// If a setting is out of range, the map has no navigable ground, or `progress.cancel` was set.
 pub fn build(
     context: &ProbeContext,
     settings: &BuildSettings,
@@ -25,10 +25,10 @@ pub fn build(
     with_builder(context, settings, thread_count, progress, |builder| builder.build())
 }
 
-/// Brings a graph up to date.
+/// Updates a graph of `old_map` for the map of `context`.
 ///
 /// # Errors
-/// As [`build`].
+/// Same as [`build`].
 pub fn update(
     (graph, old_map): (&NavGraph, &Map),
     context: &ProbeContext,
@@ -39,7 +39,7 @@ pub fn update(
     with_builder(context, settings, thread_count, progress, |builder| builder.update(graph, old_map))
 }
 
-/// The level that graphs of `context` are edited on.
+/// The terrain on which edits of graphs of `context` are probed.
 pub fn terrain(context: &ProbeContext, settings: BuildSettings, thread_count: usize) -> MapTerrain {
     let executor = Box::new(InProcess { context: context.clone(), thread_count });
     MapTerrain { site: context.site(), settings, thread_count, executor }

@@ -1,10 +1,11 @@
-//! One decision loop, and what training, probing, evaluation, environments and pictures share around it.
+//! The decision loop, and what training, probing, evaluation, environments and pictures share around it.
 //!
 //! [`decision`] is the loop: observe, act, ten ticks, close. [`goals`] draws starts and goals, [`follow`] follows a plan,
-//! [`attempts`] runs whole episodes, straight or by plan, [`probe`] runs the short ones that prove edges, [`env`](mod@env) lets
-//! somebody else choose the actions, [`crowd`] keeps NPCs busy for recordings. [`graphs`] builds graphs with probes run here.
+//! [`attempts`] runs whole episodes, straight or by plan, [`probe`] runs the short episodes that prove edges, [`env`](mod@env)
+//! lets a caller choose the actions, [`crowd`] keeps NPCs moving for recordings, and [`graphs`] builds graphs with probes that
+//! run in this process.
 //!
-//! Nothing here learns, and nothing speaks to a network.
+//! This crate neither learns nor uses the network.
 
 pub mod attempts;
 pub mod crowd;

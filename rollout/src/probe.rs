@@ -1,7 +1,7 @@
-//! Proves candidate edges: short point-goal episodes of the policy, many at a time.
+//! Probes candidate edges with short point-goal episodes of the policy, many at a time.
 //!
-//! Every episode draws its heading and noise from a stream of its own, named by what it tries, so its result does not
-//! depend on which others run, in which order or on how many threads.
+//! Every episode draws its heading and noise from its own random stream, which its trial names, so that its result does not
+//! depend on the other episodes, on their order or on the number of threads.
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
 use crate::goals::random_yaw;
@@ -18,36 +18,36 @@ use surefoot_world::{Ability, CharacterProfile, DecisionOutcome, End, Map, NpcSl
 
 /// Most trials handed to a thread at a time.
 const MAX_CHUNK: usize = 512;
-/// Fewest, unless there are no more.
+/// Fewest trials handed to a thread at a time, unless there are fewer in all.
 const MIN_CHUNK: usize = 32;
-/// Of those, how many run at once: the batch of the policy.
+/// Most trials of a thread that run at once: the batch of the policy.
 const BATCH: usize = 192;
 /// Decisions without progress after which a probe has failed.
 const GIVE_UP_AFTER: u32 = 30;
 
-/// What a probe runs with.
+/// What a probe runs with: map, character and policy.
 #[derive(Debug, Clone)]
 pub struct ProbeContext {
-    /// On this map.
+    /// Map of the probes.
     pub map: Arc<Map>,
-    /// As this character.
+    /// Profile of the NPCs.
     pub profile: CharacterProfile,
-    /// With this policy.
+    /// Policy of the NPCs.
     pub policy: Policy,
 }
 
 impl ProbeContext {
-    /// As the default character.
+    /// A context with the default character profile.
     pub fn new(map: Arc<Map>, policy: Policy) -> Self {
         Self { map, profile: CharacterProfile::default(), policy }
     }
 
-    /// The map and the character.
+    /// Map and character profile, as the planner needs them.
     pub fn site(&self) -> Site {
         Site { map: self.map.clone(), profile: self.profile.clone() }
     }
 
-    /// Which policy it is.
+    /// Hash of the policy's weights.
     pub fn policy_hash(&self) -> PolicyHash {
         PolicyHash::new(self.policy.weights_hash())
     }
@@ -57,18 +57,18 @@ impl ProbeContext {
     }
 }
 
-/// Probes in this process on all cores; equal results for any number of them.
+/// Runs probes in this process; the results do not depend on the number of threads.
 #[derive(Debug, Clone)]
 pub struct InProcess {
-    /// What to run.
+    /// What the probes run with.
     pub context: ProbeContext,
-    /// Threads to use.
+    /// Number of threads, at least 1.
     pub thread_count: usize,
 }
 
 impl ProbeExecutor for InProcess {
     fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>> {
-        // Chunks do not depend on the number of threads, since what shares a batch may.
+        // Chunks must not depend on the number of threads, since results may depend on what shares a batch.
         let chunk_len = (trials.len() / 8).clamp(MIN_CHUNK, MAX_CHUNK);
         let chunks: Vec<&[Trial]> = trials.chunks(chunk_len).collect();
         let next = AtomicUsize::new(0);
@@ -90,8 +90,8 @@ impl ProbeExecutor for InProcess {
     }
 }
 
-/// Runs one trial and keeps the place of the feet after every tick, first the start, m. The outcome is the one that
-/// [`InProcess`] finds.
+/// Runs one trial and returns its outcome, which equals that of [`InProcess`], and the positions of the feet, m: the start, then
+/// the position after every tick.
 pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec<Vec3>) {
     let mut probes = Probes::new(context, seed);
     probes.start(0, trial);
@@ -156,7 +156,7 @@ impl<'a> Probes<'a> {
         self.running.push(started);
     }
 
-    /// One decision of all that run: those that have come to an end, with the places of their trials.
+    /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended.
     fn decide(&mut self, each_tick: impl FnMut(&[World])) -> Vec<(usize, Outcome)> {
         let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot)).collect();
         let noise = self.running.iter_mut().flat_map(Running::noise).collect();
@@ -202,12 +202,12 @@ impl Running {
         Self { slot, trial_idx, keep_track: trial.keep_track, rng, outcome }
     }
 
-    /// What is added to its next action.
+    /// Noise that is added to the next action, in units of the policy's standard deviation.
     fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
         gaussian(&mut self.rng, ACTION_LEN).into_iter().map(|value| value * DEFAULT_NOISE_SHARE)
     }
 
-    /// Takes note of one decision; whether the trial goes on.
+    /// Records one decision and returns whether the trial continues.
     fn note(&mut self, world: &World, closed: DecisionOutcome) -> bool {
         let npc = world.npc(self.slot).expect("a trial has an NPC");
         let episode = npc.episode.expect("a trial has an episode");

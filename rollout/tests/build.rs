@@ -23,7 +23,7 @@ fn context() -> ProbeContext {
     }
 }
 
-/// The paper's way: every candidate, every time.
+/// The paper's settings: every candidate is probed, every time.
 fn settings() -> BuildSettings {
     BuildSettings::of_paper(Placement::Spaced)
         .with(|it| {
@@ -80,7 +80,7 @@ fn every_builder_joins_most_of_a_small_map() {
         assert_eq!(graph.vertex_count(), 40, "{name}");
         assert!(graph.connected_share() > 0.5, "{name}: {:.2} connected", graph.connected_share());
         assert!(built.stats.probes > 0, "{name}");
-        // What the probes took is kept with the edge.
+        // Each edge keeps the bounds of its probes.
         let spread = graph.edges().filter(|edge| edge.evidence.bounds[1].x >= edge.evidence.bounds[0].x).count();
         assert_eq!(spread, graph.edge_count(), "{name}");
         let router = Router::new(graph.clone(), 4096, 1);
@@ -94,7 +94,7 @@ fn every_builder_joins_most_of_a_small_map() {
         assert!(found >= 20, "{name}: plans for {found} of 30 goals");
         nearest.push(nearest_pair(graph));
     }
-    // Random, then spaced.
+    // Random placement, then spaced placement.
     assert!(nearest[1] > 4.0 && nearest[0] < nearest[1], "{nearest:?}");
 }
 
@@ -148,7 +148,7 @@ fn cliff() -> Map {
 #[test]
 fn a_pad_is_joined_to_its_landing_without_luck() {
     let context = ProbeContext { map: Arc::new(cliff()), ..context() };
-    // Two neighbours each: the nearest lie on the same level.
+    // Each vertex has two neighbours; the nearest are on the same level.
     let settings = settings()
         .with(|it| {
             it.vertices = 40;

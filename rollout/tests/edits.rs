@@ -121,13 +121,13 @@ fn layers_that_make_no_sense_are_refused_by_name() {
     assert!(serde_json::from_str::<Layer>(r#"{"name":"x","edits":[{"edit":"blow_up"}]}"#).is_err());
 }
 
-/// The map's solid ground alone, so that more can be put on it.
+/// The solid triangles of the map, so that a test can add to them.
 fn ground_of(map: &Map, extra: Vec<Triangle>) -> Map {
     let solid = map.mesh().triangles().iter().filter(|triangle| triangle.surface() == Surface::Ground).copied();
     Map::from_parts(map.size(), solid.chain(extra).collect(), Placed::default())
 }
 
-/// A solid block on a place, faces outwards.
+/// A solid block that stands on a place, with faces outwards.
 fn block(at: Vec3, half: f32, height: f32) -> Vec<Triangle> {
     let corner = |x: f32, y: f32, z: f32| at + Vec3::new(x * half, y, z * half);
     let ring = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
@@ -172,7 +172,7 @@ fn after_a_local_change_only_what_it_touches_is_probed_again() {
     assert!(updated.retried > 0);
     assert!(updated.built.stats.probes * 10 <= old.stats.probes, "{} probes", updated.built.stats.probes);
 
-    // Against trying every candidate of the same vertices again, with the same noise and with other noise.
+    // Compares with probing every candidate of the same vertices again, with the same noise and with other noise.
     let full = |seed| {
         let none = GraphData { edges: Vec::new(), ..old.graph.to_data() };
         let blank = context(Map::from_parts(before.map.size(), Vec::new(), Placed::default()));
@@ -186,7 +186,7 @@ fn after_a_local_change_only_what_it_touches_is_probed_again() {
     let (ours, noise) = (differing(&updated.built.graph), differing(&full(settings.seed + 1)));
     assert!(ours * 25 <= rebuilt.len(), "{ours} of {} edges differ", rebuilt.len());
     assert!(ours < noise, "{ours} edges differ, by noise alone {noise}");
-    // The vertex under the block was joined before and is not any more.
+    // The vertex under the block was connected before and is no longer.
     assert!(old.graph.is_reached(VertexId(20)) && old.graph.is_left(VertexId(20)));
     assert!(!updated.built.graph.is_reached(VertexId(20)) && !updated.built.graph.is_left(VertexId(20)));
 }
@@ -224,7 +224,7 @@ fn json_comes_back_and_other_forms_hold_every_edge() {
 }
 
 #[test]
-fn traps_islands_and_losses_are_told() {
+fn traps_islands_and_losses_are_reported() {
     let context = small();
     let settings = settings(60, 8);
     let graph = build(&context, &settings, 2, &Progress::default()).unwrap().graph;
@@ -250,7 +250,7 @@ fn traps_islands_and_losses_are_told() {
 fn a_nav_mesh_gets_the_links_that_nothing_replaces_and_reaches_as_much() {
     let context = small();
     let graph = build(&context, &settings(60, 10), 2, &Progress::default()).unwrap().graph;
-    // Three islands on foot, whatever the ground is like.
+    // Three islands on foot, regardless of the ground.
     let islands: Vec<Option<u32>> = graph.vertices().map(|vertex| Some(vertex.0 % 3)).collect();
     let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
     let all: Vec<EdgeKey> =
@@ -259,7 +259,7 @@ fn a_nav_mesh_gets_the_links_that_nothing_replaces_and_reaches_as_much() {
     assert!(!few.is_empty() && few.len() * 4 < all.len(), "{} of {}", few.len(), all.len());
     assert!(few.iter().all(|key| all.contains(key)));
     assert!(nav_mesh.links(&graph, 1.2).len() > few.len(), "less is replaced where detours are short");
-    // Island by island the few lead wherever all of them lead.
+    // Between islands, the few links lead wherever all links lead.
     let reached = |links: &[EdgeKey]| {
         let mut reached = [[false; 3]; 3];
         (0..3).for_each(|island| reached[island][island] = true);

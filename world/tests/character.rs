@@ -307,7 +307,7 @@ fn a_one_way_teleporter_leads_there_and_a_two_way_one_back_after_stepping_off() 
         world.spawn(MIDDLE - Vec3::new(0.0, 0.0, 3.0), 0.0);
         run(&mut world, &[FORWARD, FORWARD, STAND, STAND]);
         assert!(feet(&world).distance(there) < 4.0, "at {:?}", feet(&world));
-        // Onto the far disc again: only a two-way teleporter leads back.
+        // The NPC steps onto the far disc again: only a two-way teleporter leads back.
         world.teleport(NPC, there - Vec3::new(0.0, 0.0, 3.0), 0.0);
         run(&mut world, &[FORWARD, FORWARD, STAND, STAND]);
         let is_back = feet(&world).distance(MIDDLE) < 4.0;

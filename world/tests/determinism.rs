@@ -76,7 +76,7 @@ fn specs_out_of_range_are_refused_by_the_name_of_the_field() {
     assert_eq!(with(|spec| spec.features.jetpacks = 5.0), "features.jetpacks");
 }
 
-/// Runs NPCs with random actions for ten minutes of the world's time, now and then moved, despawned and respawned.
+/// Runs NPCs with random actions for ten simulated minutes; now and then NPCs are teleported, despawned and respawned.
 fn recorded(map: &Arc<Map>, seed: u64) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let profiles = vec![CharacterProfile::default(), CharacterProfile::default().with(|it| it.height = 1.2).unwrap()];
@@ -167,7 +167,7 @@ fn a_changed_input_is_found_by_the_replay() {
         let mut world = crowd(&map, 1);
         world.start_recording();
         for decision in 0..130 {
-            // In circles, so that it stays on the map.
+            // The NPC runs in circles, so that it stays on the map.
             let turn = if decision == 70 { turn } else { 1.0 };
             world.decide(NpcSlot(0), Action { forward: 0.2, strafe: 0.0, turn, jump: -1.0 });
             world.tick_decision();

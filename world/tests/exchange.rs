@@ -1,4 +1,4 @@
-//! Maps as bytes: saved, imported and exported, and what is said about bytes that are none of these.
+//! Maps as bytes: saved, imported and exported maps, and the errors for bytes that are none of these.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -15,7 +15,7 @@ fn generated(seed: u64) -> Map {
     Map::generate(&MapSpec::with_side(seed, 60).unwrap())
 }
 
-/// A floor of 30 x 30 m at 1 m with two of everything that can be placed.
+/// A floor of 30 x 30 m at a height of 1 m, with two features of every kind.
 fn small_map() -> Map {
     let [a, b, c, d] = [[0.0, 0.0], [0.0, 30.0], [30.0, 30.0], [30.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
     let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
@@ -39,7 +39,7 @@ fn small_map() -> Map {
     Map::from_parts(MapSize { width: 30, height: 25, depth: 30 }, triangles, placed)
 }
 
-/// The message of a refusal.
+/// The message of the error that is expected.
 fn refusal<T, E: std::fmt::Display>(result: Result<T, E>, expected: &str) -> String {
     match result {
         Ok(_) => panic!("accepted, but `{expected}` was expected"),
@@ -82,7 +82,7 @@ fn a_cut_off_or_changed_saved_map_is_refused() {
     }
 }
 
-/// A saved map of one triangle, as the format describes it, for tests to spoil before it is sealed.
+/// A saved map of one triangle, as the format describes it, for tests to corrupt before it is sealed.
 struct Saved {
     magic: &'static [u8],
     version: u32,
@@ -258,7 +258,7 @@ fn obj_files_may_hold_what_does_not_matter_here() {
 }
 
 #[test]
-fn warnings_tell_what_is_odd_about_the_geometry() {
+fn warnings_report_what_is_odd_about_the_geometry() {
     let quad = "o floor\nv 0 0 0\nv 0 0 9\nv 9 0 9\nv 9 0 0\nf 1 2 3 4\n";
     let cases = [
         (quad.to_owned(), vec![Warning::OpenEdges { count: 4 }]),
@@ -377,7 +377,7 @@ fn corners(map: &Map) -> Vec<[Vec3; 3]> {
 
 #[test]
 fn transforms_of_nested_nodes_apply_and_mirrored_meshes_keep_facing_up() {
-    // Turned by a quarter about the vertical, then doubled, then moved; the other one mirrored.
+    // One node is rotated by 90 degrees about the vertical, doubled, and moved; the other one is mirrored.
     let nodes = json!([
         { "name": "arm", "translation": [0, 3, 0], "scale": [2, 2, 2], "children": [1] },
         { "name": "floor", "mesh": 0, "rotation": [0, 0.70710677, 0, 0.70710677] },
@@ -589,7 +589,7 @@ fn each_fault_of_an_obj_level_has_its_own_message() {
 
 #[test]
 fn a_level_that_no_machine_could_hold_is_refused() {
-    // Many nodes that show one large mesh.
+    // Many nodes that use one large mesh.
     let mut level = gltf_level(json!([]));
     let bytes = vec![0u8; 300_000];
     level["nodes"] = (0..1000).map(|_| json!({ "mesh": 0 })).collect();
@@ -746,7 +746,7 @@ fn hostile_saved_maps_with_a_right_checksum_never_panic() {
         bytes.extend((payload.len() as u64).to_le_bytes());
         bytes.extend(blake3::hash(&payload).as_bytes());
         bytes.extend(payload);
-        // Content that still makes sense is betrayed by its hash, all but the spec's.
+        // The hash reveals changes to content that is still valid, except for the spec.
         if let Ok(map) = exchange::decode(&bytes) {
             assert_eq!(map.hash(), small_map().hash());
         }
@@ -769,7 +769,7 @@ fn hostile_bytes_never_panic() {
     };
     for _ in 0..2000 {
         count(exchange::import_gltf(&mutate(&exported, &mut rng), None, &PLAIN));
-        // With the container's lengths intact, so that what is inside is reached.
+        // The lengths of the container stay intact, so that the parser reaches the content.
         let mut inside = exported.clone();
         for _ in 0..rng.random_range(1..4) {
             let at = 20 + rng.random_range(0..json_len);

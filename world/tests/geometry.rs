@@ -1,4 +1,4 @@
-//! The fast paths against parry's own answers.
+//! Compares rays and contacts of the mesh with parry's.
 
 use parry3d::query::{self, Ray, RayCast};
 use parry3d::shape::{Capsule, FeatureId, TriMesh, Triangle as ParryTriangle};
@@ -42,7 +42,7 @@ proptest! {
             (Some(ours), Some(theirs)) => prop_assert!((ours - theirs).abs() < 2.0e-2, "{ours} against {theirs}"),
             (None, None) => {}
             // The seams of our triangles overlap a little where parry's may leak, and rays that graze an edge
-            // may pass on either side of it; a hit of ours must still lie on a triangle.
+            // may pass on either side of the edge; our hit must still lie on a triangle.
             (Some(ours), None) => {
                 let point = origin + direction * ours;
                 let distance = map.mesh().triangles().iter().map(|triangle| {
@@ -201,7 +201,7 @@ fn bodies_touch_a_map_exactly_where_parry_says() {
     while touching < 3000 || free < 3000 {
         let triangle = some_triangle(map, &mut rng);
         let [a, b, c] = triangle.corners();
-        // On corners and sides as often as inside.
+        // Corners and sides are as frequent as the inside.
         let (u, v) = [(0.0, 0.0), (0.5, 0.0), (0.3, 0.3)][rng.random_range(0..3)];
         let point = a + (b - a) * u + (c - a) * v + triangle.normal() * rng.random_range(0.05..0.5);
         let feet = point - Vec3::new(0.0, [profile.radius, 0.9, 1.5][rng.random_range(0..3)], 0.0);
@@ -292,8 +292,8 @@ fn of_a_million_spawns_none_is_off_the_ground_or_inside_geometry() {
     });
 }
 
-/// Whether a point lies in a solid, by parry's rays to the sky: all three leave more faces than they enter. One or two
-/// may be misled where faces coincide or a seam leaks.
+/// Whether a point lies in a solid: all three of parry's rays to the sky leave through more faces than they enter. One or
+/// two rays may be wrong where faces coincide or a seam leaks.
 fn is_inside(mesh: &TriMesh, point: Vec3) -> bool {
     // Away from the rim, where the ground is cut off and has no underside.
     let inwards = (Vec3::new(75.0, 0.0, 75.0) - Vec3::new(point.x, 0.0, point.z)).normalize_or_zero();

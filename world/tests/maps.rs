@@ -1,4 +1,4 @@
-//! What maps are made of, how they are connected, and that a spec always gives the same one.
+//! The content and connectivity of maps, and that a spec always gives the same map.
 
 use surefoot_world::map::stage::Stage;
 use surefoot_world::map::{Features, MapSize, Placed};
@@ -6,7 +6,7 @@ use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::{Means, Reach};
 use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
 
-/// Hashes of the maps that a release generates; a change here is a change of every map and every graph.
+/// Hashes of the maps that a release generates; a change here changes every map and every graph.
 const GOLDEN: [(u64, u32, &str, &str); 4] = [
     (0, 250, "paper", "cd6621b252ba1417"),
     (2000, 250, "paper", "8ed8b3bc750007be"),
@@ -29,7 +29,7 @@ fn released_specs_have_their_recorded_hashes_on_any_number_of_threads() {
 }
 
 #[test]
-fn generation_tells_its_stages_in_order() {
+fn generation_reports_its_stages_in_order() {
     let mut stages = Vec::new();
     Map::generate_with(&spec(1, 60, "paper"), 1, |stage| stages.push(stage));
     assert_eq!(stages, Stage::ALL);
@@ -101,13 +101,13 @@ fn two_floors(step: f32, gap: f32) -> Map {
     let (x0, x1) = (25.0, 25.0 + gap);
     let mut triangles = quad([[0.0, y0, 0.0], [0.0, y0, 50.0], [x0, y0, 50.0], [x0, y0, 0.0]]);
     triangles.extend(quad([[x1, y1, 0.0], [x1, y1, 50.0], [50.0, y1, 50.0], [50.0, y1, 0.0]]));
-    // The faces that drop from both floors to nothing.
+    // The side faces of both floors, down to nothing.
     triangles.extend(quad([[x0, 0.0, 0.0], [x0, y0, 0.0], [x0, y0, 50.0], [x0, 0.0, 50.0]]));
     triangles.extend(quad([[x1, 0.0, 50.0], [x1, y1, 50.0], [x1, y1, 0.0], [x1, 0.0, 0.0]]));
     Map::from_parts(MapSize { width: 50, height: 40, depth: 50 }, triangles, Placed::default())
 }
 
-/// The least means by which the lower floor leads to the higher one and back.
+/// The least demanding means that lead from the lower floor to the higher one and back.
 fn means(map: &Map, profile: &CharacterProfile) -> (usize, Option<Means>, Option<Means>) {
     let reach = Reach::survey(map, profile, 2);
     let islands = reach.ground.islands().len();

@@ -1,4 +1,4 @@
-//! Recordings that are whole, with the right checksum, and still cannot have happened: refused, and never replayed for hours.
+//! Recordings with a correct checksum that cannot have happened are rejected, and are never replayed for hours.
 
 use std::sync::Arc;
 use surefoot_world::character::Ride;
@@ -15,10 +15,10 @@ fn floor() -> Arc<Map> {
     Arc::new(Map::from_parts(MapSize { width: 20, height: 10, depth: 20 }, triangles, Placed::default()))
 }
 
-/// Makes a recording's parts impossible, with a place on the map.
-type Spoil = fn(&mut Parts, Vec3);
+/// Makes the parts of a recording impossible; receives a place on the map.
+type Corrupt = fn(&mut Parts, Vec3);
 
-/// What a recording's file holds, field by field, to be spoilt before it is sealed.
+/// The fields of a recording's file, for tests to corrupt before the file is sealed.
 struct Parts {
     profiles: Vec<RawCharacterProfile>,
     start_tick: u64,
@@ -29,7 +29,7 @@ struct Parts {
 }
 
 impl Parts {
-    /// One NPC that stands still for ten ticks.
+    /// A recording of one NPC that stands still for ten ticks.
     fn new(map: &Arc<Map>) -> Self {
         let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         let slot = world.spawn(Vec3::new(5.0, 1.0, 15.0), 0.0);
@@ -67,7 +67,7 @@ fn what_cannot_have_happened_is_refused() {
     let map = floor();
     assert_eq!(Parts::new(&map).replay(&map), Ok(()));
     let at = Vec3::new(10.0, 1.0, 10.0);
-    let cases: [(&str, Spoil); 17] = [
+    let cases: [(&str, Corrupt); 17] = [
         ("character profile", |parts, _| parts.profiles.clear()),
         ("character profile", |parts, _| parts.profiles[0].forward_speed = f32::INFINITY),
         ("character profile", |parts, _| parts.profiles = vec![RawCharacterProfile::default(); 257]),
@@ -93,9 +93,9 @@ fn what_cannot_have_happened_is_refused() {
         ("too few state hashes", |parts, _| parts.end_tick = u64::MAX),
         ("too few state hashes", |parts, _| parts.checks.clear()),
     ];
-    for (expected, spoil) in cases {
+    for (expected, corrupt) in cases {
         let mut parts = Parts::new(&map);
-        spoil(&mut parts, at);
+        corrupt(&mut parts, at);
         let error = parts.replay(&map).expect_err(expected).to_string();
         assert!(error.contains(expected), "`{error}` does not say `{expected}`");
     }
@@ -105,7 +105,7 @@ fn what_cannot_have_happened_is_refused() {
 fn a_state_that_is_never_compared_is_a_difference() {
     let map = floor();
     let mut parts = Parts::new(&map);
-    // After one input, of which there is none.
+    // The check claims to come after one input, but there is none.
     parts.checks[0].1 = 1;
     assert_eq!(parts.replay(&map), Err(ReplayError::Diverged { tick: 10, agreed: 0 }));
     let mut parts = Parts::new(&map);
@@ -121,7 +121,7 @@ fn an_npc_that_gave_up_beyond_all_numbers_is_in_nobodys_way() {
     let map = floor();
     let mut parts = Parts::new(&map);
     let far = Vec3::new(3.0e38, 1.0, -3.0e38);
-    // Its attempt ends before its first tick, so nothing notes that it left the map.
+    // The attempt ends before its first tick, so nothing notices that the NPC left the map.
     parts.inputs = vec![(0, Input::Spawn(ProfileIdx(0), far, 0.0)), (0, Input::SetGoal(NpcSlot(1), Vec3::ONE))];
     parts.inputs.extend((0..TaskConfig::default().patience).map(|_| (0, Input::Close(NpcSlot(1)))));
     parts.inputs.push((0, Input::Decide(NpcSlot(1), Action::default())));
