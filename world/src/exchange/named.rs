@@ -390,11 +390,7 @@ fn pad_speed(height: Option<f64>, of: &str) -> Result<f32, ImportError> {
 
 fn jetpack_fuel(fuel: Option<f64>, of: &str) -> Result<f32, ImportError> {
     let fuel = fuel.unwrap_or(f64::from(features::JETPACK_FUEL_S));
-    if (0.0..=600.0).contains(&fuel) {
-        Ok(fuel as f32)
-    } else {
-        Err(property(of, "fuel", fuel, "must be 0 to 600 s"))
-    }
+    if (0.0..=600.0).contains(&fuel) { Ok(fuel as f32) } else { Err(property(of, "fuel", fuel, "must be 0 to 600 s")) }
 }
 
 /// Content of `level.surefoot.json`: features in the level's own coordinates.
