@@ -16,7 +16,7 @@ pub const REPLAY_VERSION: u32 = 1;
 /// Ticks between two hashes of the state.
 pub const CHECK_EVERY_TICKS: u64 = 600;
 
-/// One call that changes a world, besides the tick itself.
+/// A call that changes a world, other than a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Input {
     /// `World::spawn_as`.

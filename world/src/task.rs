@@ -75,7 +75,7 @@ pub struct Episode {
     pub best_distance: f32,
     /// Decisions since `best_distance` last shrank.
     pub stalled_decisions: u32,
-    /// Decisions taken so far.
+    /// Decisions so far.
     pub decisions: u32,
     /// How the episode ended; `None` while it runs.
     pub end: Option<End>,

@@ -117,7 +117,7 @@ fn a_state_that_is_never_compared_is_a_difference() {
 }
 
 #[test]
-fn an_npc_that_gave_up_beyond_all_numbers_is_in_nobodys_way() {
+fn an_npc_that_gave_up_far_outside_the_map_does_not_stop_a_replay() {
     let map = floor();
     let mut parts = Parts::new(&map);
     let far = Vec3::new(3.0e38, 1.0, -3.0e38);

@@ -60,7 +60,7 @@ pub struct Ride {
     pub distance: f32,
 }
 
-/// What happened to a body in one tick, besides moving.
+/// Events of a body in one tick, or merged over several ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TickEvents {
     /// The body jumped from the ground.

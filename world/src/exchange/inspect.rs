@@ -10,7 +10,7 @@ const WELD_M: f32 = 0.001;
 /// Rays from above along each side of a map.
 const RAYS_PER_SIDE: usize = 64;
 
-/// Counts of edges other than those shared by exactly two triangles that face the same way.
+/// Counts of irregular edges: a regular edge is shared by exactly two triangles that face the same way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct EdgeCounts {
     /// Edges of one triangle.

@@ -318,7 +318,7 @@ impl Repair<'_> {
     }
 }
 
-/// Up to `count` cells spread evenly over a list.
+/// Up to `count` cells, spread evenly over the list.
 fn spread(cells: &[Cell], count: usize) -> Vec<Cell> {
     let step = cells.len().div_ceil(count).max(1);
     cells.iter().skip(step / 2).step_by(step).copied().collect()

@@ -37,7 +37,7 @@ const TREAD_HEIGHT_SHARE: f32 = 0.14;
 /// Share of the terrain's rise that lies in the tread; the rest lies in the riser.
 const TREAD_RISE_SHARE: f32 = 0.89;
 
-/// Streams of the seed besides those of the octaves and the terracing.
+/// Streams of the seed, after those of the octaves and the terracing.
 const TERRACE_STREAM: u64 = OCTAVES.len() as u64 + 1;
 const SWELL_STREAM: u64 = OCTAVES.len() as u64 + 2;
 
@@ -251,8 +251,8 @@ fn push_quad(triangles: &mut Vec<[Vec3; 3]>, here: f32, there: f32, quad: impl F
     }
 }
 
-/// Maps a height to the rise of the noise that puts the surface there, m: most of the rise lies in treads, so the ground there
-/// is nearly level.
+/// Maps a height to the noise that puts the surface there, m: most of the range of the noise falls in treads, so that the
+/// ground there is nearly level.
 fn terrace(height: f32, terrace_height: f32) -> f32 {
     let step = (height / terrace_height).floor();
     let t = height / terrace_height - step;

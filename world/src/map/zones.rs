@@ -23,7 +23,7 @@ pub enum Zone {
     Jetpack(u32),
 }
 
-/// Zones in a grid over the map, as seen from above.
+/// Zones in a horizontal grid over the map.
 #[derive(Debug)]
 pub(super) struct ZoneGrid {
     columns: usize,

@@ -66,14 +66,14 @@ pub struct Link {
     pub from: u32,
     /// Index of the island that the link reaches.
     pub to: u32,
-    /// What the link takes.
+    /// What a character must do to follow the link.
     pub means: Means,
 }
 
 /// The ground of a map with all links between its islands.
 #[derive(Debug)]
 pub struct Reach {
-    /// Places to stand.
+    /// Places to stand and the islands that they form.
     pub ground: Ground,
     /// Links between islands, sorted, without duplicates.
     pub links: Vec<Link>,
