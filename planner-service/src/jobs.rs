@@ -36,7 +36,7 @@ impl fmt::Display for BuildId {
     }
 }
 
-/// Where a build stands.
+/// Stage of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
     /// Waiting for another build to end.

@@ -1,9 +1,9 @@
 //! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
-//! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and [`layers`] applies
-//! designers' changes. [`store`] keeps graphs and layers on disk. [`grpc`] decodes requests, calls the planner and encodes responses;
-//! [`wire`] converts types. Only these two and `serve` use wire types. Building and searching are in the pure library
-//! `surefoot-planner`.
+//! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and
+//! [`layers`] applies designers' changes. [`store`] keeps graphs and layers on disk. [`grpc`] decodes requests, calls the
+//! planner and encodes responses; [`wire`] converts types. Only these two and `serve` use wire types. Building and searching
+//! are in the pure library `surefoot-planner`.
 
 pub mod builds;
 mod config;

@@ -1,7 +1,8 @@
 //! The planner: holds graphs in memory, answers queries, and runs probes on demand. It uses no wire types.
 //!
-//! All graphs are in the store, recently used ones ([`Hosted`]) also in memory. `builds` makes new graphs; `layers` applies designers'
-//! edits. Reported traversals change the costs of their edges at once; a new table of next hops follows within seconds.
+//! All graphs are in the store, recently used ones ([`Hosted`]) also in memory. `builds` makes new graphs; `layers` applies
+//! designers' edits. Reported traversals change the costs of their edges at once; a new table of next hops follows within
+//! seconds.
 
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;

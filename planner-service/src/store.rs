@@ -50,7 +50,9 @@ impl DiskStore {
         let database = match opened {
             Ok(Ok(database)) => database,
             Ok(Err(redb::DatabaseError::DatabaseAlreadyOpen)) => {
-                return Err(fail("another process has the file open: stop that process, or choose another cache folder".to_owned()));
+                return Err(fail(
+                    "another process has the file open: stop that process, or choose another cache folder".to_owned(),
+                ));
             }
             broken => {
                 let reason = match broken {

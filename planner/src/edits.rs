@@ -200,7 +200,7 @@ pub struct Edited {
     pub forced: BTreeSet<EdgeKey>,
 }
 
-/// What applying edits needs to know of a level.
+/// Access to the level that edits are applied on.
 pub trait Terrain {
     /// Returns the position of the feet of a character that stands at `place`, m; `None` if the character cannot stand there.
     fn stand(&self, place: Vec3) -> Option<Vec3>;
@@ -281,7 +281,8 @@ impl GraphEditor {
 
     /// Returns the nearest remaining vertex, at most [`FIT_M`] away.
     fn vertex_at(&self, place: Vec3) -> Result<VertexId, Misfit> {
-        let standing = (0..).map(VertexId).zip(&self.data.vertices).filter(|(vertex, _)| !self.removed.contains(vertex));
+        let standing =
+            (0..).map(VertexId).zip(&self.data.vertices).filter(|(vertex, _)| !self.removed.contains(vertex));
         let nearest = standing.min_by(|a, b| a.1.distance_squared(place).total_cmp(&b.1.distance_squared(place)));
         match nearest {
             Some((vertex, at)) if at.distance(place) <= FIT_M => Ok(vertex),

@@ -100,7 +100,9 @@ impl LegModel {
     pub fn estimate(&self, from: Vec3, to: Vec3) -> LegEstimate {
         let (features, distance, range_multiple) = self.features_in_range(from, to);
         LegEstimate {
-            decisions: Decisions((dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance))),
+            decisions: Decisions(
+                (dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance)),
+            ),
             chance: Self::chance(dot(&self.success, &features), range_multiple),
         }
     }
@@ -144,12 +146,15 @@ impl LegModel {
     /// Computes lower bounds on the cost of any leg.
     pub fn bounds(&self) -> Bounds {
         // The most that climbs and drops can improve a leg's score and reduce its decisions.
-        let max_score_gain = max_of_quadratic(self.success[3], self.success[4]) + max_of_quadratic(self.success[5], 0.0);
-        let max_decisions_saved = max_of_quadratic(-self.decisions[3], -self.decisions[4]) + max_of_quadratic(-self.decisions[5], 0.0);
+        let max_score_gain =
+            max_of_quadratic(self.success[3], self.success[4]) + max_of_quadratic(self.success[5], 0.0);
+        let max_decisions_saved =
+            max_of_quadratic(-self.decisions[3], -self.decisions[4]) + max_of_quadratic(-self.decisions[5], 0.0);
         let price_of = |metres: usize| {
             let horizontal = metres as f64 / 20.0;
             let flat = [1.0, horizontal, horizontal * horizontal, 0.0, 0.0, 0.0];
-            let decisions = (dot(&self.decisions, &flat) - max_decisions_saved).max(Self::least_decisions(metres as f64));
+            let decisions =
+                (dot(&self.decisions, &flat) - max_decisions_saved).max(Self::least_decisions(metres as f64));
             let chance = sigmoid(dot(&self.success, &flat) + max_score_gain).clamp(MIN_CHANCE, MAX_CHANCE);
             price(Decisions(decisions), Chance::new(chance)) as f32
         };

@@ -1,6 +1,6 @@
 //! The table of next hops: for every ordered pair of vertices the cost of the cheapest path and its first edge.
 
-use crate::adjacency::{Adjacency, IncomingEdges, EdgeIdx};
+use crate::adjacency::{Adjacency, EdgeIdx, IncomingEdges};
 use crate::ids::VertexId;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -185,7 +185,8 @@ impl PlannerService for PlannerApi {
         let hosted = self.planner.ready(&request.graph_id)?;
         let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
         if count > limit {
-            let message = format!("{count} queries are too many: at most {limit} are allowed in one batch (--max-queries)");
+            let message =
+                format!("{count} queries are too many: at most {limit} are allowed in one batch (--max-queries)");
             return Err(status::too_large("queries", message));
         }
         let queries = request.queries.iter().map(query).collect::<Result<Vec<_>, _>>()?;
@@ -207,7 +208,8 @@ impl PlannerService for PlannerApi {
         let hosted = self.planner.ready(&request.graph_id)?;
         let count = request.traversals.len();
         if count > MAX_TRAVERSALS {
-            let message = format!("{count} traversals are too many: at most {MAX_TRAVERSALS} are allowed in one report");
+            let message =
+                format!("{count} traversals are too many: at most {MAX_TRAVERSALS} are allowed in one report");
             return Err(status::too_large("traversals", message));
         }
         let traversals = request.traversals.iter().map(traversal).collect::<Result<Vec<_>, _>>()?;

@@ -52,7 +52,11 @@ pub async fn stream_changes(
 }
 
 /// Sends one reader the progress of a build: every stage, counts in between, and the end.
-pub async fn stream_progress(job: Arc<Job>, queue: mpsc::Sender<Result<wire::WatchBuildResponse, Status>>, shutdown: Shutdown) {
+pub async fn stream_progress(
+    job: Arc<Job>,
+    queue: mpsc::Sender<Result<wire::WatchBuildResponse, Status>>,
+    shutdown: Shutdown,
+) {
     let stopping = shutdown.wait();
     tokio::pin!(stopping);
     let mut sent_count = 0;

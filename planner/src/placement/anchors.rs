@@ -10,8 +10,8 @@ const RISE_M: f32 = 2.5;
 /// Greatest horizontal distance of a landing from its pad, m.
 const LANDING_M: f32 = 11.0;
 
-/// Returns up to `count` positions to stand at entrances, exits and landings, m, device by device. Any two are more than half
-/// of [`BESIDE_M`] apart.
+/// Returns up to `count` positions to stand at entrances, exits and landings, m, device by device. Any two are more than 2.5 m
+/// apart.
 pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Vec<Vec3> {
     let placed = map.placed();
     // Centre, greatest horizontal distance and greatest height difference of each search, m.
