@@ -254,7 +254,7 @@ struct OffMeshLinks {
     /// Index of each link's edge in the graph's JSON export.
     #[serde(rename = "offMeshConUserID")]
     off_mesh_con_user_id: Vec<u32>,
-    /// Expected duration of each link, including what failures cost, s. Detour has no such field; area costs can be derived
+    /// Cost of each link in seconds, as [`expected_seconds`] returns it. Detour has no such field; area costs can be derived
     /// from it.
     off_mesh_con_seconds: Vec<f32>,
     /// Estimated chance of success of each link, 0 to 1.

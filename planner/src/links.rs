@@ -90,7 +90,8 @@ impl NavMesh<'_> {
     }
 }
 
-/// Returns the expected duration of an edge, including what failures cost, s.
+/// Returns the cost of an edge in seconds: the expected duration, including what failures cost, plus a term for risk, times the
+/// designers' factor.
 pub fn expected_seconds(edge: &Edge) -> f64 {
     edge.evidence.cost() * f64::from(DECISION_SECONDS)
 }

@@ -122,7 +122,7 @@ pub struct Updated {
     pub built: Built,
     /// Where the maps differ.
     pub change: Change,
-    /// Number of candidate edges that were probed again.
+    /// Number of candidate edges that the change affects; frugal probing may skip some of them.
     pub retried: u64,
     /// Vertices where the character can no longer stand; they have no edges any more.
     pub lost: Vec<VertexId>,
