@@ -1,5 +1,5 @@
-# Builds `surefoot` with Studio's page and puts it, with the trained weights inside the binary, into a small image.
-# Where no registry is reachable, import local images under these names first, or set the three arguments.
+# Builds `surefoot`, which includes Studio's page and the trained weights, and copies the binary into a small image.
+# If no registry is reachable, first import local images under these names, or set the three arguments.
 ARG NODE_IMAGE=node:22-bookworm-slim
 ARG BUILD_IMAGE=rust:1.95-bookworm
 ARG RUNTIME_IMAGE=debian:bookworm-slim

@@ -1,4 +1,4 @@
-//! Compiles the contracts in Rust (protox): no protoc needs to be installed.
+//! Compiles the contracts with protox, so that protoc need not be installed.
 
 use std::path::PathBuf;
 

@@ -1,16 +1,16 @@
-//! Builds the page with npm and writes a table of its files for the crate to embed. Without npm, or where the build fails,
-//! the table is empty and says why: everything else of Surefoot does without the page.
+//! Builds the page with npm and writes a table of its files for the crate to embed. If npm is missing or fails, the table is
+//! empty and gives the reason: the rest of Surefoot works without the page.
 //!
-//! `SUREFOOT_STUDIO` decides: `require` fails the build without the page, `off` leaves it out, a folder is a page that was
-//! built before, its path relative to the repository; unset: try, and warn. Cargo tries again when what the page is made of
-//! or that variable has changed.
+//! The environment variable `SUREFOOT_STUDIO` selects what happens. `require`: the build fails without the page. `off`: the page
+//! is left out. A folder, relative to the repository: the page was already built there. Unset: the page is built if possible,
+//! otherwise Cargo prints a warning. Cargo runs this script again when the sources of the page or the variable change.
 
 use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the page is made of, beside the contracts.
+/// Sources of the page, apart from the contracts.
 const SOURCES: [&str; 7] =
     ["src", "index.html", "package.json", "package-lock.json", "tsconfig.json", "vite.config.ts", "buf.gen.yaml"];
 
@@ -23,9 +23,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo:rerun-if-changed={}", page.join(source).display());
     }
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
-    let wish = std::env::var("SUREFOOT_STUDIO").unwrap_or_default();
-    let built = match wish.as_str() {
-        "off" => Err("it was left out (SUREFOOT_STUDIO=off)".to_owned()),
+    let mode = std::env::var("SUREFOOT_STUDIO").unwrap_or_default();
+    let built = match mode.as_str() {
+        "off" => Err("it was disabled (SUREFOOT_STUDIO=off)".to_owned()),
         "" | "require" => build(&page, &out.join("page")),
         folder => {
             let folder = page.join("../..").join(folder);
@@ -35,10 +35,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let table = match built {
         Ok(folder) => table(&folder)?,
-        Err(reason) if wish == "require" => return Err(format!("Studio cannot be built: {reason}").into()),
+        Err(reason) if mode == "require" => return Err(format!("Studio cannot be built: {reason}").into()),
         Err(reason) => {
-            if wish != "off" {
-                println!("cargo:warning=built without Studio: {reason}; SUREFOOT_STUDIO=require tries again");
+            if mode != "off" {
+                println!("cargo:warning=built without Studio: {reason}; set SUREFOOT_STUDIO=require to try again");
             }
             format!("const FILES: &[File] = &[];\nconst MISSING: &str = {reason:?};\n")
         }
@@ -47,7 +47,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Builds the page into `dist`; otherwise says why that did not work.
+/// Builds the page into `dist` and returns that folder.
+///
+/// # Errors
+/// Returns the reason if npm is missing or fails.
 fn build(page: &Path, dist: &Path) -> Result<PathBuf, String> {
     let npm = |arguments: &[&str]| -> Result<(), String> {
         let mut command = Command::new(if cfg!(windows) { "npm.cmd" } else { "npm" });
@@ -55,7 +58,7 @@ fn build(page: &Path, dist: &Path) -> Result<PathBuf, String> {
             if error.kind() == std::io::ErrorKind::NotFound {
                 "npm is not installed".to_owned()
             } else {
-                format!("npm does not run: {error}")
+                format!("npm cannot be started: {error}")
             }
         })?;
         if output.status.success() {
@@ -66,7 +69,7 @@ fn build(page: &Path, dist: &Path) -> Result<PathBuf, String> {
         let last = lines[lines.len().saturating_sub(6)..].join(" | ");
         Err(format!("`npm {}` failed: {last}", arguments.join(" ")))
     };
-    // npm writes this file last.
+    // npm writes this file at the end of an installation.
     let installed = modified(&page.join("node_modules/.package-lock.json"));
     if installed.is_none() || installed < modified(&page.join("package-lock.json")) {
         npm(&["ci", "--no-audit", "--no-fund"])?;
@@ -80,7 +83,7 @@ fn modified(path: &Path) -> Option<std::time::SystemTime> {
     path.metadata().and_then(|metadata| metadata.modified()).ok()
 }
 
-/// Source text of a table of all files below `folder`.
+/// Returns the source text of a table of all files below `folder`.
 fn table(folder: &Path) -> Result<String, Box<dyn Error>> {
     let folder = folder.canonicalize().map_err(|error| format!("{}: {error}", folder.display()))?;
     let mut paths = Vec::new();
@@ -98,7 +101,7 @@ fn table(folder: &Path) -> Result<String, Box<dyn Error>> {
         writeln!(text, "    File {{ path: {name:?}, content: include_bytes!({path:?}) }},")?;
     }
     if !paths.iter().any(|path| path.ends_with("index.html")) {
-        return Err(format!("{} holds no index.html", folder.display()).into());
+        return Err(format!("{} has no index.html", folder.display()).into());
     }
     text += "];\nconst MISSING: &str = \"\";\n";
     Ok(text)

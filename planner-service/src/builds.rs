@@ -1,9 +1,9 @@
-//! Builds of graphs: one at a time on all cores, shared by all who ask for the same.
+//! Builds of graphs: one at a time on all cores; requests for the same graph share a build.
 
 use crate::error::PlannerError;
 use crate::hosted::{Hosted, Origin};
 use crate::jobs::{Job, Jobs, Made, Stage};
-use crate::planner::{Planner, or_nothing};
+use crate::planner::{Planner, or_empty};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_net::levels::MapSource;
@@ -14,22 +14,22 @@ use surefoot_rollout::probe::ProbeContext;
 use tracing::{info, warn};
 
 impl Planner {
-    /// All builds.
+    /// Returns the builds of the service.
     pub fn jobs(&self) -> &Jobs {
         &self.shared.jobs
     }
 
-    /// Cancels all builds.
+    /// Cancels all builds that are running or waiting.
     pub(crate) fn cancel_builds(&self) {
         self.shared.jobs.all().iter().for_each(|job| job.cancel());
     }
 
-    /// Starts the build of this graph, unless it is running or waiting already.
+    /// Starts the build of a graph, or returns the build of the same graph that is already running or waiting.
     ///
     /// # Errors
-    /// If too many builds run or wait.
+    /// If too many builds are running or waiting.
     pub fn start_build(&self, source: MapSource, settings: BuildSettings) -> Result<Arc<Job>, PlannerError> {
-        let (job, is_new) = self.shared.jobs.join(source, settings, self.shared.config.max_builds)?;
+        let (job, is_new) = self.shared.jobs.find_or_add(source, settings, self.shared.config.max_builds)?;
         if is_new {
             let (planner, job) = (self.clone(), job.clone());
             tokio::spawn(async move {
@@ -41,8 +41,8 @@ impl Planner {
     }
 
     async fn run_build(&self, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
-        let _turn = tokio::select! {
-            turn = self.shared.turn.acquire() => turn.map_err(|_| PlannerError::ShuttingDown)?,
+        let _permit = tokio::select! {
+            permit = self.shared.build_slot.acquire() => permit.map_err(|_| PlannerError::ShuttingDown)?,
             () = job.cancelled() => return Err(BuildError::Cancelled.into()),
         };
         let planner = self.clone();
@@ -74,7 +74,7 @@ impl Planner {
         };
         let store = &self.shared.store;
         let stored = store.get(&id).unwrap_or_else(|error| {
-            warn!(%error, "the graph cache cannot be read: building instead");
+            warn!(%error, "graph cache cannot be read; building the graph instead");
             None
         });
         let cached = stored.is_some();
@@ -90,15 +90,15 @@ impl Planner {
                 info!(%id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
                 job.enter(Stage::Index);
                 if let Err(error) = store.put(&id, &built) {
-                    warn!(%error, "the graph is not cached");
+                    warn!(%error, "graph could not be stored in the cache");
                 }
                 built
             }
         };
-        // No edit may come between reading the layers and listing the graph that they apply to.
+        // Lock out edits until the graph is in memory: they would miss it after its layers have been read.
         let _editing = self.shared.editing.blocking_lock();
-        let live = if cached { or_nothing(store.live(&id)) } else { LiveEvidence::default() };
-        let layers = or_nothing(store.layers(&origin.level()));
+        let live = if cached { or_empty(store.live(&id)) } else { LiveEvidence::default() };
+        let layers = or_empty(store.layers(&origin.level()));
         let hosted = Arc::new(Hosted::new(origin, graph, stats, cached, live, layers));
         self.keep_ready(hosted.clone());
         Ok(hosted)

@@ -6,19 +6,20 @@ use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 /// Limits and sizes of a planner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlannerConfig {
-    /// Most vertices of a graph (`--max-vertices`).
+    /// Maximum number of vertices of a graph (`--max-vertices`).
     pub max_vertices: usize,
-    /// Most queries in one batch (`--max-queries`).
+    /// Maximum number of queries in one batch (`--max-queries`).
     pub max_queries: usize,
-    /// Most builds that run or wait (`--max-builds`).
+    /// Maximum number of builds that are running or waiting (`--max-builds`).
     pub max_builds: usize,
-    /// Graphs kept in memory (`--graphs-in-memory`).
+    /// Maximum number of graphs in memory (`--graphs-in-memory`).
     pub graphs_in_memory: usize,
-    /// Threads that probe (`--threads`).
+    /// Number of threads for probing (`--threads`).
     pub threads: usize,
-    /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair (`--table-vertices`).
+    /// Largest number of vertices at which a graph gets a table of next hops, 5 bytes for each pair of vertices
+    /// (`--table-vertices`).
     pub table_vertices: usize,
-    /// Most imported maps that are kept (`--max-maps`).
+    /// Maximum number of imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
 }
 

@@ -1,40 +1,40 @@
-//! Why a planner cannot do what it is asked.
+//! Errors of the planner.
 
 use surefoot_net::levels::LevelError;
 use surefoot_planner::edits::LayerError;
 use surefoot_planner::store::StoreError;
 use surefoot_planner::{BuildError, VertexId};
 
-/// Why a planner cannot do what it is asked. Cloned to all who wait for one build.
+/// Why a call of the planner failed. The error of a build is cloned for every client that waits for it.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum PlannerError {
-    /// A graph id is not one.
+    /// A graph id is malformed.
     #[error("graph_id is not 64 hexadecimal digits")]
     BadGraphId,
-    /// No such graph is in memory.
+    /// The graph is not in memory.
     #[error("graph {0} is not loaded: call StartBuild first (a cached graph loads at once)")]
     UnknownGraph(String),
-    /// A graph is no longer in memory.
+    /// The graph was removed from memory.
     #[error("graph {0} is no longer loaded: call StartBuild")]
     Unloaded(String),
-    /// There is no such build, or it ended too long ago.
+    /// There is no such build, or it ended more than ten minutes ago.
     #[error("there is no build {0}, or it ended more than ten minutes ago")]
     UnknownBuild(String),
-    /// A graph has no such vertex.
-    #[error("{field} is {vertex}, the graph has {count} vertices")]
+    /// The graph has no such vertex.
+    #[error("{field} is {vertex}, but the graph has only {count} vertices")]
     UnknownVertex {
-        /// Which field names it.
+        /// Field of the request that names the vertex.
         field: &'static str,
-        /// What it names.
+        /// The vertex that does not exist.
         vertex: VertexId,
-        /// Vertices that there are.
+        /// Number of vertices of the graph.
         count: usize,
     },
-    /// A level has no such layer.
+    /// The level has no such layer.
     #[error("there is no layer `{0}`")]
     UnknownLayer(String),
-    /// As many builds run or wait as may.
-    #[error("{0} builds run or wait already, the most allowed (--max-builds)")]
+    /// As many builds as allowed are running or waiting.
+    #[error("{0} builds are already running or waiting, the maximum (--max-builds)")]
     TooManyBuilds(usize),
     /// The graph cannot be built.
     #[error(transparent)]
@@ -42,16 +42,16 @@ pub enum PlannerError {
     /// An imported level cannot be used.
     #[error(transparent)]
     Level(#[from] LevelError),
-    /// A layer is refused.
+    /// A layer is invalid.
     #[error("layer: {0}")]
     Layer(#[from] LayerError),
-    /// Layers were changed since the revision that the caller knows.
-    #[error("somebody else has changed the layers of this level meanwhile: GetLayers tells how, then try again")]
+    /// The layers were changed since the revision that the caller knows.
+    #[error("somebody else has changed the layers of this level: read them with GetLayers, then try again")]
     Overtaken,
-    /// Layers cannot be read or kept.
+    /// Layers cannot be read or stored.
     #[error("{what}: {reason}")]
     Store {
-        /// What was tried.
+        /// What failed.
         what: &'static str,
         /// Why it failed.
         reason: String,
@@ -59,23 +59,23 @@ pub enum PlannerError {
     /// The service is shutting down.
     #[error("the service is shutting down: connect again later")]
     ShuttingDown,
-    /// Work in the background ended without a result.
+    /// A background task ended without a result.
     #[error("{what} failed: {reason}")]
     Lost {
-        /// Which work.
+        /// Name of the task.
         what: &'static str,
-        /// How it ended.
+        /// How the task ended.
         reason: String,
     },
 }
 
 impl PlannerError {
-    /// Work in the background that ended without a result.
+    /// Converts the failure of a background task.
     pub(crate) fn lost(what: &'static str) -> impl FnOnce(tokio::task::JoinError) -> Self {
         move |error| Self::Lost { what, reason: error.to_string() }
     }
 
-    /// A store that did not do what was tried.
+    /// Converts a failure of the store; `what` says what failed.
     pub(crate) fn store(what: &'static str) -> impl FnOnce(StoreError) -> Self {
         move |error| Self::Store { what, reason: error.to_string() }
     }

@@ -1,4 +1,4 @@
-//! One graph in memory: what was proved, edited and reported, and the router made of it all.
+//! One graph in memory: the proved graph, the layers and live evidence that apply to it, and the router that results.
 
 use crate::locks::POISON;
 use std::collections::BTreeSet;
@@ -19,16 +19,16 @@ use surefoot_rollout::probe::ProbeContext;
 use surefoot_world::Vec3;
 use tokio::sync::watch;
 
-/// The state of a level's layers as a number: a hash of what they say, so that equal edits have equal revisions.
+/// Revision of a level's layers: a hash of their content, so that equal layers have equal revisions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Revision(pub NonZeroU64);
 
 impl Revision {
-    /// The state of these layers.
+    /// Returns the revision of these layers.
     pub fn of(layers: &[Layer]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for layer in layers {
-            // Each begins with its checksum, so that none runs into the next.
+            // Each encoded layer begins with its checksum, so different lists of layers have different encodings.
             hasher.update(&encode_layer(layer));
         }
         let first = hasher.finalize().as_bytes().first_chunk().copied().expect("32 bytes");
@@ -36,44 +36,44 @@ impl Revision {
     }
 }
 
-/// What decides how a hosted graph is edited and searched.
+/// Where a graph comes from, and what editing and searching it needs.
 #[derive(Debug, Clone)]
 pub struct Origin {
     /// Identity of the graph.
     pub id: GraphId,
-    /// Where its map comes from.
+    /// Source of the map.
     pub source: MapSource,
-    /// What it was built with.
+    /// Settings of the build.
     pub settings: BuildSettings,
-    /// Hash of its map, hexadecimal.
+    /// Content hash of the map, 64 hexadecimal digits.
     pub map_hash: String,
-    /// What proved it.
+    /// Policy that proved the graph.
     pub policy: Policy,
-    /// Threads to use.
+    /// Number of threads.
     pub thread_count: usize,
-    /// Vertices up to which it gets a table of next hops.
+    /// Largest number of vertices at which the router gets a table of next hops.
     pub table_limit: usize,
 }
 
 /// A graph in memory.
 #[derive(Debug)]
 pub struct Hosted {
-    /// What decides how it is edited and searched.
+    /// Where the graph comes from, and what editing and searching it needs.
     pub origin: Origin,
-    /// What its build took.
+    /// Statistics of the build.
     pub stats: BuildStats,
-    /// Whether it came from the store.
+    /// Whether the graph came from the store.
     pub cached: bool,
     proved: NavGraph,
     view: RwLock<Arc<View>>,
     live: Mutex<LiveEvidence>,
-    /// Set while a refresh is due.
+    /// Whether a refresh is scheduled.
     pub refresh_is_due: AtomicBool,
-    /// Told whenever plans may come out differently.
+    /// Notified whenever plans may change.
     changes: watch::Sender<()>,
 }
 
-/// A graph at one moment: readers keep theirs while a new one is made.
+/// An immutable snapshot of a graph, except for `repriced`. Readers keep the old snapshot while a new one is made.
 #[derive(Debug)]
 struct View {
     router: Router,
@@ -81,12 +81,12 @@ struct View {
     layers: Vec<Layer>,
     revision: Revision,
     connected: f64,
-    /// Edges that have changed since the router was made.
+    /// Costs of edges that have changed since the router was made.
     repriced: RwLock<Repriced>,
 }
 
 impl Hosted {
-    /// Makes a proved graph ready, with what was reported of it and the level's layers.
+    /// Applies the level's layers and live evidence to a proved graph, and prepares it for queries.
     pub fn new(
         origin: Origin,
         proved: NavGraph,
@@ -108,17 +108,17 @@ impl Hosted {
         }
     }
 
-    /// Told whenever plans may come out differently; over when the graph is no longer kept.
+    /// Returns a receiver that is notified whenever plans may change, and closed when the graph is dropped.
     pub fn changes(&self) -> watch::Receiver<()> {
         self.changes.subscribe()
     }
 
-    /// The state of the layers.
+    /// Returns the revision of the layers.
     pub fn revision(&self) -> Revision {
         self.view().revision
     }
 
-    /// The level that its layers belong to.
+    /// Returns the level whose layers apply to the graph.
     pub fn level(&self) -> LevelId {
         self.origin.level()
     }
@@ -127,14 +127,15 @@ impl Hosted {
         self.view.read().expect(POISON).clone()
     }
 
-    /// The cheapest plan at present prices.
+    /// Finds the cheapest plan at current costs.
     pub fn plan(&self, query: &Query) -> Plan {
         let view = self.view();
         let repriced = view.repriced.read().expect(POISON);
         view.router.find_path_at(query, &repriced)
     }
 
-    /// Learns from traversals: how many were of edges that the graph has.
+    /// Adds traversals to the live evidence and reprices their edges. Returns the number of traversals along edges that the
+    /// graph has.
     pub fn report(&self, traversals: &[Traversal]) -> u32 {
         let view = self.view();
         let mut live = self.live.lock().expect(POISON);
@@ -148,7 +149,7 @@ impl Hosted {
         accepted
     }
 
-    /// Makes a router of all that was reported up to now; what is to be remembered of it.
+    /// Makes a new router from the live evidence so far, and returns that evidence for the store.
     pub fn refresh(&self) -> LiveEvidence {
         let view = self.view();
         let live = self.live.lock().expect(POISON).clone();
@@ -161,7 +162,7 @@ impl Hosted {
             repriced: RwLock::default(),
         };
         let mut current = self.view.write().expect(POISON);
-        // Layers that were applied meanwhile win.
+        // Keep the newer view if layers were applied in the meantime.
         if Arc::ptr_eq(&current, &view) {
             *current = Arc::new(next);
         }
@@ -170,11 +171,11 @@ impl Hosted {
         live
     }
 
-    /// Applies these layers to what was proved, in place of those before.
+    /// Applies `layers` to the proved graph, in place of the layers before.
     pub fn apply_layers(&self, layers: Vec<Layer>) {
         let live = {
             let mut live = self.live.lock().expect(POISON);
-            // Vertices that layers put in may have other numbers from now on.
+            // Vertices that layers add may now have other indices.
             live.keep_below(self.proved.vertex_count());
             live.clone()
         };
@@ -183,23 +184,23 @@ impl Hosted {
         self.changes.send_replace(());
     }
 
-    /// What NPCs reported.
+    /// Returns the live evidence.
     pub fn live(&self) -> LiveEvidence {
         self.live.lock().expect(POISON).clone()
     }
 
-    /// The layers, and the edits in them that found nothing to change.
+    /// Returns the layers, and those of their edits that could not be applied.
     pub fn layers(&self) -> (Vec<Layer>, Vec<Unapplied>) {
         let view = self.view();
         (view.layers.clone(), view.edited.unapplied.clone())
     }
 
-    /// The graph as plans see it.
+    /// Calls `read` with the graph that plans use: with layers and live evidence applied.
     pub fn with_graph<T>(&self, read: impl FnOnce(&NavGraph) -> T) -> T {
         read(self.view().router.graph())
     }
 
-    /// The graph as plans see it, with what designers did to it.
+    /// Calls `read` with the graph that plans use, and with what designers forced and removed.
     pub fn with_edited<T>(&self, read: impl FnOnce(GraphView<'_>) -> T) -> T {
         let view = self.view();
         read(GraphView {
@@ -210,7 +211,7 @@ impl Hosted {
         })
     }
 
-    /// Its figures, with those of its build.
+    /// Returns the figures of the graph and of its build.
     pub fn figures(&self) -> Figures {
         Figures {
             map_hash: self.origin.map_hash.clone(),
@@ -220,7 +221,7 @@ impl Hosted {
         }
     }
 
-    /// Its figures.
+    /// Returns the figures of the graph as it is now.
     fn summary(&self) -> Summary {
         let view = self.view();
         let graph = view.router.graph();
@@ -236,48 +237,48 @@ impl Hosted {
     }
 }
 
-/// A graph as it is shown to people.
+/// A graph with the changes that designers made to it.
 #[derive(Debug, Clone, Copy)]
 pub struct GraphView<'a> {
-    /// As plans see it.
+    /// The graph that plans use.
     pub graph: &'a NavGraph,
-    /// Edges that designers put in.
+    /// Edges that designers forced.
     pub forced: &'a BTreeSet<EdgeKey>,
-    /// Vertices that designers took out.
+    /// Vertices that designers removed.
     pub removed: &'a BTreeSet<VertexId>,
-    /// State of the layers.
+    /// Revision of the layers.
     pub revision: Revision,
 }
 
 /// Figures of a graph and of its build.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figures {
-    /// Hash of its map, hexadecimal.
+    /// Content hash of the map, 64 hexadecimal digits.
     pub map_hash: String,
-    /// What its build took.
+    /// Statistics of the build.
     pub stats: BuildStats,
-    /// Whether it came from the store.
+    /// Whether the graph came from the store.
     pub cached: bool,
-    /// The graph as it is now.
+    /// Figures of the graph as it is now.
     pub summary: Summary,
 }
 
 /// Figures of a graph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summary {
-    /// Vertices.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Edges.
+    /// Number of edges.
     pub edges: usize,
-    /// Strongly connected components.
+    /// Number of islands (strongly connected components).
     pub islands: u32,
     /// Share of ordered pairs of vertices with a path, in [0, 1].
     pub connected: f64,
-    /// Traversals of NPCs that are remembered.
+    /// Number of NPCs' traversals that count towards the evidence.
     pub traversals: u64,
-    /// Edits in all layers.
+    /// Number of edits in all layers.
     pub edits: usize,
-    /// Of those, how many found nothing to change.
+    /// Number of these edits that could not be applied.
     pub unapplied_edits: usize,
 }
 
@@ -298,7 +299,8 @@ impl View {
 }
 
 impl Origin {
-    /// What layers belong to: a generated map's spec, or the name of a level, which outlives changes of it.
+    /// Returns the level that layers belong to. An imported level is identified by its name, so that its layers outlive changes
+    /// of its map; a generated map, by its spec.
     pub fn level(&self) -> LevelId {
         match &self.source {
             MapSource::Spec(spec) => LevelId::of_spec(spec),

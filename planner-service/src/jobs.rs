@@ -1,4 +1,5 @@
-//! Builds as those see them who start, watch, list and cancel them: operations with an id, which go on when nobody watches.
+//! Builds as clients see them: operations with an id that clients start, watch, list and cancel. A build continues when nobody
+//! watches it.
 
 use crate::error::PlannerError;
 use crate::hosted::Figures;
@@ -12,17 +13,17 @@ use surefoot_net::levels::MapSource;
 use surefoot_planner::{BuildError, BuildSettings, GraphId, Progress};
 use tokio::sync::watch;
 
-/// How long a build is listed after it has ended.
+/// Time for which a build is listed after it has ended.
 const KEPT_FOR: Duration = Duration::from_secs(600);
-/// Ended builds that are listed at most; the oldest are forgotten first.
+/// Maximum number of ended builds that are listed; the oldest are removed first.
 const MAX_ENDED: usize = 256;
 
-/// A build on this service.
+/// Identifies a build on this service until the service restarts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BuildId(u64);
 
 impl BuildId {
-    /// The id that [`Display`](fmt::Display) wrote.
+    /// Parses 16 lower-case hexadecimal digits, as [`Display`](fmt::Display) writes them; `None` if `text` is anything else.
     pub fn parse(text: &str) -> Option<Self> {
         let is_ours = text.len() == 16 && text.bytes().all(|digit| matches!(digit, b'0'..=b'9' | b'a'..=b'f'));
         u64::from_str_radix(text, 16).ok().filter(|_| is_ours).map(Self)
@@ -35,10 +36,10 @@ impl fmt::Display for BuildId {
     }
 }
 
-/// Where a build stands.
+/// Stage of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Waiting for its turn.
+    /// Waiting for another build to end.
     Queued,
     /// Generating the map.
     Map,
@@ -46,85 +47,86 @@ pub enum Stage {
     Vertices,
     /// Running the policy along candidate edges.
     Probes,
-    /// Storing the graph and preparing the search.
+    /// Storing the graph, applying layers and preparing the search.
     Index,
     /// The graph is ready.
     Done,
-    /// It failed.
+    /// The build failed.
     Failed,
-    /// It was cancelled.
+    /// The build was cancelled.
     Cancelled,
 }
 
 impl Stage {
-    /// Whether nothing follows.
+    /// Returns whether this is a final stage.
     pub fn is_end(self) -> bool {
         self >= Stage::Done
     }
 }
 
-/// What a build made.
+/// Result of a build.
 #[derive(Debug, Clone)]
 pub struct Made {
     /// The graph.
     pub graph: GraphId,
-    /// Its figures when it was ready.
+    /// Figures of the graph when it became ready.
     pub figures: Figures,
 }
 
 #[derive(Debug, Clone)]
 struct State {
-    /// All stages up to now.
+    /// All stages so far, the current one last.
     stages: Vec<Stage>,
+    /// When and how the build ended.
     end: Option<(Instant, Result<Made, PlannerError>)>,
 }
 
-/// A build.
+/// A build that is waiting, running or ended.
 #[derive(Debug)]
 pub struct Job {
-    /// Its id.
+    /// Identifies the build.
     pub id: BuildId,
-    /// Where the map comes from.
+    /// Source of the map.
     pub source: MapSource,
-    /// What is built.
+    /// Settings of the build.
     pub settings: BuildSettings,
-    /// When it was started.
+    /// When the build was requested.
     pub started: SystemTime,
-    /// Probes done and to be done.
+    /// Probes that are done and to be done, and the request to cancel.
     pub progress: Progress,
     state: watch::Sender<State>,
 }
 
 impl Job {
-    /// The stages that it has been in, the present one last.
+    /// Returns all stages so far, the current one last.
     pub fn stages(&self) -> Vec<Stage> {
         let mut stages = self.state.borrow().stages.clone();
         self.note_probes(&mut stages);
         stages
     }
 
-    /// Adds the stage of probes once they have begun: they are counted where they are run, which knows no stages.
+    /// Adds [`Stage::Probes`] once probes have begun. The builder only counts probes; it does not know stages.
     fn note_probes(&self, stages: &mut Vec<Stage>) {
         if stages.last() == Some(&Stage::Vertices) && self.progress.total.load(Ordering::Relaxed) > 0 {
             stages.push(Stage::Probes);
         }
     }
 
-    /// How it ended, if it has.
+    /// Returns the result; `None` while the build is running or waiting.
     pub fn end(&self) -> Option<Result<Made, PlannerError>> {
         self.state.borrow().end.as_ref().map(|(_, end)| end.clone())
     }
 
-    /// Resolves at the next change of stage.
+    /// Returns a future that resolves at the next change of stage after this call.
     pub fn changes(&self) -> impl Future<Output = ()> + Send + 'static {
         let mut changes = self.state.subscribe();
         async move {
-            // A job that is gone changes no more; it says so by its end.
+            // An error means that the job was dropped: nothing changes any more.
             let _ = changes.changed().await;
         }
     }
 
-    /// Resolves when it has been cancelled.
+    /// Resolves when the build has been cancelled.
     pub(crate) async fn cancelled(&self) {
         let mut changes = self.state.subscribe();
         while !self.is_cancelled() {
@@ -134,12 +136,12 @@ impl Job {
         }
     }
 
-    /// Whether it is to stop.
+    /// Returns whether the build has been cancelled; it may take a moment to stop.
     pub(crate) fn is_cancelled(&self) -> bool {
         self.progress.cancel.load(Ordering::Relaxed)
     }
 
-    /// Asks it to stop.
+    /// Cancels the build; does nothing if it has ended.
     pub fn cancel(&self) {
         self.progress.cancel.store(true, Ordering::Relaxed);
         self.state.send_modify(|_| {});
@@ -174,25 +176,26 @@ impl Job {
     }
 }
 
-/// All builds of a service: those that run or wait, and those that ended lately.
+/// All builds of a service: those that are running or waiting, and those that ended recently.
 #[derive(Debug, Default)]
 pub struct Jobs {
     jobs: Mutex<BTreeMap<BuildId, Arc<Job>>>,
 }
 
 impl Jobs {
-    /// The build of this graph that runs or waits, or a new one, of which the second value says so.
+    /// Returns the build of this graph that is running or waiting, or adds a new one. The second value says whether the build is
+    /// new.
     ///
     /// # Errors
-    /// If `limit` builds run or wait already.
-    pub(crate) fn join(
+    /// If `limit` builds are already running or waiting.
+    pub(crate) fn find_or_add(
         &self,
         source: MapSource,
         settings: BuildSettings,
         limit: usize,
     ) -> Result<(Arc<Job>, bool), PlannerError> {
         let mut jobs = self.jobs.lock().expect(POISON);
-        forget_old(&mut jobs);
+        remove_ended(&mut jobs);
         let started = SystemTime::now();
         let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let last = jobs.last_key_value().map_or(0, |(id, _)| id.0);
@@ -216,29 +219,30 @@ impl Jobs {
         Ok((job, true))
     }
 
-    /// A build.
+    /// Returns a build by its id.
     ///
     /// # Errors
-    /// If there is none of that id, or it ended too long ago.
+    /// If there is no such build, or it ended too long ago.
     pub fn find(&self, id: &str) -> Result<Arc<Job>, PlannerError> {
         let found = BuildId::parse(id).and_then(|id| self.jobs.lock().expect(POISON).get(&id).cloned());
         found.ok_or_else(|| PlannerError::UnknownBuild(id.to_owned()))
     }
 
-    /// All builds, the latest first.
+    /// Returns all builds, the latest first.
     pub fn all(&self) -> Vec<Arc<Job>> {
         let mut jobs = self.jobs.lock().expect(POISON);
-        forget_old(&mut jobs);
+        remove_ended(&mut jobs);
         jobs.values().rev().cloned().collect()
     }
 
-    /// Builds that run or wait.
+    /// Returns the number of builds that are running or waiting.
     pub fn open_count(&self) -> usize {
         self.jobs.lock().expect(POISON).values().filter(|job| !job.has_ended()).count()
     }
 }
 
-fn forget_old(jobs: &mut BTreeMap<BuildId, Arc<Job>>) {
+/// Removes builds that ended too long ago, and the oldest ended ones beyond [`MAX_ENDED`].
+fn remove_ended(jobs: &mut BTreeMap<BuildId, Arc<Job>>) {
     let ended_at = |job: &Job| job.state.borrow().end.as_ref().map(|(at, _)| *at);
     jobs.retain(|_, job| ended_at(job).is_none_or(|at| at.elapsed() < KEPT_FOR));
     let ended: Vec<BuildId> = jobs.values().filter(|job| job.has_ended()).map(|job| job.id).collect();

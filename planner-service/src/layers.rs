@@ -1,4 +1,4 @@
-//! Changes of designers' layers: one at a time, stored first, then applied to every graph of the level.
+//! Changes of layers: made one at a time, stored first, then applied to every graph of the level.
 
 use crate::error::PlannerError;
 use crate::hosted::{Hosted, Revision};
@@ -7,19 +7,19 @@ use std::sync::Arc;
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::store::LevelId;
 
-/// What a caller wants changed.
+/// A change of one layer.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LayerChange {
-    /// This layer, in place of the one of its name.
+    /// Replaces the layer of the same name.
     Put(Layer),
-    /// These edits after those of the layer of this name; a new one where there is none.
+    /// Appends edits to the layer of this name, which is created if it does not exist.
     Append(String, Vec<Edit>),
-    /// The last edits of the layer of this name are taken back.
+    /// Removes this number of edits from the end of the layer of this name.
     Undo(String, usize),
 }
 
 impl LayerChange {
-    /// The layer as it is to be.
+    /// Returns the changed layer.
     fn apply(self, layers: &[Layer]) -> Result<Layer, PlannerError> {
         let find = |name: &str| layers.iter().find(|layer| layer.name == name).cloned();
         let changed = match self {
@@ -40,19 +40,20 @@ impl LayerChange {
     }
 }
 
-/// A level's layers after a change.
+/// Result of a change of layers.
 pub struct Changed {
-    /// The graph that was named.
+    /// The graph that the caller named.
     pub hosted: Arc<Hosted>,
-    /// Edits that do not fit it.
+    /// Edits that could not be applied to this graph.
     pub unapplied: Vec<Unapplied>,
 }
 
 impl Planner {
-    /// Changes a layer of a graph's level; given a revision, only if the layers are in that state.
+    /// Changes a layer of a graph's level. If `if_revision` is given, the layers must be of that revision.
     ///
     /// # Errors
-    /// If the graph is not in memory, the layers are in another state, or the change is refused or cannot be stored.
+    /// If the graph is not in memory, the layers are of another revision, the changed layer is invalid, there is no layer to
+    /// remove edits from, or the change cannot be stored.
     pub async fn change_layers(
         &self,
         graph_id: &str,
@@ -63,7 +64,7 @@ impl Planner {
         let hosted = self.ready(graph_id)?;
         let planner = self.clone();
         let task = tokio::task::spawn_blocking(move || {
-            // Held until the change is made, even if nobody waits for the answer any more.
+            // Held until the change is complete, even if the caller is gone.
             let _editing = editing;
             let level = hosted.level();
             let layers = planner.store_change(&level, if_revision, change)?;
@@ -80,14 +81,14 @@ impl Planner {
         task.await.map_err(PlannerError::lost("the edit"))?
     }
 
-    /// Stores a change: all layers of the level as they are then, by name.
+    /// Stores a change, and returns all layers of the level after it, by name.
     fn store_change(
         &self,
         level: &LevelId,
         if_revision: Option<Revision>,
         change: LayerChange,
     ) -> Result<Vec<Layer>, PlannerError> {
-        // What is stored is what counts: a graph shows it a little later.
+        // The store is authoritative: graphs in memory apply the layers a little later.
         let stored = self.shared.store.layers(level);
         let mut layers = stored.map_err(PlannerError::store("the layers cannot be read"))?;
         if if_revision.is_some_and(|revision| revision != Revision::of(&layers)) {
@@ -99,7 +100,7 @@ impl Planner {
             layers.push(changed.clone());
         }
         layers.sort_by(|a, b| a.name.cmp(&b.name));
-        self.shared.store.put_layer(level, &changed).map_err(PlannerError::store("the layer cannot be kept"))?;
+        self.shared.store.put_layer(level, &changed).map_err(PlannerError::store("the layer cannot be stored"))?;
         Ok(layers)
     }
 }

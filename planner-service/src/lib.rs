@@ -1,8 +1,9 @@
-//! The planner service: graphs that are built, cached, edited and searched for clients over gRPC.
+//! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
-//! [`planner`] is the service without a wire: [`hosted`] one graph in memory, [`builds`] how it gets there, [`layers`] how designers
-//! change it. [`store`] keeps graphs and layers on disk. [`grpc`] decodes, calls and encodes, [`wire`] converts; nothing else knows a
-//! wire type. Building and searching themselves are the pure library `surefoot-planner`.
+//! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and
+//! [`layers`] applies designers' changes. [`store`] keeps graphs and layers on disk. [`grpc`] decodes requests, calls the
+//! planner and encodes responses; [`wire`] converts types. Only these two and `serve` use wire types. Building and searching
+//! are in the pure library `surefoot-planner`.
 
 pub mod builds;
 mod config;

@@ -1,4 +1,4 @@
-//! What every lock of the service relies on.
+//! The invariant of the service's locks.
 
-/// Nobody panics while holding one.
+/// Panic message for a poisoned lock. Locks are never poisoned, because no code panics while holding one.
 pub(crate) const POISON: &str = "no holder of this lock panics";

@@ -1,7 +1,8 @@
-//! The planner: graphs in use, and what builds, edits, probes and queries them. Knows no wire type.
+//! The planner: holds graphs in memory, answers queries, and runs probes on demand. It uses no wire types.
 //!
-//! Graphs in use ([`Hosted`]) are kept in memory, all of them in the store; `builds` makes new ones, `layers` changes what designers
-//! put over them. What NPCs report counts at once where it makes an edge dearer; a new table follows within seconds.
+//! All graphs are in the store, recently used ones ([`Hosted`]) also in memory. `builds` makes new graphs; `layers` applies
+//! designers' edits. Reported traversals change the costs of their edges at once; a new table of next hops follows within
+//! seconds.
 
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;
@@ -25,10 +26,10 @@ use surefoot_world::{Map, Seed, Vec3};
 use tokio::sync::Semaphore;
 use tracing::warn;
 
-/// From a report to the table that has learned from it.
+/// Delay from a report of traversals to the new table of next hops.
 const REFRESH_AFTER: Duration = Duration::from_secs(2);
 
-/// A planner; clones share everything.
+/// A planner. Clones share all state.
 #[derive(Clone)]
 pub struct Planner {
     pub(crate) shared: Arc<Shared>,
@@ -39,23 +40,24 @@ pub(crate) struct Shared {
     pub policy: Policy,
     pub store: Box<dyn GraphStore>,
     pub levels: LevelStore,
-    /// Most recently used last.
+    /// Graphs in memory, the most recently used last.
     ready: Mutex<VecDeque<Arc<Hosted>>>,
     pub jobs: Jobs,
-    /// One build at a time: each uses all cores.
-    pub turn: Semaphore,
-    /// One change of layers at a time, and no graph that reads them meanwhile.
+    /// Permits one build at a time, because each uses all cores.
+    pub build_slot: Semaphore,
+    /// Held while layers are changed, and while a new graph reads its layers.
     pub editing: Arc<tokio::sync::Mutex<()>>,
-    /// Probes that run at a time for those who ask for one.
+    /// Limits the number of probes on demand that run at a time.
     probing: Arc<Semaphore>,
-    /// The map of the last such probe.
+    /// The map of the last probe on demand.
     probed_map: Mutex<Option<Arc<Map>>>,
+    /// Number of plans answered.
     plans: AtomicU64,
     pub shutdown: Shutdown,
 }
 
 impl Planner {
-    /// A planner for one policy.
+    /// Creates a planner that proves edges with `policy`.
     pub fn new(config: PlannerConfig, policy: Policy, store: Box<dyn GraphStore>, shutdown: Shutdown) -> Self {
         let shared = Shared {
             config,
@@ -64,7 +66,7 @@ impl Planner {
             levels: LevelStore::new(config.max_maps),
             ready: Mutex::default(),
             jobs: Jobs::default(),
-            turn: Semaphore::new(1),
+            build_slot: Semaphore::new(1),
             editing: Arc::default(),
             probing: Arc::new(Semaphore::new(config.threads.max(1))),
             probed_map: Mutex::default(),
@@ -74,22 +76,22 @@ impl Planner {
         Self { shared: Arc::new(shared) }
     }
 
-    /// Limits and sizes.
+    /// Returns the planner's limits and sizes.
     pub fn config(&self) -> &PlannerConfig {
         &self.shared.config
     }
 
-    /// Maps that clients imported.
+    /// Returns the maps that clients imported.
     pub fn levels(&self) -> &LevelStore {
         &self.shared.levels
     }
 
-    /// Set when the service stops.
+    /// Returns the signal that is set when the service stops.
     pub fn shutdown(&self) -> &Shutdown {
         &self.shared.shutdown
     }
 
-    /// The Prometheus text.
+    /// Returns the metrics in Prometheus text format.
     pub fn metrics(&self) -> String {
         let plans = self.shared.plans.load(Ordering::Relaxed);
         let graphs = self.shared.ready.lock().expect(POISON).len();
@@ -97,26 +99,26 @@ impl Planner {
         format!(
             "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
-             # HELP surefoot_builds Builds that run or wait.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n"
+             # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n"
         )
     }
 
     // --- graphs in memory ---
 
-    /// A graph that somebody queries.
+    /// Returns a graph in memory and marks it as used.
     ///
     /// # Errors
-    /// If the id is not one, or the graph is not in memory.
+    /// If the id is malformed, or the graph is not in memory.
     pub fn ready(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
         let hosted = self.find(graph_id)?;
         self.note_use(&hosted.origin.id);
         Ok(hosted)
     }
 
-    /// A graph, without counting as a use of it.
+    /// Returns a graph in memory without marking it as used.
     ///
     /// # Errors
-    /// As [`ready`](Self::ready).
+    /// If the id is malformed, or the graph is not in memory.
     pub fn find(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
         let id = GraphId::parse(graph_id).ok_or(PlannerError::BadGraphId)?;
         let ready = self.shared.ready.lock().expect(POISON);
@@ -124,12 +126,12 @@ impl Planner {
         found.ok_or_else(|| PlannerError::UnknownGraph(graph_id.to_owned()))
     }
 
-    /// All graphs in memory, the most recently used first.
+    /// Returns all graphs in memory, the most recently used first.
     pub fn all_ready(&self) -> Vec<Arc<Hosted>> {
         self.shared.ready.lock().expect(POISON).iter().rev().cloned().collect()
     }
 
-    /// Marks a graph as used: the graph, if it is in memory.
+    /// Marks a graph as used, and returns it if it is in memory.
     pub(crate) fn note_use(&self, id: &GraphId) -> Option<Arc<Hosted>> {
         let mut ready = self.shared.ready.lock().expect(POISON);
         let at = ready.iter().position(|entry| entry.origin.id == *id)?;
@@ -138,6 +140,7 @@ impl Planner {
         Some(entry)
     }
 
+    /// Adds a graph to those in memory, and drops the least recently used beyond the limit.
     pub(crate) fn keep_ready(&self, entry: Arc<Hosted>) {
         let mut ready = self.shared.ready.lock().expect(POISON);
         ready.retain(|other| other.origin.id != entry.origin.id);
@@ -149,13 +152,14 @@ impl Planner {
 
     // --- plans and reports ---
 
-    /// The cheapest plan.
+    /// Finds the cheapest plan at current costs.
     pub fn plan(&self, hosted: &Hosted, query: &Query) -> Plan {
         self.shared.plans.fetch_add(1, Ordering::Relaxed);
         hosted.plan(query)
     }
 
-    /// Learns from traversals along edges of a graph: how many were of edges that it has.
+    /// Adds traversals to the live evidence of a graph, and schedules a new table of next hops. Returns the number of traversals
+    /// along edges that the graph has.
     pub fn report(&self, hosted: &Arc<Hosted>, traversals: &[Traversal]) -> u32 {
         let accepted = hosted.report(traversals);
         if accepted > 0 {
@@ -164,7 +168,7 @@ impl Planner {
         accepted
     }
 
-    /// Makes a new table of a graph, unless one is due already.
+    /// Schedules a new table of next hops, unless one is already scheduled.
     fn refresh_later(&self, hosted: Arc<Hosted>) {
         if hosted.refresh_is_due.swap(true, Ordering::Relaxed) {
             return;
@@ -181,12 +185,12 @@ impl Planner {
                 planner.store_report(&hosted, &live);
             });
             if let Err(error) = task.await {
-                warn!(%error, "a graph is not brought up to date");
+                warn!(%error, "graph could not be refreshed with live evidence");
             }
         });
     }
 
-    /// Stores what NPCs reported of all graphs in memory.
+    /// Stores the live evidence of all graphs in memory.
     pub(crate) fn store_reports(&self) {
         for hosted in self.shared.ready.lock().expect(POISON).iter() {
             self.store_report(hosted, &hosted.live());
@@ -197,7 +201,7 @@ impl Planner {
         if !live.is_empty()
             && let Err(error) = self.shared.store.put_live(&hosted.origin.id, live)
         {
-            warn!(%error, "what NPCs reported is not stored");
+            warn!(%error, "live evidence could not be stored");
         }
     }
 
@@ -214,10 +218,11 @@ impl Planner {
 
     // --- probes on demand ---
 
-    /// Runs the policy once between two vertices: how it went, and where the feet were after every tick, m.
+    /// Runs the policy once between two vertices. Returns the outcome, and the positions of the feet at the start and after every
+    /// tick, m.
     ///
     /// # Errors
-    /// If the graph has no such vertex, or its map cannot be made.
+    /// If the graph has no such vertex, or the probe does not complete.
     pub async fn probe(
         &self,
         hosted: Arc<Hosted>,
@@ -233,22 +238,23 @@ impl Planner {
             })
         };
         let trial = Trial { start: position(from, "from")?, goal: position(to, "to")?, stream: 0, keep_track: false };
-        let Ok(turn) = self.shared.probing.clone().acquire_owned().await else {
+        let Ok(permit) = self.shared.probing.clone().acquire_owned().await else {
             return Err(PlannerError::ShuttingDown);
         };
         let planner = self.clone();
         let task = tokio::task::spawn_blocking(move || {
-            // The caller may be gone: the turn is over when the probe is.
-            let _turn = turn;
+            // Held until the probe is complete, even if the caller is gone.
+            let _permit = permit;
             let context = planner.context_of(&hosted)?;
             Ok(probe::replay(&context, &trial, seed))
         });
         task.await.map_err(PlannerError::lost("the probe"))?
     }
 
-    /// What probes on a graph's map run with. The map that was used last is kept, since designers try one edge after another.
+    /// Returns the context of probes on a graph's map. The map of the last probe is kept, because designers probe one edge after
+    /// another.
     fn context_of(&self, hosted: &Hosted) -> Result<ProbeContext, PlannerError> {
-        // Others who need it wait until it is made.
+        // The lock is held while the map is generated, so that concurrent probes share it.
         let mut kept = self.shared.probed_map.lock().expect(POISON);
         let map = match kept.clone().filter(|map| map.hash().to_hex() == hosted.origin.map_hash) {
             Some(map) => map,
@@ -260,10 +266,10 @@ impl Planner {
     }
 }
 
-/// What the store holds, or nothing where it cannot be read.
-pub(crate) fn or_nothing<T: Default>(read: Result<T, StoreError>) -> T {
+/// Returns what was read from the store, or an empty value, with a warning, if the store cannot be read.
+pub(crate) fn or_empty<T: Default>(read: Result<T, StoreError>) -> T {
     read.unwrap_or_else(|error| {
-        warn!(%error, "the graph cache cannot be read");
+        warn!(%error, "graph cache cannot be read");
         T::default()
     })
 }

@@ -1,4 +1,4 @@
-//! A planner service from start to end.
+//! Runs a planner service from start to shutdown.
 
 use crate::config::PlannerConfig;
 use crate::grpc::PlannerApi;
@@ -9,7 +9,7 @@ use surefoot_policy::Policy;
 use surefoot_proto::planner::v1::planner_service_server::{PlannerServiceServer, SERVICE_NAME};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 
-/// Serves the planner on `endpoint` until `shutdown`.
+/// Serves the planner on `endpoint` until `shutdown`, then cancels its builds and stores live evidence.
 ///
 /// # Errors
 /// If the transport fails.

@@ -1,8 +1,8 @@
-//! The embedded store: one redb file with graphs, what NPCs reported of them, and designers' layers.
+//! The embedded store: one redb file with graphs, live evidence and layers.
 //!
-//! A damaged entry is named, dropped and built again; a damaged
-//! file is set aside under another name. Never is a wrong graph served. Graphs that have not been used for longest make
-//! room for others; layers, which nobody could build again, never do.
+//! A damaged entry is logged and treated as absent, so that its graph is built again; a damaged file is renamed and replaced.
+//! A wrong graph is never served. The least recently used graphs are evicted to make room for others; layers never are,
+//! because they cannot be rebuilt.
 
 use redb::{Database, Durability, ReadableDatabase, ReadableTable, TableDefinition};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,13 +21,13 @@ type Blobs = TableDefinition<'static, &'static [u8], &'static [u8]>;
 const GRAPHS: Blobs = TableDefinition::new("graphs");
 const LIVE: Blobs = TableDefinition::new("live");
 const LAYERS: Blobs = TableDefinition::new("layers");
-/// Of each graph: when it was last used, as a count of uses, and its size in bytes.
+/// For each graph: the number of its last use, counted over all graphs, and its size in bytes.
 const USES: TableDefinition<'static, &'static [u8], (u64, u64)> = TableDefinition::new("uses");
 
-/// Bytes of graphs that are kept unless told otherwise.
+/// Default for the total size of the stored graphs, in bytes.
 pub const DEFAULT_LIMIT_BYTES: u64 = 1 << 30;
 
-/// The embedded store: one redb file.
+/// A store in one redb file.
 #[derive(Debug)]
 pub struct DiskStore {
     path: PathBuf,
@@ -36,29 +36,31 @@ pub struct DiskStore {
 }
 
 impl DiskStore {
-    /// Opens or creates `graphs.redb` in `folder`, to hold about `limit_bytes` of graphs. A damaged file is set aside as
-    /// `graphs.redb.damaged`.
+    /// Opens or creates `graphs.redb` in `folder`, for graphs of about `limit_bytes` in total. A damaged file is renamed to
+    /// `graphs.redb.damaged` and replaced by an empty one.
     ///
     /// # Errors
-    /// If the folder or file cannot be used at all, or another process has it open.
+    /// If the folder or file cannot be created or renamed, or another process has the file open.
     pub fn open(folder: &Path, limit_bytes: u64) -> Result<Self, StoreError> {
         let path = folder.join("graphs.redb");
         let fail = |reason: String| StoreError { place: path.display().to_string(), reason };
         std::fs::create_dir_all(folder).map_err(|error| fail(error.to_string()))?;
-        // The format checks itself, but a flipped bit in the wrong place makes its reader panic.
+        // redb verifies its file, but some damage makes it panic.
         let opened = catch_unwind(AssertUnwindSafe(|| Database::create(&path)));
         let database = match opened {
             Ok(Ok(database)) => database,
             Ok(Err(redb::DatabaseError::DatabaseAlreadyOpen)) => {
-                return Err(fail("another process has it open: stop it, or choose another cache folder".to_owned()));
+                return Err(fail(
+                    "another process has the file open: stop that process, or choose another cache folder".to_owned(),
+                ));
             }
             broken => {
                 let reason = match broken {
                     Ok(Err(error)) => error.to_string(),
-                    _ => "it cannot be read".to_owned(),
+                    _ => "the file cannot be read".to_owned(),
                 };
                 let aside = path.with_extension("redb.damaged");
-                warn!(path = %path.display(), aside = %aside.display(), reason, "graph cache is damaged: set aside, starting empty");
+                warn!(path = %path.display(), aside = %aside.display(), reason, "graph cache is damaged; renamed it and started with an empty one");
                 std::fs::rename(&path, &aside).map_err(|error| fail(error.to_string()))?;
                 Database::create(&path).map_err(|error| fail(error.to_string()))?
             }
@@ -66,16 +68,16 @@ impl DiskStore {
         Ok(Self { path, database, limit_bytes })
     }
 
-    /// Runs one access to the file; a reader that trips over damage becomes an error.
+    /// Runs one access to the file, and turns a panic of redb on damaged data into an error.
     fn guarded<T>(&self, access: impl FnOnce() -> Result<T, redb::Error>) -> Result<T, StoreError> {
         let fail = |reason: String| StoreError { place: self.path.display().to_string(), reason };
         match catch_unwind(AssertUnwindSafe(access)) {
             Ok(result) => result.map_err(|error| fail(error.to_string())),
-            Err(_) => Err(fail("it is damaged: stop all that use it and delete it".to_owned())),
+            Err(_) => Err(fail("the file is damaged: stop all processes that use it and delete it".to_owned())),
         }
     }
 
-    /// An entry as `decode` reads it; a damaged one is named and reads as absent.
+    /// Reads and decodes an entry. A damaged entry is logged and treated as absent.
     fn read<T>(
         &self,
         table: Blobs,
@@ -94,7 +96,7 @@ impl DiskStore {
         Ok(bytes.and_then(|bytes| match decode(&bytes) {
             Ok(value) => Some(value),
             Err(reason) => {
-                warn!(path = %self.path.display(), what, reason, "an entry of the graph cache is damaged: it is passed over");
+                warn!(path = %self.path.display(), what, reason, "ignored a damaged entry of the graph cache");
                 None
             }
         }))
@@ -109,7 +111,7 @@ impl DiskStore {
         })
     }
 
-    /// Notes that a graph is being used, without waiting for the disk.
+    /// Records a use of a graph, without waiting for the disk.
     fn note_use(&self, id: &GraphId) -> Result<(), StoreError> {
         self.guarded(|| {
             let mut transaction = self.database.begin_write()?;
@@ -142,7 +144,7 @@ impl GraphStore for DiskStore {
     fn get(&self, id: &GraphId) -> Result<Option<Built>, StoreError> {
         let Some(built) = self.read(GRAPHS, &id.0, "graph", decode_entry)? else { return Ok(None) };
         if let Err(error) = self.note_use(id) {
-            warn!(%error, "a use is not noted");
+            warn!(%error, "use of a graph could not be recorded");
         }
         Ok(Some(built))
     }
@@ -173,7 +175,7 @@ impl GraphStore for DiskStore {
                     graphs.remove(key.as_slice())?;
                     live.remove(key.as_slice())?;
                     uses.remove(key.as_slice())?;
-                    info!(path = %self.path.display(), bytes = size, "a graph that was not used for long makes room");
+                    info!(path = %self.path.display(), bytes = size, "evicted the least recently used graph");
                 }
             }
             transaction.commit()?;
@@ -212,7 +214,7 @@ impl GraphStore for DiskStore {
             match decode_layer(&bytes) {
                 Ok(layer) => layers.push(layer),
                 Err(reason) => {
-                    warn!(path = %self.path.display(), reason, "a layer of edits is damaged: it is left out")
+                    warn!(path = %self.path.display(), reason, "ignored a damaged layer")
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Between the wire types of `surefoot.planner.v1` and the planner's own. What comes in is checked here.
+//! Conversions between the wire types of `surefoot.planner.v1` and the planner's own types. Incoming values are checked here.
 
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;
@@ -20,10 +20,10 @@ use surefoot_proto::world::v1::MapSpec;
 use surefoot_world::{DECISION_SECONDS, Vec3};
 use tonic::Status;
 
-/// Settings from the wire, defaults filled in.
+/// Converts settings from the wire; absent values become defaults.
 ///
 /// # Errors
-/// If an enum value is unknown or a number out of range.
+/// If an enum value is unknown or a number is out of range.
 pub fn settings_from_wire(
     settings: Option<&wire::BuildSettings>,
     config: &PlannerConfig,
@@ -32,7 +32,7 @@ pub fn settings_from_wire(
     let Some(settings) = settings else { return Ok(defaults) };
     let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
     let unknown = |field: &str, value: i32| {
-        status::invalid(format!("settings.{field}"), format!("settings.{field} {value} is unknown"))
+        status::invalid(format!("settings.{field}"), format!("settings.{field} has the unknown value {value}"))
     };
     let placement = match wire::Placement::try_from(settings.placement) {
         Ok(wire::Placement::Unspecified | wire::Placement::Spaced) => Placement::Spaced,
@@ -49,7 +49,7 @@ pub fn settings_from_wire(
         Ok(wire::Probing::Exhaustive) => Probing::Exhaustive,
         Err(_) => return Err(unknown("probing", settings.probing)),
     };
-    let asked = RawBuildSettings {
+    let raw = RawBuildSettings {
         placement,
         vertices: or(settings.vertices, defaults.vertices),
         neighbours: or(settings.neighbours, defaults.neighbours),
@@ -60,25 +60,25 @@ pub fn settings_from_wire(
         special_moves: !settings.without_special_moves,
     };
     let limit = config.max_vertices.min(MAX_VERTICES);
-    if asked.vertices > limit {
-        let message = format!("settings.vertices is {}, at most {limit} are allowed (--max-vertices)", asked.vertices);
+    if raw.vertices > limit {
+        let message = format!("settings.vertices is {}; at most {limit} are allowed (--max-vertices)", raw.vertices);
         return Err(status::too_large("settings.vertices", message));
     }
-    let checked = BuildSettings::try_from(asked);
+    let checked = BuildSettings::try_from(raw);
     checked.map_err(|error| status::invalid(format!("settings.{}", error.field), error.to_string()))
 }
 
-/// The state that layers must be in; 0 asks for none.
+/// Converts a required revision from the wire; 0 means that any revision will do.
 pub fn revision_from_wire(revision: u64) -> Option<Revision> {
     NonZeroU64::new(revision).map(Revision)
 }
 
-/// A revision on the wire.
+/// Converts a revision to the wire.
 pub fn revision_to_wire(revision: Revision) -> u64 {
     revision.0.get()
 }
 
-/// An edge on the wire; `forced` if a designer put it in.
+/// Converts an edge to the wire; `forced` says whether a designer forced it.
 pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
     wire::Edge {
         from: edge.key.from.0,
@@ -95,19 +95,19 @@ pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
     }
 }
 
-/// A layer from the wire; its numbers are checked by the layer itself.
+/// Converts a layer from the wire. [`Layer::validate`] checks its name and numbers later.
 ///
 /// # Errors
-/// If it, one of its edits or a place is missing, or a place is not finite.
+/// If the layer, one of its edits or a position is missing, or a position is not finite.
 pub fn layer_from_wire(layer: Option<&wire::Layer>) -> Result<Layer, FieldError> {
     let layer = layer.ok_or(FieldError::Missing("layer"))?;
     Ok(Layer { name: layer.name.clone(), edits: edits_from_wire(&layer.edits)? })
 }
 
-/// Edits from the wire.
+/// Converts edits from the wire.
 ///
 /// # Errors
-/// If one is empty, or a place is missing or not finite.
+/// If an edit is empty, or a position is missing or not finite.
 pub fn edits_from_wire(edits: &[wire::Edit]) -> Result<Vec<Edit>, FieldError> {
     edits.iter().map(edit_from_wire).collect()
 }
@@ -130,7 +130,7 @@ fn edit_from_wire(edit: &wire::Edit) -> Result<Edit, FieldError> {
     })
 }
 
-/// A layer on the wire.
+/// Converts a layer to the wire.
 pub fn layer_to_wire(layer: &Layer) -> wire::Layer {
     wire::Layer { name: layer.name.clone(), edits: layer.edits.iter().map(edit_to_wire).collect() }
 }
@@ -156,7 +156,7 @@ fn edit_to_wire(edit: &Edit) -> wire::Edit {
     wire::Edit { edit: Some(edit) }
 }
 
-/// What does not fit, on the wire.
+/// Converts unapplied edits to the wire.
 pub fn unapplied_to_wire(unapplied: &[Unapplied]) -> Vec<wire::UnappliedEdit> {
     unapplied
         .iter()
@@ -168,7 +168,7 @@ pub fn unapplied_to_wire(unapplied: &[Unapplied]) -> Vec<wire::UnappliedEdit> {
         .collect()
 }
 
-/// A graph's figures on the wire.
+/// Converts the figures of a graph to the wire.
 pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
     let Figures { map_hash, stats, cached, summary } = figures;
     wire::GraphSummary {
@@ -187,7 +187,7 @@ pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
     }
 }
 
-/// A whole graph on the wire.
+/// Converts a whole graph to the wire.
 pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
     let summary = Some(summary_to_wire(&hosted.figures()));
     hosted.with_edited(|GraphView { graph, forced, removed, revision }| wire::GetGraphResponse {
@@ -200,7 +200,7 @@ pub fn graph_to_wire(hosted: &Hosted) -> wire::GetGraphResponse {
     })
 }
 
-/// A graph in memory, for those who list them.
+/// Converts a graph in memory to an entry of a listing.
 pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
     let (map, level) = source_to_wire(&hosted.origin.source);
     wire::ReadyGraph {
@@ -212,7 +212,7 @@ pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
     }
 }
 
-/// The spec of a generated map, or the name of an imported level.
+/// Returns the spec of a generated map, or else the name of an imported level.
 fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
     match source {
         MapSource::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
@@ -220,7 +220,7 @@ fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
     }
 }
 
-/// A build in one of its stages, on the wire.
+/// Converts a build to the wire, as it was or is in `stage`.
 pub fn build_to_wire(job: &Job, stage: Stage) -> wire::Build {
     let end = job.end().filter(|_| stage.is_end());
     let (map, level) = source_to_wire(&job.source);
@@ -263,7 +263,7 @@ fn stage_to_wire(stage: Stage) -> wire::BuildStage {
     }
 }
 
-/// What changed between two graphs, on the wire.
+/// Converts the difference of two graphs to the wire.
 pub fn difference_to_wire(found: Difference) -> wire::CompareGraphsResponse {
     let places = |places: Vec<Vec3>| places.into_iter().map(convert::to_wire).collect();
     wire::CompareGraphsResponse {

@@ -1,4 +1,4 @@
-//! The cache on disk: torn and flipped files, eviction, layers and live evidence.
+//! The cache on disk: truncated and damaged files, eviction, layers and live evidence.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,7 +14,7 @@ use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_world::Vec3;
 use surefoot_world::{Ability, Decisions};
 
-/// A graph that its size identifies.
+/// A graph that its number of vertices identifies.
 fn built(vertices: u32) -> Built {
     let edges = (1..vertices).map(|to| {
         let mut evidence = Evidence::default();
@@ -38,7 +38,7 @@ fn open(folder: &Path) -> DiskStore {
 }
 
 #[test]
-fn a_torn_or_flipped_file_never_gives_a_wrong_graph() {
+fn a_truncated_or_damaged_file_never_yields_a_wrong_graph() {
     let folder = tempfile::tempdir().unwrap();
     {
         let store = open(folder.path());
@@ -46,7 +46,7 @@ fn a_torn_or_flipped_file_never_gives_a_wrong_graph() {
     }
     let whole = std::fs::read(folder.path().join("graphs.redb")).unwrap();
     let mut lost = 0;
-    // Every step is odd, so that all places within a page and all bits have their turn.
+    // Steps are odd, so that all positions within a page and all bits of a byte occur.
     let flips = (0..whole.len() * 8).step_by((whole.len() * 8 / 150) | 1).map(|bit| {
         let mut bytes = whole.clone();
         bytes[bit / 8] ^= 1 << (bit % 8);
@@ -71,13 +71,13 @@ fn a_torn_or_flipped_file_never_gives_a_wrong_graph() {
             }
         }
     }
-    assert!(lost > 0, "no damage was ever noticed");
+    assert!(lost > 0, "no damage was detected");
 }
 
 #[test]
 fn a_file_of_garbage_is_set_aside() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("graphs.redb"), b"not a database, but long enough to be looked at").unwrap();
+    std::fs::write(folder.path().join("graphs.redb"), b"not a database, but long enough to have a header").unwrap();
     let store = open(folder.path());
     store.put(&id(1), &built(2)).unwrap();
     assert!(folder.path().join("graphs.redb.damaged").exists());
@@ -85,7 +85,7 @@ fn a_file_of_garbage_is_set_aside() {
 }
 
 #[test]
-fn graphs_that_were_not_used_for_longest_make_room() {
+fn the_least_recently_used_graphs_are_evicted() {
     let folder = tempfile::tempdir().unwrap();
     let size = {
         let store = open(folder.path());
@@ -98,14 +98,14 @@ fn graphs_that_were_not_used_for_longest_make_room() {
     assert!(store.get(&id(1)).unwrap().is_some());
     store.put(&id(4), &built(400)).unwrap();
     let kept: Vec<u8> = (1..=4).filter(|&number| store.get(&id(number)).unwrap().is_some()).collect();
-    assert_eq!(kept, [1, 3, 4], "the second was not used for longest");
-    // One that is larger than the whole cache is still kept until the next.
+    assert_eq!(kept, [1, 3, 4], "the second was used least recently");
+    // A graph larger than the whole limit is kept until the next one is stored.
     store.put(&id(5), &built(4000)).unwrap();
     assert!(store.get(&id(5)).unwrap().is_some());
 }
 
 #[test]
-fn layers_and_live_evidence_are_remembered() {
+fn layers_and_live_evidence_persist() {
     let folder = tempfile::tempdir().unwrap();
     let (level, other) = (LevelId::of(b"one"), LevelId::of(b"two"));
     let layer = |name: &str| Layer { name: name.to_owned(), edits: vec![Edit::AddVertex { at: Vec3::ONE }] };
@@ -129,7 +129,7 @@ fn layers_and_live_evidence_are_remembered() {
 }
 
 #[test]
-fn evidence_and_layers_that_cannot_be_are_damage() {
+fn invalid_evidence_and_layers_count_as_damaged() {
     #[derive(serde::Serialize)]
     struct Stored(BTreeMap<(u32, u32), Evidence>);
     let sealed = |content: Vec<u8>| [blake3::hash(&content).as_bytes().as_slice(), &content].concat();
@@ -138,20 +138,20 @@ fn evidence_and_layers_that_cannot_be_are_damage() {
         change(&mut evidence);
         sealed(postcard::to_stdvec(&Stored(BTreeMap::from([((0, 1), evidence)]))).unwrap())
     };
-    // More tries than are remembered of an edge once overflowed when they were added to its proof.
+    // Regression: more tries than live evidence can hold overflowed when they were added to the probes.
     assert!(decode_live(&entry(|_| {})).is_ok());
     assert!(decode_live(&entry(|evidence| evidence.tries = u32::MAX)).is_err());
     assert!(decode_live(&entry(|evidence| evidence.successes = 2)).is_err());
     assert!(decode_live(&entry(|evidence| evidence.prior = f32::NAN)).is_err());
     let layer = |edit: &str| decode_layer(&sealed(format!(r#"{{"name":"night","edits":[{edit}]}}"#).into_bytes()));
     assert!(layer(r#"{"edit":"add_vertex","at":[1,2,3]}"#).is_ok());
-    // Beyond all floats: once an infinite place.
+    // Regression: a number beyond the range of floats became an infinite coordinate.
     assert!(layer(r#"{"edit":"add_vertex","at":[1e39,2,3]}"#).is_err());
     assert!(layer(r#"{"edit":"price_edge","from":[1,2,3],"to":[4,5,6],"factor":-1}"#).is_err());
 }
 
 #[test]
-fn a_proof_of_very_many_tries_takes_live_evidence_all_the_same() {
+fn live_evidence_adds_to_an_edge_with_the_maximum_number_of_tries() {
     let mut data = built(2).graph.to_data();
     let evidence = &mut data.edges[0].evidence;
     (evidence.tries, evidence.successes) = (u32::MAX, u32::MAX);

@@ -1,21 +1,21 @@
-//! A graph's edges in flat arrays, by the vertex they leave and by the vertex they reach.
+//! A graph's edges in flat arrays: outgoing edges by source vertex, incoming edges by target vertex.
 
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::plan::Leg;
 use std::ops::Range;
 
-/// Edges that may leave one vertex of a graph with a table of next hops: its entries are bytes, of which the highest stands for
-/// "no path".
+/// Exclusive limit on the edges that leave a vertex in a graph with a table of next hops. The table stores an index into them
+/// as a byte, whose highest value stands for "no path".
 const MAX_OUT_DEGREE: u32 = u8::MAX as u32;
 
-/// Place of an edge in the arrays: edges that leave one vertex stand together.
+/// Index of an edge in the arrays; edges that leave the same vertex are contiguous.
 pub(crate) type EdgeIdx = u32;
 
-/// A graph's edges by the vertex they leave.
+/// A graph's edges by source vertex.
 #[derive(Debug)]
 pub(crate) struct Adjacency {
-    /// First edge of each vertex, and one more at the end.
+    /// First edge of each vertex, followed by the edge count.
     starts: Vec<EdgeIdx>,
     keys: Vec<EdgeKey>,
     legs: Vec<Leg>,
@@ -36,7 +36,7 @@ impl Adjacency {
         adjacency
     }
 
-    /// Whether every vertex has few enough edges for a table of next hops.
+    /// Returns whether every vertex has few enough outgoing edges for a table of next hops.
     pub fn fits_table(&self) -> bool {
         self.starts.windows(2).all(|pair| pair[1] - pair[0] < MAX_OUT_DEGREE)
     }
@@ -57,53 +57,54 @@ impl Adjacency {
         self.legs[edge as usize]
     }
 
-    /// The edge at a place among those that leave a vertex.
-    pub fn nth_from(&self, vertex: VertexId, place: u8) -> EdgeIdx {
-        self.starts[vertex.idx()] + EdgeIdx::from(place)
+    /// Returns the outgoing edge of a vertex by its index among the vertex's outgoing edges.
+    pub fn nth_from(&self, vertex: VertexId, out_idx: u8) -> EdgeIdx {
+        self.starts[vertex.idx()] + EdgeIdx::from(out_idx)
     }
 
-    /// Edges that leave a vertex, each with the vertex it reaches and its cost.
-    pub fn leaving(&self, vertex: VertexId) -> impl Iterator<Item = (EdgeIdx, VertexId, f32)> {
+    /// Iterates over the outgoing edges of a vertex: index, target vertex, cost in decisions.
+    pub fn outgoing(&self, vertex: VertexId) -> impl Iterator<Item = (EdgeIdx, VertexId, f32)> {
         let Range { start, end } = self.starts[vertex.idx()]..self.starts[vertex.idx() + 1];
         (start..end).map(|edge| (edge, self.keys[edge as usize].to, self.costs[edge as usize]))
     }
 }
 
-/// An edge as the vertex that it reaches sees it.
+/// An edge in the list of its target vertex.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Arrival {
-    /// The vertex it leaves.
+pub(crate) struct IncomingEdge {
+    /// Source vertex.
     pub from: VertexId,
-    /// Its place among those that leave that vertex.
-    pub place: u8,
+    /// Index among the outgoing edges of the source vertex.
+    pub out_idx: u8,
+    /// Cost in decisions.
     pub cost: f32,
 }
 
-/// A graph's edges by the vertex they reach.
-pub(crate) struct Arrivals {
+/// A graph's edges by target vertex.
+pub(crate) struct IncomingEdges {
     starts: Vec<u32>,
-    edges: Vec<Arrival>,
+    edges: Vec<IncomingEdge>,
 }
 
-impl Arrivals {
-    /// Of a graph that fits a table.
+impl IncomingEdges {
+    /// Lists the incoming edges of a graph that [fits a table](Adjacency::fits_table).
     pub fn new(adjacency: &Adjacency) -> Self {
         let vertex_count = adjacency.vertex_count();
         let mut starts = vec![0u32; vertex_count + 1];
         adjacency.keys.iter().for_each(|key| starts[key.to.idx() + 1] += 1);
         (1..starts.len()).for_each(|idx| starts[idx] += starts[idx - 1]);
         let mut next = starts.clone();
-        let mut edges = vec![Arrival { from: VertexId(0), place: 0, cost: 0.0 }; adjacency.edge_count()];
+        let mut edges = vec![IncomingEdge { from: VertexId(0), out_idx: 0, cost: 0.0 }; adjacency.edge_count()];
         for from in (0..vertex_count).map(VertexId::at) {
-            for (place, (_, to, cost)) in (0u8..).zip(adjacency.leaving(from)) {
-                edges[next[to.idx()] as usize] = Arrival { from, place, cost };
+            for (out_idx, (_, to, cost)) in (0u8..).zip(adjacency.outgoing(from)) {
+                edges[next[to.idx()] as usize] = IncomingEdge { from, out_idx, cost };
                 next[to.idx()] += 1;
             }
         }
         Self { starts, edges }
     }
 
-    pub fn at(&self, vertex: VertexId) -> &[Arrival] {
+    pub fn at(&self, vertex: VertexId) -> &[IncomingEdge] {
         &self.edges[self.starts[vertex.idx()] as usize..self.starts[vertex.idx() + 1] as usize]
     }
 }

@@ -1,6 +1,6 @@
-//! A whole build: stages in a row, with their statistics.
+//! The build of a graph: its stages in order, and their statistics.
 //!
-//! [`Builder::build`] reads top to bottom: place vertices, find candidates, prove them, keep what holds.
+//! [`Builder::build`] places vertices, finds candidate edges, probes them, and keeps those that are proved.
 
 use crate::candidates::{self, Candidate};
 use crate::evidence::Evidence;
@@ -19,54 +19,54 @@ use surefoot_world::Vec3;
 pub struct Built {
     /// The graph.
     pub graph: NavGraph,
-    /// What it took.
+    /// Statistics of the build.
     pub stats: BuildStats,
 }
 
-/// What a build took, stage by stage.
+/// Statistics of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct BuildStats {
-    /// Candidates.
+    /// Number of candidate edges.
     pub candidates: u64,
-    /// Those of them that come from devices and ledges.
+    /// Candidate edges that come from devices and ledges.
     pub special: u64,
-    /// Candidates that were never tried.
+    /// Candidate edges that were never probed.
     pub untried: u64,
-    /// Episodes run, those of the placement included.
+    /// Number of episodes that were run, including those of the placement.
     pub probes: u64,
-    /// Time to place vertices, s.
+    /// Time spent on placing vertices, s.
     pub placing_s: f64,
-    /// Time to probe, s.
+    /// Time spent on finding candidate edges and probing them, s.
     pub probing_s: f64,
-    /// Time of the whole build, s.
+    /// Duration of the whole build, s.
     pub seconds: f64,
 }
 
-/// Progress of a build, shared with its watchers.
+/// Progress of a build, shared with those who watch or cancel it.
 #[derive(Debug, Default)]
 pub struct Progress {
-    /// Probes finished.
+    /// Number of probes that have finished.
     pub done: AtomicU64,
-    /// Probes that are known to be needed; grows while a build finds out more, 0 while vertices are placed.
+    /// Number of probes that are known to be needed; 0 while vertices are placed, and grows as the build finds more to probe.
     pub total: AtomicU64,
-    /// Set to stop.
+    /// Set to cancel the build.
     pub cancel: AtomicBool,
 }
 
-/// What builds and updates graphs.
+/// Builds and updates graphs.
 #[derive(Clone, Copy)]
 pub struct Builder<'a> {
     /// The map and the character.
     pub site: &'a Site,
-    /// What is built.
+    /// Settings of the build.
     pub settings: &'a BuildSettings,
     /// Runs the probes.
     pub executor: &'a dyn ProbeExecutor,
-    /// Threads for what is not probing.
+    /// Number of threads for work other than probing.
     pub thread_count: usize,
-    /// Seconds since some fixed moment, for the statistics: this crate has no clock of its own.
+    /// Returns the seconds since some fixed moment, for the statistics; this crate has no clock of its own.
     pub clock: &'a dyn Fn() -> f64,
-    /// Where the build stands.
+    /// Progress of the build.
     pub progress: &'a Progress,
 }
 
@@ -74,7 +74,7 @@ impl Builder<'_> {
     /// Builds a graph.
     ///
     /// # Errors
-    /// If the map has no ground, or `progress.cancel` was set.
+    /// If the map has no navigable ground, or `progress.cancel` was set.
     pub fn build(&self) -> Result<Built, BuildError> {
         let started_s = (self.clock)();
         let draft = placement::place(&self.placing())?;
@@ -84,8 +84,8 @@ impl Builder<'_> {
             Some(candidates) => (candidates, 0),
             None => find_candidates(self.site, self.settings, &draft.vertices),
         };
-        let tests_edges = self.settings.placement != Placement::Trajectories;
-        let evidence: Vec<Evidence> = if tests_edges {
+        let probes_edges = self.settings.placement != Placement::Trajectories;
+        let evidence: Vec<Evidence> = if probes_edges {
             let proving = self.proving(&draft.vertices, &candidates);
             proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?
         } else {
@@ -110,7 +110,7 @@ impl Builder<'_> {
         Placing { site, settings, executor, progress: &progress.done, cancel: &progress.cancel }
     }
 
-    /// What it takes to prove `candidates` between `vertices`.
+    /// Prepares the probing of `candidates` between `vertices`.
     pub(crate) fn proving<'b>(&'b self, vertices: &'b [Vec3], candidates: &'b [Candidate]) -> Proving<'b> {
         Proving {
             map: &self.site.map,
@@ -127,12 +127,13 @@ impl Builder<'_> {
     }
 }
 
-/// How many candidates were never tried.
+/// Returns the number of candidate edges that were never probed.
 pub(crate) fn untried(evidence: &[Evidence]) -> u64 {
     evidence.iter().filter(|evidence| evidence.tries == 0).count() as u64
 }
 
-/// Each vertex's nearest and, if asked for, what devices and ledges join; and how many the latter are.
+/// Finds the candidate edges from each vertex to its nearest neighbours and, if the settings include special moves, those at
+/// devices and ledges. Also returns the number of the latter.
 pub fn find_candidates(site: &Site, settings: &BuildSettings, vertices: &[Vec3]) -> (Vec<Candidate>, u64) {
     let mut candidates = candidates::nearest(vertices, settings.neighbours);
     if !settings.special_moves {

@@ -1,8 +1,8 @@
-//! Which pairs of vertices are worth a try.
+//! Selects candidate edges: the pairs of vertices that are worth probing.
 //!
-//! The paper's candidates are each vertex's nearest others. Special moves join places that are not near: a pad's
-//! landing, the end of a zip line, the foot of a cliff. [`by_features`] adds those from the map's own devices and
-//! ledges, so that no such edge depends on luck.
+//! In the paper, each vertex is paired with its nearest neighbours. Special moves join vertices that are farther apart: a
+//! pad and its landing, the ends of a zip line, the top and foot of a cliff. [`by_features`] adds such pairs from the
+//! map's devices and ledges, so that they do not depend on chance.
 
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
@@ -10,29 +10,29 @@ use std::collections::BTreeSet;
 use surefoot_world::float::hypot;
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
-/// A pair of vertices that is worth a try.
+/// A candidate edge: an ordered pair of vertices.
 pub type Candidate = EdgeKey;
 
-/// Vertices beside a device's entrance, and beside its exit, that are joined.
+/// Number of vertices at a device's entrance, and at its exit, that are paired.
 const BESIDE: usize = 3;
-/// How far a vertex beside a device may be, m.
+/// Greatest horizontal distance of such a vertex from the device, m.
 const BESIDE_M: f32 = 14.0;
-/// Landings that a pad or jetpack is tried for.
+/// Number of landings that are considered for a pad or jetpack.
 const LANDINGS: usize = 5;
-/// How far a pad throws, m: its flight at 11 m/s until it comes down high up.
+/// Greatest horizontal distance from a pad to a landing, m: a flight at 11 m/s that ends high up.
 const THROW_M: f32 = 20.0;
-/// How far a jetpack carries, m.
+/// Greatest horizontal distance from a jetpack to a landing, m.
 const JETPACK_M: f32 = 40.0;
-/// Rise beyond which two jumps are not enough, m; below, pads are not tried.
+/// Least rise of a landing, m; two jumps reach lower ones without a pad or jetpack.
 const JUMP_RISE_M: f32 = 3.0;
-/// Ledges below that each vertex is tried against.
+/// Number of lower vertices that each vertex is paired with for drops.
 const DROPS: usize = 2;
-/// Least height of a drop that counts as special, m; others are found among the nearest.
+/// Least height of such a drop, m; lower drops are found among the nearest neighbours.
 const DROP_M: f32 = 4.0;
-/// How far a character sails while dropping, m.
+/// Greatest horizontal distance that a character covers while dropping, m.
 const DROP_REACH_M: f32 = 16.0;
 
-/// Each vertex with its `neighbours` nearest others, in the order of the vertices, nearest first.
+/// Pairs each vertex with its `neighbours` nearest vertices, in the order of the vertices, nearest first.
 pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
     let mut candidates = Vec::with_capacity(vertices.len() * neighbours);
     let mut others: Vec<(f32, u32)> = Vec::with_capacity(vertices.len());
@@ -55,7 +55,7 @@ pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
     candidates
 }
 
-/// Candidates from the map's devices and ledges that are not among `known`, in ascending order.
+/// Finds the candidate edges at the map's devices and ledges that are not in `known`, in ascending order.
 pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
     let mut found = BTreeSet::new();
     let grid = PointGrid::new(vertices, BESIDE_M);
@@ -102,7 +102,8 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
     found.into_iter().collect()
 }
 
-/// Up to `count` vertices that are nearest to `point` on the plane, among those that `fits` lets through.
+/// Returns up to `count` vertices within `reach` metres of `point` on the plane whose position satisfies `fits`, nearest
+/// first.
 fn closest(
     grid: &PointGrid,
     vertices: &[Vec3],

@@ -1,8 +1,8 @@
-//! Designers' changes to a graph: named layers of edits that apply to what was proved.
+//! Designers' changes to a graph: named layers of edits that apply to the proved graph.
 //!
-//! Edits name places, not indices, so a layer outlives the graph that it was made on: after a rebuild with other
-//! settings, another policy or a changed map it is laid over whatever stands there now. An edit that finds nothing to
-//! change is left out and [says so](Unapplied). Vertices are changed first, in the order of the edits, then edges.
+//! Edits refer to vertices by position, not by index, so a layer outlives the graph that it was made for: it also applies
+//! to a graph that was rebuilt with other settings, another policy or a changed map. An edit that finds nothing to change
+//! is skipped and reported as [`Unapplied`]. Edits of vertices are applied first, in order, then edits of edges.
 
 use crate::build::{Builder, Progress};
 use crate::candidates::Candidate;
@@ -17,66 +17,66 @@ use std::collections::BTreeSet;
 use surefoot_world::character::MoveScratch;
 use surefoot_world::{Seconds, Vec3, navigable};
 
-/// How far from the place that an edit names a vertex may stand, m.
+/// Greatest distance of a vertex from the position by which an edit refers to it, m.
 const FIT_M: f32 = 3.0;
-/// How much higher or lower than asked for a new vertex may come to stand, m.
+/// Greatest height difference between the position in an edit and the ground that the vertex is placed on, m.
 const STAND_M: f32 = 2.0;
-/// Most edits of a layer.
+/// Maximum number of edits in a layer.
 pub const MAX_EDITS: usize = 4096;
-/// Longest name of a layer, in bytes.
+/// Maximum length of a layer's name, in bytes.
 pub const MAX_NAME: usize = 64;
-/// What a price may be multiplied by.
+/// Allowed factors on the cost of an edge.
 pub const FACTORS: std::ops::RangeInclusive<f32> = 0.1..=1000.0;
-/// Longest time that a forced edge may be said to take, s.
+/// Longest duration that an edit may give a forced edge, s.
 const MAX_SECONDS: f32 = 3600.0;
-/// Vertices that a new one is tried against.
+/// Number of nearest neighbours that a new or moved vertex is probed against.
 const NEIGHBOURS: usize = 12;
 
-/// One change.
+/// One change of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "edit", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Edit {
-    /// Takes the edge between the vertices at these places out.
+    /// Removes an edge.
     ForbidEdge {
-        /// Where it leaves, m.
+        /// Position of the vertex that the edge leaves, m.
         from: Vec3,
-        /// Where it leads, m.
+        /// Position of the vertex that the edge reaches, m.
         to: Vec3,
     },
-    /// Puts an edge in, proved or not.
+    /// Adds an edge, proved or not.
     ForceEdge {
-        /// Where it leaves, m.
+        /// Position of the vertex that the edge leaves, m.
         from: Vec3,
-        /// Where it leads, m.
+        /// Position of the vertex that the edge reaches, m.
         to: Vec3,
-        /// How long it takes, s; estimated if not given.
+        /// Duration, 0 to 3600 s; estimated if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         seconds: Option<f32>,
     },
-    /// Makes an edge dearer or cheaper.
+    /// Multiplies the cost of an edge.
     PriceEdge {
-        /// Where it leaves, m.
+        /// Position of the vertex that the edge leaves, m.
         from: Vec3,
-        /// Where it leads, m.
+        /// Position of the vertex that the edge reaches, m.
         to: Vec3,
-        /// Factor on its price, 0.1 to 1000.
+        /// Factor on the cost, 0.1 to 1000.
         factor: f32,
     },
-    /// Puts a vertex in and tries it against its nearest, both ways.
+    /// Adds a vertex and probes it against its nearest neighbours, in both directions.
     AddVertex {
-        /// Where, m.
+        /// Position of the new vertex, m; the vertex is placed on the ground within 2 m above or below.
         at: Vec3,
     },
-    /// Moves a vertex and tries it again.
+    /// Moves a vertex and probes it against its nearest neighbours, in both directions.
     MoveVertex {
-        /// Where it stands, m.
+        /// Present position of the vertex, m.
         from: Vec3,
-        /// Where it is to stand, m.
+        /// New position, m; the vertex is placed on the ground within 2 m above or below.
         to: Vec3,
     },
-    /// Takes a vertex and all its edges out.
+    /// Removes a vertex and all its edges.
     RemoveVertex {
-        /// Where it stands, m.
+        /// Position of the vertex, m.
         at: Vec3,
     },
 }
@@ -85,40 +85,40 @@ pub enum Edit {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Layer {
-    /// Its name.
+    /// Name, 1 to 64 bytes without control characters; unique within a level.
     pub name: String,
-    /// What it changes, in order.
+    /// Edits in the order in which they apply, at most 4096.
     pub edits: Vec<Edit>,
 }
 
-/// A layer that cannot be taken.
+/// Why a layer is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LayerError {
-    /// Its name is empty, too long or holds control characters.
+    /// The name is empty, too long or contains control characters.
     #[error("layer names have 1 to {MAX_NAME} bytes and no control characters")]
     Name,
-    /// It is too long.
-    #[error("a layer holds at most {MAX_EDITS} edits, this one {0}")]
+    /// The layer has too many edits.
+    #[error("a layer has at most {MAX_EDITS} edits, but this one has {0}")]
     Length(usize),
     /// A number is out of range.
-    #[error("edit {index}: {field} is {value}, allowed are {allowed}")]
+    #[error("edit {index}: {field} is {value}; it must be {allowed}")]
     Number {
-        /// Place of the edit.
+        /// Index of the edit in the layer.
         index: usize,
-        /// Which number.
+        /// Name of the field.
         field: &'static str,
-        /// What it is.
+        /// Value of the field.
         value: f32,
-        /// What it may be.
+        /// Allowed values, for people.
         allowed: &'static str,
     },
 }
 
 impl Layer {
-    /// Checks name and numbers.
+    /// Checks the name, the number of edits, and their numbers.
     ///
     /// # Errors
-    /// Names what is wrong.
+    /// Returns the first violation.
     pub fn validate(&self) -> Result<(), LayerError> {
         if self.name.is_empty() || self.name.len() > MAX_NAME || self.name.chars().any(char::is_control) {
             return Err(LayerError::Name);
@@ -130,15 +130,15 @@ impl Layer {
             let wrong = |field, value, allowed| Err(LayerError::Number { index, field, value, allowed });
             for place in edit.places() {
                 if let Some(&value) = place.to_array().iter().find(|value| !value.is_finite()) {
-                    return wrong("position", value, "finite numbers");
+                    return wrong("position", value, "finite");
                 }
             }
             match *edit {
                 Edit::PriceEdge { factor, .. } if !FACTORS.contains(&factor) => {
-                    return wrong("factor", factor, "0.1 to 1000");
+                    return wrong("factor", factor, "between 0.1 and 1000");
                 }
                 Edit::ForceEdge { seconds: Some(seconds), .. } if !(0.0..=MAX_SECONDS).contains(&seconds) => {
-                    return wrong("seconds", seconds, "0 to 3600");
+                    return wrong("seconds", seconds, "between 0 and 3600");
                 }
                 _ => {}
             }
@@ -159,65 +159,67 @@ impl Edit {
     }
 }
 
-/// Why an edit changes nothing.
+/// Why an edit cannot be applied.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Misfit {
-    /// No vertex stands where it names one.
-    #[error("no vertex stands within {FIT_M} m of ({:.1}, {:.1}, {:.1})", .0.x, .0.y, .0.z)]
+    /// The graph has no vertex near this position.
+    #[error("there is no vertex within {FIT_M} m of ({:.1}, {:.1}, {:.1})", .0.x, .0.y, .0.z)]
     NoVertex(Vec3),
-    /// Its two places are the same vertex.
+    /// Both positions refer to the same vertex.
     #[error("both ends are the same vertex")]
     OneVertex,
     /// No edge joins the two vertices.
     #[error("no edge leads from vertex {} to vertex {}", .0.from, .0.to)]
     NoEdge(EdgeKey),
-    /// A vertex cannot stand there.
+    /// The character cannot stand near this position.
     #[error("the character cannot stand within {STAND_M} m of ({:.1}, {:.1}, {:.1})", .0.x, .0.y, .0.z)]
     NoGround(Vec3),
 }
 
-/// An edit that changed nothing.
+/// An edit that could not be applied.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unapplied {
-    /// Name of its layer.
+    /// Name of the layer.
     pub layer: String,
-    /// Its place in the layer.
+    /// Index of the edit in the layer.
     pub index: usize,
-    /// Why.
+    /// Why the edit could not be applied.
     pub reason: Misfit,
 }
 
 /// A graph with layers applied to it.
 #[derive(Debug, Clone)]
 pub struct Edited {
-    /// The graph. Vertices keep their indices; one taken out has no edges, new ones come last.
+    /// The edited graph. Vertices keep their indices: removed vertices stay without edges, new ones come last.
     pub graph: NavGraph,
-    /// Edits that found nothing to change.
+    /// Edits that could not be applied.
     pub unapplied: Vec<Unapplied>,
-    /// Vertices that were taken out.
+    /// Vertices that were removed.
     pub removed: BTreeSet<VertexId>,
-    /// Edges that were put in, proved or not.
+    /// Edges that were forced, proved or not.
     pub forced: BTreeSet<EdgeKey>,
 }
 
-/// The level that a graph is edited on.
+/// Access to the level that edits are applied on.
 pub trait Terrain {
-    /// Where the character comes to stand at a place, m; `None` if it cannot.
+    /// Returns the position of the feet of a character that stands at `place`, m; `None` if the character cannot stand there.
     fn stand(&self, place: Vec3) -> Option<Vec3>;
 
-    /// Tries candidate edges between vertices at these positions: one evidence each, or `None` if cancelled.
+    /// Probes candidate edges between vertices at these positions. Returns one evidence per candidate, in order; `None` if
+    /// cancelled.
     fn prove(&self, vertices: &[Vec3], candidates: &[Candidate]) -> Option<Vec<Evidence>>;
 }
 
-/// A map, tried as the graph itself was.
+/// A map on which candidate edges are probed as in the build of the graph, except that every candidate is probed
+/// `settings.repeats` times.
 pub struct MapTerrain {
     /// The map and the character.
     pub site: Site,
     /// Runs the probes.
     pub executor: Box<dyn ProbeExecutor + Send + Sync>,
-    /// How the graph was built.
+    /// Settings that the graph was built with.
     pub settings: BuildSettings,
-    /// Threads to use.
+    /// Number of threads.
     pub thread_count: usize,
 }
 
@@ -239,45 +241,48 @@ impl Terrain for MapTerrain {
     }
 }
 
-/// Applies all `layers` to `graph`, in their order. `None` if proving was cancelled.
+/// Applies `layers` to `graph`, in order. An edge to or from a new or moved vertex is kept if its success rate reaches
+/// `threshold`. Returns `None` if probing was cancelled.
 pub fn apply_layers(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain: &dyn Terrain) -> Option<Edited> {
-    let mut sheet = Sheet::of(graph);
+    let mut editor = GraphEditor::of(graph);
     let mut unapplied = Vec::new();
     let edits = || layers.iter().flat_map(|layer| layer.edits.iter().enumerate().map(move |edit| (layer, edit)));
-    let mut note = |layer: &Layer, index, result: Result<(), Misfit>| {
+    let mut record = |layer: &Layer, index, result: Result<(), Misfit>| {
         if let Err(reason) = result {
             unapplied.push(Unapplied { layer: layer.name.clone(), index, reason });
         }
     };
     for (layer, (index, edit)) in edits() {
-        note(layer, index, sheet.change_vertices(edit, terrain));
+        record(layer, index, editor.change_vertices(edit, terrain));
     }
-    sheet.prove_fresh(threshold, terrain)?;
+    editor.prove_unprobed(threshold, terrain)?;
     for (layer, (index, edit)) in edits() {
-        note(layer, index, sheet.change_edges(edit));
+        record(layer, index, editor.change_edges(edit));
     }
-    let graph = NavGraph::check(sheet.data).expect("edits join existing vertices");
-    Some(Edited { graph, unapplied, removed: sheet.gone, forced: sheet.forced })
+    let graph = NavGraph::check(editor.data).expect("edits join existing vertices");
+    Some(Edited { graph, unapplied, removed: editor.removed, forced: editor.forced })
 }
 
-/// A graph that is being edited.
-struct Sheet {
+/// A graph to which edits are being applied.
+struct GraphEditor {
     data: GraphData,
-    /// Vertices that were taken out.
-    gone: BTreeSet<VertexId>,
-    /// Vertices that were put in or moved.
-    fresh: BTreeSet<VertexId>,
-    /// Edges that were put in.
+    /// Vertices that were removed.
+    removed: BTreeSet<VertexId>,
+    /// Vertices that were added or moved.
+    unprobed: BTreeSet<VertexId>,
+    /// Edges that were forced.
     forced: BTreeSet<EdgeKey>,
 }
 
-impl Sheet {
+impl GraphEditor {
     fn of(graph: &NavGraph) -> Self {
-        Self { data: graph.to_data(), gone: BTreeSet::new(), fresh: BTreeSet::new(), forced: BTreeSet::new() }
+        Self { data: graph.to_data(), removed: BTreeSet::new(), unprobed: BTreeSet::new(), forced: BTreeSet::new() }
     }
 
+    /// Returns the nearest remaining vertex, at most [`FIT_M`] away.
     fn vertex_at(&self, place: Vec3) -> Result<VertexId, Misfit> {
-        let standing = (0..).map(VertexId).zip(&self.data.vertices).filter(|(vertex, _)| !self.gone.contains(vertex));
+        let standing =
+            (0..).map(VertexId).zip(&self.data.vertices).filter(|(vertex, _)| !self.removed.contains(vertex));
         let nearest = standing.min_by(|a, b| a.1.distance_squared(place).total_cmp(&b.1.distance_squared(place)));
         match nearest {
             Some((vertex, at)) if at.distance(place) <= FIT_M => Ok(vertex),
@@ -285,6 +290,7 @@ impl Sheet {
         }
     }
 
+    /// Returns the key of the edge between the vertices at two positions.
     fn ends(&self, from: Vec3, to: Vec3) -> Result<EdgeKey, Misfit> {
         let (from, to) = (self.vertex_at(from)?, self.vertex_at(to)?);
         if from == to { Err(Misfit::OneVertex) } else { Ok(EdgeKey { from, to }) }
@@ -295,39 +301,40 @@ impl Sheet {
         match *edit {
             Edit::AddVertex { at } => {
                 let feet = stand(at)?;
-                self.fresh.insert(VertexId::at(self.data.vertices.len()));
+                self.unprobed.insert(VertexId::at(self.data.vertices.len()));
                 self.data.vertices.push(feet);
             }
             Edit::MoveVertex { from, to } => {
                 let vertex = self.vertex_at(from)?;
                 self.data.vertices[vertex.idx()] = stand(to)?;
-                self.cut_off(vertex);
-                self.fresh.insert(vertex);
+                self.remove_edges_of(vertex);
+                self.unprobed.insert(vertex);
             }
             Edit::RemoveVertex { at } => {
                 let vertex = self.vertex_at(at)?;
-                self.cut_off(vertex);
-                self.fresh.remove(&vertex);
-                self.gone.insert(vertex);
+                self.remove_edges_of(vertex);
+                self.unprobed.remove(&vertex);
+                self.removed.insert(vertex);
             }
             Edit::ForbidEdge { .. } | Edit::ForceEdge { .. } | Edit::PriceEdge { .. } => {}
         }
         Ok(())
     }
 
-    fn cut_off(&mut self, vertex: VertexId) {
+    /// Removes all edges of a vertex.
+    fn remove_edges_of(&mut self, vertex: VertexId) {
         self.data.edges.retain(|edge| edge.key.from != vertex && edge.key.to != vertex);
     }
 
-    /// Tries new and moved vertices against their nearest, both ways.
-    fn prove_fresh(&mut self, threshold: f64, terrain: &dyn Terrain) -> Option<()> {
+    /// Probes added and moved vertices against their nearest neighbours, in both directions. `None` if cancelled.
+    fn prove_unprobed(&mut self, threshold: f64, terrain: &dyn Terrain) -> Option<()> {
         let mut candidates: BTreeSet<Candidate> = BTreeSet::new();
-        for &vertex in &self.fresh {
+        for &vertex in &self.unprobed {
             let at = self.data.vertices[vertex.idx()];
             let mut others: Vec<(f32, VertexId)> = (0..)
                 .map(VertexId)
                 .zip(&self.data.vertices)
-                .filter(|(other, _)| *other != vertex && !self.gone.contains(other))
+                .filter(|(other, _)| *other != vertex && !self.removed.contains(other))
                 .map(|(other, place)| (place.distance_squared(at), other))
                 .collect();
             others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -1,27 +1,27 @@
-//! What trying an edge has shown: tries, successes, decisions taken, and what follows from them for its price.
+//! Evidence of an edge (tries, successes, decisions), and the cost that follows from it.
 
 use crate::probe::Outcome;
 use serde::{Deserialize, Serialize};
 use surefoot_world::{Ability, Chance, Decisions, Vec3};
 
-/// What probing an edge showed.
+/// Statistics of the probes and traversals of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
-    /// Probes run.
+    /// Number of tries: probes and traversals.
     pub tries: u32,
-    /// Probes that arrived.
+    /// Number of tries that arrived.
     pub successes: u32,
-    /// Sum of the decisions of those that arrived.
+    /// Sum of the decisions of tries that arrived.
     decisions_sum: f64,
-    /// Sum of their squares.
+    /// Sum of the squares of these decisions.
     decisions_squared: f64,
-    /// Ability used by the least demanding probe that arrived.
+    /// Ability of the least demanding try that arrived: the most demanding ability that this try used.
     pub ability: Ability,
-    /// Chance of success that was expected before the first probe, in [0, 1]; it counts as much as one probe.
+    /// Expected chance of success without any tries, in [0, 1]. It weighs as much as one try.
     pub prior: f32,
-    /// Factor on the price, where a designer set one; 1 otherwise.
+    /// Designers' factor on the cost, 0.1 to 1000; 1 if there is none.
     pub price_factor: f32,
-    /// Corners of the box around all ways taken, m; the lower is above the upper where there were none.
+    /// Lower and upper corner of the bounding box of all probes' tracks, m. Without tracks, the lower corner is above the upper.
     pub bounds: [Vec3; 2],
 }
 
@@ -40,17 +40,17 @@ impl Default for Evidence {
     }
 }
 
-/// Expected chance of a candidate of which nothing is known; high, because candidates are near one another.
+/// Prior of a candidate edge without a prediction; high, because candidates join vertices that are near each other.
 const UNKNOWN_PRIOR: f32 = 0.9;
 
 impl Evidence {
-    /// Adds one probe with the time that it took.
+    /// Adds the outcome of a probe, and widens the bounds by its track.
     pub fn note_probe(&mut self, outcome: &Outcome) {
         self.note(outcome.reached, outcome.decisions, outcome.ability);
         outcome.bounds.into_iter().for_each(|corner| self.cover(corner));
     }
 
-    /// These tries and others of the same edge; ability and prior stay.
+    /// Returns the sum of this evidence and `other` of the same edge. Ability, prior, factor and bounds are those of `self`.
     pub fn and(&self, other: &Evidence) -> Self {
         Self {
             tries: self.tries.saturating_add(other.tries),
@@ -61,7 +61,7 @@ impl Evidence {
         }
     }
 
-    /// Lets everything count half.
+    /// Halves the weight of all tries.
     pub fn halve(&mut self) {
         let kept = self.successes / 2;
         let share = f64::from(kept) / f64::from(self.successes.max(1));
@@ -71,12 +71,12 @@ impl Evidence {
         self.decisions_squared *= share;
     }
 
-    /// Widens the bounds so that they hold `point`.
+    /// Widens the bounds to contain `point`.
     pub fn cover(&mut self, point: Vec3) {
         self.bounds = [self.bounds[0].min(point), self.bounds[1].max(point)];
     }
 
-    /// Adds one probe.
+    /// Adds a try with its number of decisions and the most demanding ability that it used.
     pub fn note(&mut self, reached: bool, decisions: u32, ability: Ability) {
         self.tries += 1;
         if !reached {
@@ -88,34 +88,34 @@ impl Evidence {
         self.decisions_squared += f64::from(decisions) * f64::from(decisions);
     }
 
-    /// Share of probes that arrived, in [0, 1].
+    /// Returns the share of tries that arrived, in [0, 1]; 0 without tries.
     pub fn success_rate(&self) -> f64 {
         f64::from(self.successes) / f64::from(self.tries.max(1))
     }
 
-    /// Estimated chance of success, above 0: tries pulled towards the prior.
+    /// Returns the estimated chance of success, at least 0.001: the success rate with the prior added as one try.
     pub fn chance(&self) -> Chance {
         let successes = f64::from(self.successes) + f64::from(self.prior);
         Chance::new((successes / (f64::from(self.tries) + 1.0)).max(MIN_CHANCE))
     }
 
-    /// Mean decisions of probes that arrived.
+    /// Returns the mean number of decisions of the tries that arrived; 0 without successes.
     pub fn decisions_mean(&self) -> Decisions {
         Decisions(self.decisions_sum / f64::from(self.successes.max(1)))
     }
 
-    /// Standard deviation of those decisions.
+    /// Returns the standard deviation of the decisions of the tries that arrived; 0 without successes.
     pub fn decisions_deviation(&self) -> Decisions {
         let mean = self.decisions_mean().0;
         Decisions((self.decisions_squared / f64::from(self.successes.max(1)) - mean * mean).max(0.0).sqrt())
     }
 
-    /// Whether its numbers can have come from probes that prove an edge.
+    /// Returns whether the evidence is consistent and has at least one success, as that of a proved edge must.
     pub fn is_sound(&self) -> bool {
         self.successes > 0 && self.is_consistent()
     }
 
-    /// Whether its numbers can have come from probes at all.
+    /// Returns whether the values are in range and do not contradict each other.
     pub fn is_consistent(&self) -> bool {
         self.successes <= self.tries
             && (0.0..=f64::MAX).contains(&self.decisions_sum)
@@ -126,7 +126,7 @@ impl Evidence {
             && self.bounds.iter().all(|corner| corner.is_finite())
     }
 
-    /// Evidence of a leg that somebody vouches for: one success that took `decisions`.
+    /// Creates the evidence of an edge that a designer forces: one success in `decisions`, and a prior of 1.
     pub fn vouched(Decisions(decisions): Decisions) -> Self {
         Self {
             tries: 1,
@@ -138,24 +138,25 @@ impl Evidence {
         }
     }
 
-    /// What a search minimises: the [price] of its decisions at its chance, times a designer's factor.
+    /// Returns the cost that a search minimises, in decisions: the [`price`] of the mean decisions at the estimated chance, times
+    /// the designers' factor.
     pub fn cost(&self) -> f64 {
         f64::from(self.price_factor) * price(self.decisions_mean(), self.chance())
     }
 
-    /// Whether enough tries succeeded for an edge.
+    /// Returns whether at least one try succeeded and the success rate reaches `threshold`.
     pub fn proves(&self, threshold: f64) -> bool {
         self.successes > 0 && self.success_rate() >= threshold
     }
 }
 
-/// Expected time of a leg in decisions, what is lost by failing included: tries until one succeeds, plus a price on
-/// risk. Chances multiply along a plan, so their logarithms add.
+/// Returns the cost of a leg in decisions: the expected decisions of all tries until one succeeds, plus a term for risk. The
+/// term is logarithmic in the chance, because chances multiply along a plan.
 pub fn price(decisions: Decisions, chance: Chance) -> f64 {
     decisions.0 / chance.get() - RISK_DECISIONS * libm::log(chance.get())
 }
 
-/// Lowest chance that is distinguished from 0.
+/// Lower bound on the estimated chance of an edge.
 const MIN_CHANCE: f64 = 1.0e-3;
-/// Decisions that a plan may last longer to avoid a leg that fails with probability 1 - 1/e.
+/// Weight of risk: the number of additional decisions that a plan may take to avoid a leg with a chance of 1/e.
 const RISK_DECISIONS: f64 = 60.0;

@@ -1,5 +1,5 @@
-//! Graphs for other programs: GraphML and DOT for graph tools, node-link JSON for networkx, and off-mesh links in the
-//! fields of Detour's `dtNavMeshCreateParams`, so that users of a NavMesh get its islands joined by proved links.
+//! Export of graphs to other programs: GraphML and DOT for graph tools, node-link JSON for networkx, and off-mesh links in
+//! the fields of Detour's `dtNavMeshCreateParams`, so that proved links join the islands of a NavMesh.
 
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
@@ -9,24 +9,24 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use surefoot_world::{Ability, DECISION_SECONDS, Vec3};
 
-/// Forms that a graph can be written in.
+/// File format of an exported graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// GraphML 1.0, an XML format.
     GraphMl,
-    /// Graphviz' DOT.
+    /// DOT, the format of Graphviz.
     Dot,
-    /// Node-link JSON as networkx reads and writes it, with everything that this program needs to read it back.
+    /// Node-link JSON as networkx reads and writes it, with all data that [`import_json`] needs.
     Json,
-    /// Off-mesh connections in Detour's fields, as JSON.
+    /// Off-mesh connections as JSON, in the fields of Detour.
     Detour,
 }
 
 impl Format {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Format; 4] = [Format::GraphMl, Format::Dot, Format::Json, Format::Detour];
 
-    /// Name as used by commands.
+    /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
         match self {
             Format::GraphMl => "graphml",
@@ -37,8 +37,10 @@ impl Format {
     }
 }
 
-/// Writes `graph` in `format`. Off-mesh links are those that `nav_mesh` needs, or, without `max_detour`, all that are more than it does
-/// by itself.
+/// Writes `graph` in `format`.
+///
+/// [`Format::Detour`] exports the edges that are worth a link at `max_detour` ([`NavMesh::links`]); without `max_detour`, all
+/// edges that `nav_mesh` cannot take by itself ([`NavMesh::needs_link`]).
 pub fn export(graph: &NavGraph, format: Format, nav_mesh: NavMesh<'_>, max_detour: Option<f64>) -> String {
     match format {
         Format::GraphMl => graphml(graph),
@@ -55,24 +57,24 @@ pub fn export(graph: &NavGraph, format: Format, nav_mesh: NavMesh<'_>, max_detou
     }
 }
 
-/// A file that is not a graph.
+/// Why a file cannot be imported as a graph.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
-    /// It is not node-link JSON.
-    #[error("it is not a graph as `surefoot graph export --format json` writes it: {0}")]
+    /// The file is not node-link JSON in the form of [`Format::Json`].
+    #[error("the file is not in the format that `surefoot graph export --format json` writes: {0}")]
     Json(#[from] serde_json::Error),
-    /// It makes no sense.
+    /// The graph in the file is invalid.
     #[error(transparent)]
     Graph(#[from] crate::graph::GraphError),
     /// Node ids are not 0, 1, 2 and so on.
-    #[error("node {0} has id {1}, ids count from 0 in order")]
+    #[error("node {0} has id {1}, but ids must count from 0 in order")]
     Ids(usize, u64),
 }
 
-/// Reads node-link JSON back.
+/// Reads a graph from node-link JSON that [`export`] wrote.
 ///
 /// # Errors
-/// If it is not JSON of that form, or the graph in it makes no sense.
+/// If `text` is not JSON of that form, or the graph in it is invalid.
 pub fn import_json(text: &str) -> Result<NavGraph, ImportError> {
     let file: NodeLink = serde_json::from_str(text)?;
     if let Some((idx, node)) = file.nodes.iter().enumerate().find(|(idx, node)| node.id != *idx as u64) {
@@ -117,7 +119,7 @@ struct Node {
 struct Link {
     source: u32,
     target: u32,
-    /// What a search minimises.
+    /// Cost that a search minimises, in decisions.
     weight: f64,
     seconds: f64,
     chance: f64,
@@ -150,7 +152,7 @@ impl NodeLink {
     }
 }
 
-/// Mean duration of the probes that arrived, s.
+/// Returns the mean duration of the probes that arrived, s.
 fn seconds(edge: &Edge) -> f64 {
     edge.evidence.decisions_mean().0 * f64::from(DECISION_SECONDS)
 }
@@ -230,33 +232,34 @@ fn dot(graph: &NavGraph) -> String {
 }
 
 fn line(text: &mut String, arguments: std::fmt::Arguments<'_>) {
-    writeln!(text, "{arguments}").expect("a String takes everything");
+    writeln!(text, "{arguments}").expect("writing to a String does not fail");
 }
 
-/// Off-mesh connections, field by field as `dtNavMeshCreateParams` takes them.
+/// Off-mesh connections in the fields of `dtNavMeshCreateParams`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct OffMeshLinks {
-    /// Links.
+    /// Number of links.
     off_mesh_con_count: usize,
-    /// Start and end of each, six numbers, m.
+    /// Start and end of each link: count x 6 coordinates, m.
     off_mesh_con_verts: Vec<f32>,
-    /// Radius of each end, m.
+    /// Radius of the ends of each link, m.
     off_mesh_con_rad: Vec<f32>,
-    /// 0: from start to end only; 1 (`DT_OFFMESH_CON_BIDIR`): both ways.
+    /// Direction of each link: 0 from start to end only, 1 (`DT_OFFMESH_CON_BIDIR`) both ways.
     off_mesh_con_dir: Vec<u8>,
-    /// Area: one for each ability.
+    /// Area of each link; every ability has an area of its own.
     off_mesh_con_areas: Vec<u8>,
-    /// Flags: one bit for each ability but walking, from bit 0.
+    /// Flags of each link: one bit for each ability, from bit 0; bit 6 for drops.
     off_mesh_con_flags: Vec<u16>,
-    /// Index of the edge in the graph's own export.
+    /// Index of each link's edge in the graph's JSON export.
     #[serde(rename = "offMeshConUserID")]
     off_mesh_con_user_id: Vec<u32>,
-    /// Expected duration of each, failures included, s. Detour has no such field; costs of areas can be set from it.
+    /// Cost of each link in seconds, as [`expected_seconds`] returns it. Detour has no such field; area costs can be derived
+    /// from it.
     off_mesh_con_seconds: Vec<f32>,
-    /// Estimated chance of success of each, 0 to 1.
+    /// Estimated chance of success of each link, 0 to 1.
     off_mesh_con_chance: Vec<f32>,
-    /// What areas and flags mean.
+    /// Area and flag of each ability.
     legend: Vec<AbilityKey>,
 }
 
@@ -267,10 +270,11 @@ struct AbilityKey {
     flag: u16,
 }
 
-/// Area of the first ability; the others follow. Recast itself uses 0 and 63.
+/// Area of the first ability; the others follow. Recast reserves 0 and 63.
 const FIRST_AREA: u8 = 1;
+
 impl OffMeshLinks {
-    /// Links for these edges.
+    /// Creates the links of `edges`, with ends of this radius, m.
     fn of(graph: &NavGraph, edges: &[&Edge], radius: f32) -> Self {
         let kept: BTreeMap<EdgeKey, &Edge> = edges.iter().map(|edge| (edge.key, *edge)).collect();
         let area = |ability: Ability| FIRST_AREA + ability as u8;
@@ -297,7 +301,7 @@ impl OffMeshLinks {
         for (user_id, edge) in (0u32..).zip(graph.edges()).filter(|(_, edge)| kept.contains_key(&edge.key)) {
             let ability = edge.evidence.ability;
             let back = kept.get(&edge.key.reversed()).filter(|back| back.evidence.ability == ability);
-            // A link for both ways is written once, by its lower end.
+            // A bidirectional link is written once, from its lower vertex.
             if back.is_some() && edge.key.from > edge.key.to {
                 continue;
             }
@@ -309,7 +313,7 @@ impl OffMeshLinks {
             links.off_mesh_con_areas.push(area(ability));
             links.off_mesh_con_flags.push(flag(ability));
             links.off_mesh_con_user_id.push(user_id);
-            // Of two directions, the worse.
+            // A bidirectional link has the worse value of its two directions.
             let worst = |value: fn(&Edge) -> f64, pick: fn(f64, f64) -> f64| {
                 back.map_or(value(edge), |back| pick(value(edge), value(back))) as f32
             };

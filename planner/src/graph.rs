@@ -13,13 +13,13 @@ use surefoot_world::Vec3;
 /// A proved edge.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Edge {
-    /// The vertices it joins.
+    /// The vertices that the edge joins.
     pub key: EdgeKey,
-    /// What probing showed.
+    /// Evidence from probes and traversals.
     pub evidence: Evidence,
 }
 
-/// A checked graph: every edge joins two existing, different vertices.
+/// A checked graph: every edge joins two existing, different vertices, and all numbers are valid.
 #[derive(Debug, Clone)]
 pub struct NavGraph {
     graph: DiGraph<Vec3, Edge>,
@@ -28,39 +28,39 @@ pub struct NavGraph {
     island_count: u32,
 }
 
-/// A graph as it is stored and sent, not yet checked.
+/// A graph as plain data for storage and export, not yet checked.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GraphData {
-    /// Positions, m.
+    /// Positions of the vertices, m.
     pub vertices: Vec<Vec3>,
-    /// Edges between them.
+    /// Proved edges; they refer to vertices by index.
     pub edges: Vec<Edge>,
-    /// Prices of legs that nobody has proved.
+    /// Cost model of unproved legs.
     pub legs: LegModel,
 }
 
-/// A stored graph that makes no sense.
+/// Why a graph is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GraphError {
-    /// An edge names a vertex that does not exist, or itself.
-    #[error("edge {} -> {} does not join two of the graph's vertices", .0.from, .0.to)]
+    /// An edge names a vertex that does not exist, or joins a vertex to itself.
+    #[error("edge {} -> {} does not join two different vertices of the graph", .0.from, .0.to)]
     BadEdge(EdgeKey),
-    /// A vertex has a position that is not finite.
-    #[error("vertex {0} has no finite position")]
+    /// The position of a vertex is not finite.
+    #[error("the position of vertex {0} is not finite")]
     BadVertex(usize),
-    /// An edge's evidence contradicts itself.
-    #[error("the evidence of edge {} -> {} makes no sense", .0.from, .0.to)]
+    /// The evidence of an edge is inconsistent.
+    #[error("the evidence of edge {} -> {} is inconsistent", .0.from, .0.to)]
     BadEvidence(EdgeKey),
-    /// The model of unproved legs has a coefficient that is not finite.
-    #[error("the model of unproved legs has a coefficient that is not finite")]
+    /// The cost model of unproved legs has a coefficient that is not finite, or a range below 1 m.
+    #[error("the cost model of unproved legs has a coefficient that is not finite or a range below 1 m")]
     BadLegs,
 }
 
 impl NavGraph {
-    /// Keeps the candidates whose success rate reaches `threshold`.
+    /// Builds the graph of the candidate edges whose success rate reaches `threshold`.
     ///
     /// # Panics
-    /// If there is not one evidence per candidate.
+    /// If `candidates` and `evidence` differ in length.
     pub fn prove(vertices: Vec<Vec3>, candidates: &[Candidate], evidence: &[Evidence], threshold: f64) -> Self {
         assert_eq!(candidates.len(), evidence.len());
         let edges = candidates
@@ -73,10 +73,10 @@ impl NavGraph {
         Self::check(GraphData { vertices, edges, legs }).expect("candidates join existing vertices")
     }
 
-    /// Checks a stored graph.
+    /// Checks `data` and computes its islands.
     ///
     /// # Errors
-    /// Names the first vertex or edge that makes no sense.
+    /// Returns the first invalid vertex or edge, or an invalid cost model.
     pub fn check(data: GraphData) -> Result<Self, GraphError> {
         let mut graph = DiGraph::with_capacity(data.vertices.len(), data.edges.len());
         for (idx, vertex) in data.vertices.iter().enumerate() {
@@ -99,7 +99,7 @@ impl NavGraph {
         if !data.legs.is_finite() {
             return Err(GraphError::BadLegs);
         }
-        // Not Tarjan's: petgraph has it recursive, and a long row of vertices would exhaust the stack.
+        // petgraph's Tarjan is recursive: a long chain of vertices would overflow the stack.
         let components = kosaraju_scc(&graph);
         let mut islands = vec![0; graph.node_count()];
         for (island, members) in components.iter().enumerate() {
@@ -110,7 +110,7 @@ impl NavGraph {
         Ok(Self { graph, legs: data.legs, islands, island_count: components.len() as u32 })
     }
 
-    /// The graph as plain data.
+    /// Returns the graph as plain data.
     pub fn to_data(&self) -> GraphData {
         GraphData {
             vertices: self.graph.node_weights().copied().collect(),
@@ -119,79 +119,82 @@ impl NavGraph {
         }
     }
 
-    /// Prices of legs that nobody has proved.
+    /// Returns the cost model of unproved legs.
     pub fn legs(&self) -> &LegModel {
         &self.legs
     }
 
-    /// The petgraph behind it.
+    /// Returns the underlying petgraph graph.
     pub fn as_petgraph(&self) -> &DiGraph<Vec3, Edge> {
         &self.graph
     }
 
-    /// Vertices.
+    /// Returns the number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.graph.node_count()
     }
 
-    /// All vertices, in order.
+    /// Iterates over all vertices by index.
     pub fn vertices(&self) -> impl Iterator<Item = VertexId> + use<> {
         (0..self.vertex_count()).map(VertexId::at)
     }
 
-    /// Whether the graph has such a vertex.
+    /// Returns whether the graph has this vertex.
     pub fn has_vertex(&self, vertex: VertexId) -> bool {
         vertex.idx() < self.vertex_count()
     }
 
-    /// Proved edges.
+    /// Returns the number of edges.
     pub fn edge_count(&self) -> usize {
         self.graph.edge_count()
     }
 
-    /// Position of a vertex, m.
+    /// Returns the position of a vertex, m.
+    ///
+    /// # Panics
+    /// If the graph has no such vertex.
     pub fn position(&self, vertex: VertexId) -> Vec3 {
         self.graph[node(vertex)]
     }
 
-    /// Edges that leave a vertex.
+    /// Iterates over the edges that leave a vertex.
     pub fn edges_from(&self, vertex: VertexId) -> impl Iterator<Item = &Edge> {
         self.graph.edges(node(vertex)).map(|edge| edge.weight())
     }
 
-    /// The edge between two vertices, if there is one.
+    /// Returns the edge between two vertices, if there is one.
     pub fn edge(&self, EdgeKey { from, to }: EdgeKey) -> Option<&Edge> {
         let edge =
             (self.has_vertex(from) && self.has_vertex(to)).then(|| self.graph.find_edge(node(from), node(to)))??;
         self.graph.edge_weight(edge)
     }
 
-    /// Whether any proved edge leaves a vertex.
+    /// Returns whether any edge leaves the vertex.
     pub fn is_left(&self, vertex: VertexId) -> bool {
         self.edges_from(vertex).next().is_some()
     }
 
-    /// Whether any proved edge reaches a vertex.
+    /// Returns whether any edge reaches the vertex.
     pub fn is_reached(&self, vertex: VertexId) -> bool {
         self.graph.edges_directed(node(vertex), Direction::Incoming).next().is_some()
     }
 
-    /// All edges.
+    /// Iterates over all edges.
     pub fn edges(&self) -> impl Iterator<Item = &Edge> {
         self.graph.edge_weights()
     }
 
-    /// Strongly connected components.
+    /// Returns the number of islands (strongly connected components).
     pub fn island_count(&self) -> u32 {
         self.island_count
     }
 
-    /// Island of each vertex.
+    /// Returns the island of each vertex, from 0 to `island_count` - 1.
     pub fn islands(&self) -> &[u32] {
         &self.islands
     }
 
-    /// Vertices that can be reached from `from`, itself included.
+    /// Returns for each vertex whether it can be reached from `from`; `from` itself counts as reached.
     pub fn reachable_from(&self, from: VertexId) -> Vec<bool> {
         let mut seen = vec![false; self.vertex_count()];
         let mut stack = vec![from];
@@ -206,7 +209,7 @@ impl NavGraph {
         seen
     }
 
-    /// Share of ordered pairs of different vertices with a path, in [0, 1].
+    /// Returns the share of ordered pairs of different vertices that a path joins, in [0, 1].
     pub fn connected_share(&self) -> f64 {
         let count = self.vertex_count();
         let pairs: usize =

@@ -1,9 +1,9 @@
-//! Points by place: a grid of square columns on the plane.
+//! A spatial index of points: a grid of square columns on the horizontal plane.
 
 use std::ops::Range;
 use surefoot_world::Vec3;
 
-/// Most columns along each side.
+/// Maximum number of columns along each side.
 const MAX_COLUMNS: usize = 256;
 
 /// Indices of points, bucketed by column.
@@ -13,13 +13,13 @@ pub struct PointGrid {
     cell_m: f32,
     columns: i32,
     rows: i32,
-    /// First entry of each column, and one more at the end.
+    /// First entry of each column, followed by the number of entries.
     starts: Vec<u32>,
     entries: Vec<u32>,
 }
 
 impl PointGrid {
-    /// Buckets `points` into columns of about `cell_m` metres.
+    /// Buckets `points` into columns with sides of at least `cell_m` metres.
     pub fn new(points: &[Vec3], cell_m: f32) -> Self {
         let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
         for point in points {
@@ -52,17 +52,17 @@ impl PointGrid {
         grid
     }
 
-    /// Side of a column, m.
+    /// Returns the side of a column, m.
     pub fn cell_m(&self) -> f32 {
         self.cell_m
     }
 
-    /// Largest ring around any column that can hold points.
+    /// Returns the number of the largest ring around any column that can hold points.
     pub fn ring_count(&self) -> i32 {
         self.columns.max(self.rows)
     }
 
-    /// Column and row over a point, clamped to the grid.
+    /// Returns the column and row that contain a point, clamped to the grid.
     pub fn column_of(&self, point: Vec3) -> (i32, i32) {
         let idx = |value: f32, low: f32, count: i32| (((value - low) / self.cell_m) as i32).clamp(0, count - 1);
         (idx(point.x, self.low.0, self.columns), idx(point.z, self.low.1, self.rows))
@@ -80,7 +80,7 @@ impl PointGrid {
         &self.entries[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 
-    /// Points whose columns touch the square of `reach` metres around `point`.
+    /// Iterates over the points whose columns touch the square that extends `reach` metres from `point` to each side.
     pub fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = u32> {
         let span = Vec3::new(reach, 0.0, reach);
         let ((left, back), (right, front)) = (self.column_of(point - span), self.column_of(point + span));
@@ -89,13 +89,13 @@ impl PointGrid {
             .flat_map(|(column, row)| self.entries_at(column, row).iter().copied())
     }
 
-    /// Points in the order of their columns, row by row; [`ring`](Self::ring) names places in it.
+    /// Returns the indices of all points in the order of their columns, row by row; [`ring`](Self::ring) yields ranges of it.
     pub fn order(&self) -> &[u32] {
         &self.entries
     }
 
-    /// Visits the columns that form the square ring `ring` around the column over `point`, as ranges of
-    /// [`order`](Self::order). Points in them are at least `(ring - 1) * cell_m` metres away on the plane.
+    /// Visits the columns that form square ring number `ring` around the column of `point`, as ranges of
+    /// [`order`](Self::order). Their points are at least `(ring - 1) * cell_m` metres from `point` on the plane.
     pub fn ring(&self, point: Vec3, ring: i32, mut visit: impl FnMut(Range<usize>)) {
         let (column, row) = self.column_of(point);
         let mut visit_row = |row: i32, left: i32, right: i32| {

@@ -1,4 +1,4 @@
-//! What names a vertex, an edge, and the stops of a plan.
+//! Identifiers of vertices, edges, and the stops of a plan.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -8,12 +8,15 @@ use std::fmt;
 pub struct VertexId(pub u32);
 
 impl VertexId {
-    /// The vertex at a place in an array of vertices.
+    /// Creates the id of the vertex at index `idx`.
+    ///
+    /// # Panics
+    /// If `idx` does not fit into 32 bits.
     pub fn at(idx: usize) -> Self {
         Self(u32::try_from(idx).expect("graphs have fewer than 2^32 vertices"))
     }
 
-    /// Its place in an array of vertices.
+    /// Returns the id as an array index.
     pub fn idx(self) -> usize {
         self.0 as usize
     }
@@ -28,19 +31,19 @@ impl fmt::Display for VertexId {
 /// An ordered pair of vertices: a directed edge, or a candidate for one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct EdgeKey {
-    /// The vertex it leaves.
+    /// Vertex that the edge leaves.
     pub from: VertexId,
-    /// The vertex it reaches.
+    /// Vertex that the edge reaches.
     pub to: VertexId,
 }
 
 impl EdgeKey {
-    /// The edge between two vertices, by their indices.
+    /// Creates the key of the edge from vertex `from` to vertex `to`.
     pub fn new(from: u32, to: u32) -> Self {
         Self { from: VertexId(from), to: VertexId(to) }
     }
 
-    /// The same edge in the other direction.
+    /// Returns the key of the edge in the opposite direction.
     #[must_use]
     pub fn reversed(self) -> Self {
         Self { from: self.to, to: self.from }
@@ -61,17 +64,17 @@ pub enum Stop {
 /// The two ends of a leg.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct LegKey {
-    /// Where it begins.
+    /// Stop where the leg begins.
     pub from: Stop,
-    /// Where it ends.
+    /// Stop where the leg ends.
     pub to: Stop,
 }
 
 impl LegKey {
-    /// The leg straight from the start to the goal.
+    /// The leg that leads straight from the start to the goal.
     pub const DIRECT: Self = Self { from: Stop::Start, to: Stop::Goal };
 
-    /// The edge that it runs along, unless it begins at the start or ends at the goal.
+    /// Returns the edge that the leg runs along; `None` if it begins at the start or ends at the goal.
     pub fn edge(self) -> Option<EdgeKey> {
         match (self.from, self.to) {
             (Stop::Vertex(from), Stop::Vertex(to)) => Some(EdgeKey { from, to }),

@@ -1,7 +1,8 @@
-//! What a leg is likely to cost that nobody has proved: to the first vertex, from the last, or straight to the goal.
+//! The cost model of unproved legs: from the start to the first vertex, from the last vertex to the goal, or straight from
+//! start to goal.
 //!
-//! Fitted to every probe of a build, so that it knows this policy and this map: a logistic regression of success and a
-//! linear one of decisions, both on how far, how high and how deep.
+//! The model is fitted to all probes of a build, and so to its policy and its map. It combines a logistic regression of
+//! success with a linear regression of decisions, both on horizontal distance, climb and drop.
 
 use crate::candidates::Candidate;
 use crate::evidence::{Evidence, price};
@@ -10,42 +11,47 @@ use crate::regression::{Linear, Logistic, dot, sigmoid};
 use serde::{Deserialize, Serialize};
 use surefoot_world::{Chance, Decisions, Vec3};
 
-/// Values that a leg is judged by.
+/// Number of features of a leg.
 const FEATURES: usize = 6;
-/// Metres that no character covers more of in a decision on foot.
+/// Upper bound on the distance that a character covers on foot in one decision, m.
 const MAX_METRES_PER_DECISION: f64 = 2.0;
-/// Lowest chance that is distinguished from 0.
+/// Lower bound on the chance of an unproved leg.
 const MIN_CHANCE: f64 = 0.02;
-/// Highest chance of a leg that nobody has proved.
+/// Upper bound on the chance of an unproved leg.
 const MAX_CHANCE: f64 = 0.99;
-/// Probes below which the coefficients of [`LegModel::default`] are better.
+/// Number of probes below which [`LegModel::default`] is used instead of a fit.
 const MIN_PROBES: usize = 200;
 
-/// Prices of legs that nobody has proved.
+/// Estimates the cost of unproved legs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LegModel {
+    /// Coefficients of the log-odds of success.
     success: [f64; FEATURES],
+    /// Coefficients of the number of decisions.
     decisions: [f64; FEATURES],
-    /// Longest leg that it was fitted to, m; beyond, chances multiply and decisions grow in proportion.
+    /// Length of the longest leg in the fit, m. A leg `k` times as long is estimated as `k` legs of this length in a row.
     range_m: f64,
 }
 
-/// What a leg is likely to take.
+/// Estimated decisions and chance of a leg.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LegEstimate {
-    /// Decisions, if it succeeds.
+    /// Decisions that the leg takes if it succeeds.
     pub decisions: Decisions,
     /// Chance of success, above 0.
     pub chance: Chance,
 }
 
 impl Default for LegModel {
-    /// Fitted to probes of the shipped reactive policy on training maps; for graphs with too few probes of their own.
+    /// Coefficients fitted to probes of the shipped reactive policy on training maps, for graphs with too few probes of their
+    /// own.
     fn default() -> Self {
         Self { success: [3.0, -0.6, 0.0, -1.0, -0.4, -0.3], decisions: [3.0, 13.0, 0.0, 6.0, 0.0, 1.0], range_m: 30.0 }
     }
 }
 
+/// Features of a leg: constant, horizontal distance in units of 20 m and its square, climb in units of 5 m and its square,
+/// drop in units of 10 m.
 fn features(from: Vec3, to: Vec3) -> [f64; FEATURES] {
     let (x, z) = (f64::from(to.x - from.x), f64::from(to.z - from.z));
     let horizontal = (x * x + z * z).sqrt() / 20.0;
@@ -55,7 +61,7 @@ fn features(from: Vec3, to: Vec3) -> [f64; FEATURES] {
 }
 
 impl LegModel {
-    /// Fits the probes of a build; each candidate counts with all its tries.
+    /// Fits a model to the probes of a build; each candidate edge is weighted by its tries.
     pub fn fit(vertices: &[Vec3], candidates: &[Candidate], evidence: &[Evidence]) -> Self {
         let probes: usize = evidence.iter().map(|evidence| evidence.tries as usize).sum();
         if probes < MIN_PROBES {
@@ -77,79 +83,86 @@ impl LegModel {
         Self { success: success.fit(), decisions: decisions.fit(), range_m }
     }
 
-    /// Whether every coefficient is finite.
+    /// Returns whether every coefficient is finite and the range is at least 1 m.
     pub fn is_finite(&self) -> bool {
         self.success.iter().chain(&self.decisions).all(|value| value.is_finite())
             && self.range_m.is_finite()
             && self.range_m >= 1.0
     }
 
-    /// The decisions of an [`estimate`](Self::estimate) alone.
+    /// Returns only the decisions of an [`estimate`](Self::estimate).
     pub fn decisions(&self, from: Vec3, to: Vec3) -> Decisions {
-        let (features, distance, beyond) = self.look(from, to);
-        Decisions((dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance)))
+        let (features, distance, range_multiple) = self.features_in_range(from, to);
+        Decisions((dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance)))
     }
 
-    /// What the leg from `from` to `to` is likely to take.
+    /// Estimates the leg from `from` to `to`.
     pub fn estimate(&self, from: Vec3, to: Vec3) -> LegEstimate {
-        let (features, distance, beyond) = self.look(from, to);
+        let (features, distance, range_multiple) = self.features_in_range(from, to);
         LegEstimate {
-            decisions: Decisions((dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance))),
-            chance: Self::chance(dot(&self.success, &features), beyond),
+            decisions: Decisions(
+                (dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance)),
+            ),
+            chance: Self::chance(dot(&self.success, &features), range_multiple),
         }
     }
 
-    /// The price of an [`estimate`](Self::estimate), if it lies below `limit`; what is dearer costs less to find out.
+    /// Returns the cost of an [`estimate`](Self::estimate) in decisions if it is below `limit`. Legs above the limit are mostly
+    /// rejected by their `bounds`, which is faster.
     #[inline]
     pub fn price_below(&self, from: Vec3, to: Vec3, limit: f32, bounds: &Bounds) -> Option<f32> {
-        let (features, distance, beyond) = self.look(from, to);
-        let decisions = (dot(&self.decisions, &features) * beyond).max(Self::least_decisions(distance));
+        let (features, distance, range_multiple) = self.features_in_range(from, to);
+        let decisions = (dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance));
         let score = dot(&self.success, &features);
         if bounds.of_score(decisions, score) >= limit {
             return None;
         }
-        let cost = price(Decisions(decisions), Self::chance(score, beyond)) as f32;
+        let cost = price(Decisions(decisions), Self::chance(score, range_multiple)) as f32;
         (cost < limit).then_some(cost)
     }
 
-    fn chance(score: f64, beyond: f64) -> Chance {
+    fn chance(score: f64, range_multiple: f64) -> Chance {
         let chance = sigmoid(score).clamp(MIN_CHANCE, MAX_CHANCE);
-        Chance::new(if beyond > 1.0 { libm::pow(chance, beyond).max(MIN_CHANCE) } else { chance })
+        Chance::new(if range_multiple > 1.0 { libm::pow(chance, range_multiple).max(MIN_CHANCE) } else { chance })
     }
 
-    /// Features of a leg as far as the model was fitted, its length, and how many times that is.
+    /// Returns the features of a leg, shortened to the range of the fit; the full length, m; and the length as a multiple of
+    /// the range, 1 for shorter legs.
     #[inline]
-    fn look(&self, from: Vec3, to: Vec3) -> ([f64; FEATURES], f64, f64) {
+    fn features_in_range(&self, from: Vec3, to: Vec3) -> ([f64; FEATURES], f64, f64) {
         let distance = f64::from(from.distance(to));
         if distance <= self.range_m {
             return (features(from, to), distance, 1.0);
         }
-        let beyond = distance / self.range_m;
-        (features(from, from + (to - from) / beyond as f32), distance, beyond)
+        let range_multiple = distance / self.range_m;
+        (features(from, from + (to - from) / range_multiple as f32), distance, range_multiple)
     }
 
-    /// Fewest decisions that any leg of this length is estimated at.
+    /// Returns a lower bound on the decisions that a leg of this length takes.
     fn least_decisions(distance: f64) -> f64 {
         distance / MAX_METRES_PER_DECISION
     }
 
-    /// Lower bounds of the price of any leg.
+    /// Computes lower bounds on the cost of any leg.
     pub fn bounds(&self) -> Bounds {
-        // The most that climbs and drops can do for a leg.
-        let luck = most(self.success[3], self.success[4]) + most(self.success[5], 0.0);
-        let saved = most(-self.decisions[3], -self.decisions[4]) + most(-self.decisions[5], 0.0);
+        // The most that climbs and drops can improve a leg's score and reduce its decisions.
+        let max_score_gain =
+            max_of_quadratic(self.success[3], self.success[4]) + max_of_quadratic(self.success[5], 0.0);
+        let max_decisions_saved =
+            max_of_quadratic(-self.decisions[3], -self.decisions[4]) + max_of_quadratic(-self.decisions[5], 0.0);
         let price_of = |metres: usize| {
             let horizontal = metres as f64 / 20.0;
             let flat = [1.0, horizontal, horizontal * horizontal, 0.0, 0.0, 0.0];
-            let decisions = (dot(&self.decisions, &flat) - saved).max(Self::least_decisions(metres as f64));
-            let chance = sigmoid(dot(&self.success, &flat) + luck).clamp(MIN_CHANCE, MAX_CHANCE);
+            let decisions =
+                (dot(&self.decisions, &flat) - max_decisions_saved).max(Self::least_decisions(metres as f64));
+            let chance = sigmoid(dot(&self.success, &flat) + max_score_gain).clamp(MIN_CHANCE, MAX_CHANCE);
             price(Decisions(decisions), Chance::new(chance)) as f32
         };
         let by_speed = |metres: usize| Self::least_decisions(metres as f64) as f32;
         let mut least: [f32; METRES] = std::array::from_fn(price_of);
         let fitted = (self.range_m as usize).min(METRES - 1);
         least[fitted..].iter_mut().zip(fitted..).for_each(|(least, metres)| *least = by_speed(metres));
-        // A longer leg must not be allowed less than a shorter one is.
+        // A bound must not exceed that of any longer leg.
         for metres in (1..METRES).rev() {
             least[metres - 1] = f32::min(least[metres - 1], least[metres]);
         }
@@ -164,8 +177,8 @@ impl LegModel {
     }
 }
 
-/// The most that `linear * x + square * x * x` can be for `x` from 0 up.
-fn most(linear: f64, square: f64) -> f64 {
+/// Returns the maximum of `linear * x + square * x * x` for `x >= 0`.
+fn max_of_quadratic(linear: f64, square: f64) -> f64 {
     if linear <= 0.0 && square <= 0.0 {
         0.0
     } else if square < 0.0 {
@@ -175,42 +188,46 @@ fn most(linear: f64, square: f64) -> f64 {
     }
 }
 
-/// Metres that [`Bounds`] tell apart.
+/// Number of distances, in steps of 1 m, that [`Bounds`] tabulate.
 const METRES: usize = 96;
-/// Scores, the logarithms of odds, that [`Bounds`] tell apart: so many, from so far below zero.
+/// Number of steps of the score (the log-odds of success) that [`Bounds`] tabulate.
 const SCORES: usize = 72;
+/// Steps per unit of the score.
 const SCORES_PER_UNIT: f64 = 8.0;
+/// Magnitude of the lowest tabulated score, which is negative.
 const LEAST_SCORE: f64 = 4.0;
 
-/// Lower bounds of the price of unproved legs, by how far they lead on the plane.
+/// Lower bounds on the cost of unproved legs in decisions, by horizontal distance and by score.
 #[derive(Debug, Clone)]
 pub struct Bounds {
+    /// Bound for each distance, in steps of 1 m.
     least: [f32; METRES],
+    /// Square of the fit's range, m2.
     range_squared: f32,
-    /// Steps of scores: what decisions are multiplied by, and what is added for risk, at the best score of the step.
+    /// For each step of the score: the factor on decisions and the summand for risk, at the best score of the step.
     by_score: [(f64, f64); SCORES],
 }
 
 impl Bounds {
-    /// Of a leg that takes so many decisions at this score; spares most legs the exponential and the logarithm.
+    /// Returns the bound for a leg with these decisions and this score, without computing an exponential or a logarithm.
     fn of_score(&self, decisions: f64, score: f64) -> f32 {
         let step = ((score + LEAST_SCORE) * SCORES_PER_UNIT).max(0.0) as usize;
         let (times, risk) = self.by_score[step.min(SCORES - 1)];
-        // Rounding may put a bound a hair above what it bounds.
+        // Rounding may lift a lower bound slightly above the true cost.
         ((decisions * times + risk) * (1.0 - 1.0e-6)) as f32
     }
 
-    /// Of all legs that lead at least so far on the plane.
+    /// Returns the bound for all legs with at least this horizontal distance, m.
     pub fn from_metres(&self, metres: f32) -> f32 {
         let by_speed = LegModel::least_decisions(f64::from(metres)) as f32;
         self.least[(metres as usize).min(METRES - 1)].max(by_speed)
     }
 
-    /// Of a leg with this offset.
+    /// Returns the bound for a leg with this offset from start to end, m.
     pub fn of(&self, offset: Vec3) -> f32 {
         let on_plane = offset.x * offset.x + offset.z * offset.z;
         if on_plane + offset.y * offset.y >= self.range_squared {
-            // The model was not fitted to such: only speed limits.
+            // Beyond the range of the fit, only the speed limit holds.
             return (LegModel::least_decisions(f64::from(on_plane.sqrt()))) as f32;
         }
         self.from_metres(on_plane.sqrt())

@@ -1,12 +1,13 @@
-//! The planner's pure library: a directed graph per map, each edge proved by running a policy along it, and plans on it.
+//! The planner's pure library: one directed graph per map, whose edges are proved by running a policy along them, and
+//! path search on that graph.
 //!
-//! A build is a row of stages, each its own module: [`placement`] places vertices, [`candidates`] pairs them, [`prove`]
-//! tries pairs with the help of a predictor and whoever implements [`probe::ProbeExecutor`], [`graph`] keeps what was proved
-//! with its [`evidence`]. [`build`] strings them together, [`update`] repeats only what a changed map calls for, [`search`]
-//! answers queries with a [`plan`]. [`edits`] and [`live`] are what people and NPCs add; [`store`] is what a place to keep it
-//! all must offer.
+//! A build is a sequence of stages, one module each: [`placement`] places vertices, [`candidates`] selects candidate
+//! edges, [`prove`] probes them through a [`probe::ProbeExecutor`], guided by a predictor, and [`graph`] keeps the proved
+//! edges with their [`evidence`]. [`build`] runs the stages, [`update`] repeats only what a changed map requires, and
+//! [`search`] answers queries with a [`plan`]. Designers contribute [`edits`], NPCs contribute [`live`] evidence;
+//! [`store`] defines the trait for persistence.
 //!
-//! No file, socket, clock, async runtime, neural network or wire format is known here.
+//! This crate uses no files, sockets, clocks, async runtime, neural networks or wire formats.
 
 mod adjacency;
 pub mod build;

@@ -1,7 +1,9 @@
-//! Which edges a NavMesh needs as off-mesh links: those that join what it cannot join, and those that save much of the time.
+//! Selects the edges that a NavMesh needs as off-mesh links: those that join places it cannot join, and those that save much
+//! time.
 //!
-//! A greedy spanner (Althöfer et al. 1993, "On Sparse Spanners of Weighted Graphs") over what the NavMesh connects by itself: links are
-//! tried from the quickest on, and one is kept only if the others do not lead there nearly as fast.
+//! The selection is a greedy spanner (Althöfer et al. 1993, "On Sparse Spanners of Weighted Graphs") on top of the NavMesh's
+//! own connections: links are considered from the fastest to the slowest, and each is kept unless the connections so far
+//! lead to the same place nearly as fast.
 
 use crate::graph::{Edge, NavGraph};
 use crate::ids::VertexId;
@@ -9,30 +11,31 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::{BTreeMap, BinaryHeap};
 use surefoot_world::{Ability, DECISION_SECONDS, Vec3};
 
-/// What a NavMesh connects by itself, and what its agents are like.
+/// A NavMesh: its connectivity and the properties of its agents.
 #[derive(Debug, Clone, Copy)]
 pub struct NavMesh<'a> {
-    /// Radius of its agents, m.
+    /// Radius of the agents, m.
     pub radius: f32,
-    /// Speed of its agents, m/s.
+    /// Speed of the agents, m/s.
     pub speed: f32,
-    /// Island on foot of each vertex; none where it has no ground.
+    /// Island of the NavMesh that each vertex lies on; `None` for vertices off the NavMesh.
     pub islands: &'a [Option<u32>],
 }
 
-/// How many times as long as a link another route may take before the link is worth its place.
+/// Default for the greatest ratio of another route's duration to a link's at which the link is left out.
 pub const DEFAULT_MAX_DETOUR: f64 = 3.0;
-/// A route on foot is about this much longer than the straight line.
+/// Ratio of the length of a route on foot to the straight-line distance.
 const FOOT_DETOUR: f32 = 1.5;
-/// Vertices of its island that each is joined to on foot.
+/// Number of nearest vertices on the same island to which each vertex is connected on foot.
 const FOOT_NEIGHBOURS: usize = 8;
-/// Fall from which an edge on foot is a drop, which a NavMesh does not take, m.
+/// Greatest descent of an edge on foot that is not a drop, m; a NavMesh does not take drops.
 const STEP_M: f32 = 0.5;
-/// Slope beyond which it is one.
+/// Greatest slope of a longer descent that is not a drop.
 const SLOPE: f32 = 1.0;
 
 impl NavMesh<'_> {
-    /// Whether an edge is more than a NavMesh does by itself: it leaves its island, takes an ability or drops.
+    /// Returns whether the NavMesh cannot take an edge by itself: the edge leaves its island, needs an ability other than
+    /// walking, or drops.
     pub fn needs_link(&self, graph: &NavGraph, edge: &Edge) -> bool {
         let (from, to) = (self.islands[edge.key.from.idx()], self.islands[edge.key.to.idx()]);
         let offset = graph.position(edge.key.to) - graph.position(edge.key.from);
@@ -40,7 +43,8 @@ impl NavMesh<'_> {
         from.is_none() || from != to || edge.evidence.ability != Ability::Walk || is_drop
     }
 
-    /// The edges that are worth being links, in the order of the graph. `max_detour` is above 1; the smaller it is, the more links.
+    /// Selects the edges that are worth a link, in ascending order of their keys. `max_detour`, above 1, is the greatest ratio of
+    /// another route's duration to an edge's at which the edge is left out; smaller values keep more links.
     pub fn links<'g>(&self, graph: &'g NavGraph, max_detour: f64) -> Vec<&'g Edge> {
         let mut routes = self.on_foot(graph);
         let (mut candidates, walks): (Vec<&Edge>, Vec<&Edge>) =
@@ -58,7 +62,7 @@ impl NavMesh<'_> {
         kept
     }
 
-    /// What is connected within each island: every vertex with its nearest, and all with the one in the middle.
+    /// Connects the vertices of each island: each with its nearest ones, and all with the one nearest to the island's centre.
     fn on_foot(&self, graph: &NavGraph) -> Routes {
         let mut routes = Routes { edges: vec![Vec::new(); graph.vertex_count()] };
         let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
@@ -86,17 +90,18 @@ impl NavMesh<'_> {
     }
 }
 
-/// Expected duration of an edge, failures included, s.
+/// Returns the cost of an edge in seconds: the expected duration, including what failures cost, plus a term for risk, times the
+/// designers' factor.
 pub fn expected_seconds(edge: &Edge) -> f64 {
     edge.evidence.cost() * f64::from(DECISION_SECONDS)
 }
 
-/// What leads where by now, with seconds.
+/// The connections so far: for each vertex the vertices that it leads to, with durations in seconds.
 struct Routes {
     edges: Vec<Vec<(VertexId, f64)>>,
 }
 
-/// A vertex that can be reached after some seconds; the soonest is the greatest.
+/// A vertex and the seconds after which it can be reached; ordered by time.
 #[derive(PartialEq)]
 struct Arrival(f64, VertexId);
 
@@ -119,7 +124,7 @@ impl Routes {
         self.edges[from.idx()].push((to, seconds));
     }
 
-    /// Whether there is a route of at most `limit` seconds (Dijkstra).
+    /// Returns whether there is a route of at most `limit` seconds, by Dijkstra's algorithm.
     fn reaches(&self, from: VertexId, to: VertexId, limit: f64) -> bool {
         let mut best = vec![f64::INFINITY; self.edges.len()];
         let mut open = BinaryHeap::from([Reverse(Arrival(0.0, from))]);

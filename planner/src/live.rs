@@ -1,4 +1,4 @@
-//! What NPCs on their way have learned of edges since they were proved.
+//! Live evidence: traversals that NPCs have reported since edges were proved.
 
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
@@ -6,33 +6,33 @@ use crate::ids::EdgeKey;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Tries of one edge beyond which older ones count half, so that an edge can get better again, and worse.
+/// Number of tries of an edge at which all its tries are halved in weight, so that recent tries can change the estimate.
 const MEMORY: u32 = 64;
 
-/// One traversal along an edge.
+/// A traversal of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Traversal {
     /// The edge.
     pub edge: EdgeKey,
-    /// Whether it arrived.
+    /// Whether the NPC arrived.
     pub reached: bool,
-    /// Decisions taken.
+    /// Number of decisions.
     pub decisions: u32,
 }
 
-/// Traversals by edge.
+/// Evidence from traversals, by edge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LiveEvidence {
     edges: BTreeMap<EdgeKey, Evidence>,
 }
 
 impl LiveEvidence {
-    /// Whether nothing has been reported.
+    /// Returns whether there are no traversals.
     pub fn is_empty(&self) -> bool {
         self.edges.is_empty()
     }
 
-    /// Adds a traversal along an edge of `graph`; what the edge costs from now on. `None` if there is no such edge.
+    /// Adds a traversal of an edge of `graph`. Returns the new cost of the edge in decisions; `None` if `graph` has no such edge.
     pub fn note(&mut self, graph: &NavGraph, traversal: &Traversal) -> Option<f64> {
         let edge = graph.edge(traversal.edge)?;
         let live = self.edges.entry(traversal.edge).or_default();
@@ -43,12 +43,12 @@ impl LiveEvidence {
         Some(edge.evidence.and(live).cost())
     }
 
-    /// The graph with what was reported added to what was proved. Edges that it does not have are passed over.
+    /// Returns `graph` with the live evidence added to its edges. Evidence of edges that `graph` does not have is ignored.
     pub fn apply_to(&self, graph: &NavGraph) -> NavGraph {
         let mut data = graph.to_data();
         for edge in &mut data.edges {
             if let Some(live) = self.edges.get(&edge.key) {
-                // Only sums beyond all numbers make no sense; the proof alone stands then.
+                // A sum is unsound only if it overflows; the edge then keeps the evidence of its probes.
                 let both = edge.evidence.and(live);
                 edge.evidence = if both.is_sound() { both } else { edge.evidence };
             }
@@ -56,17 +56,17 @@ impl LiveEvidence {
         NavGraph::check(data).expect("sound evidence was added to a checked graph")
     }
 
-    /// Whether its numbers can have come from traversals.
+    /// Returns whether the values can have come from traversals.
     pub fn is_sound(&self) -> bool {
         self.edges.values().all(|evidence| evidence.tries < MEMORY && evidence.is_consistent())
     }
 
-    /// Forgets edges that touch vertices from number `count` on.
+    /// Removes the evidence of edges with a vertex whose index is `count` or higher.
     pub fn keep_below(&mut self, count: usize) {
         self.edges.retain(|key, _| key.from.idx() < count && key.to.idx() < count);
     }
 
-    /// Traversals that are remembered.
+    /// Returns the number of traversals that count; halving reduces it.
     pub fn traversals(&self) -> u64 {
         self.edges.values().map(|evidence| u64::from(evidence.tries)).sum()
     }

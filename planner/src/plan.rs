@@ -1,4 +1,4 @@
-//! Queries and their answers: plans made of legs.
+//! Path queries, and the plans that answer them.
 
 use crate::evidence::Evidence;
 use crate::ids::{EdgeKey, LegKey};
@@ -12,20 +12,20 @@ pub struct Query {
     pub start: Vec3,
     /// Where the path ends, m.
     pub goal: Vec3,
-    /// Legs that must not be used.
+    /// Legs that the plan must not use.
     pub avoid: Vec<LegKey>,
 }
 
-/// One leg between two vertices, or between a vertex and the start or goal.
+/// One leg of a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leg {
-    /// Where it begins and ends.
+    /// The stops where the leg begins and ends.
     pub key: LegKey,
-    /// Expected duration, failures included.
+    /// Expected duration, including what failures cost.
     pub seconds: Seconds,
     /// Estimated chance of success.
     pub chance: Chance,
-    /// Ability it needs.
+    /// The most demanding ability that the leg needs.
     pub ability: Ability,
 }
 
@@ -36,44 +36,44 @@ pub enum NoPath {
     StartOffGraph,
     /// No vertex near the goal has an edge that reaches it.
     GoalOffGraph,
-    /// No proved path joins them in either direction.
+    /// No path joins the islands of start and goal in either direction.
     DifferentIslands,
-    /// The goal leads to the start, but not the other way round.
+    /// A path leads from the goal to the start, but none from the start to the goal.
     OneWay,
 }
 
-/// The answer to a query: waypoints to head for one after the other, ending with the goal.
+/// The answer to a query: waypoints in order, ending with the goal, and the legs that lead to them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Waypoint `i` is where leg `i` ends, m.
+    /// Positions, m; leg `i` ends at waypoint `i`.
     pub waypoints: Vec<Vec3>,
-    /// As many as waypoints.
+    /// Legs, one for each waypoint.
     pub legs: Vec<Leg>,
-    /// Why the plan is only to head for the goal directly; `None` for a real path.
+    /// Why there is no path: the plan then has a single leg straight to the goal. `None` if there is a path.
     pub no_path: Option<NoPath>,
-    /// Where there is no path: the vertex nearest to the goal that can be reached, m.
+    /// Without a path: position of the reachable vertex that is nearest to the goal, m; `None` if no vertex is reachable.
     pub nearest: Option<Vec3>,
 }
 
 impl Plan {
-    /// Expected duration of all legs, failures included.
+    /// Returns the expected duration of all legs, including what failures cost.
     pub fn seconds(&self) -> Seconds {
         self.legs.iter().map(|leg| leg.seconds).sum()
     }
 
-    /// Estimated chance that every leg succeeds.
+    /// Returns the estimated chance that every leg succeeds.
     pub fn chance(&self) -> Chance {
         self.legs.iter().map(|leg| leg.chance).product()
     }
 }
 
 impl Leg {
-    /// The leg along a proved edge.
+    /// Creates the leg along a proved edge.
     pub(crate) fn proved(key: EdgeKey, evidence: &Evidence) -> Self {
         Self::lasting(key.into(), evidence.decisions_mean(), evidence.chance(), evidence.ability)
     }
 
-    /// A leg that nobody has proved, as `model` estimates it from its two ends, m.
+    /// Creates an unproved leg, which `model` estimates from the positions of its two ends, m.
     pub(crate) fn unproved(model: &LegModel, key: LegKey, [start, end]: [Vec3; 2]) -> Self {
         let estimate = model.estimate(start, end);
         Self::lasting(key, estimate.decisions, estimate.chance, Ability::Walk)

@@ -1,8 +1,8 @@
-//! Predicts whether a candidate edge will hold before anybody tries it.
+//! Predicts whether a probe of a candidate edge will succeed.
 //!
-//! A logistic regression on what lies between two vertices (distance, climb, steps, holes, hazards, walls, pads) and on
-//! how their other probes went. It is fitted during the build itself, to the probes run so far: no weights of its own
-//! to ship, and it suits whatever policy, character and map it is used with.
+//! The predictor is a logistic regression on the ground between two vertices (distance, climb, steps, holes, hazards,
+//! walls, pads) and on the outcomes of their other probes. It is fitted during the build, to the probes run so far, so it
+//! adapts to the policy, the character and the map, and no weights need to be shipped.
 
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
@@ -14,30 +14,30 @@ use surefoot_world::mesh::Surface;
 use surefoot_world::navigable::DOWN;
 use surefoot_world::{Map, Vec3};
 
-/// Values that come from the map.
+/// Number of features that come from the map.
 const GEOMETRY: usize = 16;
-/// All values: those, and three from other probes.
+/// Number of all features: those from the map, and three from other probes.
 const FEATURES: usize = GEOMETRY + 3;
-/// Points looked at between two vertices.
+/// Number of points between two vertices at which the ground is sampled.
 const BETWEEN: usize = 7;
-/// Height above the way from which the ground is looked for, m.
+/// Height above the straight line between the vertices from which rays are cast down, m.
 const ABOVE_M: f32 = 2.5;
-/// Depth to which it is looked for, m.
+/// Depth below the straight line to which rays are cast, m.
 const BELOW_M: f32 = 30.0;
 /// Height of the chest above the feet, m.
 const CHEST_M: f32 = 1.1;
-/// Rise that one jump makes, and that two make, m.
+/// Height that one jump and two jumps gain, m.
 const JUMPS_M: [f32; 2] = [2.3, 4.7];
-/// How near a pad must be to count, m.
+/// Greatest distance of a pad from the first vertex at which it counts, m.
 const PAD_M: f32 = 14.0;
-/// Tries that a vertex's mean success is pulled to the overall mean by.
+/// Number of tries at the overall mean that are added to those of a vertex, to smooth its success rate.
 const SMOOTHING: f64 = 2.0;
 
-/// What lies between two vertices.
+/// Features of the ground between two vertices.
 pub type Geometry = [f32; GEOMETRY];
 
-/// Looks at the ground between two vertices.
-pub fn look(map: &Map, from: Vec3, to: Vec3) -> Geometry {
+/// Measures the ground between two vertices.
+pub fn measure(map: &Map, from: Vec3, to: Vec3) -> Geometry {
     let offset = to - from;
     let horizontal = hypot(offset.x, offset.z);
     let (climb, drop) = (offset.y.max(0.0), (-offset.y).max(0.0));
@@ -45,8 +45,8 @@ pub fn look(map: &Map, from: Vec3, to: Vec3) -> Geometry {
     let (mut water, mut lava) = (0.0f32, 0.0f32);
     let mut last = from.y;
     for idx in 1..=BETWEEN {
-        let way = from + offset * (idx as f32 / (BETWEEN + 1) as f32);
-        let above = way + Vec3::new(0.0, ABOVE_M, 0.0);
+        let point = from + offset * (idx as f32 / (BETWEEN + 1) as f32);
+        let above = point + Vec3::new(0.0, ABOVE_M, 0.0);
         let hit = map.mesh().cast_ray(above, DOWN, BELOW_M + ABOVE_M);
         let height = above.y - hit.map_or(BELOW_M + ABOVE_M, |hit| hit.distance);
         match hit.map(|hit| hit.surface) {
@@ -55,8 +55,8 @@ pub fn look(map: &Map, from: Vec3, to: Vec3) -> Geometry {
             _ => {}
         }
         step_up = step_up.max(height - last);
-        hole = hole.max(way.y - height);
-        bump = bump.max(height - way.y);
+        hole = hole.max(point.y - height);
+        bump = bump.max(height - point.y);
         last = height;
     }
     step_up = step_up.max(to.y - last);
@@ -86,7 +86,7 @@ pub fn look(map: &Map, from: Vec3, to: Vec3) -> Geometry {
     ]
 }
 
-/// How the probes of one vertex went.
+/// Outcomes of the probes that leave, or that reach, a vertex.
 #[derive(Debug, Clone, Copy, Default)]
 struct Record {
     tries: f64,
@@ -99,27 +99,29 @@ impl Record {
         self.successes += f64::from(evidence.successes);
     }
 
-    /// Mean success without one candidate's own probes.
+    /// Returns the smoothed success rate without the probes of one candidate; `mean` is the overall success rate.
     fn without(&self, own: &Evidence, mean: f64) -> f64 {
         let successes = self.successes - f64::from(own.successes) + SMOOTHING * mean;
         successes / (self.tries - f64::from(own.tries) + SMOOTHING)
     }
 }
 
-/// A model fitted to some probes, ready to judge the rest.
+/// A fitted predictor.
 #[derive(Debug)]
 pub struct Predictor<'a> {
     candidates: &'a [Candidate],
     geometry: &'a [Geometry],
     weights: [f64; FEATURES],
+    /// Outcomes of the probes that leave each vertex.
     leaving: Vec<Record>,
+    /// Outcomes of the probes that reach each vertex.
     reaching: Vec<Record>,
     index: &'a HashMap<Candidate, u32>,
     mean: f64,
 }
 
 impl<'a> Predictor<'a> {
-    /// Fits all candidates that have been tried; `index` says where each stands.
+    /// Fits a predictor to all candidates that have been probed; `index` maps each candidate to its index.
     pub fn fit(
         vertex_count: usize,
         candidates: &'a [Candidate],
@@ -158,7 +160,7 @@ impl<'a> Predictor<'a> {
         features
     }
 
-    /// Chance that a probe of this candidate succeeds, in [0, 1], judged without its own probes.
+    /// Estimates the chance that a probe of candidate `idx` succeeds, in [0, 1], without regard to its own probes.
     pub fn chance(&self, idx: usize, evidence: &[Evidence]) -> f64 {
         sigmoid(dot(&self.weights, &self.features(idx, evidence)))
     }

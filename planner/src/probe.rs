@@ -1,41 +1,41 @@
-//! What it takes to try a candidate edge, and what came of it. Who runs the policy stands behind [`ProbeExecutor`].
+//! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
 
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use surefoot_world::{Ability, Vec3};
 
-/// One episode to run.
+/// The input of one probe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {
-    /// Where the feet start, m.
+    /// Position of the feet at the start, m.
     pub start: Vec3,
-    /// Where they should be, m.
+    /// Position that the feet should reach, m.
     pub goal: Vec3,
-    /// Names the episode's random stream.
+    /// Number of the probe's random stream under the seed of the run.
     pub stream: u64,
-    /// Whether to keep the way taken.
+    /// Whether to record the track.
     pub keep_track: bool,
 }
 
-/// How it went.
+/// The outcome of one probe.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Whether the goal was reached.
+    /// Whether the probe arrived.
     pub reached: bool,
-    /// Decisions taken.
+    /// Number of decisions.
     pub decisions: u32,
-    /// The most demanding ability used.
+    /// The most demanding ability that the probe used.
     pub ability: Ability,
-    /// Corners of the box around the way taken, m.
+    /// Lower and upper corner of the bounding box of the track, m.
     pub bounds: [Vec3; 2],
-    /// Where the feet stood after each decision, first the start, m, and nothing where they were in the air; empty
-    /// unless it was to be kept.
+    /// Positions of the feet at the start and after each decision, m; `None` in the air. Empty unless the trial asked to record
+    /// the track.
     pub track: Vec<Option<Vec3>>,
 }
 
-/// Runs probes somewhere: here on all cores, or later on workers.
+/// Runs probes.
 pub trait ProbeExecutor {
-    /// Runs each trial and returns its outcome, in the order of the trials; equal seeds give equal outcomes.
+    /// Runs all trials and returns their outcomes, in order. The same trials and seed give the same outcomes.
     ///
-    /// `progress` counts finished trials. `None` if `cancel` was set before the last one finished.
+    /// Increments `progress` for each finished trial. Returns `None` if `cancel` was set before the last trial finished.
     fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>>;
 }

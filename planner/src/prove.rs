@@ -1,17 +1,17 @@
-//! Turns candidates into evidence: all of them with all tries, as the paper does, or only as many as it takes.
+//! Probes candidate edges: all of them with all repeats, as in the paper, or only with as many probes as are needed.
 //!
-//! The frugal way goes in rounds, each with a `predictor` fitted to those before. First the nearest
-//! third of each vertex's candidates is tried once, then the next, then the farthest; of these only what is neither
-//! hopeless nor needless: an edge that no plan would take, because proved ones already lead there for less than it is
-//! expected to cost. What is hopeless is tried only where nothing else leads from one side to the other. Then those are
-//! tried again, up to the settings' number of tries, whose outcome leaves doubt: a failure where success was likely, a
-//! success where it was not.
+//! Frugal probing proceeds in rounds, each with a `predictor` fitted to the rounds before. The nearest third of each
+//! vertex's candidates is probed once, then the middle third, then the farthest. The later rounds omit hopeless
+//! candidates, which are expected to fail, and needless ones, which no plan would use because proved edges already lead
+//! to the same vertex at less than the candidate's expected cost. A hopeless candidate is probed after all if no proved
+//! edges lead from its one end to the other. Finally, candidates whose outcome the predictor did not clearly
+//! expect are probed again, up to the number of repeats in the settings.
 
 use crate::candidates::Candidate;
 use crate::evidence::{Evidence, price};
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
-use crate::predictor::{Geometry, Predictor, look};
+use crate::predictor::{Geometry, Predictor, measure};
 use crate::probe::{ProbeExecutor, Trial};
 use crate::settings::Probing;
 use std::cmp::Reverse;
@@ -19,51 +19,50 @@ use std::collections::{BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use surefoot_world::{Chance, Map, Vec3};
 
-/// What is proved, and with what.
+/// Inputs for probing candidate edges.
 pub struct Proving<'a> {
     /// The map that the vertices stand on.
     pub map: &'a Map,
-    /// Positions, m.
+    /// Positions of the vertices, m.
     pub vertices: &'a [Vec3],
-    /// Pairs to try; the nearest of each vertex come first among those that leave it.
+    /// Candidate edges to probe. Among those that leave the same vertex, the nearest come first.
     pub candidates: &'a [Candidate],
-    /// Most tries per candidate.
+    /// Maximum number of probes per candidate edge.
     pub repeats: u32,
-    /// Seed of headings and noise.
+    /// Seed of initial headings and of noise.
     pub seed: u64,
-    /// Threads for what is not probing.
+    /// Number of threads for work other than probing.
     pub thread_count: usize,
     /// Runs the probes.
     pub executor: &'a dyn ProbeExecutor,
-    /// Counts them.
+    /// Incremented for each finished probe.
     pub progress: &'a AtomicU64,
-    /// How many are expected.
+    /// Incremented by the number of probes before they are run.
     pub total: &'a AtomicU64,
-    /// Set to stop.
+    /// Set to cancel the build.
     pub cancel: &'a AtomicBool,
 }
 
-/// Rounds in which each vertex's candidates are first tried, from near to far.
+/// Number of rounds in which each vertex's candidates are first probed, from near to far.
 const ROUNDS: usize = 3;
-/// Expected chance below which a candidate is tried only if it joins what nothing else joins.
+/// Expected chance below which a candidate is probed only as a bridge between vertices that no proved edges connect.
 const HOPELESS: f64 = 0.15;
 /// Expected chance above which one success settles a candidate.
 const SURE: f64 = 0.8;
-/// Expected chance below which one failure settles it.
+/// Expected chance below which one failure settles a candidate.
 const UNLIKELY: f64 = 0.4;
-/// Hopeless candidates that are tried to join what nothing joins: at most one in so many of all candidates.
+/// At most one in this many of all candidates is probed as a bridge.
 const BRIDGE_SHARE: usize = 8;
-
-/// An edge is needless if proved ones lead to its end for at most so many times its own expected cost.
+/// A candidate is needless if proved edges lead to its end at no more than this fraction of its expected cost.
 const NEEDLESS: f64 = 0.85;
 
-/// Names the random stream of one try of one candidate.
+/// Returns the random stream of one probe of a candidate.
 fn stream(EdgeKey { from, to }: Candidate, attempt: u32) -> u64 {
     u64::from(from.0) << 40 | u64::from(to.0) << 16 | u64::from(attempt)
 }
 
 impl Proving<'_> {
-    /// Evidence for each candidate, in their order; `None` if the build was cancelled.
+    /// Probes the candidates and returns the evidence of each, in order; `None` if the build was cancelled.
     pub fn run(&self, probing: Probing) -> Option<Vec<Evidence>> {
         let mut evidence = vec![Evidence::default(); self.candidates.len()];
         match probing {
@@ -76,7 +75,7 @@ impl Proving<'_> {
         Some(evidence)
     }
 
-    /// Tries each listed candidate once more; one listed twice, twice.
+    /// Probes each listed candidate once per listing and adds the outcomes to `evidence`; `None` if the build was cancelled.
     pub fn try_once_each(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
         self.total.fetch_add(which.len() as u64, Ordering::Relaxed);
         let mut attempts: HashMap<u32, u32> = HashMap::new();
@@ -98,7 +97,7 @@ impl Proving<'_> {
     }
 
     fn frugal(&self, evidence: &mut [Evidence]) -> Option<()> {
-        let geometry = self.look_at_all();
+        let geometry = self.measure_all();
         let index: HashMap<Candidate, u32> =
             self.candidates.iter().zip(0..).map(|(&candidate, idx)| (candidate, idx)).collect();
         let fit =
@@ -110,10 +109,10 @@ impl Proving<'_> {
                 continue;
             }
             let predictor = fit(evidence);
-            let (mut hopeful, without_hope): (Vec<u32>, Vec<u32>) =
+            let (mut hopeful, rejected): (Vec<u32>, Vec<u32>) =
                 candidates.into_iter().partition(|&idx| predictor.chance(idx as usize, evidence) >= HOPELESS);
-            hopeless.extend(without_hope);
-            self.drop_needless(&mut hopeful, evidence, &predictor);
+            hopeless.extend(rejected);
+            self.remove_needless(&mut hopeful, evidence, &predictor);
             self.try_once_each(&hopeful, evidence)?;
         }
         let bridges = self.bridges(&hopeless, evidence);
@@ -134,7 +133,7 @@ impl Proving<'_> {
         Some(())
     }
 
-    /// Whether further tries would hardly change what an edge is worth.
+    /// Returns whether further probes would hardly change the estimate of an edge.
     fn is_settled(&self, own: &Evidence, chance: f64) -> bool {
         if own.successes == own.tries {
             chance >= SURE
@@ -145,22 +144,22 @@ impl Proving<'_> {
         }
     }
 
-    /// Candidates round by round: the nearest share of each vertex's, then the next.
+    /// Splits the candidates into rounds, from the nearest share of each vertex to the farthest.
     fn by_distance(&self) -> [Vec<u32>; ROUNDS] {
         let mut counts = vec![0usize; self.vertices.len()];
         self.candidates.iter().for_each(|key| counts[key.from.idx()] += 1);
-        let mut taken = vec![0usize; self.vertices.len()];
+        let mut assigned_counts = vec![0usize; self.vertices.len()];
         let mut rounds = [const { Vec::new() }; ROUNDS];
         for (idx, key) in (0..).zip(self.candidates) {
             let from = key.from.idx();
-            rounds[taken[from] * ROUNDS / counts[from]].push(idx);
-            taken[from] += 1;
+            rounds[assigned_counts[from] * ROUNDS / counts[from]].push(idx);
+            assigned_counts[from] += 1;
         }
         rounds
     }
 
-    /// Leaves out edges that would cost more than the path that is proved already.
-    fn drop_needless(&self, which: &mut Vec<u32>, evidence: &[Evidence], predictor: &Predictor<'_>) {
+    /// Removes needless candidates from `which`: those that would cost more than a path that is already proved.
+    fn remove_needless(&self, which: &mut Vec<u32>, evidence: &[Evidence], predictor: &Predictor<'_>) {
         let legs = LegModel::fit(self.vertices, self.candidates, evidence);
         let mut exits: Vec<Vec<(VertexId, f64)>> = vec![Vec::new(); self.vertices.len()];
         for (idx, (&EdgeKey { from, to }, own)) in self.candidates.iter().zip(evidence).enumerate() {
@@ -188,7 +187,7 @@ impl Proving<'_> {
         });
     }
 
-    /// Those of `hopeless` that lead where nothing proved leads, the nearest first.
+    /// Selects the shortest of the `hopeless` candidates whose end no proved edges connect to their start, in ascending order.
     fn bridges(&self, hopeless: &[u32], evidence: &[Evidence]) -> Vec<u32> {
         let mut exits = vec![Vec::new(); self.vertices.len()];
         for (&EdgeKey { from, to }, _) in
@@ -202,7 +201,7 @@ impl Proving<'_> {
             .copied()
             .filter(|&idx| {
                 let EdgeKey { from, to } = self.candidates[idx as usize];
-                !reached.entry(from).or_insert_with(|| flood(&exits, from))[to.idx()]
+                !reached.entry(from).or_insert_with(|| reachable(&exits, from))[to.idx()]
             })
             .collect();
         let distance = |&idx: &u32| {
@@ -215,30 +214,31 @@ impl Proving<'_> {
         bridges
     }
 
-    fn look_at_all(&self) -> Vec<Geometry> {
+    /// Measures the ground between the vertices of each candidate, in order.
+    fn measure_all(&self) -> Vec<Geometry> {
         let per_thread = self.candidates.len().div_ceil(self.thread_count.max(1)).max(1);
         std::thread::scope(|scope| {
             let parts: Vec<_> = self
                 .candidates
                 .chunks(per_thread)
                 .map(|chunk| {
-                    let look_at = |&EdgeKey { from, to }: &Candidate| {
-                        look(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
+                    let measure_candidate = |&EdgeKey { from, to }: &Candidate| {
+                        measure(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
                     };
-                    scope.spawn(move || chunk.iter().map(look_at).collect::<Vec<_>>())
+                    scope.spawn(move || chunk.iter().map(measure_candidate).collect::<Vec<_>>())
                 })
                 .collect();
-            parts.into_iter().flat_map(|part| part.join().expect("looking does not panic")).collect()
+            parts.into_iter().flat_map(|part| part.join().expect("casting rays does not panic")).collect()
         })
     }
 }
 
-/// Costs of the cheapest ways from `start` to all vertices that cost at most `limit`: Dijkstra's algorithm.
+/// Returns the costs of the cheapest paths from `start` to all vertices within `limit`, by Dijkstra's algorithm.
 fn costs_within(exits: &[Vec<(VertexId, f64)>], start: VertexId, limit: f64) -> HashMap<VertexId, f64> {
     let mut costs = HashMap::from([(start, 0.0)]);
     let mut open = BinaryHeap::from([(Reverse(0), start)]);
     while let Some((Reverse(bits), vertex)) = open.pop() {
-        // Costs are not negative, so their bits sort like they do.
+        // The bits of non-negative floats sort in the same order as the floats.
         let so_far = f64::from_bits(bits);
         if so_far > costs[&vertex] {
             continue;
@@ -254,8 +254,8 @@ fn costs_within(exits: &[Vec<(VertexId, f64)>], start: VertexId, limit: f64) -> 
     costs
 }
 
-/// Vertices that can be reached from `start`.
-fn flood(exits: &[Vec<VertexId>], start: VertexId) -> Vec<bool> {
+/// Returns for each vertex whether it can be reached from `start`.
+fn reachable(exits: &[Vec<VertexId>], start: VertexId) -> Vec<bool> {
     let mut reached = vec![false; exits.len()];
     let mut open = vec![start];
     while let Some(vertex) = open.pop() {

@@ -1,5 +1,5 @@
-//! What a graph says about a level: islands, one-way traps, what each ability opens up, and what changed between two
-//! versions.
+//! Reachability of a level, as its graph shows it: islands, one-way traps, the places that depend on an ability, and the
+//! differences between two versions.
 
 use crate::graph::NavGraph;
 use crate::ids::VertexId;
@@ -7,47 +7,47 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use surefoot_world::{Ability, Vec3};
 
-/// How far apart vertices of two versions may be to count as the same place, m.
+/// Greatest distance at which vertices of two versions count as the same place, m.
 const SAME_M: f32 = 8.0;
 
-/// An island of a graph: vertices that reach one another.
+/// An island of a graph: vertices that all reach one another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Island {
-    /// Its number.
+    /// Number of the island in the graph.
     pub id: u32,
-    /// Vertices in it.
+    /// Number of vertices in the island.
     pub vertices: usize,
-    /// One of them, m.
+    /// Position of one of its vertices, m.
     pub at: Vec3,
-    /// Whether the largest island leads here.
+    /// Whether a path leads here from the largest island.
     pub entered: bool,
-    /// Whether it leads to the largest island.
+    /// Whether a path leads from here to the largest island.
     pub left: bool,
 }
 
 impl Island {
-    /// Whether an NPC that gets in cannot get out.
+    /// Returns whether NPCs can get in from the largest island but cannot get back.
     pub fn is_trap(&self) -> bool {
         self.entered && !self.left
     }
 }
 
-/// How a graph hangs together.
+/// Connectivity of a graph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Connection {
-    /// Vertices.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Edges.
+    /// Number of edges.
     pub edges: usize,
     /// Share of ordered pairs of different vertices with a path, in [0, 1].
     pub connected: f64,
     /// All islands, the largest first.
     pub islands: Vec<Island>,
-    /// For each ability that edges use: share of ordered pairs with a path that is lost without it.
+    /// For each ability but walking that edges use: how much `connected` falls without these edges.
     pub lost_without: BTreeMap<String, f64>,
 }
 
-/// Describes how `graph` hangs together.
+/// Describes the connectivity of `graph`.
 pub fn describe(graph: &NavGraph) -> Connection {
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
     for (vertex, &island) in graph.vertices().zip(graph.islands()) {
@@ -80,7 +80,7 @@ pub fn describe(graph: &NavGraph) -> Connection {
     Connection { vertices: graph.vertex_count(), edges: graph.edge_count(), connected, islands, lost_without }
 }
 
-/// Which vertices the largest island reaches, itself included.
+/// Returns for each vertex whether the largest island reaches it; the island's own vertices count as reached.
 pub fn reached_from_main(graph: &NavGraph) -> Vec<bool> {
     let mut sizes = vec![0usize; graph.island_count() as usize];
     graph.islands().iter().for_each(|&island| sizes[island as usize] += 1);
@@ -91,29 +91,29 @@ pub fn reached_from_main(graph: &NavGraph) -> Vec<bool> {
     main.map_or(Vec::new(), |(vertex, _)| graph.reachable_from(vertex))
 }
 
-/// The graph without the edges that need `ability`.
+/// Returns the graph without the edges whose most demanding ability is `ability`.
 pub fn without(graph: &NavGraph, ability: Ability) -> NavGraph {
     let mut data = graph.to_data();
     data.edges.retain(|edge| edge.evidence.ability != ability);
-    NavGraph::check(data).expect("edges were only taken out")
+    NavGraph::check(data).expect("a graph stays valid when edges are removed")
 }
 
 /// What changed between two versions of a level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Difference {
-    /// Share of ordered pairs with a path before.
+    /// Share of ordered pairs with a path before, in [0, 1].
     pub connected_before: f64,
-    /// And after.
+    /// Share of ordered pairs with a path after, in [0, 1].
     pub connected_after: f64,
-    /// Places of the old version that its main island reached, and that cannot be reached from there any more, m.
+    /// Positions that the largest island reached before and no longer reaches, m.
     pub lost: Vec<Vec3>,
-    /// Places of the new version that its main island reaches, and that could not be reached before, m.
+    /// Positions that the largest island reaches now and did not reach before, m.
     pub gained: Vec<Vec3>,
-    /// Islands before and after.
+    /// Number of islands before and after.
     pub islands: (usize, usize),
 }
 
-/// Compares two versions of a level, place by place: a place counts as reached if a vertex that is reached lies near it.
+/// Compares two versions of a level. A position counts as reached in a version if a reached vertex lies within 8 m of it.
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
     let places = |graph: &NavGraph| -> Vec<(Vec3, bool)> {
         graph

@@ -1,11 +1,11 @@
-//! Small regressions, fitted exactly: normal equations with a ridge, solved by Gaussian elimination.
+//! Small ridge regressions: the normal equations are solved by Gaussian elimination.
 
-/// Weight of the ridge, in samples.
+/// Weight of the ridge penalty, in samples.
 const RIDGE: f64 = 1.0;
-/// Newton steps of a logistic fit.
+/// Maximum number of Newton steps of a logistic fit.
 const NEWTON_STEPS: usize = 12;
 
-/// Least squares on `N` features.
+/// Linear least squares on `N` features.
 #[derive(Debug, Clone)]
 pub struct Linear<const N: usize> {
     products: [[f64; N]; N],
@@ -27,7 +27,7 @@ impl<const N: usize> Linear<N> {
         }
     }
 
-    /// Coefficients.
+    /// Returns the coefficients.
     pub fn fit(&self) -> [f64; N] {
         let mut products = self.products;
         (0..N).for_each(|idx| products[idx][idx] += RIDGE);
@@ -38,7 +38,7 @@ impl<const N: usize> Linear<N> {
 /// Logistic regression on `N` features, the first of which is constant.
 #[derive(Debug, Clone)]
 pub struct Logistic<const N: usize> {
-    /// Features, successes, failures.
+    /// Features, number of successes, number of failures.
     samples: Vec<([f64; N], f64, f64)>,
 }
 
@@ -49,12 +49,12 @@ impl<const N: usize> Default for Logistic<N> {
 }
 
 impl<const N: usize> Logistic<N> {
-    /// Adds a sample that succeeded and failed so many times.
+    /// Adds a sample with its numbers of successes and failures.
     pub fn add(&mut self, features: [f64; N], successes: f64, failures: f64) {
         self.samples.push((features, successes, failures));
     }
 
-    /// Coefficients of the log-odds of success, by Newton's method on the likelihood with a ridge.
+    /// Returns the coefficients of the log-odds of success, by Newton's method on the likelihood with a ridge penalty.
     pub fn fit(&self) -> [f64; N] {
         let mut weights = [0.0; N];
         for _ in 0..NEWTON_STEPS {
@@ -74,7 +74,7 @@ impl<const N: usize> Logistic<N> {
                 slope[idx] -= RIDGE * weights[idx];
             }
             let step = solve(curvature, slope);
-            // A long step overshoots where classes hardly overlap.
+            // Steps are limited, because long ones overshoot where classes hardly overlap.
             let length = step.iter().map(|value| value * value).sum::<f64>().sqrt();
             let scale = (4.0 / length.max(4.0)).min(1.0);
             weights.iter_mut().zip(step).for_each(|(weight, step)| *weight += scale * step);
@@ -91,12 +91,12 @@ pub fn sigmoid(value: f64) -> f64 {
     1.0 / (1.0 + libm::exp(-value))
 }
 
-/// Scalar product.
+/// Returns the scalar product.
 pub fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Solves a positive definite system.
+/// Solves a positive definite system of linear equations.
 fn solve<const N: usize>(mut rows: [[f64; N]; N], mut values: [f64; N]) -> [f64; N] {
     for pivot in 0..N {
         let best = (pivot..N).max_by(|&a, &b| rows[a][pivot].abs().total_cmp(&rows[b][pivot].abs())).unwrap_or(pivot);
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_found_again() {
+    fn a_linear_fit_recovers_its_coefficients() {
         let mut fit = Linear::<3>::default();
         for idx in 0..2000 {
             let (x, y) = (f64::from(idx % 37) / 7.0, f64::from(idx % 11) / 3.0);
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn odds_are_found_again_also_where_classes_hardly_overlap() {
+    fn a_logistic_fit_recovers_its_coefficients_even_where_classes_hardly_overlap() {
         for slope in [1.5, 12.0] {
             let mut fit = Logistic::<2>::default();
             for idx in -200..=200 {

@@ -1,10 +1,10 @@
-//! Plans: from a start through proved edges to a goal.
+//! Path search: plans from a start along proved edges to a goal.
 //!
-//! Start and goal are joined to several near vertices, each at the price that the graph's own
-//! [model](crate::legs) of unproved legs gives, and the best total wins. That differs from the paper, which snaps
-//! blindly to the nearest vertex. A [`Router`] keeps, for graphs that fit, a table of the next hop from every vertex to
-//! every other, so that a plan is read off rather than searched; beyond, and where the table's path is barred, it
-//! searches by A*.
+//! Start and goal are each attached to several near vertices, at the cost that the graph's [model](crate::legs) of
+//! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest vertex.
+//! For graphs that are small enough, a [`Router`] keeps a table of the next hop from every vertex to every other, so that
+//! a plan is looked up rather than searched. It searches with A* where a graph has no table, or where the path in the
+//! table uses an avoided or repriced edge.
 
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::evidence::price;
@@ -18,14 +18,14 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use surefoot_world::Vec3;
 
-/// Vertices that a start or goal is joined to.
+/// Maximum number of vertices that a start or goal is attached to.
 const ATTACHMENTS: usize = 6;
-/// Up to this distance heading straight for the goal is weighed against the graph, m.
+/// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
-/// Vertices up to which a router keeps a table unless told otherwise: 84 MB at this many.
+/// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
 pub const DEFAULT_TABLE_LIMIT: usize = 4096;
 
-/// Present prices of edges that have changed since a router was made, in decisions; infinite for barred ones.
+/// Current costs of edges that have changed since a router was made, in decisions; infinite for edges that must not be used.
 pub type Repriced = HashMap<EdgeKey, f32>;
 
 /// A graph prepared for queries.
@@ -34,19 +34,20 @@ pub struct Router {
     graph: NavGraph,
     adjacency: Adjacency,
     table: Option<Table>,
-    /// Vertices that an edge leaves, and those that one reaches.
+    /// Vertices with outgoing edges.
     sources: VertexIndex,
+    /// Vertices with incoming edges.
     targets: VertexIndex,
-    /// Most metres that any edge makes good for one unit of cost.
+    /// The greatest distance that any edge covers per decision of its cost, m.
     metres_per_cost: f32,
     bounds: Bounds,
 }
 
-/// Some vertices by place.
+/// A spatial index of some of a graph's vertices.
 #[derive(Debug)]
 struct VertexIndex {
     grid: PointGrid,
-    /// Vertices with their places, in the grid's order.
+    /// Positions and ids of the vertices, in the grid's order.
     places: Vec<(Vec3, VertexId)>,
 }
 
@@ -60,14 +61,14 @@ impl VertexIndex {
     }
 }
 
-/// The cheapest vertices to attach to, at most [`ATTACHMENTS`], the cheapest first.
+/// The cheapest attachments of a start or goal, at most [`ATTACHMENTS`], in ascending order of cost.
 type Attached = Vec<Attachment>;
 
-/// A vertex and the price of the unproved leg that joins it.
+/// A vertex and the cost of the unproved leg between it and the start or goal, in decisions.
 type Attachment = (VertexId, f32);
 
 impl Router {
-    /// Makes `graph` ready on `thread_count` threads; with a table if it has at most `table_limit` vertices.
+    /// Prepares `graph` for queries on `thread_count` threads; with a table if it has at most `table_limit` vertices.
     pub fn new(graph: NavGraph, table_limit: usize, thread_count: usize) -> Self {
         let adjacency = Adjacency::new(&graph);
         let fits = graph.vertex_count() <= table_limit && adjacency.fits_table();
@@ -91,41 +92,42 @@ impl Router {
         }
     }
 
-    /// The graph.
+    /// Returns the graph.
     pub fn graph(&self) -> &NavGraph {
         &self.graph
     }
 
-    /// Whether plans are read off a table.
+    /// Returns whether the router has a table of next hops.
     pub fn has_table(&self) -> bool {
         self.table.is_some()
     }
 
-    /// Finds the cheapest plan.
+    /// Finds the cheapest plan. If there is no path, the plan heads straight for the goal and says why.
     pub fn find_path(&self, query: &Query) -> Plan {
         self.find_path_at(query, &Repriced::new())
     }
 
-    /// Finds the cheapest plan where some edges have become dearer, or nearly so where some became cheaper.
+    /// Finds the cheapest plan at current costs. If an edge has become cheaper, the plan may not be the cheapest, because the
+    /// table and the A* heuristic use the costs that the router was made with.
     pub fn find_path_at(&self, query: &Query, repriced: &Repriced) -> Plan {
         let starts = self.attach(query, false);
         let goals = self.attach(query, true);
-        let near = query.start.distance(query.goal) <= DIRECT_M && !query.avoid.contains(&LegKey::DIRECT);
+        let is_near = query.start.distance(query.goal) <= DIRECT_M && !query.avoid.contains(&LegKey::DIRECT);
         let looked_up = self.table.as_ref().and_then(|table| self.look_up_path(table, &starts, &goals));
         let is_plain = query.avoid.is_empty() && repriced.is_empty();
-        let is_open = |path: &Path| {
+        let is_unaffected = |path: &Path| {
             let mut edges = path.edges.iter().map(|&edge| self.adjacency.key(edge));
             is_plain || edges.all(|key| !query.avoid.contains(&key.into()) && !repriced.contains_key(&key))
         };
         let path = match (&self.table, looked_up) {
             (Some(_), None) => None,
-            (Some(_), Some(path)) if is_open(&path) => Some(path),
+            (Some(_), Some(path)) if is_unaffected(&path) => Some(path),
             _ => self.a_star(&starts, &goals, &query.avoid, repriced),
         };
         match path {
-            Some(path) if near && self.direct_cost(query) <= path.cost => self.direct(query, None),
+            Some(path) if is_near && self.direct_cost(query) <= path.cost => self.direct(query, None),
             Some(path) => self.assemble(query, &path),
-            None if near => self.direct(query, None),
+            None if is_near => self.direct(query, None),
             None => {
                 let reason = self.explain(&starts, &goals);
                 Plan { nearest: self.nearest_reachable(&starts, query.goal), ..self.direct(query, Some(reason)) }
@@ -133,12 +135,13 @@ impl Router {
         }
     }
 
-    /// The cheapest path between two vertices by A*: its cost and the vertices passed.
+    /// Searches the cheapest path between two vertices with A*. Returns its cost in decisions and its vertices.
     pub fn search(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
         self.a_star(&[(from, 0.0)], &[(to, 0.0)], &[], &Repriced::new()).map(|path| self.vertices_of(&path))
     }
 
-    /// The same off the table, if there is one.
+    /// Looks up the cheapest path between two vertices in the table. Returns its cost in decisions and its vertices; `None`
+    /// if there is no path or no table.
     pub fn look_up(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
         self.look_up_path(self.table.as_ref()?, &[(from, 0.0)], &[(to, 0.0)]).map(|path| self.vertices_of(&path))
     }
@@ -148,8 +151,8 @@ impl Router {
         (path.cost, std::iter::once(path.first).chain(passed).collect())
     }
 
-    /// The cheapest vertices to walk to from the start (or from which to walk to the goal, if `to_goal`). Vertices that
-    /// no proved edge leaves (or reaches) lead nowhere and are left out.
+    /// Finds the cheapest vertices to walk to from the start (or, if `to_goal`, to walk from to the goal). Vertices without
+    /// outgoing (or incoming) edges are left out.
     fn attach(&self, query: &Query, to_goal: bool) -> Attached {
         let (index, point) = if to_goal { (&self.targets, query.goal) } else { (&self.sources, query.start) };
         let is_barred = |vertex| {
@@ -186,7 +189,7 @@ impl Router {
         best
     }
 
-    /// The cheapest of all paths from a start to a goal, off the table.
+    /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
     fn look_up_path(&self, table: &Table, starts: &[Attachment], goals: &[Attachment]) -> Option<Path> {
         let mut best = None;
         let mut least = f32::INFINITY;
@@ -202,8 +205,8 @@ impl Router {
         Some(Path { cost: least, first, edges: table.path(&self.adjacency, first, goal) })
     }
 
-    /// A* from all priced starts to the best of all priced goals. Straight-line distance at the graph's best rate
-    /// never overestimates what is left, so the path is the cheapest.
+    /// Runs A* from all of `starts` to the best of `goals`, attachments included. The heuristic is the straight-line distance
+    /// at the graph's greatest distance per cost, which never overestimates, so the path is the cheapest.
     fn a_star(
         &self,
         starts: &[Attachment],
@@ -212,23 +215,23 @@ impl Router {
         repriced: &Repriced,
     ) -> Option<Path> {
         let ends: Vec<(Vec3, f32)> = goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
-        let least_left = |vertex: VertexId| {
+        let heuristic = |vertex: VertexId| {
             let at = self.graph.position(vertex);
             ends.iter().map(|(end, exit)| at.distance(*end) / self.metres_per_cost + exit).fold(f32::INFINITY, f32::min)
         };
         let mut cost = vec![f32::INFINITY; self.graph.vertex_count()];
-        let mut came_by: Vec<Option<EdgeIdx>> = vec![None; self.graph.vertex_count()];
+        let mut came_from: Vec<Option<EdgeIdx>> = vec![None; self.graph.vertex_count()];
         let mut is_closed = vec![false; self.graph.vertex_count()];
         let mut open = BinaryHeap::new();
         for &(vertex, price) in starts {
             if price < cost[vertex.idx()] {
                 cost[vertex.idx()] = price;
-                open.push(Reverse((Key(price + least_left(vertex)), vertex)));
+                open.push(Reverse((HeapCost(price + heuristic(vertex)), vertex)));
             }
         }
         let mut best: (f32, Option<VertexId>) = (f32::INFINITY, None);
-        while let Some(Reverse((Key(bound), vertex))) = open.pop() {
-            // Rounding may put a bound a hair above what it bounds.
+        while let Some(Reverse((HeapCost(bound), vertex))) = open.pop() {
+            // Rounding may lift a lower bound slightly above the true cost.
             if bound > best.0 * (1.0 + 1.0e-5) {
                 break;
             }
@@ -241,21 +244,21 @@ impl Router {
                     best = (so_far + exit, Some(vertex));
                 }
             }
-            for (edge, to, price) in self.adjacency.leaving(vertex) {
+            for (edge, to, price) in self.adjacency.outgoing(vertex) {
                 let key = EdgeKey { from: vertex, to };
                 let price = if repriced.is_empty() { price } else { *repriced.get(&key).unwrap_or(&price) };
                 let next = so_far + price;
                 if next < cost[to.idx()] && !avoid.contains(&key.into()) {
                     cost[to.idx()] = next;
-                    came_by[to.idx()] = Some(edge);
+                    came_from[to.idx()] = Some(edge);
                     is_closed[to.idx()] = false;
-                    open.push(Reverse((Key(next + least_left(to)), to)));
+                    open.push(Reverse((HeapCost(next + heuristic(to)), to)));
                 }
             }
         }
         let (cost, last) = best;
         let (mut edges, mut first) = (Vec::new(), last?);
-        while let Some(edge) = came_by[first.idx()] {
+        while let Some(edge) = came_from[first.idx()] {
             edges.push(edge);
             first = self.adjacency.key(edge).from;
         }
@@ -326,32 +329,33 @@ impl Router {
 /// A path through the graph.
 #[derive(Debug)]
 struct Path {
+    /// Cost in decisions, attachments included.
     cost: f32,
-    /// Vertex that it begins at.
+    /// First vertex of the path.
     first: VertexId,
-    /// Edges taken, in order.
+    /// Edges of the path, in order.
     edges: Vec<EdgeIdx>,
 }
 
-/// A cost that can be ordered.
+/// A cost with a total order, for the heap.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Key(f32);
+struct HeapCost(f32);
 
-impl Eq for Key {}
+impl Eq for HeapCost {}
 
-impl PartialOrd for Key {
+impl PartialOrd for HeapCost {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Key {
+impl Ord for HeapCost {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
     }
 }
 
-/// Distance between vertices if they were spread evenly, m.
+/// Returns the distance between neighbouring vertices if all were spread evenly over their bounding rectangle, m.
 fn spacing(graph: &NavGraph) -> f32 {
     let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
     for vertex in graph.vertices() {

@@ -1,6 +1,6 @@
-//! What a graph is built with, and the identity that follows from it.
+//! Settings of a build, and the identity of the graph that it yields.
 //!
-//! Settings are the numbers a user may choose; [`GraphId`] hashes them with everything else that decides a graph.
+//! Users choose the settings; [`GraphId`] hashes them with everything else that determines a graph.
 
 use crate::site::{PolicyHash, Site};
 use serde::{Deserialize, Serialize};
@@ -8,31 +8,33 @@ use std::fmt;
 use std::ops::Deref;
 use surefoot_world::navigable::NoGround;
 
-/// Changes whenever equal settings would build another graph.
+/// Version of the builder; changes whenever the same settings would yield a different graph.
 pub const BUILDER_VERSION: u32 = 4;
 
-/// How a graph's vertices are placed and its candidates found.
+/// How vertices are placed and candidate edges are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Placement {
-    /// Uniformly random; each vertex is tried against its nearest.
+    /// Uniformly random; each vertex is probed against its nearest neighbours.
     Random,
-    /// Random with a minimum distance that shrinks until all are placed; each is tried against its nearest.
+    /// Random with a minimum distance that shrinks until all vertices are placed; each is probed against its nearest
+    /// neighbours.
     Spaced,
-    /// Random with chances inverse to the local density of standing room; each is tried against its nearest.
+    /// Random with probabilities inverse to the local density of navigable ground; each vertex is probed against its nearest
+    /// neighbours.
     Density,
-    /// Points along the policy's own runs, merged where they are near; edges as the runs passed them, untried.
+    /// Points along runs of the policy, merged where they are near; edges as the runs passed them, without probes.
     Trajectories,
-    /// The same vertices; each is tried against its nearest.
+    /// The vertices of `Trajectories`; each is probed against its nearest neighbours.
     TrajectoriesTested,
-    /// Spreads from one vertex to wherever the policy gets; parents and children are tried both ways.
+    /// Spreads from one vertex to wherever the policy arrives; parents and children are probed in both directions.
     Flood,
-    /// The same; grandparents and grandchildren too.
+    /// `Flood`, where grandparents and grandchildren are probed as well.
     FloodGrandchildren,
 }
 
 impl Placement {
-    /// All of them, in the order of the paper's table.
+    /// All placements, in the order of the paper's table.
     pub const ALL: [Placement; 7] = [
         Placement::Random,
         Placement::Spaced,
@@ -43,7 +45,7 @@ impl Placement {
         Placement::FloodGrandchildren,
     ];
 
-    /// Name as used by commands.
+    /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
         match self {
             Placement::Random => "random",
@@ -56,24 +58,24 @@ impl Placement {
         }
     }
 
-    /// The placement of that name.
+    /// Returns the placement with that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|placement| placement.name() == name)
     }
 }
 
-/// How many probes are spent.
+/// How many probes a build spends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Probing {
-    /// Every candidate, every time: the paper's way.
+    /// All repeats of every candidate edge, as in the paper.
     Exhaustive,
-    /// As few as settle the matter, chosen by a predictor.
+    /// As few as decide each candidate edge, chosen by a predictor that is fitted during the build.
     Frugal,
 }
 
 impl Probing {
-    /// Name as used by commands.
+    /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
         match self {
             Probing::Exhaustive => "exhaustive",
@@ -82,51 +84,51 @@ impl Probing {
     }
 }
 
-/// Everything that decides a graph besides map, character and policy.
+/// Everything that determines a graph besides map, character and policy.
 ///
-/// It exists only checked; [`RawBuildSettings`] is what can be asked for.
+/// All values are in range; [`RawBuildSettings`] holds unchecked values.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "RawBuildSettings")]
 pub struct BuildSettings(RawBuildSettings);
 
-/// The numbers of [`BuildSettings`], as somebody asks for them.
+/// The values of [`BuildSettings`], not yet checked. The default is valid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RawBuildSettings {
-    /// How vertices are placed.
+    /// How vertices are placed. Default: [`Placement::Spaced`].
     pub placement: Placement,
-    /// How many, at least 2.
+    /// Number of vertices, 2 to [`MAX_VERTICES`]. Default: 300.
     pub vertices: usize,
-    /// Nearest vertices that each is tried against, 1 to 64.
+    /// Number of nearest neighbours that each vertex is probed against, 1 to 64. Default: 12.
     pub neighbours: usize,
-    /// Tries per candidate edge, 1 to 32.
+    /// Maximum number of probes per candidate edge, 1 to 32. Default: 2.
     pub repeats: u32,
-    /// Share of tries that must succeed, above 0, at most 1.
+    /// Share of probes that must succeed to prove an edge, 1e-6 to 1. Default: 0.5.
     pub threshold: f64,
-    /// Seed of placement and probes.
+    /// Seed of placement and probes. Default: 0.
     pub seed: u64,
-    /// How many probes are spent.
+    /// How many probes the build spends. Default: [`Probing::Frugal`].
     pub probing: Probing,
-    /// Whether vertices and candidates also come from devices and ledges; the paper has none.
+    /// Whether vertices and candidate edges also come from devices and ledges, unlike in the paper. Default: true.
     pub special_moves: bool,
 }
 
 impl BuildSettings {
-    /// One of the paper's builders as the paper has it: every candidate tried every time, nothing from features.
+    /// Returns the settings of the paper for a placement: exhaustive probing and no special moves.
     pub fn of_paper(placement: Placement) -> Self {
         Self(RawBuildSettings { placement, probing: Probing::Exhaustive, special_moves: false, ..Default::default() })
     }
 
-    /// These settings with a change.
+    /// Returns these settings with a change applied.
     ///
     /// # Errors
-    /// Names the first setting out of range.
+    /// Returns the first setting that is out of range.
     pub fn with(&self, change: impl FnOnce(&mut RawBuildSettings)) -> Result<Self, SettingError> {
         let mut raw = self.0;
         change(&mut raw);
         raw.try_into()
     }
 
-    /// These settings with another seed.
+    /// Returns these settings with another seed.
     #[must_use]
     pub fn with_seed(&self, seed: u64) -> Self {
         Self(RawBuildSettings { seed, ..self.0 })
@@ -164,16 +166,16 @@ impl Default for RawBuildSettings {
     }
 }
 
-/// Most vertices of any graph.
+/// Maximum number of vertices of a graph.
 pub const MAX_VERTICES: usize = 4096;
 
-/// A setting is out of range.
+/// A setting that is out of range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("settings.{field} is {value}, allowed are {min} to {max}")]
+#[error("settings.{field} is {value}; it must be between {min} and {max}")]
 pub struct SettingError {
-    /// Which.
+    /// Name of the setting.
     pub field: &'static str,
-    /// What was asked for.
+    /// The value.
     pub value: f64,
     /// Smallest allowed value.
     pub min: f64,
@@ -184,7 +186,7 @@ pub struct SettingError {
 /// Why a graph cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BuildError {
-    /// The map offers nowhere to stand.
+    /// The map has no navigable ground.
     #[error(transparent)]
     NoGround(#[from] NoGround),
     /// The build was cancelled.
@@ -209,12 +211,12 @@ impl RawBuildSettings {
     }
 }
 
-/// Identity of a graph: hash of all that decides it.
+/// Identity of a graph: the hash of everything that determines it.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GraphId(pub [u8; 32]);
 
 impl GraphId {
-    /// The id of the graph that `settings` build on `site`, proved by the policy of these weights.
+    /// Returns the id of the graph that is built with `settings` on `site` and proved by `policy`.
     pub fn of(site: &Site, policy: &PolicyHash, settings: &BuildSettings) -> Self {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&BUILDER_VERSION.to_le_bytes());
@@ -225,7 +227,7 @@ impl GraphId {
         Self(*hasher.finalize().as_bytes())
     }
 
-    /// Reads 64 hexadecimal digits.
+    /// Parses 64 hexadecimal digits; `None` if `text` is anything else.
     pub fn parse(text: &str) -> Option<Self> {
         blake3::Hash::from_hex(text).ok().map(|hash| Self(*hash.as_bytes()))
     }

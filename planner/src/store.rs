@@ -1,7 +1,7 @@
-//! Where graphs, layers and live evidence are remembered: the trait that every store implements, and the entries it keeps.
+//! Persistence of graphs, layers and live evidence: the trait that every store implements, and the encoding of its entries.
 //!
-//! Every entry begins with a checksum of its content, so that a damaged one is noticed wherever it was kept; what an entry
-//! says is checked besides, since a checksum makes bytes whole, not true.
+//! Every entry begins with a checksum of its content, so that damage is detected wherever the entry was kept. The decoded
+//! content is validated as well, because a checksum does not show that the values are valid.
 
 use crate::build::{BuildStats, Built};
 use crate::edits::Layer;
@@ -11,124 +11,124 @@ use crate::settings::GraphId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-/// Identity of a level, whatever its graphs are built with: layers belong to it.
+/// Identity of a level, independent of the settings of its graphs. Layers belong to a level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct LevelId(pub [u8; 32]);
 
 impl LevelId {
-    /// The level that is made from these bytes: a map's spec, or its file.
+    /// Returns the level that these bytes identify: a map's encoded spec, or a level's name.
     pub fn of(source: &[u8]) -> Self {
         Self(*blake3::hash(source).as_bytes())
     }
 
-    /// The level that a spec generates.
+    /// Returns the level that `spec` generates.
     pub fn of_spec(spec: &surefoot_world::MapSpec) -> Self {
         Self::of(&postcard::to_stdvec(spec).expect("a spec is plain data"))
     }
 }
 
-/// Where finished graphs are remembered.
+/// Stores graphs, live evidence and layers.
 pub trait GraphStore: Send + Sync {
-    /// A graph that was stored under `id`; damaged entries read as absent.
+    /// Returns the graph that was stored under `id`; `None` if there is none or its entry is damaged.
     ///
     /// # Errors
     /// If the store itself cannot be read.
     fn get(&self, id: &GraphId) -> Result<Option<Built>, StoreError>;
 
-    /// Remembers a graph; others that were not used for longest may make room.
+    /// Stores a graph. The least recently used graphs may be evicted to make room.
     ///
     /// # Errors
     /// If the store cannot be written.
     fn put(&self, id: &GraphId, built: &Built) -> Result<(), StoreError>;
 
-    /// What was reported of a graph's edges; nothing if that is damaged.
+    /// Returns the live evidence of a graph; empty if there is none or its entry is damaged.
     ///
     /// # Errors
     /// If the store itself cannot be read.
     fn live(&self, id: &GraphId) -> Result<LiveEvidence, StoreError>;
 
-    /// Remembers what was reported of a graph's edges.
+    /// Stores the live evidence of a graph, in place of what was stored before.
     ///
     /// # Errors
     /// If the store cannot be written.
     fn put_live(&self, id: &GraphId, live: &LiveEvidence) -> Result<(), StoreError>;
 
-    /// The layers of a level, by name; damaged ones are left out with a warning.
+    /// Returns the layers of a level by name. Damaged layers are skipped with a warning.
     ///
     /// # Errors
     /// If the store itself cannot be read.
     fn layers(&self, level: &LevelId) -> Result<Vec<Layer>, StoreError>;
 
-    /// Remembers a layer in place of the one of that name; one without edits is forgotten.
+    /// Stores a layer in place of the one with the same name; a layer without edits is removed.
     ///
     /// # Errors
     /// If the store cannot be written.
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError>;
 }
 
-/// A store that cannot be used.
+/// A failure of the store.
 #[derive(Debug, thiserror::Error)]
 #[error("graph cache {place}: {reason}")]
 pub struct StoreError {
-    /// Its file or address.
+    /// File or address of the store.
     pub place: String,
     /// What went wrong.
     pub reason: String,
 }
 
-/// What an entry holds.
+/// Content of a graph's entry.
 #[derive(Serialize, Deserialize)]
 struct Entry {
     graph: GraphData,
     stats: BuildStats,
 }
 
-/// A graph as the bytes of an entry.
+/// Encodes a graph as an entry.
 pub fn encode_entry(built: &Built) -> Vec<u8> {
     seal(&Entry { graph: built.graph.to_data(), stats: built.stats })
 }
 
-/// The graph that [`encode_entry`] turned into `bytes`.
+/// Decodes a graph that [`encode_entry`] encoded.
 ///
 /// # Errors
-/// Says why they are not a whole, undamaged entry with a graph that makes sense.
+/// If `bytes` are truncated or damaged, or the graph is invalid.
 pub fn decode_entry(bytes: &[u8]) -> Result<Built, String> {
     let Entry { graph, stats } = unseal(bytes)?;
     let graph = NavGraph::check(graph).map_err(|error| error.to_string())?;
     Ok(Built { graph, stats })
 }
 
-/// What was reported of a graph's edges as the bytes of an entry.
+/// Encodes live evidence as an entry.
 pub fn encode_live(live: &LiveEvidence) -> Vec<u8> {
     seal(live)
 }
 
-/// The evidence that [`encode_live`] turned into `bytes`.
+/// Decodes live evidence that [`encode_live`] encoded.
 ///
 /// # Errors
-/// Says why they are not whole, undamaged evidence.
+/// If `bytes` are truncated or damaged, or the evidence is inconsistent.
 pub fn decode_live(bytes: &[u8]) -> Result<LiveEvidence, String> {
     let live: LiveEvidence = unseal(bytes)?;
-    if live.is_sound() { Ok(live) } else { Err("its evidence contradicts itself".to_owned()) }
+    if live.is_sound() { Ok(live) } else { Err("its evidence is inconsistent".to_owned()) }
 }
 
-/// A layer as the bytes of an entry.
+/// Encodes a layer as an entry.
 pub fn encode_layer(layer: &Layer) -> Vec<u8> {
     seal_bytes(serde_json::to_vec(layer).expect("a layer is plain data"))
 }
 
-/// The layer that [`encode_layer`] turned into `bytes`.
+/// Decodes a layer that [`encode_layer`] encoded.
 ///
 /// # Errors
-/// Says why they are not a whole, undamaged layer with sensible edits.
+/// If `bytes` are truncated or damaged, or the layer is invalid.
 pub fn decode_layer(bytes: &[u8]) -> Result<Layer, String> {
-    // Layers are stored as JSON, whose edits postcard cannot tell apart.
+    // Layers are stored as JSON: postcard cannot decode internally tagged enums such as `Edit`.
     let layer: Layer = serde_json::from_slice(content(bytes)?).map_err(|error| error.to_string())?;
     layer.validate().map_err(|error| error.to_string())?;
     Ok(layer)
 }
 
-/// Checksum, then content.
+/// Prepends the checksum to `content`.
 fn seal_bytes(content: Vec<u8>) -> Vec<u8> {
     let mut bytes = blake3::hash(&content).as_bytes().to_vec();
     bytes.extend(content);
@@ -140,7 +140,7 @@ fn seal<T: Serialize>(value: &T) -> Vec<u8> {
 }
 
 fn content(bytes: &[u8]) -> Result<&[u8], String> {
-    let (hash, content) = bytes.split_first_chunk::<32>().ok_or("it is cut off")?;
+    let (hash, content) = bytes.split_first_chunk::<32>().ok_or("it is truncated")?;
     if blake3::hash(content).as_bytes() != hash {
         return Err("its checksum does not match".to_owned());
     }

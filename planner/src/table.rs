@@ -1,27 +1,28 @@
-//! The table of next hops: for every pair of vertices what the cheapest path costs, and which edge it begins with.
+//! The table of next hops: for every ordered pair of vertices the cost of the cheapest path and its first edge.
 
-use crate::adjacency::{Adjacency, Arrivals, EdgeIdx};
+use crate::adjacency::{Adjacency, EdgeIdx, IncomingEdges};
 use crate::ids::VertexId;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Stands for "no path" among the hops.
+/// Hop that stands for "no path".
 const NO_PATH: u8 = u8::MAX;
 
-/// Costs and next hops: 5 bytes for each pair of vertices.
+/// Costs and next hops, 5 bytes for each ordered pair of vertices.
 #[derive(Debug)]
 pub(crate) struct Table {
     vertex_count: usize,
-    /// Place of each vertex in the rows: by where it stands, so that vertices that are queried together lie together.
+    /// Column of each vertex in the rows, in spatial order: vertices that are queried together lie close in memory.
     ranks: Vec<u32>,
-    /// By goal, then by rank: cost of the path.
+    /// Cost of the path in decisions, by goal, then by rank; infinite without a path.
     costs: Vec<f32>,
-    /// By goal, then by rank: place of the first edge among those that leave the vertex.
+    /// Index of the path's first edge among the outgoing edges of the vertex, by goal, then by rank.
     hops: Vec<u8>,
 }
 
 impl Table {
-    /// Runs Dijkstra's algorithm backwards from every vertex; `order` lists all vertices by where they stand.
+    /// Fills the table by running Dijkstra's algorithm backwards from every vertex, on `thread_count` threads. `order` lists
+    /// all vertices in spatial order.
     pub fn fill(adjacency: &Adjacency, order: &[u32], thread_count: usize) -> Self {
         let vertex_count = adjacency.vertex_count();
         let mut ranks = vec![0; vertex_count];
@@ -32,18 +33,18 @@ impl Table {
             costs: vec![f32::INFINITY; vertex_count * vertex_count],
             hops: vec![NO_PATH; vertex_count * vertex_count],
         };
-        let arrivals = Arrivals::new(adjacency);
+        let incoming = IncomingEdges::new(adjacency);
         let rows_each = vertex_count.div_ceil(thread_count.max(1)).max(1);
         let chunk_len = (rows_each * vertex_count).max(1);
         std::thread::scope(|scope| {
             let chunks = table.costs.chunks_mut(chunk_len).zip(table.hops.chunks_mut(chunk_len));
             for (chunk_idx, (costs, hops)) in chunks.enumerate() {
-                let (arrivals, ranks) = (&arrivals, &table.ranks);
+                let (incoming, ranks) = (&incoming, &table.ranks);
                 scope.spawn(move || {
                     let rows = costs.chunks_exact_mut(vertex_count).zip(hops.chunks_exact_mut(vertex_count));
                     for (row_idx, (costs, hops)) in rows.enumerate() {
                         let goal = VertexId::at(chunk_idx * rows_each + row_idx);
-                        Row { ranks, costs, hops }.fill(arrivals, goal);
+                        Row { ranks, costs, hops }.fill(incoming, goal);
                     }
                 });
             }
@@ -51,12 +52,12 @@ impl Table {
         table
     }
 
-    /// Cost of the cheapest path, infinite if there is none.
+    /// Returns the cost of the cheapest path in decisions; infinite if there is none.
     pub fn cost(&self, from: VertexId, to: VertexId) -> f32 {
         self.costs[to.idx() * self.vertex_count + self.ranks[from.idx()] as usize]
     }
 
-    /// Edges of the cheapest path, in order; none if there is no path.
+    /// Returns the edges of the cheapest path in order; empty if there is no path.
     pub fn path(&self, adjacency: &Adjacency, from: VertexId, to: VertexId) -> Vec<EdgeIdx> {
         let row = &self.hops[to.idx() * self.vertex_count..][..self.vertex_count];
         let mut path = Vec::with_capacity(32);
@@ -74,7 +75,7 @@ impl Table {
     }
 }
 
-/// All paths to one goal.
+/// The rows of the table for one goal.
 struct Row<'a> {
     ranks: &'a [u32],
     costs: &'a mut [f32],
@@ -82,10 +83,10 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    fn fill(self, arrivals: &Arrivals, goal: VertexId) {
+    fn fill(self, incoming: &IncomingEdges, goal: VertexId) {
         let Self { ranks, costs, hops } = self;
         let rank = |vertex: VertexId| ranks[vertex.idx()] as usize;
-        // Costs are not negative, so their bits sort like they do.
+        // The bits of non-negative floats sort in the same order as the floats.
         let entry = |cost: f32, vertex: VertexId| Reverse(u64::from(cost.to_bits()) << 32 | u64::from(vertex.0));
         let mut open = BinaryHeap::with_capacity(costs.len());
         costs[rank(goal)] = 0.0;
@@ -95,12 +96,12 @@ impl Row<'_> {
             if so_far > costs[rank(vertex)] {
                 continue;
             }
-            for arrival in arrivals.at(vertex) {
-                let next = so_far + arrival.cost;
-                if next < costs[rank(arrival.from)] {
-                    costs[rank(arrival.from)] = next;
-                    hops[rank(arrival.from)] = arrival.place;
-                    open.push(entry(next, arrival.from));
+            for edge in incoming.at(vertex) {
+                let next = so_far + edge.cost;
+                if next < costs[rank(edge.from)] {
+                    costs[rank(edge.from)] = next;
+                    hops[rank(edge.from)] = edge.out_idx;
+                    open.push(entry(next, edge.from));
                 }
             }
         }

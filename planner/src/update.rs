@@ -1,9 +1,9 @@
-//! Brings a graph up to date after a local change of its map: only what the change may touch is probed again.
+//! Updates a graph after a local change of its map: only candidate edges that the change may affect are probed again.
 //!
-//! Vertices stay where they are, except those that can no longer be stood on. An edge is touched if the box around all
-//! ways that its probes took comes near changed geometry; a candidate that failed, if the straight way does. What an NPC
-//! merely *sees* of a change from afar may sway it too: such edges keep their evidence, which is the price for probing
-//! so little, and live evidence corrects it.
+//! Vertices keep their positions; a vertex where the character can no longer stand loses its edges. An edge is affected if
+//! the bounding box of its probes' tracks comes near changed geometry; a candidate that is not an edge, if the straight
+//! line between its vertices does. A change that an NPC only *sees* from afar may influence its decisions, too. Such edges
+//! keep their evidence until live evidence corrects it: this is the cost of probing so little.
 
 use crate::build::{BuildStats, Builder, Built, find_candidates, untried};
 use crate::candidates::Candidate;
@@ -17,23 +17,23 @@ use std::sync::atomic::Ordering;
 use surefoot_world::character::MoveScratch;
 use surefoot_world::{Map, Vec3, navigable};
 
-/// Side of the cells that a change is noted in, m.
+/// Side of the columns in which changes are recorded, m.
 const CELL_M: f32 = 1.0;
-/// How near to a change a way is touched by it, m: a body's width and some room to dodge.
+/// Distance within which a change affects a track or a line, m: the width of a body and some room to dodge.
 const MARGIN_M: f32 = 3.0;
-/// How far ahead of devices that came, went or changed edges are touched, m.
+/// Distance within which a device that was added, removed or changed affects edges, m.
 const DEVICE_M: f32 = 8.0;
-/// How much the ground under a vertex may shift before it counts as lost, m.
+/// Height difference within which a vertex must find ground to stand on, m; it may shift by twice as much in all.
 const SHIFT_M: f32 = 0.3;
 
-/// Where two maps differ: by column of cells, from which height to which.
+/// Where two maps differ: a range of heights for each column that has changed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Change {
     columns: BTreeMap<(i32, i32), (f32, f32)>,
 }
 
 impl Change {
-    /// Compares geometry triangle by triangle, and devices and pools one by one.
+    /// Compares two maps: all triangles, pads, zip lines, teleporters and jetpacks.
     pub fn between(old: &Map, new: &Map) -> Self {
         let key = |triangle: &surefoot_world::mesh::Triangle| {
             (triangle.corners().map(|corner| corner.to_array().map(f32::to_bits)), triangle.surface() as u8)
@@ -74,17 +74,17 @@ impl Change {
         }
     }
 
-    /// Whether nothing differs.
+    /// Returns whether the maps are equal.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
     }
 
-    /// Changed area, m2.
+    /// Returns the area of the columns that have changed, m2.
     pub fn area(&self) -> f32 {
         self.columns.len() as f32 * CELL_M * CELL_M
     }
 
-    /// Whether something within the margin of this box differs.
+    /// Returns whether anything differs within the margin of this box.
     pub fn touches(&self, low: Vec3, high: Vec3) -> bool {
         let margin = Vec3::splat(MARGIN_M);
         let (low, high) = (low - margin, high + margin);
@@ -92,13 +92,13 @@ impl Change {
             .any(|cell| self.columns.get(&cell).is_some_and(|&(bottom, top)| bottom <= high.y && top >= low.y))
     }
 
-    /// Whether anything over or under a place, or within the margin beside it, differs.
+    /// Returns whether anything differs at any height above or below `at`, within the margin to each side.
     pub fn touches_column(&self, at: Vec3) -> bool {
         let (low, high) = (Vec3::new(at.x, f32::MIN, at.z), Vec3::new(at.x, f32::MAX, at.z));
         self.touches(low, high)
     }
 
-    /// Whether something within the margin of the straight way differs.
+    /// Returns whether anything differs within the margin of the straight line between two positions.
     pub fn touches_path(&self, from: Vec3, to: Vec3) -> bool {
         let steps = (from.distance(to) / CELL_M).ceil().max(1.0);
         (0..=steps as usize).any(|step| {
@@ -108,27 +108,28 @@ impl Change {
     }
 }
 
+/// Iterates over the columns that a box touches.
 fn cells(low: Vec3, high: Vec3) -> impl Iterator<Item = (i32, i32)> {
     let cell = |value: f32| (value / CELL_M).floor() as i32;
     let (left, right, back, front) = (cell(low.x), cell(high.x), cell(low.z), cell(high.z));
     (back..=front).flat_map(move |row| (left..=right).map(move |column| (column, row)))
 }
 
-/// What an update did.
+/// Result of an update.
 #[derive(Debug, Clone)]
 pub struct Updated {
     /// The graph on the new map.
     pub built: Built,
     /// Where the maps differ.
     pub change: Change,
-    /// Candidates that were tried again.
+    /// Number of candidate edges that the change affects; frugal probing may skip some of them.
     pub retried: u64,
-    /// Vertices that can no longer be stood on; they have no edges any more.
+    /// Vertices where the character can no longer stand; they have no edges any more.
     pub lost: Vec<VertexId>,
 }
 
 impl Builder<'_> {
-    /// Brings `graph`, which the same settings built on `old_map`, up to date with the map of the builder's site.
+    /// Updates `graph`, which was built on `old_map` with the same settings, to the map of the builder's site.
     ///
     /// # Errors
     /// If `progress.cancel` was set.
@@ -139,15 +140,15 @@ impl Builder<'_> {
         let lost = lost_vertices(&vertices, &change, self.site);
         let known: HashMap<Candidate, Evidence> = graph.edges().map(|edge| (edge.key, edge.evidence)).collect();
         let (candidates, special) = self.candidates_of(&vertices, &known, &lost);
-        let is_touched = |key: &Candidate| match known.get(key) {
+        let is_affected = |key: &Candidate| match known.get(key) {
             Some(evidence) => change.touches(evidence.bounds[0], evidence.bounds[1]),
             None => change.touches_path(vertices[key.from.idx()], vertices[key.to.idx()]),
         };
-        let (touched, kept): (Vec<Candidate>, Vec<Candidate>) =
-            candidates.iter().partition(|candidate| is_touched(candidate));
-        let proving = self.proving(&vertices, &touched);
+        let (affected, kept): (Vec<Candidate>, Vec<Candidate>) =
+            candidates.iter().partition(|candidate| is_affected(candidate));
+        let proving = self.proving(&vertices, &affected);
         let evidence = proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?;
-        let proved = touched.iter().zip(&evidence).filter(|(_, evidence)| evidence.proves(self.settings.threshold));
+        let proved = affected.iter().zip(&evidence).filter(|(_, evidence)| evidence.proves(self.settings.threshold));
         let edges = kept
             .iter()
             .filter_map(|candidate| Some((candidate, known.get(candidate)?)))
@@ -166,11 +167,11 @@ impl Builder<'_> {
         };
         let data = GraphData { vertices, edges, legs: *graph.legs() };
         let graph = NavGraph::check(data).expect("candidates join vertices");
-        Ok(Updated { built: Built { graph, stats }, change, retried: touched.len() as u64, lost })
+        Ok(Updated { built: Built { graph, stats }, change, retried: affected.len() as u64, lost })
     }
 
-    /// The candidates of a new build and all edges that there were, without those at `lost` vertices; and how many of them come
-    /// from devices and ledges.
+    /// Returns the candidate edges of a new build and all `known` edges, without those at `lost` vertices, and the number of
+    /// candidates that come from devices and ledges.
     fn candidates_of(
         &self,
         vertices: &[Vec3],
@@ -187,13 +188,13 @@ impl Builder<'_> {
     }
 }
 
-/// Vertices in changed columns on which the character can no longer stand where it stood.
+/// Returns the vertices in changed columns where the character can no longer stand.
 fn lost_vertices(vertices: &[Vec3], change: &Change, site: &Site) -> Vec<VertexId> {
     let mut scratch = MoveScratch::default();
     (0..)
         .map(VertexId)
         .zip(vertices)
-        // At any height: what stands inside a new block is nowhere near its faces.
+        // At any height: a vertex inside a new block may be far from the block's faces.
         .filter(|(_, feet)| change.touches_column(**feet))
         .filter(|(_, feet)| {
             let stands = navigable::stand_at(&site.map, &site.profile, **feet, SHIFT_M, &mut scratch);

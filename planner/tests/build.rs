@@ -1,4 +1,4 @@
-//! Whole builds on toy maps, with an executor that needs no policy: what is proved follows from a rule.
+//! Whole builds on toy maps. The executor needs no policy: a rule decides which probes succeed.
 
 use std::sync::Arc;
 use std::sync::Mutex;
@@ -19,7 +19,7 @@ fn site() -> Site {
     Site::new(Arc::new(Map::from_parts(MapSize { width: 60, height: 20, depth: 60 }, triangles, Placed::default())))
 }
 
-/// A river at x = 30 that can be crossed from west to east only; everything else is a walk of 1 m a decision.
+/// A river at x = 30 that can be crossed only from west to east; elsewhere, probes walk 1 m per decision.
 #[derive(Default)]
 struct River {
     tried: Mutex<Vec<Trial>>,
@@ -81,14 +81,14 @@ fn edges_are_what_the_executor_says_and_the_river_is_one_way() {
     }
     assert!(graph.edges().any(|edge| side(edge.key.to) && !side(edge.key.from)), "nothing leads over the river");
     let router = Router::new(graph, 4096, 1);
-    let ask = |start, goal| router.find_path(&Query { start, goal, avoid: Vec::new() });
+    let find = |start, goal| router.find_path(&Query { start, goal, avoid: Vec::new() });
     let (west, east) = (Vec3::new(4.0, 1.0, 30.0), Vec3::new(56.0, 1.0, 30.0));
-    assert_eq!(ask(west, east).no_path, None);
-    assert_eq!(ask(east, west).no_path, Some(surefoot_planner::NoPath::OneWay));
+    assert_eq!(find(west, east).no_path, None);
+    assert_eq!(find(east, west).no_path, Some(surefoot_planner::NoPath::OneWay));
 }
 
 #[test]
-fn a_frugal_build_finds_the_same_world_with_fewer_probes() {
+fn a_frugal_build_finds_the_same_connections_with_fewer_probes() {
     let (all, few) = (River::default(), River::default());
     let settings = settings()
         .with(|it| {
@@ -115,7 +115,7 @@ fn a_frugal_build_finds_the_same_world_with_fewer_probes() {
 }
 
 #[test]
-fn the_graph_is_bit_for_bit_the_one_of_before() {
+fn the_graph_is_bit_for_bit_the_same_as_before() {
     let frugal = settings()
         .with(|it| {
             it.probing = Probing::Frugal;
@@ -126,7 +126,7 @@ fn the_graph_is_bit_for_bit_the_one_of_before() {
         .unwrap();
     let built = build(&frugal, &River::default(), &Progress::default()).unwrap();
     let bytes = surefoot_planner::store::encode_entry(&built);
-    // Change it only together with BUILDER_VERSION: cached graphs would be taken for what they no longer are.
+    // Change this hash only together with BUILDER_VERSION: otherwise outdated graphs are loaded from caches.
     assert_eq!(
         blake3::hash(&bytes).to_hex().as_str(),
         "02bf5d3474f78bf93a86a6b4dd5c2ec1fdf2e9274b70f8966b272bafde21641d"
@@ -136,7 +136,7 @@ fn the_graph_is_bit_for_bit_the_one_of_before() {
 }
 
 #[test]
-fn what_changed_is_tried_again_and_nothing_else() {
+fn only_what_changed_is_probed_again() {
     let settings = settings();
     let executor = River::default();
     let Built { graph, .. } = build(&settings, &executor, &Progress::default()).unwrap();
@@ -164,7 +164,7 @@ fn what_changed_is_tried_again_and_nothing_else() {
 }
 
 #[test]
-fn a_cancelled_build_says_so_and_a_bad_setting_is_named() {
+fn a_cancelled_build_and_an_invalid_setting_give_errors() {
     let progress = Progress::default();
     progress.cancel.store(true, Ordering::Relaxed);
     assert_eq!(build(&settings(), &River::default(), &progress).unwrap_err(), BuildError::Cancelled);

@@ -1,4 +1,4 @@
-//! Search against petgraph's own algorithms, and plans on small graphs.
+//! Path search compared with petgraph's algorithms, and plans on small graphs.
 
 use petgraph::algo::{astar, dijkstra};
 use petgraph::graph::NodeIndex;
@@ -35,7 +35,7 @@ fn router(graph: NavGraph) -> Router {
     Router::new(graph, 4096, 2)
 }
 
-/// Shifts vertices so that straight-line distance means something, but not much.
+/// Scatters vertices so that straight-line distance is a weak guide to the cost of a path.
 fn scattered(count: u32) -> Vec<Vec3> {
     (0..count).map(|idx| Vec3::new((idx * 37 % 101) as f32, (idx * 13 % 7) as f32, (idx * 53 % 89) as f32)).collect()
 }
@@ -73,15 +73,15 @@ proptest! {
         let (from, to) = (VertexId(from), VertexId(to));
         match (router.look_up(from, to), router.search(from, to), theirs.get(&target), star) {
             (None, None, None, None) => {}
-            (Some((tabled, way)), Some((searched, path)), Some(reference), Some((star, _))) => {
+            (Some((tabled, tabled_path)), Some((searched, searched_path)), Some(reference), Some((star, _))) => {
                 let close = |cost: f64| (cost - reference).abs() < 1.0e-4 * (1.0 + reference);
                 prop_assert!(close(f64::from(tabled)) && close(f64::from(searched)) && close(star));
-                for path in [way, path] {
+                for path in [tabled_path, searched_path] {
                     prop_assert_eq!((path[0], path[path.len() - 1]), (from, to));
                     prop_assert!(close(cost_of(&graph, &path)));
                 }
             }
-            other => prop_assert!(false, "they disagree whether there is a path: {:?}", other),
+            other => prop_assert!(false, "they disagree on whether there is a path: {:?}", other),
         }
     }
 
@@ -116,7 +116,7 @@ fn a_plan_passes_proved_vertices_and_ends_at_the_goal() {
 }
 
 #[test]
-fn a_risky_short_cut_loses_against_a_safe_detour() {
+fn a_safe_detour_is_preferred_to_a_risky_short_cut() {
     let vertices = vec![Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 25.0)];
     let graph = graph(vertices, vec![edge(0, 1, 30, 1, 10), edge(0, 2, 25, 10, 10), edge(2, 1, 25, 10, 10)]);
     assert_eq!(router(graph).look_up(VertexId(0), VertexId(1)).unwrap().1, [0, 2, 1].map(VertexId));
@@ -133,12 +133,12 @@ fn a_failed_leg_is_not_used_again() {
     };
     assert_eq!(passed(Vec::new(), &Repriced::new()), [(0, 1), (1, 2)]);
     assert_eq!(passed(vec![EdgeKey::new(1, 2).into()], &Repriced::new()), [(0, 2)]);
-    // Likewise where the leg has become dear for everybody.
+    // The same holds where the edge has become expensive for all queries.
     assert_eq!(passed(Vec::new(), &Repriced::from([(EdgeKey::new(1, 2), 500.0)])), [(0, 2)]);
 }
 
 #[test]
-fn reported_failures_turn_plans_away_and_later_successes_bring_them_back() {
+fn reported_failures_divert_plans_and_later_successes_bring_them_back() {
     let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 50, 2, 2)]);
     let mut live = LiveEvidence::default();
     let traversal = |reached| Traversal { edge: EdgeKey::new(1, 2), reached, decisions: 10 };
@@ -148,18 +148,18 @@ fn reported_failures_turn_plans_away_and_later_successes_bring_them_back() {
         cost = live.note(&graph, &traversal(false)).unwrap();
     }
     assert!(cost > before + 20.0, "{cost} after {before}");
-    let way = |live: &LiveEvidence| router(live.apply_to(&graph)).look_up(VertexId(0), VertexId(2)).unwrap().1;
-    assert_eq!(way(&live), [0, 2].map(VertexId));
+    let path = |live: &LiveEvidence| router(live.apply_to(&graph)).look_up(VertexId(0), VertexId(2)).unwrap().1;
+    assert_eq!(path(&live), [0, 2].map(VertexId));
     for _ in 0..200 {
         live.note(&graph, &traversal(true));
     }
-    assert_eq!(way(&live), [0, 1, 2].map(VertexId));
+    assert_eq!(path(&live), [0, 1, 2].map(VertexId));
     assert!(live.traversals() < 100, "old traversals are forgotten");
     assert_eq!(live.note(&graph, &Traversal { edge: EdgeKey::new(2, 0), reached: true, decisions: 1 }), None);
 }
 
 #[test]
-fn where_there_is_no_path_the_reason_is_told_and_the_goal_is_headed_for() {
+fn without_a_path_the_plan_gives_the_reason_and_heads_straight_for_the_goal() {
     let two_islands = |edges: Vec<Edge>| {
         let mut vertices = row(8);
         vertices.extend((0..8).map(|idx| Vec3::new(5000.0 + 30.0 * idx as f32, 0.0, 0.0)));
@@ -193,7 +193,7 @@ fn islands_are_strongly_connected_components() {
 }
 
 #[test]
-fn edges_that_make_no_sense_are_refused() {
+fn invalid_edges_and_positions_are_rejected() {
     let check = |edges| NavGraph::check(GraphData { vertices: row(2), edges, legs: LegModel::default() });
     assert!(check(vec![edge(0, 2, 5, 1, 1)]).is_err());
     assert!(check(vec![edge(1, 1, 5, 1, 1)]).is_err());
@@ -208,7 +208,7 @@ fn edges_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn a_row_of_very_many_vertices_is_checked_without_deep_recursion() {
+fn a_very_long_chain_of_vertices_is_checked_without_deep_recursion() {
     let count = 200_000;
     let edges = (1..count).map(|to| edge(to - 1, to, 1, 1, 1)).collect();
     let graph = graph(vec![Vec3::ZERO; count as usize], edges);

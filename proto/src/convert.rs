@@ -1,4 +1,4 @@
-//! Conversions between wire types and the world's checked types.
+//! Conversions between the wire types of `surefoot.world.v1` and the world's checked types.
 
 use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
@@ -6,64 +6,64 @@ use surefoot_world::map::{Features, MapSize};
 use surefoot_world::{Ability, End, MapSpec, RawMapSpec, SpecError, Vec3};
 use tonic_types::{ErrorDetails, StatusExt};
 
-/// A field of a request that cannot be used.
+/// Why a field of a message is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FieldError {
-    /// The field must be set.
+    /// A required field is absent.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// The field holds NaN or an infinity.
+    /// The field is NaN or infinite.
     #[error("{0} is not finite")]
     NotFinite(&'static str),
     /// A number of the map spec is out of range.
     #[error("map.{0}")]
     Spec(#[from] SpecError),
     /// A number is out of range.
-    #[error("{field} is {value}, allowed are {min} to {max}")]
+    #[error("{field} is {value}; it must be between {min} and {max}")]
     Range {
         /// Path of the field.
         field: &'static str,
-        /// What was sent.
+        /// The value.
         value: f64,
         /// Smallest allowed value.
         min: f64,
         /// Largest allowed value.
         max: f64,
     },
-    /// There are too many of something.
-    #[error("{field} has {found} {what}, allowed are {limit}")]
+    /// A repeated field has too many items.
+    #[error("{field} has {found} {what}; at most {limit} are allowed")]
     Count {
         /// Path of the field.
         field: &'static str,
-        /// What it holds.
+        /// What the items are, in the plural.
         what: &'static str,
-        /// How many were sent.
+        /// Number of items in the message.
         found: usize,
-        /// How many are allowed.
+        /// Maximum number of items.
         limit: usize,
     },
-    /// An enum holds a value that is not one of its own.
+    /// An enum field has a value that the enum does not define.
     #[error("{field} has the unknown value {value}")]
     Unknown {
         /// Path of the field.
         field: &'static str,
-        /// What was sent.
+        /// The value.
         value: i32,
     },
     /// A packed array has the wrong length.
-    #[error("{field} holds {found} bytes, expected {expected}")]
+    #[error("{field} has {found} bytes, expected {expected}")]
     Length {
         /// Path of the field.
         field: &'static str,
-        /// Bytes sent.
+        /// Length in the message.
         found: usize,
-        /// Bytes expected.
+        /// Required length.
         expected: usize,
     },
 }
 
 impl FieldError {
-    /// Path of the field.
+    /// Returns the path of the field.
     pub fn field(&self) -> String {
         match self {
             FieldError::Missing(field) | FieldError::NotFinite(field) => (*field).to_owned(),
@@ -85,25 +85,25 @@ impl From<FieldError> for tonic::Status {
     }
 }
 
-/// Reads a required point.
+/// Converts a required point from the wire.
 ///
 /// # Errors
-/// If it is missing or not finite; `field` names it.
+/// If the point is absent or not finite. `field` is its path in the error.
 pub fn point(value: Option<&wire::Vec3>, field: &'static str) -> Result<Vec3, FieldError> {
     let &wire::Vec3 { x, y, z } = value.ok_or(FieldError::Missing(field))?;
     let point = Vec3::new(x, y, z);
     if point.is_finite() { Ok(point) } else { Err(FieldError::NotFinite(field)) }
 }
 
-/// A point on the wire.
+/// Converts a point to the wire.
 pub fn to_wire(point: Vec3) -> wire::Vec3 {
     wire::Vec3 { x: point.x, y: point.y, z: point.z }
 }
 
-/// Reads and checks a map spec.
+/// Converts a required map spec from the wire; absent parts become defaults.
 ///
 /// # Errors
-/// If it is missing or a number is out of range.
+/// If the spec is absent or a number is out of range.
 pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
     let value = value.ok_or(FieldError::Missing("map"))?;
     let mut spec = RawMapSpec::new(value.seed);
@@ -129,12 +129,12 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
     Ok(spec.try_into()?)
 }
 
-/// The extent of a map on the wire.
+/// Converts the extent of a map to the wire.
 pub fn map_size_to_wire(MapSize { width, height, depth }: MapSize) -> wire::MapSize {
     wire::MapSize { width, height, depth }
 }
 
-/// A map spec on the wire.
+/// Converts a map spec to the wire.
 pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
     let Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } =
         spec.features;
@@ -156,15 +156,15 @@ pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
     }
 }
 
-/// Reads a number within a range.
+/// Returns `value` if it is between `min` and `max`.
 ///
 /// # Errors
-/// If it is outside (or NaN); `field` names it.
+/// If `value` is out of range or NaN. `field` is its path in the error.
 pub fn in_range(value: f64, min: f64, max: f64, field: &'static str) -> Result<f64, FieldError> {
     if (min..=max).contains(&value) { Ok(value) } else { Err(FieldError::Range { field, value, min, max }) }
 }
 
-/// An outcome on the wire.
+/// Converts an outcome to the wire; `None` becomes unspecified.
 pub fn outcome(end: Option<End>) -> wire::Outcome {
     match end {
         None => wire::Outcome::Unspecified,
@@ -176,7 +176,7 @@ pub fn outcome(end: Option<End>) -> wire::Outcome {
     }
 }
 
-/// An ability on the wire.
+/// Converts an ability to the wire.
 pub fn ability_to_wire(ability: Ability) -> wire::Ability {
     match ability {
         Ability::Walk => wire::Ability::Walk,
@@ -189,7 +189,7 @@ pub fn ability_to_wire(ability: Ability) -> wire::Ability {
     }
 }
 
-/// An ability from the wire; one that is not set or not known counts as walking.
+/// Converts an ability from the wire. Unspecified and unknown values become walking.
 pub fn ability(value: i32) -> Ability {
     match wire::Ability::try_from(value) {
         Ok(wire::Ability::Jump) => Ability::Jump,
@@ -210,7 +210,7 @@ pub fn pack(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
 /// Unpacks little-endian floats.
 ///
 /// # Errors
-/// If there are not exactly `count` of them; `field` names the array.
+/// If `bytes` are not exactly `count` floats. `field` is the path of the array in the error.
 pub fn unpack(bytes: &[u8], count: usize, field: &'static str) -> Result<Vec<f32>, FieldError> {
     if bytes.len() != count * 4 {
         return Err(FieldError::Length { field, found: bytes.len(), expected: count * 4 });

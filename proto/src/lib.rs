@@ -1,8 +1,8 @@
-//! The gRPC contracts of Surefoot: generated code, file descriptors, and conversions of the types that several services share.
+//! The gRPC contracts of Surefoot: generated code, file descriptors, and conversions of types that several services share.
 //!
-//! Shapes, units, ranges and errors are documented in the `.proto` files beside this crate. [`convert`] turns wire types into the
-//! world's own and back, [`plans`] those of planners, workers and clients; what only one service sends is converted by the file `wire.rs` of that service. [`reason`] lists
-//! what errors carry for programs to act on.
+//! The `.proto` files in this crate document shapes, units, ranges and errors. [`convert`] converts the types of the world,
+//! [`plans`] those of planners, workers and clients. Types of a single service are converted in the file `wire.rs` of that
+//! service. [`reason`] lists the machine-readable reasons of errors.
 
 pub mod convert;
 pub mod plans;

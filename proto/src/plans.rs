@@ -1,4 +1,4 @@
-//! Conversions of what clients, workers and planners exchange: queries, plans, settings, traversals.
+//! Conversions of the types that clients, workers and planners exchange: queries, plans, settings, traversals.
 
 use crate::convert::{self, FieldError};
 use crate::planner::v1 as wire;
@@ -7,10 +7,11 @@ use surefoot_planner::live::Traversal;
 use surefoot_planner::{BuildSettings, EdgeKey, Leg, LegKey, NoPath, Placement, Plan, Probing, Query, Stop, VertexId};
 use surefoot_world::{Chance, Seconds};
 
-/// Failed legs that a query may carry.
+/// Maximum number of legs that a query avoids.
 const MAX_AVOID: usize = 64;
-/// Most decisions that a traversal may be said to have taken.
+/// Maximum number of decisions of a traversal.
 const MAX_DECISIONS: u32 = 10_000;
+
 fn stop(stop: Option<&wire::Stop>, field: &'static str) -> Result<Stop, FieldError> {
     use wire::stop::Stop as Kind;
     match stop.and_then(|stop| stop.stop).ok_or(FieldError::Missing(field))? {
@@ -37,10 +38,10 @@ fn leg_key(ends: &wire::LegEnds) -> Result<LegKey, FieldError> {
     Ok(LegKey { from: stop(ends.from.as_ref(), "query.avoid.from")?, to: stop(ends.to.as_ref(), "query.avoid.to")? })
 }
 
-/// A query from the wire.
+/// Converts a query from the wire.
 ///
 /// # Errors
-/// If a point is missing or not finite, or there are too many legs to avoid.
+/// If a point is absent or not finite, a leg to avoid lacks an end, or there are more than 64 such legs.
 pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
     let (found, limit) = (query.avoid.len(), MAX_AVOID);
     if found > limit {
@@ -53,7 +54,7 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
     })
 }
 
-/// A query on the wire.
+/// Converts a query to the wire.
 pub fn query_to_wire(query: &Query) -> wire::PathQuery {
     let avoid = |leg: &LegKey| wire::LegEnds { from: stop_to_wire(leg.from), to: stop_to_wire(leg.to) };
     wire::PathQuery {
@@ -63,7 +64,7 @@ pub fn query_to_wire(query: &Query) -> wire::PathQuery {
     }
 }
 
-/// A plan on the wire.
+/// Converts a plan to the wire.
 pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
     let reason = match plan.no_path {
         None => wire::NoPath::Unspecified,
@@ -90,10 +91,10 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
     }
 }
 
-/// A plan from the wire.
+/// Converts a plan from the wire.
 ///
 /// # Errors
-/// If it has no waypoints, not one leg for each, a leg without ends, or a point that is not finite.
+/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point is not finite.
 pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
         return Err(FieldError::Length {
@@ -129,7 +130,7 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     Ok(Plan { waypoints, legs, no_path, nearest })
 }
 
-/// A plan as a worker tells the world server of it.
+/// Converts a plan to the form in which a worker reports it to the world server.
 pub fn npc_plan_to_wire(plan: &Plan) -> world::NpcPlan {
     let legs = plan.legs.iter().map(|leg| world::PlanLeg {
         ability: convert::ability_to_wire(leg.ability).into(),
@@ -138,10 +139,10 @@ pub fn npc_plan_to_wire(plan: &Plan) -> world::NpcPlan {
     });
     let no_path = match plan.no_path {
         None => "",
-        Some(NoPath::StartOffGraph) => "no proved edge leaves near the start",
-        Some(NoPath::GoalOffGraph) => "no proved edge arrives near the goal",
-        Some(NoPath::DifferentIslands) => "start and goal lie on different islands",
-        Some(NoPath::OneWay) => "the goal leads to the start, but not back",
+        Some(NoPath::StartOffGraph) => "no proved edge leaves a vertex near the start",
+        Some(NoPath::GoalOffGraph) => "no proved edge reaches a vertex near the goal",
+        Some(NoPath::DifferentIslands) => "no path joins the islands of start and goal",
+        Some(NoPath::OneWay) => "a path leads from the goal to the start, but not from the start to the goal",
     };
     world::NpcPlan {
         waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),
@@ -150,7 +151,7 @@ pub fn npc_plan_to_wire(plan: &Plan) -> world::NpcPlan {
     }
 }
 
-/// Settings on the wire.
+/// Converts settings to the wire.
 pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
     let placement = match settings.placement {
         Placement::Random => wire::Placement::Random,
@@ -177,10 +178,10 @@ pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
     }
 }
 
-/// A traversal from the wire.
+/// Converts a traversal from the wire.
 ///
 /// # Errors
-/// If it is said to have taken too many decisions.
+/// If its number of decisions is above 10000.
 pub fn traversal(traversal: &wire::Traversal) -> Result<Traversal, FieldError> {
     let &wire::Traversal { from, to, reached, decisions } = traversal;
     if decisions > MAX_DECISIONS {
@@ -190,7 +191,7 @@ pub fn traversal(traversal: &wire::Traversal) -> Result<Traversal, FieldError> {
     Ok(Traversal { edge: EdgeKey::new(from, to), reached, decisions })
 }
 
-/// A traversal on the wire.
+/// Converts a traversal to the wire.
 pub fn traversal_to_wire(traversal: &Traversal) -> wire::Traversal {
     wire::Traversal {
         from: traversal.edge.from.0,

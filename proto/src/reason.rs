@@ -1,4 +1,5 @@
-//! The reasons that errors carry in their `google.rpc.ErrorInfo`: stable names for programs to act on. Each has one code.
+//! The reasons that errors carry in their `google.rpc.ErrorInfo`: stable names for programs to act on. Each reason has one
+//! status code.
 
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
@@ -19,17 +20,17 @@ macro_rules! reasons {
             /// All reasons.
             pub const ALL: &[Reason] = &[$(Reason::$variant),*];
 
-            /// The name on the wire.
+            /// Returns the name on the wire.
             pub fn name(self) -> &'static str {
                 match self { $(Reason::$variant => $name,)* }
             }
 
-            /// The code that goes with it.
+            /// Returns the status code of errors with this reason.
             pub fn code(self) -> Code {
                 match self { $(Reason::$variant => Code::$code,)* }
             }
 
-            /// What it means, as Markdown.
+            /// Returns the meaning, as Markdown.
             pub fn meaning(self) -> &'static str {
                 match self { $(Reason::$variant => $meaning,)* }
             }
@@ -59,7 +60,7 @@ reasons! {
     TooManyMaps "TOO_MANY_MAPS" ResourceExhausted "All kept maps are in use.",
     TooManyBuilds "TOO_MANY_BUILDS" ResourceExhausted "As many builds as allowed are running or waiting.",
     TooLarge "TOO_LARGE" OutOfRange "The request asks for more than the service allows in one request, or is too large; the message says how much it allows.",
-    EventsLost "EVENTS_LOST" OutOfRange "The events after that cursor are no longer kept, or are of another epoch: read the state anew.",
+    EventsLost "EVENTS_LOST" OutOfRange "The events after that cursor are no longer kept, or are of another epoch: read the state again.",
     LayersChanged "LAYERS_CHANGED" Aborted "Somebody else has changed the layers since that revision.",
     StepInProgress "STEP_IN_PROGRESS" Aborted "Another step of this environment is running.",
     ReaderTooSlow "READER_TOO_SLOW" Aborted "The stream was not read in time.",
@@ -78,7 +79,7 @@ reasons! {
 }
 
 impl Reason {
-    /// The reason of a status, if it carries one that this version knows.
+    /// Returns the reason of a status; `None` if it has none or one that this version does not know.
     pub fn of(status: &Status) -> Option<Self> {
         let info = status.get_details_error_info().filter(|info| info.domain == DOMAIN)?;
         Self::ALL.iter().copied().find(|reason| reason.name() == info.reason)

@@ -1,4 +1,4 @@
-//! From the planner's errors to statuses: one match, exhaustive.
+//! Conversion of the planner's errors to gRPC statuses: one exhaustive match.
 
 use crate::error::PlannerError;
 use std::time::Duration;
@@ -7,7 +7,7 @@ use surefoot_planner::BuildError;
 use surefoot_proto::reason::Reason;
 use tonic::Status;
 
-/// About how long a build takes, after which there is room for another.
+/// Typical duration of a build, sent as the retry delay when there are too many builds.
 const BUILD_TIME: Duration = Duration::from_secs(5);
 
 impl From<PlannerError> for Status {

@@ -1,6 +1,6 @@
-//! `PlannerService`: decode, call, encode.
+//! Implementation of `PlannerService`: decodes requests, calls the planner, encodes responses.
 //!
-//! `streams` are the progress of builds and the changes of graphs, `errors` turns the planner's errors into statuses.
+//! `streams` sends the progress of builds and the changes of graphs; `errors` converts the planner's errors to statuses.
 
 mod errors;
 mod streams;
@@ -29,22 +29,22 @@ use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
-/// Traversals that one report may hold.
+/// Maximum number of traversals in one report.
 const MAX_TRAVERSALS: usize = 4096;
 
-/// The service; clones share everything.
+/// The gRPC service. Clones share all state.
 #[derive(Clone)]
 pub struct PlannerApi {
     planner: Planner,
 }
 
 impl PlannerApi {
-    /// The service in front of `planner`.
+    /// Creates the service for `planner`.
     pub fn new(planner: Planner) -> Self {
         Self { planner }
     }
 
-    /// Changes a layer: the graph's figures then, the edits that do not fit, and the revision.
+    /// Changes a layer. Returns the graph's figures, the unapplied edits, and the revision after the change.
     async fn change_layers(
         &self,
         graph_id: &str,
@@ -57,9 +57,9 @@ impl PlannerApi {
     }
 }
 
-/// A build as it stands.
+/// Converts a build to the wire in its current stage.
 fn build_now(job: &Job) -> wire::Build {
-    let stage = job.stages().pop().expect("a build is always in some stage");
+    let stage = job.stages().pop().expect("a build has at least one stage");
     build_to_wire(job, stage)
 }
 
@@ -86,7 +86,7 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<Self::WatchBuildStream>, Status> {
         let job = self.planner.jobs().find(&request.into_inner().build_id)?;
         let (queue, stream) = mpsc::channel(4);
-        tokio::spawn(streams::report(job, queue, self.planner.shutdown().clone()));
+        tokio::spawn(streams::stream_progress(job, queue, self.planner.shutdown().clone()));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
     }
 
@@ -127,7 +127,7 @@ impl PlannerService for PlannerApi {
         let graph_id = request.into_inner().graph_id;
         let changes = self.planner.ready(&graph_id)?.changes();
         let (queue, stream) = mpsc::channel(1);
-        tokio::spawn(streams::tell_changes(self.planner.clone(), graph_id, changes, queue));
+        tokio::spawn(streams::stream_changes(self.planner.clone(), graph_id, changes, queue));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
     }
 
@@ -185,12 +185,13 @@ impl PlannerService for PlannerApi {
         let hosted = self.planner.ready(&request.graph_id)?;
         let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
         if count > limit {
-            let message = format!("{count} queries, at most {limit} are allowed in one batch (--max-queries)");
+            let message =
+                format!("{count} queries are too many: at most {limit} are allowed in one batch (--max-queries)");
             return Err(status::too_large("queries", message));
         }
         let queries = request.queries.iter().map(query).collect::<Result<Vec<_>, _>>()?;
         let planner = self.planner.clone();
-        // If an edit comes in between, the plans are at least as new.
+        // Read before planning: if an edit comes in between, the plans are newer than the revision, never older.
         let revision = revision_to_wire(hosted.revision());
         let plans = tokio::task::spawn_blocking(move || {
             queries.iter().map(|query| plan_to_wire(&planner.plan(&hosted, query))).collect()
@@ -207,7 +208,8 @@ impl PlannerService for PlannerApi {
         let hosted = self.planner.ready(&request.graph_id)?;
         let count = request.traversals.len();
         if count > MAX_TRAVERSALS {
-            let message = format!("{count} traversals, at most {MAX_TRAVERSALS} are allowed in one report");
+            let message =
+                format!("{count} traversals are too many: at most {MAX_TRAVERSALS} are allowed in one report");
             return Err(status::too_large("traversals", message));
         }
         let traversals = request.traversals.iter().map(traversal).collect::<Result<Vec<_>, _>>()?;
@@ -251,7 +253,7 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::UndoEditsResponse>, Status> {
         let wire::UndoEditsRequest { graph_id, layer, count, if_revision } = request.into_inner();
         if count == 0 {
-            return Err(status::invalid("count", "count is 0, at least 1 edit can be taken back"));
+            return Err(status::invalid("count", "count is 0; it must be at least 1"));
         }
         let change = LayerChange::Undo(layer, count as usize);
         let (summary, unapplied, revision) = self.change_layers(&graph_id, if_revision, change).await?;

@@ -1,4 +1,4 @@
-//! Streams to readers: where a build stands, and how a graph changes.
+//! Response streams: the progress of a build, and the changes of a graph.
 
 use crate::error::PlannerError;
 use crate::jobs::Job;
@@ -11,13 +11,13 @@ use surefoot_proto::planner::v1 as wire;
 use tokio::sync::{mpsc, watch};
 use tonic::Status;
 
-/// How often a build's progress is sent.
+/// Period at which the progress of a build is sent.
 const PROGRESS_PERIOD: Duration = Duration::from_millis(250);
-/// Watchers of a graph that does not change get a message after this: well before their connection counts as silent.
-const REMIND_AFTER: Duration = Duration::from_secs(20);
+/// Period of messages about a graph that does not change; short enough that the connection does not count as silent.
+const REPEAT_PERIOD: Duration = Duration::from_secs(20);
 
-/// Sends one reader the state of a graph, at once and whenever it changes.
-pub async fn tell_changes(
+/// Sends one reader the state of a graph at once, whenever it changes, and every [`REPEAT_PERIOD`].
+pub async fn stream_changes(
     planner: Planner,
     graph_id: String,
     mut changes: watch::Receiver<()>,
@@ -31,11 +31,11 @@ pub async fn tell_changes(
             changed = changes.changed() => if changed.is_err() {
                 break PlannerError::Unloaded(graph_id.clone()).into();
             },
-            () = tokio::time::sleep(REMIND_AFTER) => {}
+            () = tokio::time::sleep(REPEAT_PERIOD) => {}
             () = &mut stopping => break going_away(),
             () = queue.closed() => return,
         }
-        let told = match planner.find(&graph_id) {
+        let message = match planner.find(&graph_id) {
             Ok(hosted) => wire::WatchGraphResponse {
                 summary: Some(summary_to_wire(&hosted.figures())),
                 revision: revision_to_wire(hosted.revision()),
@@ -43,27 +43,31 @@ pub async fn tell_changes(
             Err(error) => break error.into(),
         };
         tokio::select! {
-            sent = queue.send(Ok(told)) => if sent.is_err() { return },
+            sent = queue.send(Ok(message)) => if sent.is_err() { return },
             () = &mut stopping => return,
         }
     };
-    // A reader that does not read does not learn why its stream is over.
+    // If the queue is full, the reader does not learn why the stream has ended.
     let _ = queue.try_send(Err(end));
 }
 
-/// Streams a build's progress: each of its stages, counts in between, and its end.
-pub async fn report(job: Arc<Job>, queue: mpsc::Sender<Result<wire::WatchBuildResponse, Status>>, shutdown: Shutdown) {
+/// Sends one reader the progress of a build: every stage, counts in between, and the end.
+pub async fn stream_progress(
+    job: Arc<Job>,
+    queue: mpsc::Sender<Result<wire::WatchBuildResponse, Status>>,
+    shutdown: Shutdown,
+) {
     let stopping = shutdown.wait();
     tokio::pin!(stopping);
-    let mut shown = 0;
+    let mut sent_count = 0;
     loop {
-        // Subscribed before it is read, so that no change is missed.
+        // Subscribe before reading the stages, so that no change is missed.
         let changes = job.changes();
         let stages = job.stages();
         let is_over = stages.last().is_some_and(|stage| stage.is_end());
-        let news = &stages[shown..];
-        // Without news there are counts.
-        for &stage in if news.is_empty() { &stages[stages.len() - 1..] } else { news } {
+        let new_stages = &stages[sent_count..];
+        // Without a new stage, repeat the current one with its latest counts.
+        for &stage in if new_stages.is_empty() { &stages[stages.len() - 1..] } else { new_stages } {
             let message = wire::WatchBuildResponse { build: Some(build_to_wire(&job, stage)) };
             if queue.send(Ok(message)).await.is_err() {
                 return;
@@ -72,12 +76,12 @@ pub async fn report(job: Arc<Job>, queue: mpsc::Sender<Result<wire::WatchBuildRe
         if is_over {
             return;
         }
-        shown = stages.len();
+        sent_count = stages.len();
         tokio::select! {
             () = changes => {}
             () = tokio::time::sleep(PROGRESS_PERIOD) => {}
             () = &mut stopping => {
-                // A reader that does not read does not learn why its stream is over.
+                // If the queue is full, the reader does not learn why the stream has ended.
                 let _ = queue.try_send(Err(going_away()));
                 return;
             }

@@ -1,20 +1,20 @@
-//! Vertices beside devices, so that every pad, zip line and teleporter has one at either end.
+//! Places vertices beside devices, so that every pad, zip line and teleporter has one at each end.
 
 use surefoot_world::character::MoveScratch;
 use surefoot_world::{CharacterProfile, Map, Vec3, navigable};
 
-/// How far from a device its vertex stands at most, m.
+/// Greatest horizontal distance of a vertex from its device, m.
 const BESIDE_M: f32 = 5.0;
-/// How much higher or lower, m.
+/// Greatest height difference between a vertex and its device, m.
 const RISE_M: f32 = 2.5;
-/// How far a pad's landing may be, m.
+/// Greatest horizontal distance of a landing from its pad, m.
 const LANDING_M: f32 = 11.0;
 
-/// Up to `count` places to stand beside entrances, exits and landings, device by device; none nearer than half of
-/// `BESIDE_M` to another.
+/// Returns up to `count` positions to stand at entrances, exits and landings, m, device by device. Any two are more than 2.5 m
+/// apart.
 pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Vec<Vec3> {
     let placed = map.placed();
-    // Each with how far around and how much higher or lower a place may be.
+    // Centre, greatest horizontal distance and greatest height difference of each search, m.
     let mut spots: Vec<(Vec3, f32, f32)> = Vec::new();
     let near = |point| (point, BESIDE_M, RISE_M);
     for teleporter in &placed.teleporters {
@@ -26,7 +26,7 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
         }
     }
     for pad in &placed.pads {
-        // The top of the flight, a little below.
+        // Landings lie around 60 % of the height of the flight, at most as high as its top.
         let height = 0.5 * pad.speed * pad.speed / profile.gravity;
         let landing = pad.centre + Vec3::new(0.0, 0.6 * height, 0.0);
         spots.extend([near(pad.centre), (landing, LANDING_M, 0.4 * height)]);

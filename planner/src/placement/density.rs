@@ -1,9 +1,9 @@
-//! Density-based placement, built by the paper's authors but left out of its text: our reading.
+//! Density-based placement. The paper's authors built it but do not describe it; this is our interpretation.
 //!
-//! A uniform sample puts few vertices where standing room is scarce: ledges, roofs, steps of a canyon. Those are the
-//! places that routes depend on. Density-biased sampling (Palmer and Faloutsos, "Density biased sampling: an improved
-//! method for data mining and clustering", SIGMOD 2000) draws from a pool with chances that fall with the local density
-//! of the pool, so that scarce places get more than their share.
+//! A uniform sample puts few vertices where navigable ground is scarce, such as ledges, roofs and steps of a canyon, yet
+//! routes depend on these places. Density-biased sampling (Palmer and Faloutsos, "Density biased sampling: an improved
+//! method for data mining and clustering", SIGMOD 2000) draws from a pool with probabilities inverse to the local density
+//! of the pool, which favours scarce places.
 
 use super::even_spacing;
 use crate::grid::PointGrid;
@@ -11,16 +11,16 @@ use rand::{Rng, RngExt};
 use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
-/// Points in the pool for each vertex.
+/// Number of points in the pool for each vertex.
 const POOL: usize = 8;
-/// Height that counts as much as a metre on the plane, m: what lies on another storey is not near.
+/// Factor on height differences in distances, so that points on different storeys are not near each other.
 const HEIGHT_WEIGHT: f32 = 3.0;
 
-/// `count` points, drawn without repetition from a pool of navigable samples; chances are inverse to the number of pool
-/// points within the even spacing.
+/// Draws `count` points without replacement from a pool of navigable samples, with probabilities inverse to the number of
+/// pool points within the even spacing.
 ///
 /// # Errors
-/// If the map has no ground to stand on.
+/// If the map has no navigable ground.
 pub fn place(map: &Map, profile: &CharacterProfile, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, NoGround> {
     let pool = navigable::sample_many(map, profile, POOL * count, rng)?;
     let reach = even_spacing(map, count);

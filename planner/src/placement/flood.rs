@@ -1,9 +1,9 @@
-//! Flooding, built by the paper's authors but left out of its text: our reading.
+//! Placement by flooding. The paper's authors built it but do not describe it; this is our interpretation.
 //!
-//! From one vertex the policy is sent to points around; where it arrives and no vertex is near, there is a new one, and
-//! it goes on from there, breadth first, until all vertices are placed or nothing new is found. Parents and children
-//! are tried both ways; with grandchild edges, grandparents and grandchildren too, which lets plans cut corners. What
-//! cannot be got to from the first vertex is started again from another place.
+//! The policy is sent from a first vertex to points around it. Each point where it arrives becomes a vertex unless another
+//! one is near, and the flood continues from the new vertices, breadth first. When it finds nothing new, it starts again
+//! from a random place, until all vertices are placed. Parents and children are candidate edges in both directions; with
+//! grandchild edges, so are grandparents and grandchildren, which lets plans cut corners.
 
 use super::{Draft, Placing, even_spacing};
 use crate::candidates::Candidate;
@@ -16,24 +16,24 @@ use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeSet;
 use surefoot_world::{Vec3, navigable};
 
-/// Points that each vertex sends the policy to.
+/// Number of points that the policy is sent to from each vertex.
 const SPOKES: usize = 10;
-/// How far they are, in even spacings.
-const SPOKE: std::ops::Range<f32> = 0.7..1.6;
+/// Distances of these points, in even spacings.
+const SPOKE_LENGTH: std::ops::Range<f32> = 0.7..1.6;
 /// Least distance between vertices, in even spacings.
-const APART: f32 = 0.75;
-/// Points that may be sent to, for each vertex.
+const MIN_SEPARATION: f32 = 0.75;
+/// Number of points in the pool of goals, for each vertex.
 const POOL: usize = 10;
 
-/// Vertices where the policy gets to, with the pairs to try.
+/// Places vertices where the policy arrives, and lists the candidate edges between them.
 ///
 /// # Errors
-/// If the map has no ground to stand on, or the build was cancelled.
+/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &Placing<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let Placing { site, settings, executor, progress, cancel } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL * settings.vertices, rng)?;
     let spacing = even_spacing(&site.map, settings.vertices);
-    let apart = APART * spacing;
+    let apart = MIN_SEPARATION * spacing;
     let grid = PointGrid::new(&pool, spacing);
     let mut draft = Draft::default();
     let mut parents: Vec<Option<u32>> = Vec::new();
@@ -52,11 +52,11 @@ pub fn place(placing: &Placing<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -
         for &source in &front {
             let from = draft.vertices[source as usize];
             let mut goals: Vec<u32> = grid
-                .within(from, SPOKE.end * spacing)
+                .within(from, SPOKE_LENGTH.end * spacing)
                 .filter(|&goal| {
                     let at = pool[goal as usize];
                     let distance = at.distance(from) / spacing;
-                    SPOKE.contains(&distance) && is_far(&draft.vertices, at, apart)
+                    SPOKE_LENGTH.contains(&distance) && is_far(&draft.vertices, at, apart)
                 })
                 .collect();
             for _ in 0..SPOKES.min(goals.len()) {

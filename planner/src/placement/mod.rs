@@ -1,7 +1,7 @@
-//! Where vertices go, and what a placement already knows of the ways between them.
+//! Placement of vertices, and the candidate edges that some placements find on the way.
 //!
-//! One module per builder of the paper. Random and spaced ones only place; those that run the policy while placing
-//! also say which pairs they saw joined. Whatever comes out passes through the same later stages.
+//! Each placement of the paper has a module of its own. Random, spaced and density-based placement yield only vertices;
+//! placements that run the policy also yield candidate edges. The later stages of a build are the same for all.
 
 mod anchors;
 mod density;
@@ -23,37 +23,37 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use surefoot_world::{Map, Vec3};
 
-/// Vertices, and what placing them has shown.
+/// Placed vertices, with candidate edges and evidence where the placement ran the policy.
 #[derive(Debug, Clone, Default)]
 pub struct Draft {
-    /// Positions, m.
+    /// Positions of the vertices, m.
     pub vertices: Vec<Vec3>,
-    /// Pairs to try instead of each vertex's nearest.
+    /// Candidate edges; `None` to pair each vertex with its nearest neighbours.
     pub candidates: Option<Vec<Candidate>>,
-    /// What runs between them have shown already.
+    /// Evidence from runs of the policy during placement.
     pub seen: BTreeMap<Candidate, Evidence>,
-    /// Episodes run.
+    /// Number of episodes that were run.
     pub episodes: u64,
 }
 
-/// What a placement works with.
+/// Inputs of a placement.
 pub struct Placing<'a> {
     /// The map and the character.
     pub site: &'a Site,
-    /// As asked for.
+    /// Settings of the build.
     pub settings: &'a BuildSettings,
     /// Runs episodes.
     pub executor: &'a dyn ProbeExecutor,
-    /// Counts them.
+    /// Incremented for each finished episode.
     pub progress: &'a AtomicU64,
-    /// Set to stop.
+    /// Set to cancel the build.
     pub cancel: &'a AtomicBool,
 }
 
 /// Places all vertices.
 ///
 /// # Errors
-/// If the map has no ground to stand on, or `cancel` was set.
+/// If the map has no navigable ground, or `cancel` was set.
 pub fn place(placing: &Placing<'_>) -> Result<Draft, BuildError> {
     let Placing { site, settings, .. } = placing;
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
@@ -80,10 +80,10 @@ pub fn place(placing: &Placing<'_>) -> Result<Draft, BuildError> {
     })
 }
 
-/// At most one vertex in so many stands beside a device for its sake.
+/// At most one vertex in this many is reserved for devices.
 const MAX_ANCHOR_DIVISOR: usize = 4;
 
-/// Spacing of `count` points spread evenly on a plane of the map's area, m.
+/// Returns the spacing of `count` points spread evenly over a plane of the map's area, m.
 pub fn even_spacing(map: &Map, count: usize) -> f32 {
     let extent = map.extent();
     (extent.x * extent.z / count as f32).sqrt()

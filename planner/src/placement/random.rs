@@ -5,10 +5,10 @@ use rand::Rng;
 use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
-/// `count` samples of navigable ground.
+/// Draws `count` samples of navigable ground.
 ///
 /// # Errors
-/// If the map has no ground to stand on.
+/// If the map has no navigable ground.
 pub fn place(map: &Map, profile: &CharacterProfile, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, NoGround> {
     navigable::sample_many(map, profile, count, rng)
 }

@@ -6,18 +6,17 @@ use surefoot_world::character::MoveScratch;
 use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
-/// Rejections after which the spacing shrinks (paper: 100).
+/// Number of consecutive rejections after which the spacing shrinks (paper: 100).
 const REJECTIONS: u32 = 100;
-/// Factor by which it shrinks (paper: 0.98).
+/// Factor on the spacing when it shrinks (paper: 0.98).
 const DECAY: f32 = 0.98;
 
-/// Adds to `vertices` until there are `count`, each at least the spacing from all others.
+/// Adds vertices until there are `count`, each at least the spacing from all others.
 ///
-/// The spacing starts at that of `count` points spread evenly on a plane of the map's area and shrinks by
-/// 2 % after every hundred rejections.
+/// The spacing starts at [`even_spacing`](super::even_spacing) and shrinks by 2 % after a hundred consecutive rejections.
 ///
 /// # Errors
-/// If the map has no ground to stand on.
+/// If the map has no navigable ground.
 pub fn place(
     map: &Map,
     profile: &CharacterProfile,

@@ -1,9 +1,9 @@
-//! Trajectory merging, built by the paper's authors but left out of its text: our reading.
+//! Placement by merging trajectories. The paper's authors built it but do not describe it; this is our interpretation.
 //!
-//! The policy runs between random points; places where it stood become vertices, merged with those that are near. What
-//! it passed one after the other is joined, as often and as fast as it did. Without edge tests these edges are the
-//! graph; with them the vertices are tried against their nearest like any others. Kin to the observation graphs of
-//! "Semi-parametric topological memory" (Savinov et al., ICLR 2018).
+//! The policy runs between random points, and places where it stood become vertices, merged with those nearby. Vertices
+//! that a run passed one after the other are joined by an edge, whose evidence counts and times the passages. Without
+//! edge tests, these edges form the graph; with them, each vertex is probed against its nearest neighbours instead.
+//! Related to the observation graphs of "Semi-parametric topological memory" (Savinov et al., ICLR 2018).
 
 use super::{Draft, Placing, even_spacing};
 use crate::grid::PointGrid;
@@ -14,24 +14,24 @@ use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use surefoot_world::{Vec3, navigable};
 
-/// Runs that are started together.
+/// Number of runs in a round.
 const ROUND: usize = 256;
-/// Rounds without a new vertex until what is missing is placed at random.
+/// Number of consecutive rounds without a new vertex after which the remaining vertices are placed at random.
 const MAX_IDLE_ROUNDS: usize = 3;
-/// Length of runs, m.
+/// Straight-line distance from start to goal of a run, m.
 const RUN_M: std::ops::Range<f32> = 25.0..80.0;
-/// Distance at which places are one, in even spacings: on a plane, discs so spaced cover about as much as
+/// Distance within which places are merged, in even spacings: on a plane, such discs cover about as much as
 /// distance-constrained vertices do.
 const MERGE: f32 = 0.8;
-/// Most rounds that only add evidence once all vertices are placed.
+/// Number of rounds that only add evidence once all vertices are placed.
 const EXTRA_ROUNDS: usize = 2;
-/// Points that runs start from and head for.
+/// Maximum number of points that runs start from and head for.
 const POOL: usize = 4096;
 
-/// Vertices along runs, with the edges that the runs passed.
+/// Places vertices along runs, with the edges that the runs passed.
 ///
 /// # Errors
-/// If the map has no ground to stand on, or the build was cancelled.
+/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &Placing<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let Placing { site, settings, executor, progress, cancel } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL.min(8 * settings.vertices), rng)?;
@@ -63,7 +63,7 @@ pub fn place(placing: &Placing<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, Build
         extra_rounds += usize::from(is_full);
     }
     let Draft { vertices, .. } = &mut merger.draft;
-    // Runs come to an end where a map is small or cut up: the rest stands at random, without edges.
+    // Runs stop finding new places where a map is small or fragmented: the remaining vertices are random, without edges.
     while vertices.len() < settings.vertices {
         vertices.push(pool[rng.random_range(0..pool.len())]);
     }
@@ -71,14 +71,17 @@ pub fn place(placing: &Placing<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, Build
     Ok(merger.draft)
 }
 
+/// Merges the places where runs stood into vertices.
 struct Merger {
+    /// Distance within which places are merged, m.
     merge_m: f32,
+    /// Maximum number of vertices.
     limit: usize,
     draft: Draft,
 }
 
 impl Merger {
-    /// Adds one run: new vertices where it stood far from all, and an edge for each pair that it passed.
+    /// Adds one run: new vertices where it stood far from all others, and evidence for each pair of vertices that it passed.
     fn add(&mut self, outcome: &Outcome) {
         let mut last: Option<(u32, u32)> = None;
         for (decision, place) in (0u32..).zip(&outcome.track) {
@@ -97,7 +100,8 @@ impl Merger {
         }
     }
 
-    /// The vertex that a place counts as; a new one where all others are far and there is room for more.
+    /// Returns the vertex that a place merges with: the nearest within [`merge_m`](Self::merge_m), or else a new one, unless the
+    /// limit is reached.
     fn vertex_at(&mut self, feet: Vec3) -> Option<u32> {
         let vertices = &mut self.draft.vertices;
         let nearest =
