@@ -74,8 +74,8 @@ pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad]) -> String {
     text.family("ticks_dropped_total", "counter", "Ticks left out after falling behind.", dropped);
     let late = per_world(|world| world.counters.ticks_late as f64);
     text.family("ticks_late_total", "counter", "Ticks done after the next one was due.", late);
-    let asked = per_world(|world| world.counters.asked as f64);
-    text.family("decisions_asked_total", "counter", "Decisions asked for.", asked);
+    let requested = per_world(|world| world.counters.asked as f64);
+    text.family("decisions_asked_total", "counter", "Decisions requested from workers.", requested);
     let answered = per_world(|world| world.counters.answered as f64);
     text.family("decisions_answered_total", "counter", "Decisions answered in time.", answered);
     let missed = per_world(|world| world.counters.missed as f64);
@@ -106,7 +106,12 @@ fn render_workers(text: &mut Text, workers: &[WorkerLoad]) {
     text.family("worker_info", "gauge", "Connected NPC workers and what they decide with.", policies);
     let capacity = per_worker(|worker| f64::from(worker.capacity));
     text.family("worker_capacity", "gauge", "NPCs that a worker is ready to carry.", capacity);
-    text.family("worker_npcs", "gauge", "NPCs that a worker carries.", per_worker(|worker| f64::from(worker.carried)));
+    text.family(
+        "worker_npcs",
+        "gauge",
+        "NPCs that a worker carries.",
+        per_worker(|worker| f64::from(worker.npc_count)),
+    );
     let queued = per_worker(|worker| worker.queued as f64);
     text.family("worker_queue", "gauge", "Messages that wait for a worker to read.", queued);
 }

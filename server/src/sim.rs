@@ -93,13 +93,13 @@ fn run(mut state: SimState, calls: &Receiver<Call>, phase: f64) {
 }
 
 /// Takes calls until `due`; false if the world is over.
-fn take_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> bool {
+fn run_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> bool {
     while !state.is_over {
         let left = due.saturating_duration_since(Instant::now());
         match calls.recv_timeout(left) {
             Ok(call) => {
                 call(state);
-                state.tell_events();
+                state.notify_events();
             }
             Err(RecvTimeoutError::Timeout) => return true,
             Err(RecvTimeoutError::Disconnected) => return false,
@@ -115,7 +115,7 @@ fn take_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> boo
 fn run_realtime(state: &mut SimState, calls: &Receiver<Call>, phase: f64) {
     let period = Duration::from_secs(1) / TICKS_PER_SECOND;
     let mut due = Instant::now() + period.mul_f64(phase);
-    while take_calls(state, calls, due) {
+    while run_calls(state, calls, due) {
         let behind = (due.elapsed().as_nanos() / period.as_nanos()) as u32;
         let dropped = behind.saturating_sub(MAX_CATCH_UP);
         due += period * dropped;
@@ -133,7 +133,7 @@ fn run_realtime(state: &mut SimState, calls: &Receiver<Call>, phase: f64) {
 
 fn run_lockstep(state: &mut SimState, calls: &Receiver<Call>) {
     let mut due = Instant::now();
-    while take_calls(state, calls, due) {
+    while run_calls(state, calls, due) {
         due = Instant::now();
         if state.world.is_ready() {
             state.world.step();
@@ -153,11 +153,11 @@ impl SimState {
         if self.snapshots.receiver_count() > 0 {
             self.snapshots.send_replace(Arc::new(self.world.snapshot()));
         }
-        self.tell_events();
+        self.notify_events();
     }
 
     /// Wakes those who wait for events, if there are new ones.
-    fn tell_events(&self) {
+    fn notify_events(&self) {
         let latest = self.world.events().latest();
         self.latest_event.send_if_modified(|known| std::mem::replace(known, latest) != latest);
     }

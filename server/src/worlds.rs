@@ -153,7 +153,7 @@ impl Worlds {
         if self.shared.worlds.read().expect(POISON).len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
-        let ticket = self.shared.world_quota.take(client).map_err(WorldsError::WorldQuota)?;
+        let ticket = self.shared.world_quota.acquire(client).map_err(WorldsError::WorldQuota)?;
         let map = in_background("map generation", move || source.map()).await?;
         let id = self.next_id().await;
         let map_hash = map.hash();
@@ -282,8 +282,8 @@ impl Worlds {
     ) -> Result<Vec<Result<NpcId, WorldsError>>, WorldsError> {
         let handle = self.handle(world)?;
         let limit = self.shared.config.max_npcs_per_world;
-        let take = |order| Ok((order?, self.shared.npc_quota.take(client).map_err(WorldsError::NpcQuota)?));
-        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();
+        let acquire = |order| Ok((order?, self.shared.npc_quota.acquire(client).map_err(WorldsError::NpcQuota)?));
+        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(acquire).collect();
         let results = handle.sim.call(move |state| {
             let mut spawn = |(order, ticket)| Ok(state.world.spawn_to(order, limit, ticket)?);
             orders.into_iter().map(|order| order.and_then(&mut spawn)).collect()

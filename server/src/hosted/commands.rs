@@ -91,7 +91,7 @@ impl HostedWorld {
         let id = NpcId::new(self.id, self.last_serial);
         let slot = self.world.spawn(position, yaw);
         self.records.insert(id, Record::new(slot, ticket));
-        self.tell(id, EventKind::Spawned { position });
+        self.log_event(id, EventKind::Spawned { position });
         self.assign_workers();
         Ok(id)
     }
@@ -101,9 +101,9 @@ impl HostedWorld {
     /// # Errors
     /// If it does not exist.
     pub fn despawn(&mut self, id: NpcId) -> Result<(), NpcError> {
-        self.tell_replaced(id);
+        self.log_replaced_attempt(id);
         let record = self.records.remove(&id).ok_or(NpcError::Unknown(id))?;
-        self.tell(id, EventKind::Removed);
+        self.log_event(id, EventKind::Removed);
         self.world.despawn(record.slot);
         if let Some(worker) = record.worker {
             self.outbox.entry(worker).or_default().released.push(id);
@@ -125,7 +125,7 @@ impl HostedWorld {
         if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
             return Err(NpcError::Down(id));
         }
-        self.tell_replaced(id);
+        self.log_replaced_attempt(id);
         let tick = self.tick();
         let record = self.records.get_mut(&id).expect("just found");
         record.clear_goal();
@@ -134,7 +134,7 @@ impl HostedWorld {
         record.began = tick;
         let attempt = record.attempts;
         self.world.set_goal(record.slot, goal);
-        self.tell(id, EventKind::AttemptBegan { attempt, goal });
+        self.log_event(id, EventKind::AttemptBegan { attempt, goal });
         Ok(attempt)
     }
 
@@ -144,12 +144,12 @@ impl HostedWorld {
     /// If it does not exist or the position lies outside the map.
     pub fn teleport(&mut self, id: NpcId, position: Vec3, yaw: f32) -> Result<(), NpcError> {
         self.check_inside(position, "position")?;
-        self.tell_replaced(id);
+        self.log_replaced_attempt(id);
         let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
         record.clear_goal();
         record.motion = Motion::default();
         self.world.teleport(record.slot, position, yaw);
-        self.tell(id, EventKind::Teleported { position });
+        self.log_event(id, EventKind::Teleported { position });
         Ok(())
     }
 

@@ -21,11 +21,11 @@ pub(super) struct Motion {
 
 impl Motion {
     /// Compares an NPC with how it was a tick ago; `attempt` is the one that is under way.
-    pub fn note(&mut self, npc: &Npc, events: TickEvents, attempt: Option<u32>, mut tell: impl FnMut(EventKind)) {
+    pub fn note(&mut self, npc: &Npc, events: TickEvents, attempt: Option<u32>, mut emit: impl FnMut(EventKind)) {
         let position = npc.body.feet;
         for (happened, ability) in [(events.jumped, Ability::Jump), (events.double_jumped, Ability::DoubleJump)] {
             if happened {
-                tell(EventKind::Jumped { ability, position });
+                emit(EventKind::Jumped { ability, position });
             }
         }
         let thrust_begins = events.thrust && !self.is_thrusting;
@@ -37,12 +37,12 @@ impl Motion {
         ];
         for (happened, ability) in rides {
             if happened {
-                tell(EventKind::Rode { ability, position });
+                emit(EventKind::Rode { ability, position });
             }
         }
         if npc.body.is_grounded() {
             if self.was_thrown || self.airborne_ticks >= MIN_AIRBORNE_TICKS {
-                tell(EventKind::Landed { position, impact_speed: self.falling_speed.max(0.0) });
+                emit(EventKind::Landed { position, impact_speed: self.falling_speed.max(0.0) });
             }
             (self.airborne_ticks, self.was_thrown) = (0, false);
         } else {
@@ -50,7 +50,7 @@ impl Motion {
             self.was_thrown |= events.jumped || events.double_jumped || events.padded || events.zipped || events.thrust;
         }
         if let (Some(cause), false) = (npc.harm, self.is_down) {
-            tell(EventKind::Died { cause, attempt, position });
+            emit(EventKind::Died { cause, attempt, position });
         }
         self.falling_speed = -npc.body.velocity.y;
         self.is_thrusting = events.thrust;

@@ -134,7 +134,7 @@ impl SavedWorld {
     pub fn decode(bytes: &[u8]) -> Result<Self, SealError> {
         let content = sealed::open(MAGIC, VERSION, bytes)?;
         let saved: Self = postcard::from_bytes(content).map_err(|_| SealError::Damaged)?;
-        if saved.makes_sense() { Ok(saved) } else { Err(SealError::Damaged) }
+        if saved.is_consistent() { Ok(saved) } else { Err(SealError::Damaged) }
     }
 
     /// Puts it into `folder`, in place of what was there of it before, whole or not at all.
@@ -143,8 +143,8 @@ impl SavedWorld {
     /// If it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), SavedError> {
         let path = Self::path(folder, self.id);
-        let aside = path.with_extension("tmp");
-        let written = std::fs::write(&aside, self.encode()).and_then(|()| std::fs::rename(&aside, &path));
+        let temporary = path.with_extension("tmp");
+        let written = std::fs::write(&temporary, self.encode()).and_then(|()| std::fs::rename(&temporary, &path));
         written.map_err(|error| SavedError::Io(path, error))
     }
 
@@ -157,7 +157,7 @@ impl SavedWorld {
     }
 
     /// Whether a world can have been saved like that: a checksum makes bytes whole, not true.
-    fn makes_sense(&self) -> bool {
+    fn is_consistent(&self) -> bool {
         let slots: BTreeSet<NpcSlot> = self.npcs.iter().map(|npc| npc.slot).collect();
         let is_ours = |npc: &SavedNpc| npc.id.world() == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
         self.npcs.iter().all(is_ours)

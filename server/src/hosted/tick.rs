@@ -17,14 +17,14 @@ const MISSES_UNTIL_NEUTRAL: u8 = 2;
 impl HostedWorld {
     /// Whether a lockstep world can be stepped: every answer is in, and there is something to do.
     pub fn is_ready(&mut self) -> bool {
-        if self.asked_tick != Some(self.tick()) {
+        if self.requested_tick != Some(self.tick()) {
             let mut seeking = self.records.values().filter(|record| record.goal.is_some()).peekable();
             if seeking.peek().is_none() || seeking.any(|record| record.worker.is_none()) {
                 self.flush();
                 return false;
             }
-            self.ask();
-            self.asked_tick = Some(self.tick());
+            self.request_decisions();
+            self.requested_tick = Some(self.tick());
         }
         self.records.values().all(|record| record.awaiting.is_none())
     }
@@ -32,7 +32,7 @@ impl HostedWorld {
     /// One tick: ask, move, note, settle. Lockstep worlds have asked already in [`HostedWorld::is_ready`].
     pub fn step(&mut self) {
         if self.mode == TimeMode::Realtime {
-            self.ask();
+            self.request_decisions();
         }
         self.world.tick();
         self.note_motion();
@@ -57,7 +57,7 @@ impl HostedWorld {
     /// Sends the observations of all NPCs whose decision is due to their workers.
     ///
     /// In realtime a tenth of the NPCs is due at each tick; in lockstep all of them are at every tenth.
-    fn ask(&mut self) {
+    fn request_decisions(&mut self) {
         let tick = self.tick();
         let period = u64::from(TICKS_PER_DECISION);
         for (&id, record) in &mut self.records {
@@ -111,18 +111,18 @@ impl HostedWorld {
             self.world.decide(record.slot, action);
         }
         for (id, plan) in answer.plans {
-            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker)) {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_seeking_with(worker)) {
                 record.plan = Some(Arc::new(plan));
             }
         }
         for (id, position) in answer.waypoints {
-            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker)) {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_seeking_with(worker)) {
                 record.waypoint = Some(position);
                 self.world.set_goal(record.slot, position);
             }
         }
         for id in answer.gave_up {
-            if self.records.get(&id).is_some_and(|it| it.is_sought_by(worker)) {
+            if self.records.get(&id).is_some_and(|it| it.is_seeking_with(worker)) {
                 self.end_attempt(id, End::NoProgress);
             }
         }
@@ -159,20 +159,20 @@ impl HostedWorld {
         }
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
-        self.tell(id, EventKind::AttemptEnded { attempt, end: Some(end), goal, seconds });
+        self.log_event(id, EventKind::AttemptEnded { attempt, end: Some(end), goal, seconds });
     }
 
     /// Logs that the attempt that is under way ends without an outcome: something else takes its place.
-    pub(super) fn tell_replaced(&mut self, id: NpcId) {
+    pub(super) fn log_replaced_attempt(&mut self, id: NpcId) {
         let Some(record) = self.records.get(&id).filter(|record| record.goal.is_some()) else { return };
         let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(self.tick()));
-        self.tell(id, EventKind::AttemptEnded { attempt, end: None, goal, seconds });
+        self.log_event(id, EventKind::AttemptEnded { attempt, end: None, goal, seconds });
     }
 }
 
 impl Record {
     /// Whether `worker` carries it to a goal.
-    fn is_sought_by(&self, worker: WorkerId) -> bool {
+    fn is_seeking_with(&self, worker: WorkerId) -> bool {
         self.worker == Some(worker) && self.goal.is_some()
     }
 }

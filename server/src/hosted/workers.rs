@@ -50,7 +50,7 @@ impl HostedWorld {
             }
         }
         self.outbox.remove(&lost);
-        self.asked_tick = None;
+        self.requested_tick = None;
         self.assign_workers();
     }
 
@@ -68,7 +68,7 @@ impl HostedWorld {
     pub fn flush(&mut self) {
         for (worker, Outbox { released, assigned, ended }) in std::mem::take(&mut self.outbox) {
             if !released.is_empty() {
-                self.registry.tell(worker, ToWorker::Release(self.id, released));
+                self.registry.send(worker, ToWorker::Release(self.id, released));
             }
             if !assigned.is_empty() {
                 let map = self.world.map();
@@ -79,10 +79,10 @@ impl HostedWorld {
                     mode: self.mode,
                     npcs: assigned,
                 };
-                self.registry.tell(worker, ToWorker::Assignment(assignment));
+                self.registry.send(worker, ToWorker::Assignment(assignment));
             }
             if !ended.is_empty() {
-                self.registry.tell(worker, ToWorker::Ended(self.id, ended));
+                self.registry.send(worker, ToWorker::Ended(self.id, ended));
             }
         }
     }

@@ -115,7 +115,7 @@ pub struct HostedWorld {
     pub(super) batches: BTreeMap<WorkerId, ObservationBatch>,
     pub(super) row: Vec<f32>,
     /// The tick that has been asked for but not stepped yet (lockstep).
-    pub(super) asked_tick: Option<Tick>,
+    pub(super) requested_tick: Option<Tick>,
 }
 
 impl HostedWorld {
@@ -134,7 +134,7 @@ impl HostedWorld {
             outbox: BTreeMap::new(),
             batches: BTreeMap::new(),
             row: vec![0.0; OBSERVATION_LEN],
-            asked_tick: None,
+            requested_tick: None,
         }
     }
 
@@ -158,7 +158,7 @@ impl HostedWorld {
         &self.events
     }
 
-    pub(super) fn tell(&mut self, npc: NpcId, kind: EventKind) {
+    pub(super) fn log_event(&mut self, npc: NpcId, kind: EventKind) {
         self.events.push(self.tick(), SystemTime::now(), npc, kind);
     }
 
