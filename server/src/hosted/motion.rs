@@ -1,17 +1,18 @@
-//! What an NPC's movement amounts to for those who show it: jumps, landings, rides, deaths.
+//! Detects events in an NPC's movement: jumps, landings, rides, deaths.
 
 use super::events::EventKind;
 use surefoot_world::character::TickEvents;
 use surefoot_world::{Ability, Npc, TICKS_PER_SECOND};
 
-/// Shorter hops without a jump, as over bumps, are not landings: a tenth of a second.
+/// Least time in the air, in ticks (0.1 s), that ends with a landing if the NPC neither jumped nor used a device; bumps cause
+/// shorter ones.
 const MIN_AIRBORNE_TICKS: u32 = TICKS_PER_SECOND / 10;
 
-/// How an NPC moved up to the last tick.
+/// What must be known about an NPC's movement up to the last tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Motion {
     airborne_ticks: u32,
-    /// Whether it left the ground by a jump or a device.
+    /// Whether the NPC left the ground by a jump or a device.
     was_thrown: bool,
     /// Downward speed at the last tick, m/s.
     falling_speed: f32,
@@ -20,7 +21,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Compares an NPC with how it was a tick ago; `attempt` is the one that is under way.
+    /// Compares an NPC with its state one tick ago, and emits the events between; `attempt` is the attempt under way.
     pub fn note(&mut self, npc: &Npc, events: TickEvents, attempt: Option<u32>, mut emit: impl FnMut(EventKind)) {
         let position = npc.body.feet;
         for (happened, ability) in [(events.jumped, Ability::Jump), (events.double_jumped, Ability::DoubleJump)] {
