@@ -32,16 +32,16 @@ pub struct SimState {
     pub is_over: bool,
 }
 
-/// A handle to a world's thread. The thread ends when `is_over` is set or all handles are dropped; it then removes the NPCs, which
-/// gives their places back.
+/// A handle to a world's thread. The thread ends when `is_over` is set or all handles are dropped; it then removes the NPCs,
+/// which gives their places back.
 #[derive(Debug, Clone)]
 pub struct SimHandle {
     inbox: SyncSender<Call>,
 }
 
 impl SimHandle {
-    /// Starts the thread of a world. `phase`, in [0, 1), is the fraction of a period at which ticks are due, so that worlds do not
-    /// all wake at the same time.
+    /// Starts the thread of a world. `phase`, in [0, 1), is the fraction of a period at which ticks are due, so that worlds do
+    /// not all wake at the same time.
     ///
     /// # Errors
     /// If the system cannot create a thread.

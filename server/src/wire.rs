@@ -166,7 +166,7 @@ pub fn env_settings(request: &wire::CreateEnvRequest) -> Result<EnvSettings, Fie
 /// Reads the actions of an environment's NPCs.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, or a value is NaN.
+/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, or a value is not finite.
 pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<Vec<Action>, Status> {
     let bytes = actions.ok_or(FieldError::Missing("actions"))?.actions;
     let values = convert::unpack(&bytes, npc_count * ACTION_LEN, "actions.actions")?;

@@ -19,8 +19,8 @@ use surefoot_world::{Map, Seed, Tick, Vec3};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 
-/// Phase between two worlds with consecutive ids, as a fraction of a period: the fractional parts of multiples of the golden ratio
-/// are spread evenly for any number of worlds.
+/// Phase between two worlds with consecutive ids, as a fraction of a period: the fractional parts of multiples of the golden
+/// ratio are spread evenly for any number of worlds.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// Why the server cannot do what a client requests.

@@ -40,7 +40,7 @@ impl Origins {
     }
 
     /// Whether a page of `origin` may call: the configuration names it, or it comes from the same host, at any port. A host
-    /// name counts as the same host only if the endpoint is guarded: anybody can let their own name resolve to this machine.
+    /// name counts as the same host only if the endpoint is guarded: anybody can make a name of theirs resolve to this machine.
     fn admit(&self, origin: &HeaderValue, uri: &Uri, headers: &HeaderMap) -> bool {
         let Ok(origin) = origin.to_str() else { return false };
         if self.named.iter().any(|named| named == origin) {
