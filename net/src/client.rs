@@ -1,4 +1,4 @@
-//! The client's side of a connection: whom it trusts and how it proves who it is.
+//! Client connections: the servers they trust, and the credentials they send.
 
 use crate::secret::Secret;
 use crate::serving::security::{SecurityError, tls_error};
@@ -13,40 +13,40 @@ use tonic::body::Body;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Error, Identity};
 use tower_service::Service;
 
-/// How long connecting may take.
+/// Longest time that connecting may take.
 const CONNECT_LIMIT: Duration = Duration::from_secs(3);
-/// Between two pings, and from a ping to its answer: a server that is gone is noticed after both.
+/// Interval between pings, and timeout of a ping. A dead server is noticed after their sum.
 const KEEPALIVE: (Duration, Duration) = (Duration::from_secs(20), Duration::from_secs(10));
 
-/// Why no connection can be made as asked.
+/// Why a connection cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The address is not a URI.
     #[error("{0} is not a URI such as http://127.0.0.1:7600")]
     Uri(String),
     /// A header cannot carry the token.
-    #[error("the token may hold visible ASCII characters only")]
+    #[error("the token may contain only visible ASCII characters")]
     Token,
     /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The files are no use.
+    /// TLS cannot be set up with the given files.
     #[error(transparent)]
     Security(#[from] SecurityError),
 }
 
-/// Files for TLS, all PEM.
+/// PEM files for TLS.
 #[derive(Debug, Clone, Default)]
 pub struct ClientTlsFiles {
-    /// Authority that servers must have their certificate of; default: those that the system trusts.
+    /// Authority that must have issued the server's certificate; default: any that the system trusts.
     pub authority: Option<PathBuf>,
-    /// The client's own certificate and key.
+    /// Certificate and key that the client presents; default: none.
     pub identity: Option<(PathBuf, PathBuf)>,
-    /// Name that the server's certificate must be for; default: the host in the URI.
+    /// Name that the server's certificate must be valid for; default: the host of the URI.
     pub server_name: Option<String>,
 }
 
-/// What a client needs to be let in; by default nothing.
+/// Credentials of a client; the default has neither a token nor a certificate.
 #[derive(Clone, Default)]
 pub struct Credentials {
     bearer: Option<HeaderValue>,
@@ -65,10 +65,10 @@ impl fmt::Debug for Credentials {
 }
 
 impl Credentials {
-    /// Reads the files.
+    /// Reads the TLS files and prepares the token for sending.
     ///
     /// # Errors
-    /// If one cannot be read, or the token cannot be sent.
+    /// If a file cannot be read, or a header cannot carry the token.
     pub fn load(token: Option<&Secret>, files: &ClientTlsFiles) -> Result<Self, LinkError> {
         let identity = files.identity.as_ref().map(|(certificate, key)| read_identity(certificate, key)).transpose()?;
         let authority = |path: &PathBuf| Ok::<_, FileError>(Certificate::from_pem(read(Path::new(path))?));
@@ -80,10 +80,10 @@ impl Credentials {
         })
     }
 
-    /// How to connect to `uri` with these; `https://` means TLS.
+    /// Prepares connections to `uri` with these credentials; `https://` means TLS.
     ///
     /// # Errors
-    /// If it is not a URI or TLS cannot be set up.
+    /// If `uri` is not a URI, or TLS cannot be set up.
     pub fn dial(&self, uri: &str) -> Result<Dialer, LinkError> {
         let endpoint = Endpoint::from_shared(uri.to_owned()).map_err(|_| LinkError::Uri(uri.to_owned()))?;
         let mut endpoint = endpoint
@@ -118,7 +118,7 @@ fn bearer(token: &Secret) -> Result<HeaderValue, LinkError> {
     Ok(value)
 }
 
-/// Connects to one address, any number of times.
+/// Connects to one address; it can be used any number of times.
 #[derive(Debug, Clone)]
 pub struct Dialer {
     endpoint: Endpoint,
@@ -126,21 +126,21 @@ pub struct Dialer {
 }
 
 impl Dialer {
-    /// Connects.
+    /// Connects at once.
     ///
     /// # Errors
-    /// If nobody answers, or not with TLS that can be trusted.
+    /// If the server does not answer, or its certificate is not trusted.
     pub async fn connect(&self) -> Result<Link, Error> {
         Ok(Link { channel: self.endpoint.connect().await?, bearer: self.bearer.clone() })
     }
 
-    /// Connects when the first call is made, and again whenever the connection is lost.
+    /// Returns a link that connects on the first call, and again whenever the connection is lost.
     pub fn connect_lazy(&self) -> Link {
         Link { channel: self.endpoint.connect_lazy(), bearer: self.bearer.clone() }
     }
 }
 
-/// A connection that generated clients take; every call carries the token, if there is one.
+/// A connection for generated clients, which adds the token, if there is one, to every call.
 #[derive(Debug, Clone)]
 pub struct Link {
     channel: Channel,

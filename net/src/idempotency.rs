@@ -1,4 +1,4 @@
-//! Calls that create something exactly once: the same request id gets the same answer again.
+//! Repeatable calls: a request id that is sent again gets the first answer, so that nothing is created twice.
 
 use crate::status;
 use std::collections::{BTreeMap, VecDeque};
@@ -11,13 +11,13 @@ use tonic::Status;
 
 /// How long an answer is kept.
 const KEPT_FOR: Duration = Duration::from_secs(600);
-/// Answers that are kept at most; the oldest make room.
+/// Most answers that are kept; the oldest are dropped first.
 const MAX_KEPT: usize = 65_536;
 /// Longest request id, bytes.
 const MAX_ID: usize = 64;
 const POISON: &str = "no holder of this lock panics";
 
-/// The answers that one method gave lately, by client and request id.
+/// Recent answers of one method, by client and request id.
 #[derive(Debug)]
 pub struct Answers<A> {
     kept: Arc<Mutex<Kept<A>>>,
@@ -28,13 +28,13 @@ type Key = (Arc<str>, String);
 #[derive(Debug)]
 struct Kept<A> {
     by_key: BTreeMap<Key, Entry<A>>,
-    /// The oldest first.
+    /// Creation time and key of each entry, the oldest first.
     order: VecDeque<(Instant, Key)>,
 }
 
 #[derive(Debug)]
 struct Entry<A> {
-    /// Hash of the request: an id must not be used for another one.
+    /// Hash of the request: its id must not be used for a different one.
     request: blake3::Hash,
     answer: Arc<OnceCell<A>>,
 }
@@ -53,13 +53,14 @@ impl<A> Default for Answers<A> {
 }
 
 impl<A: Clone + Send + Sync + 'static> Answers<A> {
-    /// Makes a call, or returns the answer that it got before: `request` is the message, its own id included.
+    /// Runs `call`, or returns the answer that an earlier call with the same `request_id` got. `request` is the whole
+    /// message, its id included. With an empty id the call always runs.
     ///
-    /// A call that has begun goes on when nobody waits for it any more, so that a repeated call gets its answer. One
-    /// that failed is made again.
+    /// A call that has begun continues when its client disconnects, so that a repeated call gets its answer. A call
+    /// that failed runs again.
     ///
     /// # Errors
-    /// If the id is too long, or was used for another request, or the call fails.
+    /// If the id is too long or was used for a different request, or the call fails.
     pub async fn once<F>(
         &self,
         client: &Arc<str>,
@@ -74,7 +75,7 @@ impl<A: Clone + Send + Sync + 'static> Answers<A> {
             return call.await;
         }
         if request_id.len() > MAX_ID {
-            let message = format!("request_id is {} bytes long, allowed are {MAX_ID}", request_id.len());
+            let message = format!("request_id is {} bytes long, at most {MAX_ID} are allowed", request_id.len());
             return Err(status::invalid("request_id", message));
         }
         let cell = self.cell((client.clone(), request_id.to_owned()), blake3::hash(&request.encode_to_vec()))?;
@@ -95,7 +96,7 @@ impl<A: Clone + Send + Sync + 'static> Answers<A> {
             return if entry.request == request {
                 Ok(entry.answer.clone())
             } else {
-                let message = format!("request_id `{}` was used for another request: choose another", key.1);
+                let message = format!("request_id `{}` was used for a different request: choose another id", key.1);
                 Err(status::failure(Reason::RequestIdReused, message))
             };
         }
@@ -122,13 +123,13 @@ mod tests {
         let request = "the request".to_owned();
         assert_eq!(answers.once(&alice, "a", &request, call()).await.unwrap(), 0);
         assert_eq!(answers.once(&alice, "a", &request, call()).await.unwrap(), 0);
-        assert_eq!(answers.once(&bob, "a", &request, call()).await.unwrap(), 1, "ids are a client's own");
-        assert_eq!(answers.once(&alice, "", &request, call()).await.unwrap(), 2, "no id, no memory");
+        assert_eq!(answers.once(&bob, "a", &request, call()).await.unwrap(), 1, "each client has its own ids");
+        assert_eq!(answers.once(&alice, "", &request, call()).await.unwrap(), 2, "an empty id is not remembered");
         let other = answers.once(&alice, "a", &"another request".to_owned(), call()).await.unwrap_err();
         assert_eq!(Reason::of(&other), Some(Reason::RequestIdReused));
         let failing = async { Err(status::failure(Reason::TooManyWorlds, "full")) };
         answers.once(&alice, "b", &request, failing).await.unwrap_err();
-        assert_eq!(answers.once(&alice, "b", &request, call()).await.unwrap(), 3, "what failed is tried again");
+        assert_eq!(answers.once(&alice, "b", &request, call()).await.unwrap(), 3, "a failed call runs again");
         assert!(answers.once(&alice, &"x".repeat(65), &request, call()).await.is_err());
     }
 }

@@ -1,9 +1,8 @@
-//! What every endpoint shares: how connections are accepted and made, who may call, which statuses are sent, and the levels
-//! that clients import.
+//! What all endpoints share: accepting and opening connections, access control, statuses, and the levels that clients import.
 //!
-//! [`serving`] is the server's side of a connection, [`client`] the other end. [`status`] makes `google.rpc` details, [`paging`]
-//! cuts lists into pages, [`idempotency`] lets calls be repeated, [`levels`] keeps imported levels and answers `MapService`. No world
-//! is stepped and no graph is built here.
+//! [`serving`] is the server's side of a connection, [`client`] the client's. [`status`] builds statuses with `google.rpc`
+//! details, [`paging`] cuts lists into pages, [`idempotency`] makes calls repeatable, [`levels`] keeps imported levels and
+//! implements `MapService`. This crate neither steps worlds nor builds graphs.
 
 pub mod client;
 pub mod idempotency;

@@ -1,4 +1,4 @@
-//! Lists in pages (AIP-158): a page token is the key of the last item of the page before.
+//! Pagination (AIP-158): a page token is the key of the last item of the previous page.
 
 use crate::status;
 use surefoot_proto::reason::Reason;
@@ -7,29 +7,29 @@ use tonic::Status;
 /// One page of a list.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Page<T> {
-    /// Its items.
+    /// Items of the page, in the order of the list.
     pub items: Vec<T>,
     /// Token of the next page; empty if this is the last one.
     pub next_token: String,
 }
 
-/// How large pages are.
+/// Default and greatest size of a list's pages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PageSize {
-    /// Items of a page unless the client asks for another number.
+    /// Items per page if the client does not set a size.
     pub default: u32,
-    /// Most items of a page.
+    /// Most items per page.
     pub max: u32,
 }
 
 impl PageSize {
-    /// For lists of things that a service has few of.
+    /// For resources that a service has few of.
     pub const USUAL: Self = Self { default: 100, max: 1000 };
 
-    /// Items of the page that a client asks for with `wanted`, where 0 means the default.
+    /// Number of items for a page size of `wanted` in the request; 0 means the default.
     ///
     /// # Errors
-    /// OUT_OF_RANGE if it asks for too many.
+    /// OUT_OF_RANGE if `wanted` is greater than the maximum.
     fn items(self, wanted: u32) -> Result<usize, Status> {
         match wanted {
             0 => Ok(self.default as usize),
@@ -42,10 +42,10 @@ impl PageSize {
     }
 }
 
-/// The page of `all` that follows `token`, where `key` names an item in the order of the list.
+/// Returns the page of `all` that follows the item whose `key` is `token`; an empty token means the first page.
 ///
 /// # Errors
-/// If the token names no item of the list, or the page is too large.
+/// If no item has that key, or the page is too large.
 pub fn page<T>(
     all: impl IntoIterator<Item = T>,
     key: impl Fn(&T) -> String,
@@ -56,7 +56,7 @@ pub fn page<T>(
     let count = size.items(wanted)?;
     let mut rest = all.into_iter();
     if !token.is_empty() && !rest.by_ref().any(|item| key(&item) == token) {
-        let message = format!("page_token `{token}` is not one of this list, or what it named is gone: start again");
+        let message = format!("page_token `{token}` is not one of this list, or its item is gone: start again");
         return Err(status::failure(Reason::InvalidPageToken, message));
     }
     let items: Vec<T> = rest.by_ref().take(count).collect();
@@ -67,7 +67,7 @@ pub fn page<T>(
     Ok(Page { items, next_token })
 }
 
-/// The page of a list that is ordered by ascending ids; the item that the token names may be gone.
+/// Returns a page of a list in ascending order of ids; the item that the token names may be gone.
 ///
 /// # Errors
 /// If the token is not an id, or the page is too large.
@@ -109,7 +109,7 @@ mod tests {
         }
         assert_eq!((seen, pages), ((1..=7).collect::<Vec<u64>>(), 3));
         assert_eq!(page_by_id(1..=5u64, |id| *id, size, 5, "").unwrap().next_token, "", "a full last page is the last");
-        // What the token named may be gone: ids only grow.
+        // The item of the token may be gone: ids only grow.
         assert_eq!(page_by_id([1u64, 4, 5], |id| *id, size, 0, "3").unwrap().items, [4, 5]);
         let names = ["c", "a", "b"].map(str::to_owned);
         assert_eq!(page(names.clone(), String::clone, size, 1, "a").unwrap().items, ["b"]);

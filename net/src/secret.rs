@@ -1,18 +1,18 @@
-//! Text that must never be shown.
+//! Text that must never be printed or logged.
 
 use std::fmt;
 
-/// A secret, such as the one of a token: neither `Debug` nor anything else prints it.
+/// A secret, such as a bearer token; it has no `Display`, and `Debug` does not print it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Secret(String);
 
 impl Secret {
-    /// Keeps a text from being shown.
+    /// Wraps a text, so that it is not printed by accident.
     pub fn new(text: impl Into<String>) -> Self {
         Self(text.into())
     }
 
-    /// The text itself, for those who send or check it.
+    /// Returns the text, for sending or checking it.
     pub fn reveal(&self) -> &str {
         &self.0
     }

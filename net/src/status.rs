@@ -1,46 +1,47 @@
-//! Statuses with details that a client can act on (`google.rpc`): a stable reason in every one, and, where it helps, which field,
-//! which resource, which quota, and when to try again.
+//! Statuses with details that a client can act on (`google.rpc`): always a stable reason and, where it helps, the field, the
+//! resource, the quota, or when to retry.
 
 use std::time::Duration;
 use surefoot_proto::reason::{DOMAIN, Reason};
 use tonic::Status;
 use tonic_types::{ErrorDetails, StatusExt};
 
-/// A status with its reason and no further details.
+/// Returns a status with a reason and no further details.
 pub fn failure(reason: Reason, message: impl Into<String>) -> Status {
     with_details(reason, message.into(), ErrorDetails::new())
 }
 
-/// A field of the request cannot be used.
+/// Returns the status for a field of the request that cannot be used.
 pub fn invalid(field: impl Into<String>, message: impl Into<String>) -> Status {
     let message = message.into();
     with_details(Reason::InvalidField, message.clone(), ErrorDetails::with_bad_request_violation(field, message))
 }
 
-/// A field of the request asks for more than this service allows in one request; asking again does not help.
+/// Returns the status for a field of the request that exceeds a limit of this service; a retry does not help.
 pub fn too_large(field: impl Into<String>, message: impl Into<String>) -> Status {
     let message = message.into();
     with_details(Reason::TooLarge, message.clone(), ErrorDetails::with_bad_request_violation(field, message))
 }
 
-/// There is no such thing; `kind` and `name` say what was looked for, such as `npc` and `7`.
+/// Returns the status for a resource that does not exist; `kind` and `name` identify it, such as `npc` and `7`.
 pub fn not_found(reason: Reason, kind: &str, name: impl Into<String>, message: impl Into<String>) -> Status {
     let message = message.into();
     with_details(reason, message.clone(), ErrorDetails::with_resource_info(kind, name, "", message))
 }
 
-/// `subject` (such as `client:studio` or `server`) has as much as it may have. There is room again when something of it ends.
+/// Returns the status for an exhausted quota of `subject` (such as `client:studio` or `server`). There is room again only when
+/// one of the subject's resources ends.
 pub fn quota(reason: Reason, subject: impl Into<String>, message: impl Into<String>) -> Status {
     let message = message.into();
     with_details(reason, message.clone(), ErrorDetails::with_quota_failure_violation(subject, message))
 }
 
-/// The same call is likely to succeed after `after`.
+/// Returns the status for a call that is likely to succeed if it is repeated after `after`.
 pub fn retry(reason: Reason, after: Duration, message: impl Into<String>) -> Status {
     with_details(reason, message.into(), ErrorDetails::with_retry_info(Some(after)))
 }
 
-/// Gives a status that carries no reason the one that fits its code: those that the transport makes by itself.
+/// Adds the reason that fits its code to a status without one, such as those that the transport creates itself.
 pub fn with_reason(status: Status) -> Status {
     use tonic::Code;
     if status.code() == Code::Ok || Reason::of(&status).is_some() {

@@ -1,17 +1,17 @@
-//! Limits and sizes of a world server.
+//! Configuration of a world server: limits, and how worlds are saved.
 
 use std::path::PathBuf;
 use std::time::Duration;
 use surefoot_net::levels::DEFAULT_MAX_MAPS;
 
-/// Limits and sizes of a server.
+/// Configuration of a world server.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServerConfig {
     /// Most worlds at a time (`--max-worlds`); each has a thread.
     pub max_worlds: usize,
     /// Most worlds of one client (`--max-worlds-per-client`).
     pub max_worlds_per_client: usize,
-    /// Most NPCs on one world (`--max-npcs`).
+    /// Most NPCs in one world (`--max-npcs`).
     pub max_npcs_per_world: usize,
     /// Most NPCs of one client (`--max-npcs-per-client`).
     pub max_npcs_per_client: usize,
@@ -19,11 +19,12 @@ pub struct ServerConfig {
     pub max_envs: usize,
     /// Most imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
-    /// How long a reader of a stream may leave everything unread until it is cut off (`--reader-patience`).
+    /// How long a reader of a stream may leave all messages unread until it is cut off (`--reader-patience`).
     pub reader_patience: Duration,
-    /// Where worlds are saved when the server stops and restored when it starts (`--state`).
+    /// Folder where worlds are saved when the server stops, and restored from when it starts (`--state`); `None`: worlds end
+    /// with the server.
     pub state: Option<PathBuf>,
-    /// How often they are saved while it runs, so that little is lost if it is killed (`--save-every`).
+    /// Time between two saves while the server runs, so that little is lost if it is killed (`--save-every`).
     pub save_every: Duration,
 }
 

@@ -1,4 +1,4 @@
-//! Environments of remote trainers: which there are, and when they make room for others.
+//! Environments of remote trainers: creating, stepping and closing them, and removing idle ones.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -7,31 +7,31 @@ use surefoot_rollout::env::{Ended, Env};
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{Action, Map, MapSpec, Seed};
 
-/// After so long without a step an environment makes room for others.
+/// An environment that was unused for this long is removed when another is created.
 const IDLE_LIMIT: Duration = Duration::from_secs(600);
 const POISON: &str = "no holder of this lock panics";
 
-/// Why there is no environment, or no step of it.
+/// Why an environment cannot be created, stepped or closed.
 #[derive(Debug, thiserror::Error)]
 pub enum EnvError {
-    /// There is no such environment.
+    /// No environment has this id.
     #[error("environment {0} does not exist")]
     Unknown(EnvId),
-    /// There are as many as there may be.
-    #[error("{0} environments exist already, the most allowed (--max-envs): close one")]
+    /// The limit of environments is reached.
+    #[error("there are already {0} environments, the most allowed (--max-envs): close one")]
     TooMany(usize),
     /// Two steps of one environment overlap.
     #[error("another step of environment {0} is under way")]
     Busy(EnvId),
-    /// The map has nowhere to stand.
+    /// The map has no navigable ground.
     #[error(transparent)]
     NoGround(#[from] NoGround),
-    /// Work in the background ended without a result.
+    /// A background task ended without a result.
     #[error("the environment failed: {0}")]
     Lost(#[from] tokio::task::JoinError),
 }
 
-/// An environment on this server; never reused.
+/// Id of an environment on this server; never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct EnvId(pub u64);
 
@@ -41,31 +41,31 @@ impl std::fmt::Display for EnvId {
     }
 }
 
-/// What an environment is made of.
+/// Settings of a new environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnvSettings {
-    /// Its map.
+    /// Spec of the map.
     pub spec: MapSpec,
-    /// NPCs in it.
+    /// Number of NPCs.
     pub npc_count: usize,
-    /// Distance of goals, m.
+    /// Least and greatest distance of goals, m.
     pub goal_band: (f32, f32),
-    /// Seed of places and goals.
+    /// Seed of starts and goals.
     pub seed: Seed,
 }
 
-/// What a step came to, for all NPCs.
+/// Result of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepResults {
-    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each.
+    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each NPC.
     pub observations: Vec<f32>,
-    /// One for each.
+    /// One reward for each NPC.
     pub rewards: Vec<f32>,
-    /// Episodes that ended.
+    /// Episodes that ended in this step.
     pub ended: Vec<Ended>,
 }
 
-/// An environment and when it was last used.
+/// An environment and the time of its last use.
 #[derive(Debug)]
 struct Kept {
     env: Mutex<Env>,
@@ -82,13 +82,13 @@ pub struct Envs {
 #[derive(Debug, Default)]
 struct Inner {
     last_id: u64,
-    /// Being created.
+    /// Environments that are being created.
     pending: usize,
     by_id: BTreeMap<EnvId, Arc<Kept>>,
 }
 
 impl Envs {
-    /// At most `limit` environments at a time.
+    /// Allows at most `limit` environments at a time.
     pub fn new(limit: usize) -> Self {
         Self { limit, inner: Arc::default() }
     }
@@ -103,20 +103,20 @@ impl Envs {
         Ok(kept)
     }
 
-    /// NPCs of an environment.
+    /// Returns the number of NPCs of an environment.
     ///
     /// # Errors
-    /// If there is none of that id, or it is being stepped.
+    /// If no environment has this id, or it is being stepped.
     pub fn npc_count(&self, id: EnvId) -> Result<usize, EnvError> {
         let kept = self.find(id)?;
         let env = kept.env.try_lock().map_err(|_| EnvError::Busy(id))?;
         Ok(env.npc_count())
     }
 
-    /// Makes an environment: its id, and what its NPCs observe first.
+    /// Creates an environment; returns its id and the first observations of its NPCs.
     ///
     /// # Errors
-    /// If there are too many, or its map cannot be made.
+    /// If there are too many environments, or the map cannot be generated or has no navigable ground.
     pub async fn create(&self, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
         let reserved = self.reserve()?;
         let task = tokio::task::spawn_blocking(move || {
@@ -129,7 +129,7 @@ impl Envs {
         Ok((reserved.fill(env), observations))
     }
 
-    /// Keeps a place for a new environment, forgetting those that nobody has used for long.
+    /// Reserves a place for a new environment, after removing idle ones.
     fn reserve(&self) -> Result<Reserved, EnvError> {
         let mut inner = self.inner();
         inner.by_id.retain(|_, kept| kept.used.lock().expect(POISON).elapsed() < IDLE_LIMIT);
@@ -140,13 +140,10 @@ impl Envs {
         Ok(Reserved { envs: self.clone() })
     }
 
-    /// One decision of every NPC.
+    /// Steps every NPC by one decision; `actions` holds one action for each NPC.
     ///
     /// # Errors
-    /// If there is no such environment, or it is being stepped.
-    ///
-    /// # Panics
-    /// If there is not one action for each NPC.
+    /// If no environment has this id, it is being stepped, or the number of actions is wrong ([`EnvError::Lost`]).
     pub async fn step(&self, id: EnvId, actions: Vec<Action>) -> Result<StepResults, EnvError> {
         let kept = self.find(id)?;
         let task = tokio::task::spawn_blocking(move || {
@@ -158,16 +155,16 @@ impl Envs {
         task.await?
     }
 
-    /// Ends an environment.
+    /// Closes an environment.
     ///
     /// # Errors
-    /// If there is none of that id.
+    /// If no environment has this id.
     pub fn close(&self, id: EnvId) -> Result<(), EnvError> {
         self.inner().by_id.remove(&id).map(drop).ok_or(EnvError::Unknown(id))
     }
 }
 
-/// A place for an environment that is being created.
+/// A place for an environment that is being created; dropping it gives the place back.
 struct Reserved {
     envs: Envs,
 }

@@ -1,4 +1,4 @@
-//! A world's map for those who look at it: its triangles tile by tile.
+//! A map's triangles, tile by tile, for display.
 
 use std::collections::HashMap;
 use surefoot_world::mesh::{Surface, Triangle};
@@ -6,34 +6,35 @@ use surefoot_world::{Map, Vec3};
 
 /// Side of a tile, m.
 const TILE_M: f32 = 64.0;
-/// Corners of exact tiles that lie within a cube of this side are one, m.
+/// Side of the cubes within which vertices are merged at full detail, m.
 const WELD_M: f32 = 1.0e-3;
 
 /// A tile as an indexed triangle mesh.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TileMesh {
-    /// Its place along x and z.
+    /// Index of the tile along x and z.
     pub place: [u32; 2],
-    /// Corners, m.
+    /// Vertices, m.
     pub positions: Vec<Vec3>,
-    /// Three for each triangle.
+    /// Indices of vertices, three for each triangle.
     pub indices: Vec<u32>,
-    /// One for each triangle.
+    /// Surface of each triangle.
     pub surfaces: Vec<Surface>,
 }
 
-/// The tiles of one answer, and how their corners are merged.
+/// The tiles of one answer, and how their vertices are merged.
 #[derive(Debug)]
 pub struct Tiles {
-    /// By place along x and z: indices of the triangles whose centre lies there.
+    /// Index of each tile along x and z, and the indices of the triangles whose centre lies in it.
     tiles: Vec<([u32; 2], Vec<u32>)>,
-    /// With less detail: the corner of each cell, the mean of those within. It holds across tiles, so no gaps come about.
+    /// Reduced detail: side of the cells, m, and the mean of the vertices in each cell. All tiles share the means, so no gaps
+    /// appear between tiles.
     merged: Option<(f32, HashMap<[i32; 3], Vec3>)>,
 }
 
 impl Tiles {
-    /// Sorts a map's triangles into tiles that touch `region`, seen from above (all of them if there is none), with corners
-    /// merged within cubes of `cell_m`, if that is above 0.
+    /// Sorts a map's triangles into the tiles that touch `region` seen from above; `None` means all tiles. Vertices within a
+    /// cube of side `cell_m` (m) are merged; 0 means full detail.
     pub fn of(map: &Map, region: Option<[Vec3; 2]>, cell_m: f32) -> Self {
         let triangles = map.mesh().triangles();
         let columns = |extent: f32| (extent / TILE_M).ceil().max(1.0) as usize;
@@ -63,12 +64,12 @@ impl Tiles {
         Self { tiles, merged }
     }
 
-    /// How many there are.
+    /// Returns the number of tiles.
     pub fn count(&self) -> usize {
         self.tiles.len()
     }
 
-    /// One of them, as an indexed mesh.
+    /// Returns one tile as an indexed mesh, without the triangles that merging has collapsed.
     pub fn mesh(&self, map: &Map, tile_idx: usize) -> TileMesh {
         let (place, tile) = &self.tiles[tile_idx];
         let mut mesh = TileMesh { place: *place, ..TileMesh::default() };
@@ -97,7 +98,7 @@ impl Tiles {
 fn tile_of(triangle: &Triangle, width: usize, depth: usize) -> [usize; 2] {
     let [a, b, c] = triangle.corners();
     let centre = (a + b + c) / 3.0;
-    // Nothing lies outside by more than rounding, and a cast stops at 0.
+    // Centres lie outside the map only by rounding, and the cast saturates at 0.
     [((centre.x / TILE_M) as usize).min(width - 1), ((centre.z / TILE_M) as usize).min(depth - 1)]
 }
 

@@ -1,9 +1,9 @@
-//! The world server: many worlds, each stepped on a thread of its own, NPCs, workers, and the gRPC face of it all.
+//! The world server: many worlds, each stepped on its own thread, their NPCs and workers, and the gRPC services in front of them.
 //!
-//! [`hosted`] is one world with its NPCs' decisions, [`sim`] the thread that steps it on an absolute 60 Hz schedule, [`worlds`] all
-//! of them with their lifecycle, [`registry`] the workers and [`messages`] what they are sent, [`envs`] worlds that remote trainers
-//! step themselves. [`grpc`] decodes, calls and encodes, [`wire`] converts. Simulation never runs on tokio's threads, and nothing
-//! but [`grpc`] and [`wire`] knows a wire type.
+//! [`hosted`] is one world with the decisions of its NPCs, [`sim`] the thread that steps a world on an absolute 60 Hz schedule,
+//! [`worlds`] all worlds and their lifecycle. [`registry`] has the connected workers, [`messages`] the messages to and from them,
+//! [`envs`] the environments that remote trainers step themselves. [`grpc`] decodes, calls and encodes, [`wire`] converts.
+//! Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know wire types.
 
 mod config;
 pub mod envs;

@@ -1,78 +1,78 @@
-//! What a world and the workers that carry its NPCs say to each other. How it looks on the wire is decided in `wire.rs`.
+//! Messages between a world and the workers that decide for its NPCs. `wire.rs` converts them to and from the wire.
 
 use crate::hosted::{NpcPlan, TimeMode};
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
 use surefoot_world::{Action, End, MapHash, MapSpec, Tick, Vec3};
 
-/// What a worker is sent.
+/// A message to a worker.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ToWorker {
-    /// The first message: its id.
+    /// The first message: the worker's id.
     Welcome(WorkerId),
-    /// NPCs that it no longer carries.
+    /// NPCs that the worker no longer decides for.
     Release(WorldId, Vec<NpcId>),
-    /// NPCs that it carries from now on.
+    /// NPCs that the worker decides for from now on.
     Assignment(Assignment),
     /// Attempts that ended.
     Ended(WorldId, Vec<AttemptEnd>),
     /// Observations to be answered.
     Observations(ObservationBatch),
-    /// The last message: why its stream ends.
+    /// The last message: why the stream ends.
     Goodbye(Goodbye),
 }
 
-/// NPCs of one world for one worker.
+/// NPCs of one world that are assigned to one worker.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assignment {
-    /// The world.
+    /// The world of the NPCs.
     pub world: WorldId,
-    /// What its map was generated from; `None` for an imported one.
+    /// Spec of the world's map; `None` for an imported map.
     pub spec: Option<MapSpec>,
-    /// Hash of its map.
+    /// Content hash of the world's map.
     pub map_hash: MapHash,
-    /// How its time passes.
+    /// How the world's time passes.
     pub mode: TimeMode,
-    /// The NPCs.
+    /// The assigned NPCs.
     pub npcs: Vec<NpcId>,
 }
 
 /// An attempt that ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AttemptEnd {
-    /// Whose.
+    /// NPC of the attempt.
     pub npc: NpcId,
-    /// Its number among that NPC's attempts.
+    /// Number of the attempt among the NPC's attempts.
     pub attempt: u32,
-    /// How.
+    /// Outcome of the attempt.
     pub end: End,
 }
 
-/// Observations of NPCs whose decision is due.
+/// Observations of NPCs of one world that are due for a decision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObservationBatch {
-    /// Their world.
+    /// The world of the NPCs.
     pub world: WorldId,
-    /// When they were made.
+    /// Tick at which the observations were made.
     pub tick: Tick,
-    /// Whose they are.
+    /// The NPCs, in the order of all lists below.
     pub npcs: Vec<NpcId>,
-    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each.
+    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each NPC.
     pub observations: Vec<f32>,
-    /// Where the feet of each are, m.
+    /// Position of each NPC's feet, m.
     pub positions: Vec<Vec3>,
-    /// The goal of each, m.
+    /// Goal of each NPC, m.
     pub goals: Vec<Vec3>,
-    /// The number of the attempt of each.
+    /// Number of each NPC's attempt.
     pub attempts: Vec<u32>,
-    /// Whether each has touched its waypoint.
+    /// Whether each NPC has reached its waypoint.
     pub waypoint_reached: Vec<bool>,
-    /// Whether each stands on ground that can be walked.
+    /// Whether each NPC stands on walkable ground.
     pub grounded: Vec<bool>,
 }
 
 impl ObservationBatch {
-    /// No observations yet.
+    /// An empty batch.
     pub fn new(world: WorldId, tick: Tick) -> Self {
         Self {
             world,
@@ -94,44 +94,44 @@ pub enum Goodbye {
     /// The server is shutting down.
     #[error("the service is shutting down: connect again later")]
     ShuttingDown,
-    /// Too many messages wait for it.
+    /// Too many messages are waiting for the worker.
     #[error("messages were not read: connect again")]
     NotReading,
-    /// It sent something other than actions after its hello.
-    #[error("after hello only actions may be sent")]
+    /// The worker sent something other than actions after its hello.
+    #[error("only actions may be sent after hello")]
     Unexpected,
-    /// An answer makes no sense: the field, and what is wrong with it.
+    /// An answer is invalid: the field, and what is wrong with it.
     #[error("{1}")]
     BadAnswer(String, String),
-    /// A world has no room for its answer, or has stopped.
+    /// A world is too busy for the worker's answer, or has stopped.
     #[error(transparent)]
     Sim(#[from] crate::errors::SimError),
 }
 
-/// What a worker says first, checked.
+/// The first message of a worker, checked.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hello {
-    /// Name for people.
+    /// Name for logs and metrics.
     pub name: String,
-    /// What it decides with, for people.
+    /// Policy of the worker, for logs and metrics.
     pub policy: String,
-    /// NPCs that it is ready to carry.
+    /// Most NPCs that the worker can decide for.
     pub capacity: u32,
 }
 
 /// A worker's answer, checked.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Answer {
-    /// Tick of the observations.
+    /// Tick of the observations that this answers.
     pub tick: Tick,
-    /// Whose actions follow.
+    /// NPCs that the worker has decided for.
     pub npcs: Vec<NpcId>,
-    /// One action for each.
+    /// One action for each NPC, in the order of `npcs`.
     pub actions: Vec<Action>,
     /// New waypoints, m.
     pub waypoints: Vec<(NpcId, Vec3)>,
-    /// Attempts to be given up.
+    /// NPCs whose attempt the worker gives up.
     pub gave_up: Vec<NpcId>,
-    /// New plans.
+    /// Plans that NPCs follow from now on.
     pub plans: Vec<(NpcId, NpcPlan)>,
 }

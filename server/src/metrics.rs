@@ -1,4 +1,4 @@
-//! The Prometheus text of a server.
+//! The metrics of a server as Prometheus text.
 
 use crate::hosted::{Counters, Tally};
 use crate::ids::WorldId;
@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::time::Duration;
 use surefoot_world::End;
 
-/// Figures of one world, copied out of its thread.
+/// Metrics of one world, copied out of the world's thread.
 #[derive(Debug, Clone)]
 pub struct WorldFigures {
     id: WorldId,
@@ -21,7 +21,7 @@ pub struct WorldFigures {
 }
 
 impl WorldFigures {
-    /// Copies the figures of a world.
+    /// Copies the metrics of a world.
     pub fn of(SimState { world, snapshots, .. }: &SimState) -> Self {
         Self {
             watchers: snapshots.receiver_count(),
@@ -37,7 +37,7 @@ impl WorldFigures {
 /// Upper bounds of the tick histogram, ms.
 const BOUNDS_MS: [f64; 11] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 12.0, 16.7, 33.3, 100.0];
 
-/// Writes families of samples.
+/// Prometheus text that is being written, one family of samples after another.
 #[derive(Default)]
 struct Text(String);
 
@@ -51,7 +51,7 @@ impl Text {
     }
 }
 
-/// Renders all figures.
+/// Renders the metrics of all worlds and workers.
 pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad]) -> String {
     let mut text = Text::default();
     render_workers(&mut text, workers);
@@ -64,29 +64,29 @@ pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad]) -> String {
         [("idle", idle), ("seeking", seeking), ("down", down)]
             .map(|(state, count)| (format!("{{world=\"{}\",state=\"{state}\"}}", world.id), f64::from(count)))
     });
-    text.family("npcs", "gauge", "NPCs by what they do.", by_state);
-    let forgotten = per_world(|world| f64::from(world.tally.without_worker));
-    text.family("npcs_without_worker", "gauge", "NPCs that no worker carries.", forgotten);
+    text.family("npcs", "gauge", "NPCs by status.", by_state);
+    let without_worker = per_world(|world| f64::from(world.tally.without_worker));
+    text.family("npcs_without_worker", "gauge", "NPCs without a worker.", without_worker);
     let watchers = per_world(|world| world.watchers as f64);
     text.family("watchers", "gauge", "Readers of snapshots.", watchers);
     text.family("ticks_total", "counter", "Ticks stepped.", per_world(|world| world.ticks as f64));
     let dropped = per_world(|world| world.counters.ticks_dropped as f64);
-    text.family("ticks_dropped_total", "counter", "Ticks left out after falling behind.", dropped);
+    text.family("ticks_dropped_total", "counter", "Ticks dropped after falling behind.", dropped);
     let late = per_world(|world| world.counters.ticks_late as f64);
     text.family("ticks_late_total", "counter", "Ticks done after the next one was due.", late);
-    let asked = per_world(|world| world.counters.asked as f64);
-    text.family("decisions_asked_total", "counter", "Decisions asked for.", asked);
+    let requested = per_world(|world| world.counters.asked as f64);
+    text.family("decisions_asked_total", "counter", "Decisions requested from workers.", requested);
     let answered = per_world(|world| world.counters.answered as f64);
     text.family("decisions_answered_total", "counter", "Decisions answered in time.", answered);
     let missed = per_world(|world| world.counters.missed as f64);
     text.family("decisions_missed_total", "counter", "Decisions not answered in time.", missed);
     let stale = per_world(|world| world.counters.stale as f64);
-    text.family("answers_stale_total", "counter", "Answers that nobody waited for any more.", stale);
+    text.family("answers_stale_total", "counter", "Answers for decisions that were no longer pending.", stale);
     let ends = worlds.iter().flat_map(|world| {
         let counts = End::ALL.iter().zip(world.counters.ends);
         counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.id, end.name()), count as f64))
     });
-    text.family("attempts_total", "counter", "Attempts by how they ended.", ends);
+    text.family("attempts_total", "counter", "Attempts by outcome.", ends);
     render_ticks(&mut text, worlds);
     text.0
 }
@@ -103,16 +103,21 @@ fn render_workers(text: &mut Text, workers: &[WorkerLoad]) {
         let (name, policy) = (escaped(&worker.name), escaped(&worker.policy));
         (format!("{{worker=\"{}\",name=\"{name}\",policy=\"{policy}\"}}", worker.id.0), 1.0)
     });
-    text.family("worker_info", "gauge", "Connected NPC workers and what they decide with.", policies);
+    text.family("worker_info", "gauge", "Connected NPC workers and their policies.", policies);
     let capacity = per_worker(|worker| f64::from(worker.capacity));
-    text.family("worker_capacity", "gauge", "NPCs that a worker is ready to carry.", capacity);
-    text.family("worker_npcs", "gauge", "NPCs that a worker carries.", per_worker(|worker| f64::from(worker.carried)));
+    text.family("worker_capacity", "gauge", "NPCs that a worker can decide for.", capacity);
+    text.family(
+        "worker_npcs",
+        "gauge",
+        "NPCs that a worker decides for.",
+        per_worker(|worker| f64::from(worker.npc_count)),
+    );
     let queued = per_worker(|worker| worker.queued as f64);
-    text.family("worker_queue", "gauge", "Messages that wait for a worker to read.", queued);
+    text.family("worker_queue", "gauge", "Messages that a worker has not read yet.", queued);
 }
 
 fn render_ticks(text: &mut Text, worlds: &[WorldFigures]) {
-    let (name, help) = ("tick_seconds", "From when a tick was due until it was done.");
+    let (name, help) = ("tick_seconds", "Time from when a tick was due until it was done.");
     text.family(name, "histogram", help, []);
     for world in worlds {
         let mut line = |suffix: &str, labels: String, value: f64| {
@@ -128,7 +133,7 @@ fn render_ticks(text: &mut Text, worlds: &[WorldFigures]) {
     }
 }
 
-/// A label's value without what would end it.
+/// Escapes the value of a label.
 fn escaped(value: &str) -> String {
     value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }

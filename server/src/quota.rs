@@ -1,18 +1,18 @@
-//! How much of something each client may have at a time.
+//! Limits on how many worlds or NPCs each client may have at a time.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-/// Counts of one kind of thing by client.
+/// A limit on one kind of resource, with the number that each client has.
 #[derive(Debug)]
 pub struct Quota {
     limit: usize,
-    /// Of what, and the flag that sets the limit, for people.
+    /// The kind of resource and the flag that sets the limit, for error messages.
     what: &'static str,
-    taken: Mutex<BTreeMap<Arc<str>, usize>>,
+    held: Mutex<BTreeMap<Arc<str>, usize>>,
 }
 
-/// A client that has as much as it may.
+/// A client has reached its quota.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{client} already has {limit} {what}")]
 pub struct QuotaError {
@@ -22,13 +22,13 @@ pub struct QuotaError {
 }
 
 impl QuotaError {
-    /// Whose quota it is, such as `client:studio`.
+    /// Subject of the quota, such as `client:studio`.
     pub fn subject(&self) -> String {
         format!("client:{}", self.client)
     }
 }
 
-/// One thing that a client has; given back when dropped.
+/// A place in a client's quota; dropping it gives the place back.
 #[derive(Debug)]
 pub struct Ticket {
     quota: Arc<Quota>,
@@ -36,33 +36,33 @@ pub struct Ticket {
 }
 
 impl Quota {
-    /// At most `limit` for each client.
+    /// Creates a quota of at most `limit` for each client. `what` completes the message "CLIENT already has LIMIT ...".
     pub fn new(limit: usize, what: &'static str) -> Arc<Self> {
-        Arc::new(Self { limit, what, taken: Mutex::default() })
+        Arc::new(Self { limit, what, held: Mutex::default() })
     }
 
-    /// Takes one for `client`.
+    /// Acquires a place for `client`.
     ///
     /// # Errors
-    /// If it has as many as it may.
-    pub fn take(self: &Arc<Self>, client: &str) -> Result<Ticket, QuotaError> {
-        let has = self.taken.lock().expect(POISON).get(client).copied().unwrap_or(0);
+    /// If the client has reached its quota.
+    pub fn acquire(self: &Arc<Self>, client: &str) -> Result<Ticket, QuotaError> {
+        let has = self.held.lock().expect(POISON).get(client).copied().unwrap_or(0);
         if has >= self.limit {
             return Err(QuotaError { client: client.to_owned(), limit: self.limit, what: self.what });
         }
         Ok(self.grant(client))
     }
 
-    /// Takes one for `client` whether or not it has room, as for worlds that were there before the limit.
+    /// Acquires a place for `client` even beyond its quota, as for restored worlds.
     pub fn grant(self: &Arc<Self>, client: &str) -> Ticket {
         let client: Arc<str> = client.into();
-        *self.taken.lock().expect(POISON).entry(client.clone()).or_default() += 1;
+        *self.held.lock().expect(POISON).entry(client.clone()).or_default() += 1;
         Ticket { quota: self.clone(), client }
     }
 }
 
 impl Ticket {
-    /// Whose it is.
+    /// The client that has the place.
     pub fn client(&self) -> &str {
         &self.client
     }
@@ -70,11 +70,11 @@ impl Ticket {
 
 impl Drop for Ticket {
     fn drop(&mut self) {
-        let mut taken = self.quota.taken.lock().expect(POISON);
-        if let Some(count) = taken.get_mut(&self.client) {
+        let mut held = self.quota.held.lock().expect(POISON);
+        if let Some(count) = held.get_mut(&self.client) {
             *count -= 1;
             if *count == 0 {
-                taken.remove(&self.client);
+                held.remove(&self.client);
             }
         }
     }

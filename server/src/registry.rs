@@ -1,4 +1,4 @@
-//! NPC workers: who is connected, who carries how many NPCs, and the bounded queues to them.
+//! Connected NPC workers: how many NPCs each decides for, and the bounded queues to them.
 
 use crate::ids::WorkerId;
 use crate::messages::ToWorker;
@@ -11,26 +11,26 @@ use tracing::warn;
 /// A worker that has just joined.
 #[derive(Debug)]
 pub struct Joined {
-    /// Its id.
+    /// Id of the worker.
     pub id: WorkerId,
     /// Notified when the worker is to be cut off because it does not read.
     pub cut: Arc<Notify>,
 }
 
-/// A worker, for those who look at the server.
+/// A worker and its load, for metrics.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkerLoad {
-    /// Its id.
+    /// Id of the worker.
     pub id: WorkerId,
-    /// The name it gave.
+    /// Name from its hello.
     pub name: String,
-    /// What it decides with.
+    /// Policy from its hello.
     pub policy: String,
-    /// NPCs that it is ready to carry.
+    /// Most NPCs that the worker can decide for.
     pub capacity: u32,
-    /// NPCs that it carries.
-    pub carried: u32,
-    /// Messages that wait for it to read.
+    /// NPCs that are assigned to the worker.
+    pub npc_count: u32,
+    /// Messages that the worker has not read yet.
     pub queued: usize,
 }
 
@@ -39,15 +39,15 @@ struct Entry {
     name: String,
     policy: String,
     capacity: u32,
-    carried: u32,
+    npc_count: u32,
     queue: Sender<ToWorker>,
     cut: Arc<Notify>,
 }
 
 impl Entry {
-    /// Share of the capacity that `carried` NPCs take.
-    fn share(&self, carried: u32) -> f64 {
-        f64::from(carried) / f64::from(self.capacity)
+    /// Share of the capacity that `npc_count` NPCs take.
+    fn share(&self, npc_count: u32) -> f64 {
+        f64::from(npc_count) / f64::from(self.capacity)
     }
 }
 
@@ -64,10 +64,10 @@ struct Inner {
 }
 
 impl Inner {
-    /// The worker with room whose share would be the smallest with one NPC more.
+    /// Returns the worker with room whose share would be the smallest with one more NPC, and that share.
     fn least_loaded(&self) -> Option<(WorkerId, f64)> {
-        let with_one_more = |entry: &Entry| entry.share(entry.carried + 1);
-        let open = self.workers.iter().filter(|(_, entry)| entry.carried < entry.capacity);
+        let with_one_more = |entry: &Entry| entry.share(entry.npc_count + 1);
+        let open = self.workers.iter().filter(|(_, entry)| entry.npc_count < entry.capacity);
         open.map(|(&id, entry)| (id, with_one_more(entry))).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
@@ -77,66 +77,66 @@ impl Registry {
         self.inner.lock().expect("no holder of this lock panics")
     }
 
-    /// Adds a worker that carries at most `capacity` NPCs.
+    /// Adds a worker that decides for at most `capacity` NPCs.
     pub fn join(&self, name: String, policy: String, capacity: u32, queue: Sender<ToWorker>) -> Joined {
         let mut inner = self.inner();
         inner.last_id += 1;
         let (id, cut) = (WorkerId(inner.last_id), Arc::new(Notify::new()));
-        inner.workers.insert(id, Entry { name, policy, capacity, carried: 0, queue, cut: cut.clone() });
+        inner.workers.insert(id, Entry { name, policy, capacity, npc_count: 0, queue, cut: cut.clone() });
         Joined { id, cut }
     }
 
-    /// Forgets a worker.
+    /// Removes a worker.
     pub fn leave(&self, id: WorkerId) {
         self.inner().workers.remove(&id);
     }
 
-    /// Takes a place with the worker that has the smallest share of its capacity in use.
+    /// Reserves a place for an NPC with the least loaded worker, by share of its capacity; `None` if no worker has room.
     pub fn assign(&self) -> Option<WorkerId> {
         let mut inner = self.inner();
         let (id, _) = inner.least_loaded()?;
-        inner.workers.get_mut(&id)?.carried += 1;
+        inner.workers.get_mut(&id)?.npc_count += 1;
         Some(id)
     }
 
-    /// Takes a place for an NPC of `from` with a worker that stays less loaded than `from` is without it.
+    /// Moves the place of an NPC of `from` to another worker, if that worker is then loaded no more than `from` without the NPC.
     pub fn relieve(&self, from: WorkerId) -> Option<WorkerId> {
         let mut inner = self.inner();
         let (to, share) = inner.least_loaded()?;
         let entry = inner.workers.get_mut(&from)?;
-        if to == from || share > entry.share(entry.carried.saturating_sub(1)) {
+        if to == from || share > entry.share(entry.npc_count.saturating_sub(1)) {
             return None;
         }
-        entry.carried -= 1;
-        inner.workers.get_mut(&to)?.carried += 1;
+        entry.npc_count -= 1;
+        inner.workers.get_mut(&to)?.npc_count += 1;
         Some(to)
     }
 
-    /// Takes a place again for an NPC that `id` was to be relieved of and is not.
+    /// Restores the place of an NPC that stays with `id` although [`relieve`](Self::relieve) had moved its place.
     pub fn keep(&self, id: WorkerId) {
         if let Some(entry) = self.inner().workers.get_mut(&id) {
-            entry.carried += 1;
+            entry.npc_count += 1;
         }
     }
 
-    /// Gives a place back.
+    /// Gives a place with a worker back.
     pub fn release(&self, id: WorkerId) {
         if let Some(entry) = self.inner().workers.get_mut(&id) {
-            entry.carried = entry.carried.saturating_sub(1);
+            entry.npc_count = entry.npc_count.saturating_sub(1);
         }
     }
 
-    /// Queues observations. If the queue is full they are lost, and their decisions count as missed.
+    /// Queues observations. If the queue is full, they are dropped, and their decisions count as missed.
     pub fn offer(&self, id: WorkerId, message: ToWorker) {
         let queue = self.inner().workers.get(&id).map(|entry| entry.queue.clone());
         if let Some(queue) = queue {
-            // A worker that is gone has no use for it either.
+            // Dropped as well if the worker is gone.
             let _ = queue.try_send(message);
         }
     }
 
-    /// Queues what a worker must not miss. If the queue is full the worker is cut off: its NPCs go to others.
-    pub fn tell(&self, id: WorkerId, message: ToWorker) {
+    /// Queues a message that a worker must not miss. If the queue is full, the worker is cut off, and its NPCs go to others.
+    pub fn send(&self, id: WorkerId, message: ToWorker) {
         let inner = self.inner();
         let Some(entry) = inner.workers.get(&id) else { return };
         if entry.queue.try_send(message).is_err() {
@@ -145,14 +145,14 @@ impl Registry {
         }
     }
 
-    /// Everybody, by id.
+    /// Returns all workers, ordered by id.
     pub fn load(&self) -> Vec<WorkerLoad> {
         let load = |(&id, entry): (&WorkerId, &Entry)| WorkerLoad {
             id,
             name: entry.name.clone(),
             policy: entry.policy.clone(),
             capacity: entry.capacity,
-            carried: entry.carried,
+            npc_count: entry.npc_count,
             queued: entry.queue.max_capacity() - entry.queue.capacity(),
         };
         self.inner().workers.iter().map(load).collect()
@@ -164,8 +164,8 @@ mod tests {
     use super::*;
     use tokio::sync::mpsc::channel;
 
-    fn carried(registry: &Registry) -> Vec<u32> {
-        registry.load().iter().map(|worker| worker.carried).collect()
+    fn npc_counts(registry: &Registry) -> Vec<u32> {
+        registry.load().iter().map(|worker| worker.npc_count).collect()
     }
 
     #[test]
@@ -174,15 +174,15 @@ mod tests {
         let join = |capacity| registry.join(String::new(), String::new(), capacity, channel(1).0).id;
         let first = join(100);
         let mut holders: Vec<WorkerId> = (0..90).map(|_| registry.assign().unwrap()).collect();
-        assert_eq!(carried(&registry), [90]);
+        assert_eq!(npc_counts(&registry), [90]);
         join(50);
         let moved =
             holders.iter_mut().filter_map(|holder| registry.relieve(*holder).map(|next| *holder = next)).count();
         assert_eq!(moved, 30, "a third of the capacity is new");
-        assert_eq!(carried(&registry), [60, 30]);
-        assert!(holders.iter().all(|&holder| registry.relieve(holder).is_none()), "even is even");
+        assert_eq!(npc_counts(&registry), [60, 30]);
+        assert!(holders.iter().all(|&holder| registry.relieve(holder).is_none()), "an even load stays");
         registry.leave(first);
-        assert_eq!(carried(&registry), [30]);
-        assert_eq!((0..40).filter(|_| registry.assign().is_some()).count(), 20, "full is full");
+        assert_eq!(npc_counts(&registry), [30]);
+        assert_eq!((0..40).filter(|_| registry.assign().is_some()).count(), 20, "a full worker gets no more");
     }
 }

@@ -1,4 +1,4 @@
-//! A server from start to end: restore, serve, save.
+//! The lifecycle of a server: restore worlds, serve, save worlds.
 
 use crate::config::ServerConfig;
 use crate::envs::Envs;
@@ -56,13 +56,13 @@ fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBu
     routes
 }
 
-/// Why a server ends other than by being told to.
+/// Why a server ends without having been stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
     /// The endpoint failed.
     #[error(transparent)]
     Serve(#[from] ServeError),
     /// Worlds cannot be saved or restored.
-    #[error("saved worlds: {0}")]
+    #[error("cannot save or restore worlds: {0}")]
     Saved(#[from] SavedError),
 }

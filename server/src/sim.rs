@@ -1,6 +1,6 @@
-//! A world's thread: steps it at 60 Hz on an absolute schedule, or whenever all answers are in.
+//! The thread of a world, which steps it at 60 Hz on an absolute schedule (realtime) or as soon as all answers are in (lockstep).
 //!
-//! One thread per world (ADR 16): a world that stalls or is slow to step cannot hold another up.
+//! There is one thread per world (ADR 16), so that a world that stalls or steps slowly cannot delay another.
 
 use crate::errors::{INBOX, SimError};
 use crate::hosted::{HostedWorld, Snapshot, TimeMode};
@@ -10,40 +10,41 @@ use std::time::{Duration, Instant};
 use surefoot_world::TICKS_PER_SECOND;
 use tokio::sync::{oneshot, watch};
 
-/// Ticks that are made up for after a stall; the rest of the lost time is dropped and counted.
+/// Most ticks to catch up after a stall; further ticks are dropped and counted.
 const MAX_CATCH_UP: u32 = 2;
-/// How long a thread with nothing to do waits for a call.
+/// How long a lockstep world that is not ready waits for a call, and how long calls may delay a due tick.
 const IDLE: Duration = Duration::from_millis(50);
-/// Ticks from one look for NPCs without a worker to the next.
+/// Ticks between two attempts to assign workers to NPCs without one.
 const ASSIGN_EVERY: u64 = 30;
 
 type Call = Box<dyn FnOnce(&mut SimState) + Send>;
 
-/// A world with the watchers of its snapshots.
+/// A world with the channels to its readers; owned by the world's thread.
 #[derive(Debug)]
 pub struct SimState {
-    /// The world.
+    /// The world that the thread steps.
     pub world: HostedWorld,
-    /// Latest snapshot; old ones are overwritten, so slow readers cost nothing.
+    /// Latest snapshot; each overwrites the one before, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
-    /// Sequence number of the latest event: those who watch read the world's log when it grows.
+    /// Sequence number of the latest event; when it grows, readers fetch the events from the world's log.
     pub latest_event: watch::Sender<u64>,
-    /// Set to end the thread.
+    /// Whether the thread is to end.
     pub is_over: bool,
 }
 
-/// The way to a world's thread. The thread ends, and gives the NPCs' places back, when told to or when all handles are gone.
+/// A handle to a world's thread. The thread ends when `is_over` is set or all handles are dropped; it then removes the NPCs,
+/// which gives their places back.
 #[derive(Debug, Clone)]
 pub struct SimHandle {
     inbox: SyncSender<Call>,
 }
 
 impl SimHandle {
-    /// Starts the thread of a world. `phase`, in [0, 1), is when within a period its ticks are due: worlds that differ in it do not
-    /// all wake at once.
+    /// Starts the thread of a world. `phase`, in [0, 1), is the fraction of a period at which ticks are due, so that worlds do
+    /// not all wake at the same time.
     ///
     /// # Errors
-    /// If the system refuses a thread.
+    /// If the system cannot create a thread.
     pub fn start(name: String, world: HostedWorld, phase: f64) -> std::io::Result<Self> {
         let (inbox, calls) = sync_channel(INBOX);
         let state = SimState {
@@ -59,7 +60,7 @@ impl SimHandle {
     /// Runs `call` on the thread between two ticks, without waiting for it.
     ///
     /// # Errors
-    /// If too many calls are waiting, or the thread is gone.
+    /// If too many calls are waiting, or the thread has ended.
     pub fn cast(&self, call: impl FnOnce(&mut SimState) + Send + 'static) -> Result<(), SimError> {
         self.inbox.try_send(Box::new(call)).map_err(|error| match error {
             TrySendError::Full(_) => SimError::Busy,
@@ -70,14 +71,14 @@ impl SimHandle {
     /// Runs `call` on the thread between two ticks and returns its result.
     ///
     /// # Errors
-    /// As [`SimHandle::cast`].
+    /// Those of [`SimHandle::cast`].
     pub async fn call<R: Send + 'static>(
         &self,
         call: impl FnOnce(&mut SimState) -> R + Send + 'static,
     ) -> Result<R, SimError> {
         let (reply, result) = oneshot::channel();
         self.cast(move |state| {
-            // The caller may have gone away in the meantime.
+            // The caller may no longer wait for the result.
             let _ = reply.send(call(state));
         })?;
         result.await.map_err(|_| SimError::Stopped)
@@ -92,14 +93,14 @@ fn run(mut state: SimState, calls: &Receiver<Call>, phase: f64) {
     state.world.release_all();
 }
 
-/// Takes calls until `due`; false if the world is over.
-fn take_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> bool {
+/// Runs calls until `due`; returns false if the world is over.
+fn run_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> bool {
     while !state.is_over {
         let left = due.saturating_duration_since(Instant::now());
         match calls.recv_timeout(left) {
             Ok(call) => {
                 call(state);
-                state.tell_events();
+                state.notify_events();
             }
             Err(RecvTimeoutError::Timeout) => return true,
             Err(RecvTimeoutError::Disconnected) => return false,
@@ -115,7 +116,7 @@ fn take_calls(state: &mut SimState, calls: &Receiver<Call>, due: Instant) -> boo
 fn run_realtime(state: &mut SimState, calls: &Receiver<Call>, phase: f64) {
     let period = Duration::from_secs(1) / TICKS_PER_SECOND;
     let mut due = Instant::now() + period.mul_f64(phase);
-    while take_calls(state, calls, due) {
+    while run_calls(state, calls, due) {
         let behind = (due.elapsed().as_nanos() / period.as_nanos()) as u32;
         let dropped = behind.saturating_sub(MAX_CATCH_UP);
         due += period * dropped;
@@ -133,7 +134,7 @@ fn run_realtime(state: &mut SimState, calls: &Receiver<Call>, phase: f64) {
 
 fn run_lockstep(state: &mut SimState, calls: &Receiver<Call>) {
     let mut due = Instant::now();
-    while take_calls(state, calls, due) {
+    while run_calls(state, calls, due) {
         due = Instant::now();
         if state.world.is_ready() {
             state.world.step();
@@ -141,23 +142,23 @@ fn run_lockstep(state: &mut SimState, calls: &Receiver<Call>) {
             state.world.note_tick(took, false);
             state.publish();
         } else {
-            // Nothing but a call can make it ready.
+            // Only a call can make the world ready.
             due += IDLE;
         }
     }
 }
 
 impl SimState {
-    /// Replaces the latest snapshot if anyone watches, and notifies of new events.
+    /// Replaces the latest snapshot if there are readers, and notifies readers of new events.
     pub fn publish(&self) {
         if self.snapshots.receiver_count() > 0 {
             self.snapshots.send_replace(Arc::new(self.world.snapshot()));
         }
-        self.tell_events();
+        self.notify_events();
     }
 
-    /// Wakes those who wait for events, if there are new ones.
-    fn tell_events(&self) {
+    /// Wakes readers that wait for events, if there are new ones.
+    fn notify_events(&self) {
         let latest = self.world.events().latest();
         self.latest_event.send_if_modified(|known| std::mem::replace(known, latest) != latest);
     }

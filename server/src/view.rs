@@ -1,4 +1,4 @@
-//! What one reader sees of a world: the NPCs of a region, all of them or only those that changed.
+//! What one reader sees of a world: the NPCs of a region, either all of them or only changes.
 
 use crate::hosted::{NpcState, Snapshot};
 use crate::ids::NpcId;
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::SystemTime;
 use surefoot_world::{Tick, Vec3};
 
-/// A box with edges along the axes; the low corner is nowhere above the high one.
+/// An axis-aligned box; no coordinate of `low` exceeds that of `high`.
 #[derive(Debug, Clone, Copy)]
 pub struct Region {
     /// Lowest corner, m.
@@ -16,50 +16,50 @@ pub struct Region {
 }
 
 impl Region {
-    /// Its lowest and its highest corner, m.
+    /// Returns the lowest and the highest corner, m.
     pub fn corners(&self) -> [Vec3; 2] {
         [self.low, self.high]
     }
 
-    /// Whether a point lies inside.
+    /// Whether a point lies in the region, its boundary included.
     pub fn holds(&self, point: Vec3) -> bool {
         self.low.cmple(point).all() && point.cmple(self.high).all()
     }
 }
 
-/// What a reader is shown of one snapshot.
+/// The part of a snapshot that one reader is sent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown {
-    /// When it was taken, in the world's time.
+    /// Tick of the snapshot.
     pub tick: Tick,
-    /// When it was taken, by the server's clock.
+    /// Time of the server's clock at the snapshot.
     pub time: SystemTime,
     /// NPCs of the region: all of them, or those that the reader does not know yet.
     pub npcs: Vec<NpcState>,
-    /// NPCs that the reader knows and that have changed: as they were, and as they are.
+    /// NPCs that the reader knows and that have changed: old state, new state.
     pub changed: Vec<(NpcState, NpcState)>,
-    /// Whether only changes are shown.
+    /// Whether this holds only changes since the snapshot before.
     pub is_delta: bool,
-    /// NPCs that have left the region or the world since the snapshot shown before.
+    /// NPCs that have left the region or the world since the snapshot before.
     pub gone: Vec<NpcId>,
 }
 
-/// Turns snapshots into what one reader asked for.
+/// Reduces snapshots to what one reader has subscribed to.
 #[derive(Debug)]
 pub struct View {
     region: Option<Region>,
     delta: bool,
-    /// With changes only: what the reader has, once it has something.
+    /// With `delta`: the NPCs that the reader knows; `None` before the first snapshot.
     seen: Option<BTreeMap<NpcId, NpcState>>,
 }
 
 impl View {
-    /// NPCs of `region`; with `delta` only what changed since the snapshot shown before.
+    /// A view of the NPCs in `region` (`None`: everywhere); with `delta`, only of changes since the snapshot before.
     pub fn new(region: Option<Region>, delta: bool) -> Self {
         Self { region, delta, seen: None }
     }
 
-    /// What the reader is to be sent of a snapshot.
+    /// Returns the part of `snapshot` to send to the reader.
     pub fn show(&mut self, snapshot: &Snapshot) -> Shown {
         let &Snapshot { tick, time, .. } = snapshot;
         let within = |npc: &&NpcState| self.region.is_none_or(|region| region.holds(npc.position));

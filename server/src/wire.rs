@@ -1,4 +1,4 @@
-//! Between the wire types of `surefoot.world.v1` and the server's own. What comes in is checked here.
+//! Converts between the wire types of `surefoot.world.v1` and the server's own. Requests are checked here.
 
 use crate::envs::{EnvSettings, StepResults};
 use crate::geometry::TileMesh;
@@ -22,20 +22,20 @@ use surefoot_world::sense::{OBSERVATION_VERSION, Sight};
 use surefoot_world::{Action, Chance, Map, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
 use tonic::Status;
 
-/// Most NPCs that one worker may offer to carry.
+/// Greatest capacity of a worker, NPCs.
 const MAX_CAPACITY: f64 = 65_536.0;
-/// Longest name of a worker or its policy, bytes.
+/// Longest name of a worker or of its policy, bytes.
 const MAX_NAME: usize = 64;
-/// Most waypoints of a plan.
+/// Most waypoints in a plan.
 const MAX_WAYPOINTS: usize = 4096;
-/// Most NPCs of one environment: their observations must fit into a message.
+/// Most NPCs of one environment, whose observations must fit into one message.
 const MAX_ENV_NPCS: f64 = 4096.0;
-/// Farthest goals of an environment, m: across the largest map.
+/// Greatest distance of goals in an environment, m: across the largest map.
 const MAX_GOAL_M: f64 = 1500.0;
 
 // --- from the wire ---
 
-/// Reads how a world's time is to pass.
+/// Reads the time mode of a new world.
 ///
 /// # Errors
 /// INVALID_ARGUMENT if the value is unknown.
@@ -50,7 +50,7 @@ pub fn time_mode(mode: i32) -> Result<TimeMode, Status> {
 /// Reads a region; absent means everywhere.
 ///
 /// # Errors
-/// If a corner is missing or not finite, or the low one is above the high one.
+/// If a corner is missing or not finite, or a coordinate of the low corner exceeds that of the high one.
 pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldError> {
     let Some(region) = region else { return Ok(None) };
     let low = convert::point(region.low.as_ref(), "region.low")?;
@@ -63,15 +63,15 @@ pub fn region(region: Option<&wire::Region>) -> Result<Option<Region>, FieldErro
     Ok(Some(Region { low, high }))
 }
 
-/// Reads a number that must be finite.
+/// Checks that the number in `field` is finite.
 ///
 /// # Errors
-/// If it is not; `field` names it.
+/// If it is infinite or NaN.
 pub fn finite(value: f32, field: &'static str) -> Result<f32, FieldError> {
     if value.is_finite() { Ok(value) } else { Err(FieldError::NotFinite(field)) }
 }
 
-/// Reads an answer.
+/// Reads a worker's answer.
 ///
 /// # Errors
 /// INVALID_ARGUMENT if an array has the wrong length, a number is not finite, or an NPC is named twice.
@@ -91,7 +91,7 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
         Ok((NpcId(waypoint.npc_id), position))
     });
     let waypoints = waypoints.collect::<Result<_, FieldError>>()?;
-    let plans = batch.plans.into_iter().map(|carried| Ok((NpcId(carried.npc_id), npc_plan(carried.plan)?)));
+    let plans = batch.plans.into_iter().map(|entry| Ok((NpcId(entry.npc_id), npc_plan(entry.plan)?)));
     Ok(Answer {
         tick: Tick(batch.tick),
         actions,
@@ -125,7 +125,8 @@ fn npc_plan(plan: Option<wire::NpcPlan>) -> Result<NpcPlan, FieldError> {
 /// Reads the first message of a worker.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if it is another message or a field is out of range, FAILED_PRECONDITION if the worker expects other observations.
+/// INVALID_ARGUMENT if it is not a hello or a field is out of range, FAILED_PRECONDITION if the worker expects other
+/// observations.
 pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     let Some(wire::work_request::Message::Hello(hello)) = first.and_then(|request| request.message) else {
         return Err(status::failure(Reason::MalformedRequest, "the first message must be hello"));
@@ -133,21 +134,21 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     convert::in_range(f64::from(hello.capacity), 1.0, MAX_CAPACITY, "hello.capacity")?;
     for (text, field) in [(&hello.name, "hello.name"), (&hello.policy, "hello.policy")] {
         if text.len() > MAX_NAME {
-            let message = format!("{field} is {} bytes long, allowed are {MAX_NAME}", text.len());
+            let message = format!("{field} is {} bytes long, at most {MAX_NAME} are allowed", text.len());
             return Err(status::invalid(field, message));
         }
     }
     let (len, version) = (hello.observation_len as usize, hello.observation_version);
     if (len, version) != (OBSERVATION_LEN, OBSERVATION_VERSION) {
         let message = format!(
-            "hello expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, version {OBSERVATION_VERSION}: update the worker"
+            "the worker expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, version {OBSERVATION_VERSION}: update the worker"
         );
         return Err(status::failure(Reason::ObservationMismatch, message));
     }
     Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity })
 }
 
-/// Reads what an environment is to be made of.
+/// Reads the settings of a new environment.
 ///
 /// # Errors
 /// If a number is out of range.
@@ -165,7 +166,7 @@ pub fn env_settings(request: &wire::CreateEnvRequest) -> Result<EnvSettings, Fie
 /// Reads the actions of an environment's NPCs.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if there are not `npc_count` of them, or one is not finite.
+/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, or a value is not finite.
 pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<Vec<Action>, Status> {
     let bytes = actions.ok_or(FieldError::Missing("actions"))?.actions;
     let values = convert::unpack(&bytes, npc_count * ACTION_LEN, "actions.actions")?;
@@ -174,7 +175,7 @@ pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Resul
 
 // --- onto the wire ---
 
-/// How a world's time passes, on the wire.
+/// Converts a time mode.
 pub fn time_mode_to_wire(mode: TimeMode) -> wire::TimeMode {
     match mode {
         TimeMode::Realtime => wire::TimeMode::Realtime,
@@ -182,7 +183,7 @@ pub fn time_mode_to_wire(mode: TimeMode) -> wire::TimeMode {
     }
 }
 
-/// A world on the wire.
+/// Converts a world.
 pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     wire::World {
         world_id: world.id.0,
@@ -194,7 +195,7 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     }
 }
 
-/// An NPC on the wire.
+/// Converts the state of an NPC.
 pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
     wire::Npc {
         npc_id: npc.id.0,
@@ -232,9 +233,9 @@ fn support_to_wire(support: Support) -> wire::Support {
     }
 }
 
-/// What changed about an NPC.
+/// Converts what has changed about an NPC.
 fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
-    /// A value, if it is another one than before.
+    /// The new value, if it differs from the old one.
     fn changed<T: PartialEq>(old: T, new: T) -> Option<T> {
         (old != new).then_some(new)
     }
@@ -259,7 +260,8 @@ fn npc_delta_to_wire((old, npc): &(NpcState, NpcState)) -> wire::NpcDelta {
     }
 }
 
-/// Events of one tick on the wire, and where they end.
+/// Converts the events of one tick, with the cursor of the last; if `only` is not empty, only events of its NPCs are included.
+/// Returns `None` if there are no events.
 pub fn events_to_wire(epoch: u64, events: &[NpcEvent], only: &BTreeSet<NpcId>) -> Option<wire::WatchEventsResponse> {
     let last = events.last()?;
     let wanted = events.iter().filter(|event| only.is_empty() || only.contains(&event.npc));
@@ -305,7 +307,7 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
     wire::NpcEvent { sequence: event.sequence, npc_id: event.npc.0, event: Some(kind) }
 }
 
-/// Figures of a world on the wire.
+/// Converts the statistics of a world.
 pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     let WorldStats { counters, times, without_worker } = stats;
     let [reached, fell, burnt, drowned, no_progress] = counters.ends;
@@ -328,7 +330,7 @@ pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     }
 }
 
-/// What a reader of snapshots is sent.
+/// Converts the part of a snapshot that a reader is sent.
 pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     wire::WatchWorldResponse {
         tick: shown.tick.0,
@@ -340,7 +342,7 @@ pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
     }
 }
 
-/// An NPC's plan on the wire.
+/// Converts the plan of an NPC.
 pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
     let leg = |leg: &PlanLeg| wire::PlanLeg {
         ability: convert::ability_to_wire(leg.ability).into(),
@@ -354,7 +356,7 @@ pub fn npc_plan_to_wire(plan: &NpcPlan) -> wire::NpcPlan {
     }
 }
 
-/// An ended attempt on the wire.
+/// Converts an ended attempt.
 pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
     wire::AttemptEnded {
         attempt: ended.attempt,
@@ -364,7 +366,7 @@ pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
     }
 }
 
-/// What an NPC sees, ray by ray.
+/// Converts what an NPC sees, ray by ray.
 pub fn rays_to_wire(sight: &Sight) -> Vec<wire::Ray> {
     let ray = |&(end, surface): &(Vec3, Option<Surface>)| wire::Ray {
         end: Some(convert::to_wire(end)),
@@ -373,10 +375,10 @@ pub fn rays_to_wire(sight: &Sight) -> Vec<wire::Ray> {
     sight.ends.iter().map(ray).collect()
 }
 
-/// A message for a worker on the wire, or the status that ends its stream.
+/// Converts a message to a worker.
 ///
 /// # Errors
-/// The status of a [`Goodbye`](crate::messages::Goodbye).
+/// A [`Goodbye`](crate::messages::Goodbye) becomes the status that ends the stream.
 pub fn to_worker(message: ToWorker) -> Result<wire::WorkResponse, Status> {
     use wire::work_response::Message;
     let message = match message {
@@ -426,7 +428,7 @@ fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
     }
 }
 
-/// What a step of an environment came to, on the wire.
+/// Converts the result of a step of an environment.
 pub fn results_to_wire(results: StepResults) -> wire::EnvResults {
     let ends = results.ended.iter().map(|ended| wire::EnvEnd {
         npc: ended.npc_idx as u32,
@@ -440,7 +442,7 @@ pub fn results_to_wire(results: StepResults) -> wire::EnvResults {
     }
 }
 
-/// A tile of `tile_count` on the wire.
+/// Converts one of `tile_count` tiles.
 pub fn tile_to_wire(tile: &TileMesh, tile_count: usize) -> wire::GetMeshResponse {
     let [tile_x, tile_z] = tile.place;
     wire::GetMeshResponse {
@@ -453,7 +455,7 @@ pub fn tile_to_wire(tile: &TileMesh, tile_count: usize) -> wire::GetMeshResponse
     }
 }
 
-/// A surface on the wire.
+/// Converts a surface.
 fn surface_to_wire(surface: Surface) -> wire::Surface {
     match surface {
         Surface::Ground => wire::Surface::Ground,
@@ -466,7 +468,7 @@ fn surface_to_wire(surface: Surface) -> wire::Surface {
     }
 }
 
-/// What stands on a map besides rock.
+/// Converts the features of a map.
 pub fn features_to_wire(map: &Map) -> wire::GetFeaturesResponse {
     let placed = map.placed();
     let line = |from, to, two_way| wire::LineFeature {

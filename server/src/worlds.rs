@@ -1,4 +1,4 @@
-//! All worlds of a server: which there are, whose they are, how they come, go, and outlive the process.
+//! All worlds of a server: their owners and lifecycle, calls to them, and how they outlive the process.
 
 use crate::ServerConfig;
 use crate::errors::SimError;
@@ -19,66 +19,67 @@ use surefoot_world::{Map, Seed, Tick, Vec3};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 
-/// Fractions of a period between worlds: consecutive multiples of the golden ratio spread evenly however many there are.
+/// Phase between two worlds with consecutive ids, as a fraction of a period: the fractional parts of multiples of the golden
+/// ratio are spread evenly for any number of worlds.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
-/// Why the server cannot do what a client asks of its worlds.
+/// Why the server cannot do what a client requests.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldsError {
-    /// There is no such world.
+    /// No world has this id.
     #[error("world {0} does not exist")]
     UnknownWorld(WorldId),
-    /// There are as many worlds as there may be.
+    /// The server has as many worlds as allowed.
     #[error("there are already {0} worlds, the most allowed (--max-worlds)")]
     TooManyWorlds(usize),
-    /// The system has no thread for another world.
-    #[error("no thread for another world: {0}")]
+    /// The system cannot create a thread for another world.
+    #[error("cannot create a thread for another world: {0}")]
     NoThread(std::io::Error),
-    /// The client has as many worlds as it may have.
+    /// The client has as many worlds as allowed.
     #[error("{0}")]
     WorldQuota(QuotaError),
-    /// The client has as many NPCs as it may have.
+    /// The client has as many NPCs as allowed.
     #[error("{0}")]
     NpcQuota(QuotaError),
-    /// The world refuses.
+    /// The world refuses the call.
     #[error(transparent)]
     Npc(#[from] NpcError),
-    /// The world's thread does not answer.
+    /// The world's thread does not accept the call.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// One item of many cannot be used: the field, and what is wrong with it.
+    /// An item of a batch is invalid: the field, and what is wrong with it.
     #[error("{1}")]
     BadItem(String, String),
-    /// Work in the background ended without a result.
+    /// A background task ended without a result: what it was, and why it ended.
     #[error("{0} failed: {1}")]
     Lost(&'static str, tokio::task::JoinError),
 }
 
-/// A running world: how to reach its thread, and what never changes about it.
+/// A running world: the handle to its thread, and its constant properties.
 #[derive(Debug, Clone)]
 pub struct WorldHandle {
-    /// Its thread.
+    /// Handle to the world's thread.
     pub sim: SimHandle,
-    /// The map that the world stands on.
+    /// The map of the world.
     pub map: Arc<Map>,
-    /// How its time passes.
+    /// How the world's time passes.
     pub mode: TimeMode,
-    /// Its place in its client's quota.
+    /// The world's place in its client's quota.
     ticket: Arc<Ticket>,
 }
 
-/// A world for those who list them.
+/// Description of a world at one moment.
 #[derive(Debug, Clone)]
 pub struct WorldSummary {
-    /// Identifies the world.
+    /// Id of the world.
     pub id: WorldId,
-    /// The map that the world stands on.
+    /// The map of the world.
     pub map: Arc<Map>,
-    /// How its time passes.
+    /// How the world's time passes.
     pub mode: TimeMode,
-    /// NPCs on it.
+    /// Number of NPCs.
     pub npc_count: usize,
-    /// Ticks stepped.
+    /// Number of ticks stepped.
     pub tick: Tick,
 }
 
@@ -99,7 +100,7 @@ struct Shared {
     npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
     levels: LevelStore,
-    /// One at a time: two would write the same files.
+    /// Held while saving: two saves at a time would write the same files.
     saving: tokio::sync::Mutex<()>,
     shutdown: Shutdown,
 }
@@ -107,14 +108,11 @@ struct Shared {
 const POISON: &str = "no holder of this lock panics";
 
 impl Worlds {
-    /// A server without worlds.
+    /// Creates a server without worlds.
     pub fn new(config: ServerConfig, shutdown: Shutdown) -> Self {
         let shared = Shared {
-            world_quota: Quota::new(
-                config.max_worlds_per_client,
-                "worlds, the most it may have (--max-worlds-per-client)",
-            ),
-            npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most it may have (--max-npcs-per-client)"),
+            world_quota: Quota::new(config.max_worlds_per_client, "worlds, the most allowed (--max-worlds-per-client)"),
+            npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most allowed (--max-npcs-per-client)"),
             levels: LevelStore::new(config.max_maps),
             config,
             worlds: RwLock::default(),
@@ -127,33 +125,34 @@ impl Worlds {
         Self { shared: Arc::new(shared) }
     }
 
-    /// Limits and sizes.
+    /// Returns the configuration of the server.
     pub fn config(&self) -> &ServerConfig {
         &self.shared.config
     }
 
-    /// Maps that clients imported.
+    /// Returns the store of imported levels.
     pub fn levels(&self) -> &LevelStore {
         &self.shared.levels
     }
 
-    /// Set when the server stops.
+    /// Returns the signal that stops the server.
     pub fn shutdown(&self) -> &Shutdown {
         &self.shared.shutdown
     }
 
     // --- worlds ---
 
-    /// Starts a world for `client`.
+    /// Creates a world for `client` and starts it.
     ///
     /// # Errors
-    /// If there are too many, or its map cannot be made.
+    /// If the server or the client has too many worlds, the map cannot be generated, or the world's thread cannot be started
+    /// or does not answer.
     pub async fn create(&self, client: &str, source: MapSource, mode: TimeMode) -> Result<WorldSummary, WorldsError> {
         let limit = self.shared.config.max_worlds;
         if self.shared.worlds.read().expect(POISON).len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
-        let ticket = self.shared.world_quota.take(client).map_err(WorldsError::WorldQuota)?;
+        let ticket = self.shared.world_quota.acquire(client).map_err(WorldsError::WorldQuota)?;
         let map = in_background("map generation", move || source.map()).await?;
         let id = self.next_id().await;
         let map_hash = map.hash();
@@ -163,26 +162,26 @@ impl Worlds {
         self.describe(id).await
     }
 
-    /// An id that no world of this or an earlier epoch has.
+    /// Returns an id that no world of this or an earlier epoch has had.
     async fn next_id(&self) -> WorldId {
         let earliest = WorldId::at(SystemTime::now()).0;
         let last = &self.shared.last_world;
         let next = |last: u64| earliest.max(last + 1);
         let before = last.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |last| Some(next(last)));
         let id = WorldId(next(before.unwrap_or_else(|last| last)));
-        // Ids must not run ahead of the clock, or those of the next epoch could be the same.
+        // Ids must not run ahead of the clock, or the next epoch could use the same ones.
         while WorldId::at(SystemTime::now()) < id {
             tokio::time::sleep(ID_PERIOD).await;
         }
         id
     }
 
-    /// Changes whenever the server restarts, and only grows.
+    /// Returns the epoch, which is greater after every restart of the server.
     pub fn epoch(&self) -> u64 {
         self.shared.epoch.0
     }
 
-    /// Starts a world's thread and lists it.
+    /// Starts a world's thread and registers the world.
     fn start(&self, id: WorldId, world: HostedWorld, map: Arc<Map>, ticket: Ticket) -> Result<(), WorldsError> {
         let limit = self.shared.config.max_worlds;
         let mode = world.mode();
@@ -196,34 +195,34 @@ impl Worlds {
         Ok(())
     }
 
-    /// A running world.
+    /// Returns the handle of a running world.
     ///
     /// # Errors
-    /// If there is none of that id.
+    /// If no world has this id.
     pub fn handle(&self, id: WorldId) -> Result<WorldHandle, WorldsError> {
         let worlds = self.shared.worlds.read().expect(POISON);
         worlds.get(&id).cloned().ok_or(WorldsError::UnknownWorld(id))
     }
 
-    /// One world.
+    /// Describes one world.
     ///
     /// # Errors
-    /// If there is none of that id, or its thread does not answer.
+    /// If no world has this id, or its thread does not answer.
     pub async fn describe(&self, id: WorldId) -> Result<WorldSummary, WorldsError> {
         let WorldHandle { sim, map, mode, .. } = self.handle(id)?;
         let (npc_count, tick) = sim.call(|state| (state.world.npc_count(), state.world.tick())).await?;
         Ok(WorldSummary { id, map, mode, npc_count, tick })
     }
 
-    /// The ids of all worlds, in order.
+    /// Returns the ids of all worlds in ascending order.
     pub fn ids(&self) -> Vec<WorldId> {
         self.shared.worlds.read().expect(POISON).keys().copied().collect()
     }
 
-    /// Ends a world and forgets what was saved of it.
+    /// Ends a world and removes its file, if it was saved.
     ///
     /// # Errors
-    /// If there is none of that id, or its thread does not answer.
+    /// If no world has this id, or its thread does not answer.
     pub async fn drop_world(&self, id: WorldId) -> Result<(), WorldsError> {
         let dropped = self.shared.worlds.write().expect(POISON).remove(&id);
         let handle = dropped.ok_or(WorldsError::UnknownWorld(id))?;
@@ -231,7 +230,7 @@ impl Worlds {
         if let Some(folder) = &self.shared.config.state
             && let Err(error) = SavedWorld::forget(folder, id)
         {
-            warn!(world_id = id.0, %error, "a dropped world would come back");
+            warn!(world_id = id.0, %error, "the file of a dropped world cannot be removed: a restart would restore the world");
         }
         info!(world_id = id.0, "world dropped");
         Ok(())
@@ -241,7 +240,7 @@ impl Worlds {
     pub fn stop(&self) {
         let worlds = std::mem::take(&mut *self.shared.worlds.write().expect(POISON));
         for WorldHandle { sim, .. } in worlds.into_values() {
-            // One that is too busy ends with its last handle.
+            // A world that is too busy for the call ends with its last handle.
             let _ = sim.cast(|state| state.is_over = true);
         }
     }
@@ -250,11 +249,11 @@ impl Worlds {
         self.shared.worlds.read().expect(POISON).values().map(|handle| handle.sim.clone()).collect()
     }
 
-    /// The Prometheus text.
+    /// Renders the metrics of the server as Prometheus text.
     pub async fn metrics(&self) -> String {
         let mut worlds = Vec::new();
         for sim in self.sims() {
-            // A world that cannot answer is absent.
+            // A world that does not answer is left out.
             worlds.extend(sim.call(|state| WorldFigures::of(state)).await);
         }
         metrics::render(&worlds, &self.shared.registry.load())
@@ -265,12 +264,13 @@ impl Worlds {
     /// Adds an NPC for `client`.
     ///
     /// # Errors
-    /// If there are too many, or the position lies outside the map.
+    /// If there is no such world, its thread does not answer, the world or the client has too many NPCs, or the position or
+    /// the goal lies outside the map.
     pub async fn spawn(&self, client: &str, world: WorldId, order: SpawnOrder) -> Result<NpcId, WorldsError> {
         self.spawn_many(client, world, vec![Ok(order)]).await?.pop().expect("one result for one order")
     }
 
-    /// Adds NPCs for `client`, each with a result of its own.
+    /// Adds NPCs for `client`; each has its own result, in the order of `orders`.
     ///
     /// # Errors
     /// If there is no such world, or its thread does not answer.
@@ -282,8 +282,8 @@ impl Worlds {
     ) -> Result<Vec<Result<NpcId, WorldsError>>, WorldsError> {
         let handle = self.handle(world)?;
         let limit = self.shared.config.max_npcs_per_world;
-        let take = |order| Ok((order?, self.shared.npc_quota.take(client).map_err(WorldsError::NpcQuota)?));
-        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();
+        let acquire = |order| Ok((order?, self.shared.npc_quota.acquire(client).map_err(WorldsError::NpcQuota)?));
+        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(acquire).collect();
         let results = handle.sim.call(move |state| {
             let mut spawn = |(order, ticket)| Ok(state.world.spawn_to(order, limit, ticket)?);
             orders.into_iter().map(|order| order.and_then(&mut spawn)).collect()
@@ -291,8 +291,8 @@ impl Worlds {
         Ok(results.await?)
     }
 
-    /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of one world are
-    /// dealt with between two of its ticks.
+    /// Runs `call` for each item on the world that its NPC belongs to, and returns the results in the order of `items`. All items
+    /// of a world run between two of its ticks.
     pub async fn with_npcs<T: Send + 'static, R: Send + 'static>(
         &self,
         items: Vec<Result<(NpcId, T), WorldsError>>,
@@ -343,10 +343,10 @@ impl Worlds {
         Ok(handle.sim.call(move |state| call(&mut state.world)).await??)
     }
 
-    /// Places of a world where a character can stand.
+    /// Draws `count` random places of a world where a character can stand.
     ///
     /// # Errors
-    /// If there is no such world, or nowhere to stand.
+    /// If there is no such world, or its map has no navigable ground.
     pub async fn sample_ground(&self, world: WorldId, count: usize, seed: Seed) -> Result<Vec<Vec3>, WorldsError> {
         let map = self.handle(world)?.map;
         Ok(in_background("sampling", move || HostedWorld::sample_ground(&map, count, seed)).await??)
@@ -354,9 +354,9 @@ impl Worlds {
 
     // --- workers ---
 
-    /// Lets a worker join: `queue` gets its welcome, then what it is to do.
+    /// Adds a worker; `queue` receives the welcome, then all other messages to the worker.
     pub fn join(&self, hello: Hello, queue: mpsc::Sender<ToWorker>) -> Joined {
-        info!(name = hello.name, policy = hello.policy, capacity = hello.capacity, "worker joins");
+        info!(name = hello.name, policy = hello.policy, capacity = hello.capacity, "worker joined");
         let joined = self.shared.registry.join(hello.name, hello.policy, hello.capacity, queue.clone());
         // The queue is new and empty.
         let _ = queue.try_send(ToWorker::Welcome(joined.id));
@@ -364,36 +364,36 @@ impl Worlds {
         joined
     }
 
-    /// Hands the NPCs of a worker that is gone to others.
+    /// Removes a worker and assigns its NPCs to others.
     pub fn leave(&self, worker: WorkerId) {
         info!(worker = worker.0, "worker left");
         self.shared.registry.leave(worker);
         self.cast_all(move |world| world.lose_worker(worker));
     }
 
-    /// Hands a worker's answer to its world.
+    /// Passes a worker's answer to a world.
     ///
     /// # Errors
-    /// If the world's thread does not take it.
+    /// If the world's thread does not accept the call.
     pub fn answer(&self, worker: WorkerId, world: WorldId, answer: Answer) -> Result<(), SimError> {
-        // A world that has just been dropped needs no answers any more.
+        // A world that has just been dropped needs no answers.
         let Ok(handle) = self.handle(world) else { return Ok(()) };
         handle.sim.cast(move |state| state.world.answer(worker, answer))
     }
 
-    /// Runs `call` on every world; one that is too busy is left out, and looks for workers by itself soon.
+    /// Runs `call` on every world except those that are too busy.
     fn cast_all(&self, call: impl Fn(&mut HostedWorld) + Clone + Send + 'static) {
         for sim in self.sims() {
             let call = call.clone();
             if let Err(error) = sim.cast(move |state| call(&mut state.world)) {
-                warn!(%error, "a world did not take a call");
+                warn!(%error, "a world did not accept a call");
             }
         }
     }
 
     // --- what outlives the process ---
 
-    /// Restores saved worlds. One that is damaged is named and left where it is.
+    /// Restores all saved worlds. A world that cannot be restored is logged, and its file is kept.
     ///
     /// # Errors
     /// If the folder cannot be read.
@@ -401,14 +401,14 @@ impl Worlds {
         let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
         for saved in SavedWorld::read_all(&folder)? {
             let restored = saved.and_then(|saved| {
-                // Also the id of one that cannot be restored now is not given to another.
+                // The id of a world that cannot be restored now is not reused either.
                 self.shared.last_world.fetch_max(saved.id().0, Ordering::Relaxed);
                 let map = saved.map()?;
                 Ok((saved, map))
             });
             match restored {
                 Ok((saved, map)) => self.restore(&saved, map),
-                Err(error) => warn!(%error, "a saved world is not restored"),
+                Err(error) => warn!(%error, "a saved world cannot be restored"),
             }
         }
         Ok(())
@@ -422,17 +422,17 @@ impl Worlds {
         if map.spec().is_none()
             && let Err(error) = self.shared.levels.put(saved.level().to_owned(), map.clone())
         {
-            warn!(world_id, %error, "no planner will get its map");
+            warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
         }
         if let Err(error) = self.start(saved.id(), world, map, ticket) {
-            warn!(world_id, %error, "a saved world is not restored");
+            warn!(world_id, %error, "a saved world cannot be restored");
         }
     }
 
-    /// Saves all worlds, where the configuration says so; with `is_last` they end.
+    /// Saves all worlds, if a folder is configured; with `is_last` the worlds end.
     ///
     /// # Errors
-    /// If they cannot be saved.
+    /// If a file cannot be written.
     pub async fn save_all(&self, is_last: bool) -> Result<(), SavedError> {
         let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
         let _saving = self.shared.saving.lock().await;
@@ -446,7 +446,7 @@ impl Worlds {
                 state.is_over |= is_last;
                 state.world.save(ticket.client(), source)
             });
-            // A world that does not answer was just dropped, or is too busy: then what was saved before stays.
+            // A world that does not answer was just dropped or is too busy; then its earlier save stays.
             all.extend(saved.await.ok());
         }
         let worlds = self.clone();
@@ -454,7 +454,7 @@ impl Worlds {
             std::fs::create_dir_all(&folder).map_err(|error| SavedError::Io(folder.clone(), error))?;
             for saved in &all {
                 saved.write(&folder)?;
-                // It may have been dropped meanwhile.
+                // The world may have been dropped meanwhile.
                 if worlds.handle(saved.id()).is_err() {
                     SavedWorld::forget(&folder, saved.id())?;
                 }
@@ -464,13 +464,13 @@ impl Worlds {
         task.await.unwrap_or(Ok(()))
     }
 
-    /// Saves all worlds again and again until the shutdown.
+    /// Saves all worlds periodically until the shutdown.
     pub async fn keep_saving(self) {
         let mut due = tokio::time::interval(self.shared.config.save_every);
         due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         let stopping = self.shared.shutdown.wait();
         tokio::pin!(stopping);
-        // The first is due at once.
+        // The first tick of an interval is due at once.
         due.tick().await;
         loop {
             tokio::select! {
@@ -478,13 +478,13 @@ impl Worlds {
                 () = &mut stopping => return,
             }
             if let Err(error) = self.save_all(false).await {
-                warn!(%error, "worlds are not saved");
+                warn!(%error, "worlds cannot be saved");
             }
         }
     }
 }
 
-/// Runs CPU work on a thread of its own.
+/// Runs CPU work on a blocking thread; `what` names it in errors.
 async fn in_background<T: Send + 'static>(
     what: &'static str,
     work: impl FnOnce() -> T + Send + 'static,

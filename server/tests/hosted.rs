@@ -1,4 +1,4 @@
-//! The hosted tick, hand-overs and late answers, without sockets: workers are queues.
+//! Ticks of a hosted world, hand-overs and late answers, without sockets: workers are queues.
 
 use std::sync::Arc;
 use surefoot_server::hosted::{HostedWorld, NpcError, NpcStatus, TimeMode};
@@ -27,7 +27,7 @@ struct Stage {
     world: HostedWorld,
 }
 
-/// A worker as a test sees it.
+/// The receiving end of a worker's queue.
 struct Worker {
     id: WorkerId,
     queue: Receiver<ToWorker>,
@@ -54,7 +54,7 @@ impl Stage {
         id
     }
 
-    /// Steps until the next observations have been sent, at most a decision's worth of ticks.
+    /// Steps the ticks of one decision, in which every NPC gets observations once.
     fn step_decision(&mut self) {
         (0..TICKS_PER_DECISION).for_each(|_| self.world.step());
     }
@@ -77,7 +77,7 @@ fn forward_to(batch: &ObservationBatch) -> Answer {
 }
 
 #[test]
-fn in_realtime_every_npc_is_asked_once_a_decision_and_a_tenth_of_them_each_tick() {
+fn in_realtime_every_npc_gets_one_request_per_decision_and_a_tenth_of_the_npcs_per_tick() {
     let mut stage = Stage::new(TimeMode::Realtime);
     let mut worker = stage.join(64, 256);
     (0..20).for_each(|idx| _ = stage.spawn_at(2.0 + idx as f32));
@@ -124,7 +124,7 @@ fn a_late_answer_is_counted_and_changes_nothing_and_two_misses_stop_the_npc() {
     let first = worker.batches().pop().unwrap();
     stage.world.answer(worker.id, forward_to(&first));
     let x = |stage: &Stage| stage.world.npc(npc).unwrap().position.x;
-    // One miss: the last action goes on.
+    // One miss: the last action is repeated.
     stage.step_decision();
     let unanswered = worker.batches().pop().unwrap();
     let before = x(&stage);
@@ -133,10 +133,10 @@ fn a_late_answer_is_counted_and_changes_nothing_and_two_misses_stop_the_npc() {
     let moved = (x(&stage) - before).abs() + (stage.world.npc(npc).unwrap().position.z - 10.0).abs();
     assert!(moved > 0.1, "it goes on as before");
     assert_eq!(stage.world.counters().missed, 1);
-    // The answer that comes now is too late.
+    // An answer now is too late.
     stage.world.answer(worker.id, forward_to(&unanswered));
     assert_eq!(stage.world.counters().stale, 1);
-    // A second miss: it comes to rest.
+    // After a second miss the NPC comes to rest.
     (0..6).for_each(|_| stage.step_decision());
     assert!(stage.world.counters().missed >= 2);
     assert!(stage.world.npc(npc).unwrap().velocity.length() < 1.0e-3, "it stands");
@@ -152,23 +152,23 @@ fn a_second_worker_takes_its_share_at_a_decision_and_a_lost_one_gives_all_of_its
     first.batches().iter().for_each(|batch| stage.world.answer(first.id, forward_to(batch)));
     let mut second = stage.join(10, 256);
     stage.step_decision();
-    let asked = |worker: &mut Worker| -> Vec<NpcId> {
+    let requested = |worker: &mut Worker| -> Vec<NpcId> {
         let mut npcs: Vec<NpcId> = worker.batches().into_iter().flat_map(|batch| batch.npcs).collect();
         npcs.sort_unstable();
         npcs
     };
-    let (mine, theirs) = (asked(&mut first), asked(&mut second));
-    assert_eq!((mine.len(), theirs.len()), (4, 4), "half each, and each asked once");
+    let (mine, theirs) = (requested(&mut first), requested(&mut second));
+    assert_eq!((mine.len(), theirs.len()), (4, 4), "half each, one request for each NPC");
     assert_eq!(stage.world.counters().missed, 0, "no decision is lost at a hand-over");
     stage.registry.leave(first.id);
     stage.world.lose_worker(first.id);
     stage.step_decision();
-    assert_eq!(asked(&mut second), npcs, "all are the second worker's");
+    assert_eq!(requested(&mut second), npcs, "all are the second worker's");
     assert_eq!(stage.world.tally().without_worker, 0);
 }
 
 #[test]
-fn answers_of_a_worker_that_does_not_carry_the_npc_are_ignored() {
+fn answers_of_a_worker_that_the_npc_is_not_assigned_to_are_ignored() {
     let mut stage = Stage::new(TimeMode::Lockstep);
     let mut worker = stage.join(8, 16);
     let npc = stage.spawn_at(5.0);
@@ -184,7 +184,7 @@ fn answers_of_a_worker_that_does_not_carry_the_npc_are_ignored() {
 }
 
 #[test]
-fn an_attempt_ends_once_and_its_worker_is_told() {
+fn an_attempt_ends_once_and_its_worker_is_notified() {
     let mut stage = Stage::new(TimeMode::Realtime);
     let mut worker = stage.join(8, 256);
     let npc = stage.spawn_at(39.5);

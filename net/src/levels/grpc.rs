@@ -25,14 +25,14 @@ impl From<LevelError> for Status {
     }
 }
 
-/// The map that a request names: by spec or by the hash of a kept one.
+/// Returns the source of the map that a request names, by spec or by the hash of a kept map.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if it names none or both, or the spec is out of range; NOT_FOUND if it is not kept.
+/// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that hash is kept.
 pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<MapSource, Status> {
     match (spec, map_hash) {
         (Some(_), hash) if !hash.is_empty() => {
-            Err(status::invalid("map_hash", "map and map_hash are both set: one of them names the map"))
+            Err(status::invalid("map_hash", "map and map_hash are both set: set only one of them"))
         }
         (None, hash) if !hash.is_empty() => Ok(MapSource::Level(levels.get(hash)?)),
         (spec, _) => Ok(MapSource::Spec(convert::map_spec(spec)?)),

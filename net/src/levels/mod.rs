@@ -1,6 +1,6 @@
-//! Levels that services were given: the store that keeps them, and `MapService` in front of it.
+//! Imported levels: the store that keeps them, and `MapService` in front of it.
 //!
-//! `store` knows maps, names and a limit; `grpc` decodes, calls and encodes. Server and planner both have one.
+//! `store` knows maps, names and a limit; `grpc` decodes, calls and encodes. The world server and the planner each have a store.
 
 pub mod grpc;
 mod store;

@@ -1,33 +1,33 @@
-//! The levels that a service keeps, and where maps come from.
+//! The levels that a service keeps, and the sources of maps.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::{Map, MapHash, MapSpec};
 
-/// Maps that a service keeps unless told otherwise.
+/// Most imported maps that a service keeps by default.
 pub const DEFAULT_MAX_MAPS: usize = 16;
 
-/// A map made elsewhere, with the name of its level.
+/// An imported map with the name of its level.
 #[derive(Debug)]
 pub struct Level {
-    /// What edits belong to.
+    /// Name of the level; edits belong to it.
     pub name: String,
-    /// The map.
+    /// The imported map.
     pub map: Arc<Map>,
 }
 
-/// Where a map comes from.
+/// Source of a map.
 #[derive(Debug, Clone)]
 pub enum MapSource {
-    /// It is generated.
+    /// The map is generated from a spec.
     Spec(MapSpec),
-    /// It was imported.
+    /// The map was imported.
     Level(Arc<Level>),
 }
 
 impl MapSource {
-    /// The map; generating it takes a while.
+    /// Returns the map. Generating one takes a while: call this from a thread that may block.
     pub fn map(&self) -> Arc<Map> {
         match self {
             MapSource::Spec(spec) => Arc::new(Map::generate(spec)),
@@ -35,7 +35,7 @@ impl MapSource {
         }
     }
 
-    /// Distinguishes it from other sources.
+    /// Returns a key that is different for every source.
     pub fn key(&self) -> String {
         match self {
             MapSource::Spec(spec) => format!("{spec:?}"),
@@ -47,18 +47,18 @@ impl MapSource {
 /// Why a level cannot be kept or found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
-    /// All kept maps are in use.
-    #[error("{0} maps are kept and in use, the most allowed (--max-maps)")]
+    /// The store is full, and all its maps are in use; holds the limit.
+    #[error("all {0} maps that may be kept are in use (--max-maps)")]
     Full(usize),
-    /// No such map is kept.
+    /// No map with this hash is kept.
     #[error("map {0} is not kept here: call ImportMap first")]
     Unknown(String),
-    /// The file is not a map.
+    /// The file holds no valid map; says why.
     #[error("{0}")]
     File(String),
 }
 
-/// The levels that a service keeps; clones share them.
+/// The levels that a service keeps; clones share one store.
 #[derive(Debug, Clone)]
 pub struct LevelStore {
     limit: usize,
@@ -68,12 +68,12 @@ pub struct LevelStore {
 #[derive(Debug, Default)]
 struct Kept {
     uses: u64,
-    /// By hash, with when they were last used.
+    /// Value of `uses` at the last use, and the level, by hash of the map.
     levels: BTreeMap<String, (u64, Arc<Level>)>,
 }
 
 impl LevelStore {
-    /// Keeps at most `limit` maps.
+    /// Creates a store for at most `limit` maps.
     pub fn new(limit: usize) -> Self {
         Self { limit, kept: Arc::default() }
     }
@@ -82,7 +82,7 @@ impl LevelStore {
         self.kept.lock().expect("no holder of this lock panics")
     }
 
-    /// Keeps a level, in place of the longest unused if there is no room.
+    /// Adds a level; if there is no room, it replaces the one that was unused for longest.
     ///
     /// # Errors
     /// [`LevelError::Full`] if all kept maps are in use.
@@ -101,10 +101,10 @@ impl LevelStore {
         Ok(level)
     }
 
-    /// A kept level, by the hash of its map in hexadecimal digits.
+    /// Returns the level whose map has the hash `map_hash`, in hexadecimal digits.
     ///
     /// # Errors
-    /// [`LevelError::Unknown`].
+    /// [`LevelError::Unknown`] if there is none.
     pub fn get(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
         let mut kept = self.kept();
         kept.uses += 1;
@@ -116,21 +116,21 @@ impl LevelStore {
         found.ok_or_else(|| LevelError::Unknown(map_hash.to_owned()))
     }
 
-    /// All of them, by hash.
+    /// Returns all levels, ordered by hash of the map.
     pub fn all(&self) -> Vec<Arc<Level>> {
         self.kept().levels.values().map(|(_, level)| level.clone()).collect()
     }
 
-    /// The name that a kept map was given.
+    /// Returns the level name of a kept map.
     pub fn name_of(&self, map: MapHash) -> Option<String> {
         self.kept().levels.get(&map.to_hex()).map(|(_, level)| level.name.clone())
     }
 }
 
-/// What a file may hold.
+/// Format of a level's file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LevelFormat {
-    /// A map as this program saves it.
+    /// A saved map (`.sfmap`).
     Saved,
     /// glTF or GLB.
     Gltf,
@@ -138,10 +138,10 @@ pub(super) enum LevelFormat {
     Obj,
 }
 
-/// The map of a file, and what is odd about it.
+/// Reads the map in a file, and returns warnings about the level.
 ///
 /// # Errors
-/// [`LevelError::File`] says what is wrong with it.
+/// [`LevelError::File`] with what is wrong with the file.
 pub(super) fn read(format: LevelFormat, file: &[u8], sidecar: Option<&str>) -> Result<(Map, Vec<String>), LevelError> {
     let options = ImportOptions::default();
     let imported = match format {

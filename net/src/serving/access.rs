@@ -1,17 +1,17 @@
-//! Who may call what: one table for all services. What stands in it is the whole policy.
+//! Which roles may call which methods: one table for all services, which is the whole policy.
 
 use Role::{Admin, Client, Designer, Worker};
 
-/// What the holder of a token is there for.
+/// Role of a token, which determines the methods that its holder may call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// A game: worlds, NPCs, plans.
     Client,
     /// An NPC worker.
     Worker,
-    /// A level designer: what a client may, and edits.
+    /// A level designer: everything that a client may do, and edits.
     Designer,
-    /// Everything.
+    /// An administrator, who may call every method.
     Admin,
 }
 
@@ -19,7 +19,7 @@ impl Role {
     /// All roles.
     pub const ALL: [Role; 4] = [Client, Worker, Designer, Admin];
 
-    /// As it stands in a file of tokens.
+    /// Returns the name of the role in a file of tokens.
     pub fn name(self) -> &'static str {
         match self {
             Client => "client",
@@ -87,18 +87,18 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.planner.v1.PlannerService/UndoEdits", DESIGNERS),
 ];
 
-/// What it takes to be answered.
+/// What a caller needs to be answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Access {
     /// Nothing.
     Open,
     /// Any valid token.
     AnyToken,
-    /// A token of one of these roles; nobody's, if there are none.
+    /// A token of one of these roles; if there are none, nobody is answered.
     Roles(&'static [Role]),
 }
 
-/// What it takes to be answered at a path, such as `/surefoot.world.v1.WorldService/Work`.
+/// Returns what a caller needs to be answered at a path, such as `/surefoot.world.v1.WorldService/Work`.
 pub(super) fn access(path: &str) -> Access {
     let path = path.trim_start_matches('/');
     match path.split_once('/') {
@@ -109,8 +109,8 @@ pub(super) fn access(path: &str) -> Access {
     }
 }
 
-/// The roles that may call a method, by its full name such as `surefoot.world.v1.WorldService/Work`; `None` if the table
-/// lacks it.
+/// Returns the roles that may call the method with a full name such as `surefoot.world.v1.WorldService/Work`; `None` if the
+/// table lacks the method.
 pub fn roles(method: &str) -> Option<&'static [Role]> {
     METHODS.iter().find(|(name, _)| *name == method).map(|(_, roles)| *roles)
 }

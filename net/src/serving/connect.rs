@@ -1,10 +1,10 @@
 //! The Connect protocol (<https://connectrpc.com/docs/protocol>) in front of the gRPC services, for engines and scripts that have
 //! HTTP and JSON but no protobuf.
 //!
-//! A call becomes a gRPC call of the same service within the process; its answer is turned back. Calls of one message go with
-//! `application/json` (or `application/proto`), server streams with `application/connect+json`; a server stream that is called with
-//! plain `application/json` answers with one JSON document a line (`application/x-ndjson`), the last one `{"error": ...}` if it
-//! failed. Streams from the client need gRPC.
+//! A call is translated into a gRPC call of the same service within the process, and its answer is translated back. Unary calls
+//! use `application/json` (or `application/proto`), server streams `application/connect+json` (or `+proto`). A server stream
+//! that is called with plain `application/json` answers with one JSON document per line (`application/x-ndjson`); if the stream
+//! fails, the last line is `{"error": ...}`. Client streams need gRPC.
 
 use super::protocol::{Codec, Connect, END, FRAME, framed};
 use crate::status;
@@ -26,7 +26,7 @@ pub(super) static POOL: LazyLock<DescriptorPool> = LazyLock::new(|| {
     DescriptorPool::decode(surefoot_proto::FILE_DESCRIPTOR_SET).expect("the contracts were compiled with this program")
 });
 
-/// Answers Connect calls; everything else passes.
+/// Answers Connect calls, and passes all other requests on.
 pub(super) async fn serve(State(max_bytes): State<usize>, request: Request, next: Next) -> Response<Body> {
     let Some(connect) = Connect::of(&request) else { return next.run(request).await };
     match Call::read(connect, request, max_bytes).await {
@@ -35,7 +35,7 @@ pub(super) async fn serve(State(max_bytes): State<usize>, request: Request, next
     }
 }
 
-/// A call that was understood.
+/// A Connect call, translated into a gRPC request.
 struct Call {
     connect: Connect,
     method: MethodDescriptor,
@@ -87,7 +87,7 @@ impl Call {
     async fn run(self, next: Next) -> Response<Body> {
         let Self { connect, method, grpc } = self;
         let response = next.run(grpc).await;
-        // An answer without messages has its status among the headers.
+        // An answer without messages has its status in the headers.
         if let Some(status) = failure_in(response.headers()) {
             return connect.refuse(&status);
         }
@@ -96,7 +96,7 @@ impl Call {
     }
 }
 
-/// The method at a path such as `/surefoot.world.v1.WorldService/CreateWorld`.
+/// Returns the method at a path such as `/surefoot.world.v1.WorldService/CreateWorld`.
 fn method_of(path: &str) -> Result<MethodDescriptor, Status> {
     let found = path.trim_start_matches('/').split_once('/').and_then(|(service, method)| {
         let service = POOL.get_service_by_name(service)?;
@@ -105,7 +105,7 @@ fn method_of(path: &str) -> Result<MethodDescriptor, Status> {
     found.ok_or_else(|| status::failure(Reason::UnknownMethod, format!("{path} is not a method of this service")))
 }
 
-/// The deadline of a call in gRPC's words.
+/// Returns the deadline of a call as a `grpc-timeout` header.
 fn timeout(headers: &HeaderMap) -> Result<Option<HeaderValue>, Status> {
     let Some(limit) = headers.get("connect-timeout-ms") else { return Ok(None) };
     let milliseconds = limit.to_str().ok().and_then(|text| text.parse::<u64>().ok());
@@ -126,24 +126,24 @@ fn from_json(descriptor: MessageDescriptor, body: &[u8]) -> Result<Vec<u8>, Stat
     Ok(message.encode_to_vec())
 }
 
-/// The message of the only frame of a request.
+/// Returns the message in the only frame of a request.
 fn unframed(body: &[u8]) -> Result<&[u8], Status> {
     let malformed = |message: &str| status::failure(Reason::MalformedRequest, message);
     let (head, message) = body.split_at_checked(FRAME).ok_or_else(|| malformed("the request has no frame"))?;
     if head[0] != 0 {
-        return Err(malformed("compressed requests are not understood"));
+        return Err(malformed("compressed requests are not supported"));
     }
     let len = u32::from_be_bytes([head[1], head[2], head[3], head[4]]) as usize;
-    if message.len() == len { Ok(message) } else { Err(malformed("the request is not one whole frame")) }
+    if message.len() == len { Ok(message) } else { Err(malformed("the request is not exactly one frame")) }
 }
 
-/// The status in headers or trailers, if it is a failure.
+/// Returns the status in headers or trailers, if it is a failure.
 fn failure_in(headers: &HeaderMap) -> Option<Status> {
     let status = Status::from_header_map(headers)?;
     (status.code() != tonic::Code::Ok).then(|| status::with_reason(status))
 }
 
-/// How answers are written.
+/// How the messages of an answer are encoded.
 struct Output {
     connect: Connect,
     message: MessageDescriptor,
@@ -159,7 +159,7 @@ impl Output {
         serde_json::to_vec(&message).map_err(|error| defect(&error))
     }
 
-    /// A message of a stream.
+    /// Encodes a message of a stream.
     fn item(&self, message: &[u8]) -> Result<Vec<u8>, Status> {
         let mut bytes = self.encode(message)?;
         if self.connect.is_stream {
@@ -169,7 +169,7 @@ impl Output {
         Ok(bytes)
     }
 
-    /// The end of a stream; a stream of lines just ends if it did not fail.
+    /// Encodes the end of a stream; a stream of lines that succeeded has no last line.
     fn end(&self, status: Option<&Status>) -> Vec<u8> {
         let end = match status {
             Some(status) => serde_json::json!({ "error": Connect::error(status) }),
@@ -200,7 +200,7 @@ async fn unary(output: Output, response: Response<Body>) -> Response<Body> {
     }
 }
 
-/// Hands the messages of a gRPC answer on as they come.
+/// Streams the messages of a gRPC answer as they arrive.
 fn stream(output: Output, response: Response<Body>) -> Response<Body> {
     let content_type = if output.connect.is_stream { output.connect.content_type() } else { "application/x-ndjson" };
     let (queue, items) = mpsc::channel::<Result<Bytes, std::convert::Infallible>>(1);
@@ -229,13 +229,13 @@ fn stream(output: Output, response: Response<Body>) -> Response<Body> {
                 return;
             }
         };
-        // A reader that has left needs no end.
+        // A client that has disconnected needs no end.
         let _ = queue.send(Ok(output.end(end.as_ref()).into())).await;
     });
     answer(content_type, Body::from_stream(ReceiverStream::new(items)))
 }
 
-/// Takes the whole gRPC frames out of `pending`, written for the reader.
+/// Removes the complete gRPC frames from `pending`, and encodes their messages.
 fn whole_items(output: &Output, pending: &mut Vec<u8>) -> Result<Vec<u8>, Status> {
     let (mut items, mut at) = (Vec::new(), 0);
     while let Some([_, len @ ..]) = pending[at..].first_chunk::<FRAME>() {

@@ -1,4 +1,4 @@
-//! An endpoint: one address with its services, from binding it to a drain that ends.
+//! An endpoint: one address with its services, from binding to the end of the drain.
 
 use super::connect;
 use super::gate::{self, Gate};
@@ -21,47 +21,47 @@ use tonic::transport::Server;
 use tonic_health::ServingStatus;
 use tracing::{info, warn};
 
-/// Largest set of headers of one request.
+/// Largest header list of a request, bytes.
 const MAX_HEADER_BYTES: u32 = 16 * 1024;
-/// Health checks are answered for so long after a shutdown began, so that load balancers learn of it.
+/// How long health checks are still answered after a shutdown began, so that load balancers notice it.
 const NOTICE: Duration = Duration::from_millis(250);
-/// After this a drain is cut short: a silent peer must not keep a process alive.
+/// Longest time from the start of a shutdown to its end: a silent peer must not keep a process alive.
 const DRAIN_LIMIT: Duration = Duration::from_secs(5);
 
 /// Why an endpoint cannot serve.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The address cannot be listened on.
+    /// The endpoint cannot listen on the address.
     #[error("cannot listen on {address}: {source}")]
     Bind {
-        /// What was asked for.
+        /// The address that was configured.
         address: SocketAddr,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Other machines could reach it, and nothing would be encrypted.
+    /// Other machines could reach the address, and nothing would be encrypted.
     #[error(
-        "{0} can be reached from other machines: give --tls-cert and --tls-key, or --insecure to serve it without TLS"
+        "{0} can be reached from other machines: set --tls-cert and --tls-key, or --insecure to serve it without TLS"
     )]
     Exposed(SocketAddr),
     /// The transport failed.
     #[error("serving failed: {0}")]
     Transport(#[from] tonic::transport::Error),
-    /// The descriptors of the contracts are unreadable.
+    /// The descriptors of the contracts cannot be read.
     #[error("reflection cannot be set up: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
-/// How an endpoint is kept.
+/// Limits and security of an endpoint.
 #[derive(Debug, Clone, Default)]
 pub struct EndpointConfig {
-    /// What peers may take.
+    /// Limits on what peers may use.
     pub limits: Limits,
-    /// Who may call, and whether what is said is encrypted.
+    /// Who may call, and whether connections are encrypted.
     pub security: Security,
 }
 
-/// A bound address that does not accept yet.
+/// A bound address that does not accept connections yet.
 #[derive(Debug)]
 pub struct Endpoint {
     listener: TcpListener,
@@ -71,18 +71,19 @@ pub struct Endpoint {
 }
 
 impl Endpoint {
-    /// Binds a loopback `address` with the default limits, open to everybody on this machine; port 0 takes a free one.
+    /// Binds a loopback `address` with the default limits, open to everybody on this machine; port 0 means any free port.
     ///
     /// # Errors
-    /// If it is taken, not allowed, or not a loopback address.
+    /// If the address is in use, not permitted, or not a loopback address.
     pub fn bind(address: SocketAddr) -> Result<Self, ServeError> {
         Self::open(address, EndpointConfig::default())
     }
 
-    /// Binds `address`; port 0 takes a free one.
+    /// Binds `address`; port 0 means any free port.
     ///
     /// # Errors
-    /// If it is taken or not allowed, or if other machines can reach it and neither TLS nor `insecure` is configured.
+    /// If the address is in use or not permitted, or if other machines can reach it and neither TLS nor `insecure` is
+    /// configured.
     pub fn open(address: SocketAddr, config: EndpointConfig) -> Result<Self, ServeError> {
         let Security { tls, insecure, .. } = &config.security;
         if !address.ip().to_canonical().is_loopback() && tls.is_none() && !insecure {
@@ -96,22 +97,22 @@ impl Endpoint {
         Ok(Self { listener, address, config, pages: None })
     }
 
-    /// Also serves pages for browsers: whatever is asked for by GET and is no service. Everybody may read them.
+    /// Also serves web pages: `pages` answers every GET and HEAD request that no service handles. Pages need no token.
     pub fn with_pages(self, pages: axum::Router) -> Self {
         Self { pages: Some(pages), ..self }
     }
 
-    /// The address that is bound.
+    /// Returns the bound address.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What peers may take.
+    /// Returns the limits on what peers may use.
     pub fn limits(&self) -> Limits {
         self.config.limits
     }
 
-    /// Where clients on this machine connect.
+    /// Returns the URI for clients on this machine.
     pub fn uri(&self) -> String {
         let scheme = if self.config.security.tls.is_some() { "https" } else { "http" };
         let ip = match self.address.ip() {
@@ -121,9 +122,9 @@ impl Endpoint {
         format!("{scheme}://{}", SocketAddr::new(ip, self.address.port()))
     }
 
-    /// Serves `services` (already added to the builder) until `shutdown`, then drains, at most five seconds.
+    /// Serves `services` (already added to the builder) until `shutdown`, then drains for at most five seconds.
     ///
-    /// `names` are the services whose health is reported. `metrics` answers `GET /metrics`.
+    /// `names` are the services whose health is reported; `metrics` renders the answer to `GET /metrics`.
     ///
     /// # Errors
     /// If the transport fails.
@@ -141,7 +142,7 @@ impl Endpoint {
         let Self { listener, address, config: EndpointConfig { limits, security }, pages } = self;
         let (mut health, health_service) = tonic_health::server::health_reporter();
         let served: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-        // The empty name stands for all of them.
+        // The empty name stands for all services.
         let names: Vec<&str> = names.iter().copied().chain([""]).collect();
         for name in &names {
             health.set_service_status(*name, ServingStatus::Serving).await;
@@ -164,7 +165,7 @@ impl Endpoint {
         let cors = origins.layer();
         let gate = Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline };
         let contracts = {
-            // Made when somebody first asks for it.
+            // Built on the first request.
             let (document, names) = (Arc::<OnceLock<Bytes>>::default(), served);
             move || {
                 let document = document.get_or_init(|| openapi::document(&names).into()).clone();
@@ -179,7 +180,7 @@ impl Endpoint {
         if let Some(pages) = pages {
             router = router.fallback(move |request| gate::page(pages, request));
         }
-        // From the inside out.
+        // Layers are added from the innermost to the outermost.
         let router = router
             .layer(axum::middleware::from_fn_with_state(limits.max_import_bytes * 2, connect::serve))
             .layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass))
@@ -196,18 +197,18 @@ impl Endpoint {
         let cut = Shutdown::default();
         let incoming = Incoming::new(listener, limits, counters, cut.clone());
         let reporter = health.clone();
-        let told = async {
+        let noticed = async {
             shutdown.wait().await;
             for name in &names {
                 reporter.set_service_status(*name, ServingStatus::NotServing).await;
             }
             sleep(NOTICE).await;
         };
-        let server = server.add_routes(router.into()).serve_with_incoming_shutdown(incoming, told);
+        let server = server.add_routes(router.into()).serve_with_incoming_shutdown(incoming, noticed);
         let drained = async {
             shutdown.wait().await;
             sleep(2 * NOTICE).await;
-            // Those who watch the health have been told; this ends their streams.
+            // Watchers of the health have been notified; this ends their streams.
             for name in &names {
                 health.clear_service_status(name).await;
             }

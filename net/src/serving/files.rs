@@ -1,4 +1,4 @@
-//! Files that protect a connection: certificates, keys, tokens.
+//! Reads the files that protect connections: certificates, keys, tokens.
 
 use std::path::{Path, PathBuf};
 use tonic::transport::Identity;
@@ -7,13 +7,13 @@ use tonic::transport::Identity;
 #[derive(Debug, thiserror::Error)]
 #[error("cannot read {}: {source}", path.display())]
 pub struct FileError {
-    /// Which.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What the system said.
+    /// Error of the operating system.
     pub source: std::io::Error,
 }
 
-/// Reads a file, or says which one cannot be read.
+/// Reads a whole file; the error names its path.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     std::fs::read(path).map_err(|source| FileError { path: path.to_owned(), source })
 }

@@ -1,4 +1,4 @@
-//! What every request passes before a service sees it: who calls, may they, and by when must there be an answer.
+//! Checks every request before a service sees it: who calls, whether they may, and by when the answer is due.
 
 use super::access::{Access, access};
 use super::origin::Origins;
@@ -18,14 +18,14 @@ use tonic::transport::server::{TcpConnectInfo, TlsConnectInfo};
 use tower_service::Service;
 use tracing::{Instrument, info_span};
 
-/// Who makes a request: an extension of every request.
+/// The caller of a request, which every request has as an extension.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Caller {
-    /// Name of the token; without tokens the address of the peer, without its port.
+    /// Name of the token; without tokens, the peer's IP address.
     pub name: Arc<str>,
 }
 
-/// What the gate knows.
+/// What requests are checked with.
 #[derive(Debug)]
 pub(super) struct Gate {
     pub tokens: Option<Tokens>,
@@ -33,7 +33,7 @@ pub(super) struct Gate {
     pub default_deadline: Duration,
 }
 
-/// Lets a request through to its service, or answers it.
+/// Passes a request on to its service, or refuses it.
 pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
     let protocol = Protocol::of(&request);
     let caller = match gate.admit(&request) {
@@ -46,7 +46,7 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
     let has_deadline = ["grpc-timeout", "connect-timeout-ms"].iter().any(|name| request.headers().contains_key(*name));
     let answer = async { with_reason(next.run(request).await) }.instrument(span);
     if has_deadline {
-        // tonic itself heeds it.
+        // tonic enforces the caller's own deadline.
         return answer.await;
     }
     match tokio::time::timeout(gate.default_deadline, answer).await {
@@ -54,7 +54,7 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
         Err(_) => {
             let limit = gate.default_deadline.as_secs_f64();
             let message = format!(
-                "no answer within {limit} s, the default (--default-deadline): set a deadline of your own on the call"
+                "no answer within {limit} s, the default deadline (--default-deadline): set a longer deadline on the call"
             );
             let status = status::failure(Reason::DeadlineExceeded, message);
             protocol.refuse(status)
@@ -62,12 +62,12 @@ pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, ne
     }
 }
 
-/// Adds the reason to a refusal that the transport made by itself, such as that of a message that is too large.
+/// Adds the reason to a refusal that the transport created itself, such as for a message that is too large.
 fn with_reason(mut response: Response) -> Response {
     let Some(status) = Status::from_header_map(response.headers()) else { return response };
-    let told = status::with_reason(status);
-    // A status that cannot be written stays as it was.
-    let _ = told.add_header(response.headers_mut());
+    let status = status::with_reason(status);
+    // If the status cannot be written as headers, the response stays as it was.
+    let _ = status.add_header(response.headers_mut());
     response
 }
 
@@ -77,18 +77,18 @@ impl Gate {
         let peer = || Caller { name: peer(request).into() };
         let Some(tokens) = &self.tokens else { return Ok(peer()) };
         let access = access(request.uri().path());
-        // What is no method of a service is a page, or nothing.
+        // A path outside the services is a page, or does not exist.
         let is_service = ["/surefoot.", "/grpc."].iter().any(|start| request.uri().path().starts_with(start));
         let is_page = is_read(request.method()) && !is_service && access == Access::Roles(&[]);
         if is_page || access == Access::Open {
             return Ok(peer());
         }
         let secret = bearer(request).ok_or_else(|| {
-            status::failure(Reason::TokenMissing, "a token is needed: send `authorization: Bearer SECRET` (--token)")
+            status::failure(Reason::TokenMissing, "a token is required: send `authorization: Bearer SECRET` (--token)")
         })?;
         let holder = tokens.holder(secret);
         let (name, role) =
-            holder.ok_or_else(|| status::failure(Reason::TokenUnknown, "the token is not known to this service"))?;
+            holder.ok_or_else(|| status::failure(Reason::TokenUnknown, "this service does not know the token"))?;
         match access {
             Access::Roles(roles) if !roles.contains(&role) => {
                 let (role, path) = (role.name(), request.uri().path());
@@ -103,7 +103,7 @@ fn is_read(method: &Method) -> bool {
     [Method::GET, Method::HEAD].contains(method)
 }
 
-/// Answers what no service does: from the pages if it is read, as a call of an unknown method otherwise.
+/// Answers a request that no service handles: GET and HEAD with a page, others as a call of an unknown method.
 pub(super) async fn page(mut pages: axum::Router, request: Request) -> Response {
     if is_read(request.method()) {
         return pages.call(request).await.into_response();
@@ -129,10 +129,10 @@ fn peer(request: &Request) -> String {
     plain.or_else(secured).map_or_else(|| "unknown".to_owned(), |address| address.ip().to_canonical().to_string())
 }
 
-/// What a caller speaks, and so how a refusal looks.
+/// Protocol of a caller, which determines how a refusal is encoded.
 enum Protocol {
     Grpc,
-    /// With its content type.
+    /// gRPC-Web, with the content type of the request.
     GrpcWeb(HeaderValue),
     Connect(Connect),
 }
@@ -159,7 +159,7 @@ impl Protocol {
     }
 }
 
-/// A status as an answer to a plain HTTP request.
+/// Refuses a plain HTTP request with a status.
 fn refuse_page(status: &Status) -> Response {
     if status.code() == tonic::Code::PermissionDenied {
         return (StatusCode::FORBIDDEN, format!("{}\n", status.message())).into_response();

@@ -1,6 +1,6 @@
-//! Accepts connections, as many as there may be, and cuts off those that stay silent.
+//! Accepts connections up to a limit, and cuts off silent ones.
 //!
-//! A connection beyond the limit is closed at once, not queued: a load balancer then tries elsewhere.
+//! A connection beyond the limit is closed at once instead of queued, so that a load balancer can try another server.
 
 use super::limits::Limits;
 use super::shutdown::Shutdown;
@@ -19,12 +19,12 @@ use tokio_stream::Stream;
 use tonic::transport::server::{Connected, TcpConnectInfo};
 use tracing::{debug, warn};
 
-/// Bytes of the HTTP/2 preface; no shorter request of HTTP/1 is of use to anybody.
+/// Length of the HTTP/2 preface, bytes. No useful HTTP/1 request is shorter.
 const PREFACE_LEN: usize = 24;
-/// Rest after the system refused to accept, which it does while file descriptors are short.
+/// Pause after the system refused to accept a connection, for example because file descriptors ran out.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// What has become of connections.
+/// Numbers of open, refused and cut-off connections.
 #[derive(Debug, Default)]
 pub(super) struct Counters {
     open: AtomicU64,
@@ -33,11 +33,11 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    /// The Prometheus text.
+    /// Renders the counters as Prometheus text.
     pub fn render(&self) -> String {
         let of = |value: &AtomicU64| value.load(Ordering::Relaxed);
         format!(
-            "# HELP surefoot_connections Connections that are open.\n# TYPE surefoot_connections gauge\nsurefoot_connections {}\n\
+            "# HELP surefoot_connections Open connections.\n# TYPE surefoot_connections gauge\nsurefoot_connections {}\n\
              # HELP surefoot_connections_refused_total Connections closed at once because there were too many.\n\
              # TYPE surefoot_connections_refused_total counter\nsurefoot_connections_refused_total {}\n\
              # HELP surefoot_connections_cut_total Connections cut off because they were silent.\n\
@@ -49,7 +49,7 @@ impl Counters {
     }
 }
 
-/// Yields connections for as long as it is polled.
+/// An endless stream of accepted connections.
 pub(super) struct Incoming {
     listener: TcpListener,
     limits: Limits,
@@ -60,7 +60,7 @@ pub(super) struct Incoming {
 }
 
 impl Incoming {
-    /// Accepts from `listener`; `cut` breaks whatever is still open.
+    /// Accepts connections from `listener`; `cut` breaks all that are still open.
     pub fn new(listener: TcpListener, limits: Limits, counters: Arc<Counters>, cut: Shutdown) -> Self {
         let permits = Arc::new(Semaphore::new(limits.max_connections));
         Self { listener, limits, permits, counters, cut, pause: None }
@@ -69,11 +69,11 @@ impl Incoming {
     fn admit(&self, stream: TcpStream) -> Option<Connection> {
         let Ok(permit) = self.permits.clone().try_acquire_owned() else {
             self.counters.refused.fetch_add(1, Ordering::Relaxed);
-            debug!("a connection is refused: there are too many");
+            debug!("connection refused: there are too many");
             return None;
         };
         if let Err(error) = stream.set_nodelay(true) {
-            debug!(%error, "small messages may be delayed");
+            debug!(%error, "cannot set TCP_NODELAY: small messages may be delayed");
         }
         Some(Connection::new(stream, self.limits, permit, self.counters.clone(), &self.cut))
     }
@@ -94,10 +94,10 @@ impl Stream for Incoming {
                         return Poll::Ready(Some(Ok(connection)));
                     }
                 }
-                // The peer has gone again.
+                // The peer closed the connection before it was accepted.
                 Err(error) if matches!(error.kind(), ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset) => {}
                 Err(error) => {
-                    warn!(%error, "no connection can be accepted: trying again");
+                    warn!(%error, "cannot accept connections: trying again");
                     self.pause = Some(Box::pin(sleep(ACCEPT_PAUSE)));
                 }
             }
@@ -105,15 +105,15 @@ impl Stream for Incoming {
     }
 }
 
-/// An accepted connection, which fails once its peer has been silent for too long.
+/// An accepted connection. Reads and writes fail once its peer has been silent for too long.
 pub(super) struct Connection {
     stream: TcpStream,
-    /// When to look whether the peer has been silent for too long.
+    /// Fires when it is time to check for how long the peer has been silent.
     alarm: Pin<Box<Sleep>>,
     last_byte: Instant,
     idle_timeout: Duration,
-    /// Bytes that a greeting still lacks; until then `alarm` stands fast.
-    greeting_left: usize,
+    /// Bytes of the preface that have not been read yet; until all are, `alarm` is not postponed.
+    preface_left: usize,
     cut: Pin<Box<dyn Future<Output = ()> + Send>>,
     counters: Arc<Counters>,
     _permit: OwnedSemaphorePermit,
@@ -133,7 +133,7 @@ impl Connection {
             alarm: Box::pin(sleep(limits.handshake_timeout)),
             last_byte: Instant::now(),
             idle_timeout: limits.idle_timeout,
-            greeting_left: PREFACE_LEN,
+            preface_left: PREFACE_LEN,
             cut: Box::pin(cut.wait()),
             counters,
             _permit: permit,
@@ -142,9 +142,9 @@ impl Connection {
 
     fn note_read(&mut self, count: usize) {
         self.note_byte(count);
-        if self.greeting_left > 0 {
-            self.greeting_left = self.greeting_left.saturating_sub(count);
-            if self.greeting_left == 0 {
+        if self.preface_left > 0 {
+            self.preface_left = self.preface_left.saturating_sub(count);
+            if self.preface_left == 0 {
                 self.alarm.as_mut().reset(self.last_byte + self.idle_timeout);
             }
         }
@@ -156,7 +156,7 @@ impl Connection {
         }
     }
 
-    /// Ready with an error once the peer is to be cut off; called whenever there is nothing else to do.
+    /// Returns an error once the peer is to be cut off; polled whenever the socket is not ready.
     fn poll_overdue<T>(&mut self, cx: &mut Context<'_>) -> Poll<Result<T>> {
         if self.cut.as_mut().poll(cx).is_ready() {
             return Poll::Ready(Err(Error::new(ErrorKind::ConnectionAborted, "the endpoint has stopped")));
@@ -164,7 +164,7 @@ impl Connection {
         loop {
             ready!(self.alarm.as_mut().poll(cx));
             let due = self.last_byte + self.idle_timeout;
-            if self.greeting_left > 0 || due <= Instant::now() {
+            if self.preface_left > 0 || due <= Instant::now() {
                 self.counters.cut.fetch_add(1, Ordering::Relaxed);
                 return Poll::Ready(Err(Error::new(ErrorKind::TimedOut, "the peer has been silent for too long")));
             }

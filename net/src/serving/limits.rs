@@ -1,32 +1,32 @@
-//! What peers may take from an endpoint.
+//! Limits on what peers may use of an endpoint.
 
 use std::time::Duration;
 
-/// Largest message that a service sends and that clients should take.
+/// Largest message that a service sends, bytes; clients should accept messages of this size.
 pub const MAX_MESSAGE_BYTES: usize = 16 * 1024 * 1024;
 
-/// Bounds of one endpoint; a peer beyond one of them is refused or cut off, the others go on.
+/// Limits of one endpoint. A peer that exceeds one is refused or cut off; other peers are not affected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Largest request message, bytes (`--max-message-bytes`).
     pub max_message_bytes: usize,
-    /// Largest request message of services that take whole levels, bytes (`--max-import-bytes`).
+    /// Largest request message of services that import levels, bytes (`--max-import-bytes`).
     pub max_import_bytes: usize,
-    /// Streams that one connection may have open (`--max-streams`); further ones wait at the client.
+    /// Most open streams of one connection (`--max-streams`); further ones wait at the client.
     pub max_streams: u32,
-    /// Connections at a time (`--max-connections`); a further one is closed at once and counted.
+    /// Most open connections (`--max-connections`); a further one is closed at once and counted.
     pub max_connections: usize,
-    /// From accepting a connection to the first bytes of HTTP, TLS included (`--handshake-timeout`).
+    /// Longest time from accepting a connection to the first bytes of HTTP, TLS included (`--handshake-timeout`).
     pub handshake_timeout: Duration,
-    /// Longest time without a byte in either direction (`--idle-timeout`). Pings go both ways more often than that,
-    /// so only a dead peer is silent that long; HTTP/1, which has no pings, is kept by what is sent to it.
+    /// Longest time without a byte in either direction (`--idle-timeout`). Pings are sent more often, so only a dead peer
+    /// is silent for that long. HTTP/1 has no pings: only the bytes of its requests and answers keep a connection open.
     pub idle_timeout: Duration,
-    /// Longest time until a call without `grpc-timeout` is answered (`--default-deadline`). A stream is answered once it
-    /// begins; how long it then lasts is not bounded.
+    /// Longest time until a call without a deadline of its own is answered (`--default-deadline`). A stream counts as
+    /// answered once it begins; its duration is not limited.
     pub default_deadline: Duration,
-    /// Between two pings (`--keepalive-interval`).
+    /// Time between two pings (`--keepalive-interval`).
     pub keepalive_interval: Duration,
-    /// From a ping to its answer (`--keepalive-timeout`).
+    /// Longest time from a ping to its answer (`--keepalive-timeout`).
     pub keepalive_timeout: Duration,
 }
 

@@ -1,8 +1,8 @@
 //! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, gRPC-Web, Connect with JSON,
-//! and a drain that ends.
+//! and a bounded drain.
 //!
-//! [`Endpoint`] puts it together. A connection comes in through `incoming` (how many, how long silent), a request through
-//! `gate` (who, by [`access`], and by when); one in the Connect protocol becomes one of gRPC in `connect`.
+//! [`Endpoint`] combines the modules: `incoming` accepts connections (how many, how long silent), `gate` checks requests (who, by
+//! [`access`], and by when), `connect` translates requests of the Connect protocol into gRPC.
 
 pub mod access;
 mod connect;
@@ -26,7 +26,7 @@ pub use limits::{Limits, MAX_MESSAGE_BYTES};
 pub use security::Security;
 pub use shutdown::{Shutdown, going_away};
 
-/// Makes a service understand gRPC-Web too, for browsers.
+/// Adds gRPC-Web to a service, for browsers.
 pub fn with_grpc_web<S>(service: S) -> tonic::service::Layered<tonic_web::GrpcWebService<S>, S>
 where
     S: tonic::server::NamedService,

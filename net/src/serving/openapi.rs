@@ -1,23 +1,23 @@
-//! The contracts as an OpenAPI document, for those who call them with HTTP and JSON: made of the descriptors, comments included.
+//! The contracts as an OpenAPI document, for callers with HTTP and JSON; built from the descriptors, comments included.
 
 use super::connect::POOL;
 use prost_reflect::{EnumDescriptor, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// Numbers of fields in `descriptor.proto`, of which paths to comments are made.
+/// Numbers of the fields in `descriptor.proto` that the paths of comments consist of.
 const MESSAGES: i32 = 4;
 const ENUMS: i32 = 5;
 const SERVICES: i32 = 6;
 const MEMBERS: i32 = 2;
 
-/// The document of some services, as JSON.
+/// Returns the document of the services with the given full names, as JSON.
 pub(super) fn document(services: &[String]) -> String {
     let comments = comments();
     let mut schemas = Schemas { comments: &comments, found: BTreeMap::new() };
     let mut paths = Map::new();
     for service in POOL.services().filter(|service| services.iter().any(|name| name == service.full_name())) {
-        // Streams from the client need gRPC.
+        // Client streams need gRPC.
         for method in service.methods().filter(|method| !method.is_client_streaming()) {
             let path = format!("/{}/{}", service.full_name(), method.name());
             paths.insert(path, json!({ "post": schemas.operation(service.name(), &method) }));
@@ -30,8 +30,8 @@ pub(super) fn document(services: &[String]) -> String {
         "info": {
             "title": "Surefoot",
             "version": env!("CARGO_PKG_VERSION"),
-            "description": "Calls of one message take and return JSON (the Connect protocol). Streams return one JSON document a line; \
-                            a last line {\"error\": ...} says that the stream failed. Numbers of 64 bits are strings.",
+            "description": "Unary calls take and return JSON (the Connect protocol). Streams return one JSON document per line; \
+                            a last line {\"error\": ...} means that the stream failed. Integers of 64 bits are strings.",
         },
         "paths": paths,
         "components": {
@@ -43,7 +43,7 @@ pub(super) fn document(services: &[String]) -> String {
     serde_json::to_string_pretty(&document).expect("plain data")
 }
 
-/// What is written above each message, field, enum, value and method, by its full name.
+/// Returns the leading comment of each message, field, enum, value and method, by full name.
 fn comments() -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
     for file in POOL.files() {
@@ -76,7 +76,7 @@ fn comments() -> BTreeMap<String, String> {
     found
 }
 
-/// Schemas of the messages and enums that were come across.
+/// Schemas of the messages and enums found so far.
 struct Schemas<'a> {
     comments: &'a BTreeMap<String, String>,
     found: BTreeMap<String, Value>,
@@ -110,7 +110,7 @@ impl Schemas<'_> {
         }
         let name = message.full_name().to_owned();
         if !self.found.contains_key(&name) {
-            // Known from here on, should it hold itself.
+            // Inserted before its fields are visited, because a message may contain itself.
             self.found.insert(name.clone(), Value::Null);
             let fields: Map<String, Value> =
                 message.fields().map(|field| (field.json_name().to_owned(), self.field(&field))).collect();
@@ -160,10 +160,10 @@ fn error_schema() -> Value {
         "type": "object",
         "properties": {
             "code": { "type": "string", "description": "The gRPC code in lower case, such as not_found." },
-            "message": { "type": "string", "description": "For developers." },
+            "message": { "type": "string", "description": "What went wrong, for developers." },
             "details": {
                 "type": "array",
-                "description": "google.rpc details; that of type google.rpc.ErrorInfo has a stable reason in debug.reason.",
+                "description": "google.rpc details; the one of type google.rpc.ErrorInfo has a stable reason in debug.reason.",
                 "items": {
                     "type": "object",
                     "properties": {

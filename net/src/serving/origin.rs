@@ -1,4 +1,4 @@
-//! Which web pages may call. A browser tells where a page comes from; every other client says nothing and is not asked.
+//! Which web pages may call. Browsers send the origin of a page; requests of other clients have no origin and pass.
 
 use crate::status;
 use axum::http::request::Parts;
@@ -10,28 +10,28 @@ use surefoot_proto::reason::Reason;
 use tonic::Status;
 use tower_http::cors::{AllowHeaders, AllowOrigin, CorsLayer};
 
-/// How long a browser may remember that it may call.
-const REMEMBERED: Duration = Duration::from_secs(600);
-/// What a page may read of an answer of gRPC-Web.
-const SHOWN: [&str; 3] = ["grpc-status", "grpc-message", "grpc-status-details-bin"];
+/// How long a browser may cache the answer to a preflight request.
+const PREFLIGHT_MAX_AGE: Duration = Duration::from_secs(600);
+/// Headers of a gRPC-Web answer that a page may read.
+const EXPOSED_HEADERS: [&str; 3] = ["grpc-status", "grpc-message", "grpc-status-details-bin"];
 
-/// The pages that may call.
+/// The origins whose pages may call.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Origins {
-    /// Those that were named, such as `https://studio.example`.
+    /// Origins that the configuration names, such as `https://studio.example`.
     pub named: Arc<[String]>,
-    /// Only who has a token or trusts the certificate gets an answer: pages of any name may be served here.
+    /// Whether TLS or tokens protect the endpoint. If so, pages may call from any host name that the request is sent to.
     pub guarded: bool,
 }
 
 impl Origins {
-    /// Refuses a page that is not let in.
+    /// Refuses a request of a page that may not call.
     pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), Status> {
         match headers.get(header::ORIGIN) {
             Some(origin) if !self.admit(origin, uri, headers) => {
                 let origin = origin.to_str().unwrap_or("elsewhere");
                 let message = format!(
-                    "a page from {origin} may not call this service: serve it from the same host or name it (--allow-origin)"
+                    "a page from {origin} may not call this service: serve it from the same host or allow its origin (--allow-origin)"
                 );
                 Err(status::failure(Reason::OriginForbidden, message))
             }
@@ -39,21 +39,21 @@ impl Origins {
         }
     }
 
-    /// Lets in pages that were named, and those from the same host at any port. A host name stands for the same host only
-    /// if calls are guarded: anybody can make a name of theirs lead to this machine.
+    /// Whether a page of `origin` may call: the configuration names it, or it comes from the same host, at any port. A host
+    /// name counts as the same host only if the endpoint is guarded: anybody can make a name of theirs resolve to this machine.
     fn admit(&self, origin: &HeaderValue, uri: &Uri, headers: &HeaderMap) -> bool {
         let Ok(origin) = origin.to_str() else { return false };
         if self.named.iter().any(|named| named == origin) {
             return true;
         }
         let Some(page) = origin.parse().ok().and_then(|origin: Uri| host_of(&origin)) else { return false };
-        let asked = headers.get(header::HOST).and_then(|host| host.to_str().ok()?.parse().ok());
-        let Some(here) = host_of(uri).or_else(|| host_of(&asked?)) else { return false };
+        let requested = headers.get(header::HOST).and_then(|host| host.to_str().ok()?.parse().ok());
+        let Some(here) = host_of(uri).or_else(|| host_of(&requested?)) else { return false };
         let is_address = page == "localhost" || address(&page).is_some();
         (page == here && (is_address || self.guarded)) || (is_loopback(&page) && is_loopback(&here))
     }
 
-    /// Tells browsers so.
+    /// Returns the CORS layer that tells browsers which pages may call.
     pub fn layer(&self) -> CorsLayer {
         let origins = self.clone();
         let admit = move |origin: &HeaderValue, request: &Parts| origins.admit(origin, &request.uri, &request.headers);
@@ -61,8 +61,8 @@ impl Origins {
             .allow_origin(AllowOrigin::predicate(admit))
             .allow_methods([Method::GET, Method::POST])
             .allow_headers(AllowHeaders::mirror_request())
-            .expose_headers(SHOWN.map(HeaderName::from_static))
-            .max_age(REMEMBERED)
+            .expose_headers(EXPOSED_HEADERS.map(HeaderName::from_static))
+            .max_age(PREFLIGHT_MAX_AGE)
     }
 }
 

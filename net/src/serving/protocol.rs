@@ -1,4 +1,4 @@
-//! The protocols that callers speak, as far as refusals look different in them.
+//! The Connect protocol's framing, content types and errors, and the frames that it shares with gRPC.
 
 use axum::body::Body;
 use axum::extract::Request;
@@ -10,23 +10,23 @@ use serde_json::{Value, json};
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
-/// Bytes before each message of gRPC and of Connect's streams: flags and length.
+/// Length of the prefix of each message of gRPC and of Connect streams, bytes: flags and length.
 pub(super) const FRAME: usize = 5;
 /// Flag of the last frame of a Connect stream.
 pub(super) const END: u8 = 2;
 
-/// A message in a frame.
+/// Returns a message with its frame prefix.
 pub(super) fn framed(flags: u8, message: &[u8]) -> Vec<u8> {
     let len = u32::try_from(message.len()).expect("messages are far smaller than 4 GiB");
     [&[flags][..], &len.to_be_bytes(), message].concat()
 }
 
-/// How messages are written.
+/// Encoding of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Codec {
     /// The canonical JSON of protobuf.
     Json,
-    /// Protobuf.
+    /// Binary protobuf.
     Proto,
 }
 
@@ -34,12 +34,12 @@ pub(super) enum Codec {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Connect {
     pub codec: Codec,
-    /// Messages are framed, as for streams.
+    /// Whether messages are framed, as in streams.
     pub is_stream: bool,
 }
 
 impl Connect {
-    /// The Connect call that a request is, if it is one.
+    /// Returns the codec and framing of a request; `None` if it is not a Connect call.
     pub fn of(request: &Request) -> Option<Self> {
         if request.method() != Method::POST {
             return None;
@@ -55,7 +55,7 @@ impl Connect {
         Some(Self { codec, is_stream })
     }
 
-    /// The content type of its answers.
+    /// Content type of the call's answers.
     pub fn content_type(self) -> &'static str {
         match (self.codec, self.is_stream) {
             (Codec::Json, false) => "application/json",
@@ -65,7 +65,7 @@ impl Connect {
         }
     }
 
-    /// A failure as an answer.
+    /// Returns the answer to a call that failed.
     pub fn refuse(self, status: &Status) -> Response<Body> {
         let error = Self::error(status);
         let (code, kind, body) = if self.is_stream {
@@ -81,7 +81,7 @@ impl Connect {
         response
     }
 
-    /// A failure as the JSON of Connect.
+    /// Encodes a failure as Connect's JSON.
     pub fn error(status: &Status) -> Value {
         let known = debug(status);
         let details = RpcStatus::decode(status.details()).unwrap_or_default().details.into_iter().map(|detail| {
@@ -96,14 +96,14 @@ impl Connect {
     }
 }
 
-/// `google.rpc.Status`, as far as it is needed.
+/// The field of `google.rpc.Status` that is needed here.
 #[derive(Clone, PartialEq, Message)]
 struct RpcStatus {
     #[prost(message, repeated, tag = "3")]
     details: Vec<prost_types::Any>,
 }
 
-/// The details of a status as JSON, by their types.
+/// Returns the details of a status as JSON, each with the name of its type.
 fn debug(status: &Status) -> Vec<(&'static str, Value)> {
     let details = status.get_error_details();
     let mut known = Vec::new();
@@ -153,7 +153,7 @@ fn code_name(code: Code) -> &'static str {
     }
 }
 
-/// The HTTP status that Connect has for a code.
+/// The HTTP status that Connect specifies for a code.
 fn http_status(code: Code) -> StatusCode {
     match code {
         Code::Ok => StatusCode::OK,

@@ -1,4 +1,4 @@
-//! How an endpoint is protected: TLS, tokens, or openly not at all.
+//! How an endpoint is protected: with TLS, with tokens, or explicitly not at all.
 
 use super::files::{FileError, read, read_identity};
 use super::tokens::Tokens;
@@ -7,31 +7,31 @@ use std::path::Path;
 use std::time::Duration;
 use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 
-/// How an endpoint is protected. The default is enough on a loopback address only.
+/// How an endpoint is protected. The default protects nothing and suffices only on a loopback address.
 #[derive(Debug, Clone, Default)]
 pub struct Security {
-    /// Certificate, key and whom to ask for a certificate of their own.
+    /// TLS with the endpoint's certificate; `None` serves without TLS.
     pub tls: Option<ServerTls>,
-    /// Who may call; without tokens everybody may.
+    /// Tokens of those who may call; `None` lets everybody call.
     pub tokens: Option<Tokens>,
-    /// Serve other machines without TLS (`--insecure`).
+    /// Whether to serve other machines without TLS (`--insecure`).
     pub insecure: bool,
-    /// Web pages from other hosts that may call, such as `https://studio.example` (`--allow-origin`).
+    /// Origins on other hosts whose web pages may call, such as `https://studio.example` (`--allow-origin`).
     pub origins: Vec<String>,
 }
 
-/// Why an endpoint or a client cannot be protected as asked.
+/// Why TLS cannot be set up for an endpoint or a client.
 #[derive(Debug, thiserror::Error)]
 pub enum SecurityError {
     /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Certificate, key or authority are no use.
+    /// The certificate, the key or the authority cannot be used.
     #[error("the TLS files cannot be used: {0}")]
     Tls(String),
 }
 
-/// An error of tonic's with what lies below it, which is where the reason is.
+/// Converts an error of tonic, whose chain of sources holds the actual reason.
 pub(crate) fn tls_error(error: &tonic::transport::Error) -> SecurityError {
     let mut text = error.to_string();
     let mut source = std::error::Error::source(error);
@@ -42,7 +42,7 @@ pub(crate) fn tls_error(error: &tonic::transport::Error) -> SecurityError {
     SecurityError::Tls(text)
 }
 
-/// What an endpoint needs for TLS.
+/// Certificate and key of an endpoint, and the authority that clients' certificates are verified with.
 #[derive(Clone)]
 pub struct ServerTls {
     identity: Identity,
@@ -51,15 +51,15 @@ pub struct ServerTls {
 
 impl fmt::Debug for ServerTls {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("ServerTls").field("asks_clients", &self.client_authority.is_some()).finish_non_exhaustive()
+        f.debug_struct("ServerTls").field("verifies_clients", &self.client_authority.is_some()).finish_non_exhaustive()
     }
 }
 
 impl ServerTls {
-    /// Reads a certificate chain, its key, and the authority that every client must show a certificate of, all PEM.
+    /// Reads a certificate chain, its key and, if clients must present certificates, the authority that issues them; all PEM.
     ///
     /// # Errors
-    /// If one cannot be read, or they do not make a TLS server.
+    /// If a file cannot be read, or a TLS server cannot be set up with the files.
     pub fn load(certificate: &Path, key: &Path, client_authority: Option<&Path>) -> Result<Self, SecurityError> {
         let client_authority = client_authority.map(|path| read(path).map(Certificate::from_pem)).transpose()?;
         let tls = Self { identity: read_identity(certificate, key)?, client_authority };

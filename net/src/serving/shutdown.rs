@@ -1,4 +1,4 @@
-//! How every part of a process learns that it is time to stop.
+//! The signal that stops every part of a process.
 
 use crate::status;
 use std::future::Future;
@@ -7,10 +7,10 @@ use surefoot_proto::reason::Reason;
 use tokio::sync::watch;
 use tonic::Status;
 
-/// A service that restarts is back after about this long.
+/// Typical time that a service needs to restart.
 const RESTART: Duration = Duration::from_secs(2);
 
-/// Tells every part of a process that it is time to stop.
+/// A signal that tells every part of a process to stop; clones share it.
 #[derive(Debug, Clone)]
 pub struct Shutdown {
     sender: watch::Sender<bool>,
@@ -37,13 +37,13 @@ impl Shutdown {
     pub fn wait(&self) -> impl Future<Output = ()> + Send + 'static {
         let mut receiver = self.sender.subscribe();
         async move {
-            // The sender cannot be gone before the value is set without the process ending anyway.
+            // If all senders are dropped before the value is set, the process is ending anyway.
             let _ = receiver.wait_for(|&stopping| stopping).await;
         }
     }
 }
 
-/// The status that ends streams when an endpoint drains.
+/// Returns the status that ends streams when an endpoint drains.
 pub fn going_away() -> Status {
     status::retry(Reason::ShuttingDown, RESTART, "the service is shutting down: connect again later")
 }

@@ -1,4 +1,4 @@
-//! Bearer tokens: who may call, by a secret of theirs.
+//! Bearer tokens: secrets that identify callers and their roles.
 
 use super::access::Role;
 use super::files::{FileError, read};
@@ -8,21 +8,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::{Table, Value};
 
-/// Shorter secrets are refused, bytes.
+/// Least length of a secret, bytes.
 const MIN_SECRET_LEN: usize = 16;
 
-/// A file of tokens that cannot be used.
+/// Why a file of tokens cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenFileError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// What it says is refused.
+    /// The content of the file is refused.
     #[error("cannot use the tokens in {}: {reason}", path.display())]
     Refused {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Why its tokens are refused.
         reason: TokenError,
     },
 }
@@ -30,34 +30,34 @@ pub enum TokenFileError {
 /// Why a list of tokens is refused. No variant carries a secret.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
-    /// It is not TOML.
+    /// The text is not TOML.
     #[error("line {line} is not TOML")]
     Syntax {
-        /// Counted from one.
+        /// Number of the line, counted from 1.
         line: usize,
     },
-    /// A key that has no meaning, here or inside an entry.
-    #[error("`{0}` has no meaning; the file holds entries [[token]] with name, role and secret")]
+    /// A key is unknown, at the top level or in an entry.
+    #[error("the key `{0}` is unknown: write [[token]] entries with name, role and secret")]
     UnknownKey(String),
-    /// There is no entry.
-    #[error("it holds no [[token]]")]
+    /// The text has no entry.
+    #[error("there is no [[token]] entry")]
     Empty,
-    /// An entry lacks a text.
-    #[error("token {position} needs a text `{key}`")]
+    /// An entry lacks a value, or the value is empty or not a string.
+    #[error("token {position} needs a string `{key}`")]
     Missing {
-        /// Counted from one.
+        /// Position of the entry, counted from 1.
         position: usize,
-        /// Which.
+        /// Key of the value.
         key: &'static str,
     },
-    /// There is no such role.
-    #[error("token `{0}` has an unknown role; known are client, worker, designer and admin")]
+    /// The role of a token is unknown.
+    #[error("token `{0}` has an unknown role: use client, worker, designer or admin")]
     Role(String),
-    /// Too easy to guess.
+    /// A secret is too short, and so too easy to guess.
     #[error("the secret of token `{0}` is shorter than {MIN_SECRET_LEN} bytes")]
     Short(String),
-    /// A header cannot carry it.
-    #[error("the secret of token `{0}` may hold visible ASCII characters only")]
+    /// A header cannot carry the secret.
+    #[error("the secret of token `{0}` may contain only visible ASCII characters")]
     Unsendable(String),
     /// Two entries share a name or a secret.
     #[error("tokens `{0}` and `{1}` have the same name or secret")]
@@ -85,18 +85,19 @@ impl Tokens {
     /// Reads a file of tokens.
     ///
     /// # Errors
-    /// If it cannot be read or [`Tokens::parse`] refuses it.
+    /// If the file cannot be read, or [`Tokens::parse`] refuses its content.
     pub fn load(path: &Path) -> Result<Self, TokenFileError> {
         let text = String::from_utf8_lossy(&read(path)?).into_owned();
         Self::parse(&text).map_err(|reason| TokenFileError::Refused { path: path.to_owned(), reason })
     }
 
-    /// Reads tokens: a TOML list of `[[token]]` with `name`, `role` and `secret`.
+    /// Parses tokens: TOML with `[[token]]` entries of `name`, `role` and `secret`.
     ///
     /// # Errors
-    /// If anything is missing, unknown, twice or too short.
+    /// If there is no entry, a key is missing or unknown, a role is unknown, two entries share a name or a secret, or a secret
+    /// is too short or cannot be sent in a header.
     pub fn parse(text: &str) -> Result<Self, TokenError> {
-        // What the parser says may quote the line, and with it a secret.
+        // The parser's message may quote the line, and with it a secret.
         let table = text.parse::<Table>().map_err(|error| {
             let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
             TokenError::Syntax { line: before.matches('\n').count() + 1 }
@@ -116,10 +117,10 @@ impl Tokens {
         if tokens.is_empty() { Err(TokenError::Empty) } else { Ok(Self(tokens.into())) }
     }
 
-    /// Whose secret this is: name and role. Takes as long whether it is one or not.
+    /// Returns the name and the role of the token with this secret. The time taken does not depend on whether there is one.
     pub(super) fn holder(&self, secret: &str) -> Option<(Arc<str>, Role)> {
         let hash = blake3::hash(secret.as_bytes());
-        // Hashes are compared in constant time, and all of them.
+        // All hashes are compared, each in constant time.
         self.0.iter().fold(None, |found, token| if token.hash == hash { Some(token) } else { found }).map(|token| {
             let Token { name, role, .. } = token;
             (name.clone(), *role)

@@ -1,4 +1,4 @@
-//! Calls about many NPCs: each item has a result of its own.
+//! Calls for many NPCs: each item has its own result.
 
 use crate::hosted::SpawnOrder;
 use crate::ids::NpcId;
@@ -11,13 +11,13 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_world::Vec3;
 use tonic::Status;
 
-/// Most items of a batch.
+/// Most items in a batch.
 const MAX_ITEMS: usize = 4096;
 
-/// Checks how many items there are.
+/// Checks the number of items in a batch.
 ///
 /// # Errors
-/// OUT_OF_RANGE if there are too many.
+/// OUT_OF_RANGE if there are more than 4096.
 pub fn check_count(count: usize, field: &str) -> Result<(), Status> {
     if count > MAX_ITEMS {
         let message = format!("{field} has {count} items, at most {MAX_ITEMS} are allowed in one call");
@@ -32,7 +32,7 @@ impl From<FieldError> for WorldsError {
     }
 }
 
-/// What an item of BatchSpawnNpcs, or the request of SpawnNpc, asks for.
+/// Reads an item of BatchSpawnNpcs, or the request of SpawnNpc.
 pub fn spawn(position: Option<&wire::Vec3>, yaw: f32, goal: Option<&wire::Vec3>) -> Result<SpawnOrder, FieldError> {
     Ok(SpawnOrder {
         position: convert::point(position, "position")?,
@@ -41,18 +41,18 @@ pub fn spawn(position: Option<&wire::Vec3>, yaw: f32, goal: Option<&wire::Vec3>)
     })
 }
 
-/// An item of BatchSetGoals, or the request of SetGoal.
+/// Reads an item of BatchSetGoals, or the request of SetGoal: the NPC and its goal, m.
 pub fn goal(request: &wire::SetGoalRequest) -> Result<(NpcId, Vec3), FieldError> {
     Ok((NpcId(request.npc_id), convert::point(request.goal.as_ref(), "goal")?))
 }
 
-/// An item of BatchTeleportNpcs, or the request of TeleportNpc.
+/// Reads an item of BatchTeleportNpcs, or the request of TeleportNpc: the NPC, its position, m, and its heading, rad.
 pub fn teleport(request: &wire::TeleportNpcRequest) -> Result<(NpcId, (Vec3, f32)), FieldError> {
     let position = convert::point(request.position.as_ref(), "position")?;
     Ok((NpcId(request.npc_id), (position, finite(request.yaw, "yaw")?)))
 }
 
-/// Why an item failed: what the single call would have answered.
+/// Converts the error of an item: code, reason and message are those of the single call.
 pub fn item_error(error: WorldsError) -> wire::ItemError {
     let status = Status::from(error);
     wire::ItemError {
@@ -62,7 +62,7 @@ pub fn item_error(error: WorldsError) -> wire::ItemError {
     }
 }
 
-/// The result of an item that has no other answer.
+/// Converts the result of an item that returns nothing but success or an error.
 pub fn item_result(result: Result<(), WorldsError>) -> wire::ItemResult {
     wire::ItemResult { error: result.err().map(item_error) }
 }

@@ -17,17 +17,17 @@ use tokio_stream::wrappers::ReceiverStream;
 use tokio_stream::{Stream, StreamExt};
 use tonic::{Request, Response, Status, Streaming};
 
-/// Results waiting for one trainer.
+/// Most results waiting for one trainer.
 const QUEUE: usize = 2;
 
-/// The service; clones share everything.
+/// Implementation of `EnvService`; clones share all state.
 #[derive(Debug, Clone)]
 pub struct EnvApi {
-    /// All environments.
+    /// All environments of the server.
     pub envs: Envs,
-    /// Ends streams.
+    /// Signal that ends open streams.
     pub shutdown: Shutdown,
-    /// Environments that were created lately: their ids and first observations.
+    /// Ids and first observations of recently created environments, for repeated calls.
     pub created: Answers<(EnvId, Vec<f32>)>,
 }
 

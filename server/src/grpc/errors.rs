@@ -1,4 +1,4 @@
-//! From the server's errors to statuses: one match for each, exhaustive.
+//! Converts the server's errors to statuses: one exhaustive match for each error type.
 
 use crate::envs::EnvError;
 use crate::errors::SimError;
@@ -10,7 +10,7 @@ use surefoot_net::status;
 use surefoot_proto::reason::Reason;
 use tonic::Status;
 
-/// A world works its inbox off within a tick or two.
+/// When to retry a call to a busy world, which empties its inbox within a tick or two.
 const INBOX_TIME: Duration = Duration::from_millis(50);
 
 impl From<NpcError> for Status {

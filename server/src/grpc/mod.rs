@@ -1,7 +1,7 @@
 //! `WorldService`: decode, call, encode.
 //!
-//! `batches` are calls about many NPCs, `readers` the streams to those who watch, `work` those of workers, `env` is `EnvService`, `errors` turns the
-//! server's errors into statuses.
+//! `batches` has the calls for many NPCs, `readers` the streams to readers, `work` the streams of workers, `env` implements
+//! `EnvService`, `errors` converts the server's errors to statuses.
 
 mod batches;
 pub mod env;
@@ -33,12 +33,12 @@ use tokio::sync::Semaphore;
 use tonic::{Request, Response, Status, Streaming};
 use work::WorkStream;
 
-/// Threads that may make tiles of meshes at the same time: worlds must go on meanwhile.
+/// Most threads that build tiles of meshes at the same time, so that worlds keep stepping.
 const MESHES_AT_A_TIME: usize = 2;
-/// Pages of ListNpcs.
+/// Page size of ListNpcs.
 const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 
-/// The service; clones share everything.
+/// Implementation of `WorldService`; clones share all state.
 #[derive(Debug, Clone)]
 pub struct WorldApi {
     worlds: Worlds,
@@ -49,7 +49,7 @@ pub struct WorldApi {
 }
 
 impl WorldApi {
-    /// The service in front of `worlds`.
+    /// Creates the service for `worlds`.
     pub fn new(worlds: Worlds) -> Self {
         Self {
             worlds,
@@ -60,13 +60,13 @@ impl WorldApi {
         }
     }
 
-    /// How long a reader may leave everything unread.
+    /// How long a reader may leave all messages unread until it is cut off.
     fn patience(&self) -> Duration {
         self.worlds.config().reader_patience
     }
 }
 
-/// Who calls, as far as quotas are concerned.
+/// Name of the caller, by which quotas and request ids are kept.
 fn client_of<T>(request: &Request<T>) -> Arc<str> {
     request.extensions().get::<Caller>().map_or_else(|| "unknown".into(), |caller| caller.name.clone())
 }
@@ -140,7 +140,7 @@ impl WorldService for WorldApi {
         request: Request<wire::SampleGroundRequest>,
     ) -> Result<Response<wire::SampleGroundResponse>, Status> {
         let wire::SampleGroundRequest { world_id, count, seed } = request.into_inner();
-        // Whether there is such a world comes first.
+        // An unknown world is reported before a bad count.
         self.worlds.handle(WorldId(world_id))?;
         convert::in_range(f64::from(count), 1.0, 10_000.0, "count")?;
         let points = self.worlds.sample_ground(WorldId(world_id), count as usize, Seed(seed)).await?;
@@ -325,7 +325,8 @@ impl WorldService for WorldApi {
         let (world, epoch) = (WorldId(world_id), self.worlds.epoch());
         let handle = self.worlds.handle(world)?;
         if let Some(after) = after.filter(|after| after.epoch != epoch && after.sequence != 0) {
-            let message = format!("after.epoch is {}, this server's is {epoch}: it has restarted since", after.epoch);
+            let message =
+                format!("after.epoch is {}, this server's epoch is {epoch}: it has restarted since", after.epoch);
             return Err(status::failure(Reason::EventsLost, message));
         }
         let sequence = after.map(|after| after.sequence);
@@ -368,9 +369,9 @@ impl WorldService for WorldApi {
     ) -> Result<Response<Self::FollowNpcStream>, Status> {
         let wire::FollowNpcRequest { npc_id, rate_hz, rays } = request.into_inner();
         let npc = NpcId(npc_id);
-        let asked = readers::pause_of(rate_hz)?;
-        // Rays are cast on the world's own thread.
-        let pause = if rays { asked.max(readers::pause_of(0.0)?) } else { asked };
+        let requested = readers::pause_of(rate_hz)?;
+        // Rays are cast on the world's thread, so the default rate is their limit.
+        let pause = if rays { requested.max(readers::pause_of(0.0)?) } else { requested };
         self.worlds.with_npc(npc, move |world| world.npc(npc)).await?;
         let sim = self.worlds.handle(npc.world())?.sim;
         Ok(Response::new(readers::follow_npc(npc, sim, rays, pause, self.patience(), self.worlds.shutdown())))

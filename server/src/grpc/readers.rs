@@ -1,6 +1,6 @@
-//! Streams to readers: snapshots, events and figures of a world, its mesh, one NPC with its plan.
+//! Streams to readers: snapshots, events, statistics and mesh of a world, and one NPC with its plan.
 //!
-//! A slow reader gets the latest snapshot and costs one message; one that does not read at all is cut off.
+//! A slow reader gets the latest snapshot, and at most one message waits for it; a reader that does not read at all is cut off.
 
 use crate::errors::SimError;
 use crate::geometry::Tiles;
@@ -29,16 +29,16 @@ use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
 use tonic::Status;
 
-/// Messages waiting for one reader; older snapshots are skipped.
+/// Most messages waiting for one reader; older snapshots are skipped.
 const QUEUE: usize = 1;
-/// Events that are copied out of a world at a time.
+/// Most events that are copied out of a world at a time.
 const EVENTS_AT_A_TIME: usize = 4096;
-/// Pause before a world with too many calls is asked again.
+/// Pause before a call to a busy world is repeated.
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
-/// Snapshots a second unless the reader says otherwise.
+/// Snapshots per second if the reader does not set a rate.
 const DEFAULT_RATE: f64 = 10.0;
 
-/// The pause between two messages at a wanted rate, 0 for the default.
+/// Returns the pause between two messages at a rate, 0.1 to 60 Hz; 0 means the default.
 ///
 /// # Errors
 /// If the rate is out of range.
@@ -47,16 +47,16 @@ pub fn pause_of(rate_hz: f32) -> Result<Duration, FieldError> {
     Ok(Duration::from_secs_f64(1.0 / rate))
 }
 
-/// The pause between two messages of figures, 0 for the default of a second.
+/// Returns the pause between two messages of statistics at a period of 0.1 to 60 s; 0 means one second.
 ///
 /// # Errors
-/// If it is out of range.
+/// If the period is out of range.
 pub fn period_of(period_s: f32) -> Result<Duration, FieldError> {
     let seconds = if period_s == 0.0 { 1.0 } else { convert::in_range(f64::from(period_s), 0.1, 60.0, "period_s")? };
     Ok(Duration::from_secs_f64(seconds))
 }
 
-/// A stream to one reader that ends with a status.
+/// A stream to one reader, which can end with a status.
 #[derive(Debug)]
 pub struct ReaderStream<T> {
     messages: mpsc::Receiver<T>,
@@ -79,7 +79,7 @@ impl<T> Stream for ReaderStream<T> {
     }
 }
 
-/// Where messages for one reader go.
+/// The sending side of a [`ReaderStream`].
 struct Reader<T> {
     queue: mpsc::Sender<T>,
     end: Arc<OnceLock<Status>>,
@@ -95,11 +95,11 @@ impl<T> Reader<T> {
 
     /// Ends the stream with `status`.
     fn close(self, status: Status) {
-        // Set once: this consumes the reader.
+        // The status is not set yet, because closing consumes the reader.
         let _ = self.end.set(status);
     }
 
-    /// Hands a message over, waiting for a slow reader as long as its patience lasts; `None` if the stream is over.
+    /// Sends a message, waiting for a slow reader for at most `patience`; returns `None` if the stream is over.
     async fn send(self, message: T) -> Option<Self> {
         match tokio::time::timeout(self.patience, self.queue.send(message)).await {
             Ok(Ok(())) => Some(self),
@@ -116,7 +116,7 @@ impl<T> Reader<T> {
     }
 }
 
-/// Sends a reader its view of every snapshot that it has time for.
+/// Streams a reader's view of snapshots. Snapshots that come while it is not ready for the next are skipped.
 pub fn watch_world(
     world_id: WorldId,
     mut snapshots: watch::Receiver<Arc<Snapshot>>,
@@ -149,7 +149,7 @@ pub fn watch_world(
     stream
 }
 
-/// Sends a reader every event of a world after `after`, and those to come.
+/// Streams every wanted event of a world, past events first.
 pub fn watch_events(
     wanted: WantedEvents,
     handle: (SimHandle, watch::Receiver<u64>),
@@ -162,7 +162,7 @@ pub fn watch_events(
     let WantedEvents { epoch, world, npcs, begin, mut after } = wanted;
     tokio::spawn(async move {
         tokio::pin!(stopping);
-        // Where the stream begins, so that it can be resumed even if nothing happens.
+        // The first message says where the stream begins, so that it can be resumed even if nothing happens.
         match reader.send(begin).await {
             Some(still) => reader = still,
             None => return,
@@ -171,10 +171,10 @@ pub fn watch_events(
             let read = after;
             let events = match sim.call(move |state| state.world.events().after(read, EVENTS_AT_A_TIME)).await {
                 Ok(Ok(events)) => events,
-                // What was kept when the stream began is gone: the reader was too slow for the world.
+                // Events that were kept when the stream began are gone: the reader was too slow for the world.
                 Ok(Err(error)) => return reader.close(status::failure(Reason::ReaderTooSlow, error.to_string())),
                 Err(SimError::Busy) => {
-                    // There are events to be read: without a pause this would ask again at once, and again.
+                    // Without a pause this would be a busy loop, because there are events to be read.
                     tokio::time::sleep(BUSY_PAUSE).await;
                     continue;
                 }
@@ -202,21 +202,21 @@ pub fn watch_events(
     stream
 }
 
-/// Events that a reader wants.
+/// The events that a reader has subscribed to.
 pub struct WantedEvents {
     /// Epoch of the server.
     pub epoch: u64,
-    /// Of which world.
+    /// The world of the events.
     pub world: WorldId,
-    /// Of these NPCs only; of all, if there are none.
+    /// Only events of these NPCs; if empty, of all.
     pub npcs: BTreeSet<NpcId>,
     /// The first message.
     pub begin: wire::WatchEventsResponse,
-    /// Those after this one; 0: from the oldest kept on.
+    /// Sequence number of the last event before the wanted ones; 0 means from the oldest event kept.
     pub after: u64,
 }
 
-/// Sends a reader the figures of a world, again and again.
+/// Streams the statistics of a world periodically.
 pub fn watch_stats(
     world: WorldId,
     sim: SimHandle,
@@ -254,7 +254,7 @@ pub fn watch_stats(
     stream
 }
 
-/// Sends a reader the tiles of a map, which are made while they are sent, whenever `turns` has a turn left.
+/// Streams the tiles of a map. Each is built when its turn comes, which the semaphore `turns` limits for all readers.
 pub fn send_mesh(
     map: Arc<Map>,
     tiles: impl FnOnce(&Map) -> Tiles + Send + 'static,
@@ -287,7 +287,7 @@ pub fn send_mesh(
     stream
 }
 
-/// Works on a thread of its own when it is its turn; `None` if it panics, or the reader has left before.
+/// Runs `work` on a blocking thread when its turn comes; returns `None` if `work` panics or the reader leaves before.
 async fn in_turn<T: Send + 'static, M>(
     turns: &Semaphore,
     reader: &mpsc::Sender<M>,
@@ -301,8 +301,8 @@ async fn in_turn<T: Send + 'static, M>(
     tokio::task::spawn_blocking(work).await.ok()
 }
 
-/// What a reader is shown of an NPC at one moment.
-struct Look {
+/// State of a followed NPC at one moment.
+struct FollowState {
     tick: Tick,
     time: SystemTime,
     npc: NpcState,
@@ -311,7 +311,7 @@ struct Look {
     history: Vec<EndedAttempt>,
 }
 
-impl Look {
+impl FollowState {
     fn at(world: &HostedWorld, npc: NpcId, rays: bool) -> Result<Self, NpcError> {
         Ok(Self {
             tick: world.tick(),
@@ -323,8 +323,8 @@ impl Look {
         })
     }
 
-    /// What has changed since `shown`: plan and history are sent only then.
-    fn to_wire(&self, shown: Option<&Look>) -> wire::FollowNpcResponse {
+    /// Converts the state; plan and history are included only if they differ from those in `shown`.
+    fn to_wire(&self, shown: Option<&FollowState>) -> wire::FollowNpcResponse {
         let waypoints = self.plan.as_ref().map_or(&[][..], |plan| &plan.waypoints);
         let heading = waypoints.iter().position(|waypoint| Some(*waypoint) == self.npc.waypoint);
         let mut message = wire::FollowNpcResponse {
@@ -355,7 +355,7 @@ fn is_same_plan(a: &Option<Arc<NpcPlan>>, b: &Option<Arc<NpcPlan>>) -> bool {
     }
 }
 
-/// Sends a reader one NPC's state, with `rays` what it sees, and its plan and history when they have changed.
+/// Streams the state of one NPC, with its plan and history whenever they have changed, and with `rays` what it sees.
 pub fn follow_npc(
     npc: NpcId,
     sim: SimHandle,
@@ -368,16 +368,16 @@ pub fn follow_npc(
     let stopping = shutdown.wait();
     tokio::spawn(async move {
         tokio::pin!(stopping);
-        // What the reader has; it knows of nothing before the first message.
-        let mut shown: Option<Look> = None;
+        // The state that was sent last.
+        let mut shown: Option<FollowState> = None;
         loop {
-            let look = match sim.call(move |state| Look::at(&state.world, npc, rays)).await {
-                Ok(Ok(look)) => look,
+            let current = match sim.call(move |state| FollowState::at(&state.world, npc, rays)).await {
+                Ok(Ok(current)) => current,
                 Ok(Err(error)) => return reader.close(error.into()),
                 Err(_) => return reader.close(NpcError::Unknown(npc).into()),
             };
-            let message = look.to_wire(shown.as_ref());
-            shown = Some(look);
+            let message = current.to_wire(shown.as_ref());
+            shown = Some(current);
             match reader.send(message).await {
                 Some(still) => reader = still,
                 None => return,

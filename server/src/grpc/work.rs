@@ -17,18 +17,18 @@ use tonic::{Code, Status, Streaming};
 use tonic_types::StatusExt;
 use tracing::warn;
 
-/// Messages waiting for one worker; observations beyond are lost and their decisions count as missed.
+/// Most messages waiting for one worker. Further observations are dropped, and their decisions count as missed.
 const WORKER_QUEUE: usize = 256;
-/// How long a new worker may take to say hello.
+/// Longest time until the hello of a new worker.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 
-/// What a worker is sent.
+/// The stream of messages to a worker.
 pub type WorkStream = Pin<Box<dyn Stream<Item = Result<wire::WorkResponse, Status>> + Send>>;
 
 /// Reads a worker's hello.
 ///
 /// # Errors
-/// If it does not come in time, or makes no sense.
+/// If the hello does not arrive in time or is invalid, or the worker expects other observations.
 pub async fn read_hello(requests: &mut Streaming<wire::WorkRequest>) -> Result<Hello, Status> {
     let first = tokio::time::timeout(HELLO_LIMIT, requests.next())
         .await
@@ -60,7 +60,7 @@ async fn read_answers(
             () = queue.closed() => break None,
             () = cut.notified() => break Some(Goodbye::NotReading),
         };
-        let taken = match request {
+        let result = match request {
             None | Some(Err(_)) => break None,
             Some(Ok(wire::WorkRequest { message: Some(wire::work_request::Message::Actions(batch)) })) => {
                 let world = WorldId(batch.world_id);
@@ -69,7 +69,7 @@ async fn read_answers(
             }
             Some(Ok(_)) => Err(Goodbye::Unexpected),
         };
-        if let Err(goodbye) = taken {
+        if let Err(goodbye) = result {
             warn!(worker = worker.0, %goodbye, "worker is cut off");
             break Some(goodbye);
         }

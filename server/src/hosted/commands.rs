@@ -1,4 +1,4 @@
-//! What clients ask of a world: spawn, send, teleport, look.
+//! Calls of clients to a world: spawn, despawn, set a goal, teleport, read state.
 
 use super::events::EventKind;
 use super::motion::Motion;
@@ -15,55 +15,55 @@ use surefoot_world::map::Liquid;
 use surefoot_world::sense::Sight;
 use surefoot_world::{Ability, CharacterProfile, Map, Seed, Vec3, navigable};
 
-/// Something a client asked for that this world cannot do.
+/// Why a world cannot do what a client requests.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NpcError {
-    /// No such NPC.
+    /// No NPC has this id.
     #[error("npc {0} does not exist")]
     Unknown(NpcId),
-    /// The world is full.
-    #[error("world {world} already has {limit} NPCs, the most it may have (--max-npcs)")]
+    /// The world has as many NPCs as allowed.
+    #[error("world {world} already has {limit} NPCs, the most allowed (--max-npcs)")]
     Full {
-        /// Its id.
+        /// Id of the world.
         world: WorldId,
-        /// The limit.
+        /// Most NPCs of the world.
         limit: usize,
     },
-    /// The world has given its NPCs all numbers that there are.
-    #[error("world {0} has had {max} NPCs, the most in its time: create another world", max = NpcId::MAX_SERIAL)]
+    /// All numbers for NPCs of the world have been used.
+    #[error("world {0} has used all {max} numbers for its NPCs: create another world", max = NpcId::MAX_SERIAL)]
     OutOfNumbers(WorldId),
     /// The position lies outside the map.
     #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
     Outside {
-        /// Path of the field.
+        /// Path of the field in the request.
         field: &'static str,
-        /// Extent of the map.
+        /// Extent of the map, m.
         extent: [f32; 3],
     },
-    /// The NPC fell, burnt or drowned.
+    /// The NPC is down: it fell, burnt or drowned.
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
-    /// The map has nowhere to stand.
+    /// The map has no navigable ground.
     #[error(transparent)]
     NoGround(#[from] navigable::NoGround),
 }
 
-/// An NPC that a client wants.
+/// An NPC to spawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpawnOrder {
-    /// Where its feet are to be, m.
+    /// Position of the feet, m.
     pub position: Vec3,
     /// Heading, rad.
     pub yaw: f32,
-    /// Where it is sent at once, m.
+    /// Goal of the first attempt, m; `None`: the NPC is idle.
     pub goal: Option<Vec3>,
 }
 
 impl HostedWorld {
-    /// Adds an NPC with its goal, as [`spawn`](Self::spawn) and [`set_goal`](Self::set_goal) do; with an error there is none.
+    /// Adds an NPC and sets its goal, if there is one. If this fails, no NPC is added.
     ///
     /// # Errors
-    /// As theirs.
+    /// Those of [`spawn`](Self::spawn) and [`set_goal`](Self::set_goal).
     pub fn spawn_to(&mut self, order: SpawnOrder, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
         if let Some(goal) = order.goal {
             self.check_inside(goal, "goal")?;
@@ -91,7 +91,7 @@ impl HostedWorld {
         let id = NpcId::new(self.id, self.last_serial);
         let slot = self.world.spawn(position, yaw);
         self.records.insert(id, Record::new(slot, ticket));
-        self.tell(id, EventKind::Spawned { position });
+        self.log_event(id, EventKind::Spawned { position });
         self.assign_workers();
         Ok(id)
     }
@@ -99,33 +99,33 @@ impl HostedWorld {
     /// Removes an NPC.
     ///
     /// # Errors
-    /// If it does not exist.
+    /// If the NPC does not exist.
     pub fn despawn(&mut self, id: NpcId) -> Result<(), NpcError> {
-        self.tell_replaced(id);
+        self.log_replaced_attempt(id);
         let record = self.records.remove(&id).ok_or(NpcError::Unknown(id))?;
-        self.tell(id, EventKind::Removed);
+        self.log_event(id, EventKind::Removed);
         self.world.despawn(record.slot);
         if let Some(worker) = record.worker {
             self.outbox.entry(worker).or_default().released.push(id);
         }
-        // A place is taken with the worker that it was to go to, no longer with the one that has it.
+        // During a hand-over the NPC's place is with the next worker.
         if let Some(holder) = record.next_worker.or(record.worker) {
             self.registry.release(holder);
         }
         Ok(())
     }
 
-    /// Sends an NPC to a goal: the number of the attempt that begins.
+    /// Sends an NPC to a goal, m; returns the number of the attempt that begins.
     ///
     /// # Errors
-    /// If it does not exist or is down, or the goal lies outside the map.
+    /// If the NPC does not exist or is down, or the goal lies outside the map.
     pub fn set_goal(&mut self, id: NpcId, goal: Vec3) -> Result<u32, NpcError> {
         self.check_inside(goal, "goal")?;
         let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
         if self.world.npc(record.slot).is_some_and(|npc| npc.harm.is_some()) {
             return Err(NpcError::Down(id));
         }
-        self.tell_replaced(id);
+        self.log_replaced_attempt(id);
         let tick = self.tick();
         let record = self.records.get_mut(&id).expect("just found");
         record.clear_goal();
@@ -134,69 +134,69 @@ impl HostedWorld {
         record.began = tick;
         let attempt = record.attempts;
         self.world.set_goal(record.slot, goal);
-        self.tell(id, EventKind::AttemptBegan { attempt, goal });
+        self.log_event(id, EventKind::AttemptBegan { attempt, goal });
         Ok(attempt)
     }
 
-    /// Puts an NPC elsewhere, at rest.
+    /// Moves an NPC to `position` (m) and heading `yaw` (rad) at once, at rest and without a goal; revives one that is down.
     ///
     /// # Errors
-    /// If it does not exist or the position lies outside the map.
+    /// If the NPC does not exist, or the position lies outside the map.
     pub fn teleport(&mut self, id: NpcId, position: Vec3, yaw: f32) -> Result<(), NpcError> {
         self.check_inside(position, "position")?;
-        self.tell_replaced(id);
+        self.log_replaced_attempt(id);
         let record = self.records.get_mut(&id).ok_or(NpcError::Unknown(id))?;
         record.clear_goal();
         record.motion = Motion::default();
         self.world.teleport(record.slot, position, yaw);
-        self.tell(id, EventKind::Teleported { position });
+        self.log_event(id, EventKind::Teleported { position });
         Ok(())
     }
 
-    /// State of one NPC.
+    /// Returns the state of one NPC.
     ///
     /// # Errors
-    /// If it does not exist.
+    /// If the NPC does not exist.
     pub fn npc(&self, id: NpcId) -> Result<NpcState, NpcError> {
         let record = self.records.get(&id).ok_or(NpcError::Unknown(id))?;
         Ok(self.describe(id, record))
     }
 
-    /// The plan that an NPC follows.
+    /// Returns the plan that an NPC follows; `None` if it follows none.
     ///
     /// # Errors
-    /// If it does not exist.
+    /// If the NPC does not exist.
     pub fn plan(&self, id: NpcId) -> Result<Option<Arc<NpcPlan>>, NpcError> {
         Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.plan.clone())
     }
 
-    /// An NPC's last attempts that ended, the latest last.
+    /// Returns the last attempts of an NPC that ended with an outcome, at most 32, the latest last.
     ///
     /// # Errors
-    /// If it does not exist.
+    /// If the NPC does not exist.
     pub fn history(&self, id: NpcId) -> Result<Vec<EndedAttempt>, NpcError> {
         Ok(self.records.get(&id).ok_or(NpcError::Unknown(id))?.history.iter().copied().collect())
     }
 
-    /// What an NPC sees.
+    /// Casts the rays of an NPC and returns what they hit.
     ///
     /// # Errors
-    /// If it does not exist.
+    /// If the NPC does not exist.
     pub fn sight(&self, id: NpcId) -> Result<Sight, NpcError> {
         Ok(self.world.sight(self.records.get(&id).ok_or(NpcError::Unknown(id))?.slot))
     }
 
-    /// State of all NPCs, by id.
+    /// Returns the states of all NPCs, ordered by id.
     pub fn npcs(&self) -> impl Iterator<Item = NpcState> {
         self.records.iter().map(|(&id, record)| self.describe(id, record))
     }
 
-    /// State of all NPCs at this moment.
+    /// Copies the states of all NPCs.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot { tick: self.tick(), time: SystemTime::now(), npcs: self.npcs().collect() }
     }
 
-    /// Figures of the world.
+    /// Copies the statistics of the world.
     pub fn stats(&self) -> WorldStats {
         WorldStats {
             counters: self.counters.clone(),
@@ -205,7 +205,7 @@ impl HostedWorld {
         }
     }
 
-    /// How many NPCs are idle, seeking and down, and how many have no worker.
+    /// Counts the NPCs that are idle, seeking and down, and those without a worker.
     pub fn tally(&self) -> Tally {
         let mut tally = Tally::default();
         for record in self.records.values() {
@@ -219,10 +219,10 @@ impl HostedWorld {
         tally
     }
 
-    /// Places where a character can stand.
+    /// Draws `count` random places where a character can stand.
     ///
     /// # Errors
-    /// If the map has none.
+    /// If the map has no navigable ground.
     pub fn sample_ground(map: &Map, count: usize, Seed(seed): Seed) -> Result<Vec<Vec3>, NpcError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         Ok(navigable::sample_many(map, &CharacterProfile::default(), count, &mut rng)?)
@@ -261,7 +261,7 @@ impl HostedWorld {
             attempts_ended: record.attempts_ended,
             worker: record.worker,
             support: support_of(&npc.body),
-            // Nobody decides for an NPC without a goal: what it did then is over.
+            // Without a goal there are no decisions, so only the last tick counts.
             ability: Ability::used(if record.goal.is_some() {
                 npc.events
             } else {

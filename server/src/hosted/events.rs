@@ -1,21 +1,21 @@
-//! What happened on a world, in order: a bounded log that readers follow at their own pace.
+//! A bounded, ordered log of a world's events, which readers follow at their own pace.
 
 use crate::ids::NpcId;
 use std::collections::VecDeque;
 use std::time::SystemTime;
 use surefoot_world::{Ability, End, Seconds, Tick, Vec3};
 
-/// Events that a world keeps; the oldest are forgotten first.
+/// Most events that a world keeps; the oldest are dropped first.
 pub const KEPT_EVENTS: usize = 65_536;
 
 /// Something that happened to an NPC.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NpcEvent {
-    /// Grows by one from event to event.
+    /// Sequence number, greater by one than that of the event before; the first is 1.
     pub sequence: u64,
     /// Tick at which it happened.
     pub tick: Tick,
-    /// Time of the server's clock.
+    /// Time of the server's clock when it happened.
     pub time: SystemTime,
     /// The NPC.
     pub npc: NpcId,
@@ -23,10 +23,10 @@ pub struct NpcEvent {
     pub kind: EventKind,
 }
 
-/// What happened. Positions are those of the feet, m.
+/// Kind of an event, with its data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EventKind {
-    /// It was added.
+    /// The NPC was added.
     Spawned {
         /// Position of the feet, m.
         position: Vec3,
@@ -49,46 +49,46 @@ pub enum EventKind {
         /// Duration of the attempt.
         seconds: Seconds,
     },
-    /// It jumped, from the ground or in the air.
+    /// The NPC jumped, from the ground or in the air.
     Jumped {
         /// [`Ability::Jump`] or [`Ability::DoubleJump`].
         ability: Ability,
         /// Position of the feet, m.
         position: Vec3,
     },
-    /// It came down on ground.
+    /// The NPC landed on the ground.
     Landed {
         /// Position of the feet, m.
         position: Vec3,
         /// Downward speed just before, m/s.
         impact_speed: f32,
     },
-    /// A device took it.
+    /// The NPC used a device: a pad, a zip line, a teleporter or a jetpack.
     Rode {
         /// The ability that the device gives.
         ability: Ability,
         /// Position of the feet, m.
         position: Vec3,
     },
-    /// It came to harm.
+    /// The NPC died.
     Died {
-        /// What harmed it.
+        /// How it died: fell, burnt or drowned.
         cause: End,
-        /// The attempt that this ended, if there was one.
+        /// Number of the attempt that this ended, if one was under way.
         attempt: Option<u32>,
         /// Position of the feet, m.
         position: Vec3,
     },
-    /// A client teleported it.
+    /// A client teleported the NPC.
     Teleported {
         /// The new position, m.
         position: Vec3,
     },
-    /// It was removed.
+    /// The NPC was removed.
     Removed,
 }
 
-/// Events that a reader asked for are no longer kept, or never were.
+/// Requested events are no longer kept, or have not happened yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("events after {after} are not kept: the oldest is {oldest}, the latest {latest}")]
 pub struct EventsLost {
@@ -105,12 +105,12 @@ pub struct EventLog {
 }
 
 impl EventLog {
-    /// Sequence number of the latest event; 0 before the first.
+    /// Returns the sequence number of the latest event; 0 if there is none yet.
     pub fn latest(&self) -> u64 {
         self.latest
     }
 
-    /// Adds an event.
+    /// Appends an event.
     pub(super) fn push(&mut self, tick: Tick, time: SystemTime, npc: NpcId, kind: EventKind) {
         if self.kept.len() == KEPT_EVENTS {
             self.kept.pop_front();
@@ -119,10 +119,10 @@ impl EventLog {
         self.kept.push_back(NpcEvent { sequence: self.latest, tick, time, npc, kind });
     }
 
-    /// Events after a sequence number, at most `limit`; with 0 from the oldest kept on.
+    /// Returns the events after the sequence number `after`, at most `limit`; 0 means from the oldest event kept.
     ///
     /// # Errors
-    /// If some of them are no longer kept, or the number is yet to come.
+    /// If some of these events are no longer kept, or `after` is greater than the latest number.
     pub fn after(&self, after: u64, limit: usize) -> Result<Vec<NpcEvent>, EventsLost> {
         let oldest = self.latest + 1 - self.kept.len() as u64;
         let next = if after == 0 { oldest } else { after + 1 };

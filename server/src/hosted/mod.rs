@@ -1,9 +1,9 @@
-//! One world on the server: its NPCs, whose decision is due, who answers, how attempts end.
+//! One world on the server: its NPCs, which decisions are due, which worker makes them, and how attempts end.
 //!
-//! A tick is [`HostedWorld::step`] (`tick`): ask the workers, move, settle. Answers arrive between ticks. `workers` hands NPCs
-//! from one worker to another, `commands` is what clients ask for, `snapshot` and `events` what they see (`motion` finds jumps and
-//! landings), `saved` what outlives the process.
-//! Nothing here awaits, and nothing knows how a message looks on the wire.
+//! A tick is [`HostedWorld::step`] (in `tick`): request decisions, move, end attempts. Answers arrive between ticks. `workers`
+//! hands NPCs from one worker to another, `commands` has the calls of clients, `snapshot` and `events` what clients see (`motion`
+//! detects jumps and landings), `saved` what outlives the process.
+//! Nothing here awaits, and nothing knows wire types.
 
 mod commands;
 mod events;

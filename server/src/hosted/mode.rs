@@ -7,6 +7,6 @@ use serde::{Deserialize, Serialize};
 pub enum TimeMode {
     /// 60 ticks a second.
     Realtime,
-    /// As fast as answers come.
+    /// As fast as answers arrive: the world waits for every answer.
     Lockstep,
 }

@@ -1,17 +1,18 @@
-//! What an NPC's movement amounts to for those who show it: jumps, landings, rides, deaths.
+//! Detects events in an NPC's movement: jumps, landings, rides, deaths.
 
 use super::events::EventKind;
 use surefoot_world::character::TickEvents;
 use surefoot_world::{Ability, Npc, TICKS_PER_SECOND};
 
-/// Shorter hops without a jump, as over bumps, are not landings: a tenth of a second.
+/// Least time in the air, in ticks (0.1 s), that ends with a landing if the NPC neither jumped nor used a device; bumps cause
+/// shorter ones.
 const MIN_AIRBORNE_TICKS: u32 = TICKS_PER_SECOND / 10;
 
-/// How an NPC moved up to the last tick.
+/// What must be known about an NPC's movement up to the last tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Motion {
     airborne_ticks: u32,
-    /// Whether it left the ground by a jump or a device.
+    /// Whether the NPC left the ground by a jump or a device.
     was_thrown: bool,
     /// Downward speed at the last tick, m/s.
     falling_speed: f32,
@@ -20,12 +21,12 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Compares an NPC with how it was a tick ago; `attempt` is the one that is under way.
-    pub fn note(&mut self, npc: &Npc, events: TickEvents, attempt: Option<u32>, mut tell: impl FnMut(EventKind)) {
+    /// Compares an NPC with its state one tick ago, and emits the events between; `attempt` is the attempt under way.
+    pub fn note(&mut self, npc: &Npc, events: TickEvents, attempt: Option<u32>, mut emit: impl FnMut(EventKind)) {
         let position = npc.body.feet;
         for (happened, ability) in [(events.jumped, Ability::Jump), (events.double_jumped, Ability::DoubleJump)] {
             if happened {
-                tell(EventKind::Jumped { ability, position });
+                emit(EventKind::Jumped { ability, position });
             }
         }
         let thrust_begins = events.thrust && !self.is_thrusting;
@@ -37,12 +38,12 @@ impl Motion {
         ];
         for (happened, ability) in rides {
             if happened {
-                tell(EventKind::Rode { ability, position });
+                emit(EventKind::Rode { ability, position });
             }
         }
         if npc.body.is_grounded() {
             if self.was_thrown || self.airborne_ticks >= MIN_AIRBORNE_TICKS {
-                tell(EventKind::Landed { position, impact_speed: self.falling_speed.max(0.0) });
+                emit(EventKind::Landed { position, impact_speed: self.falling_speed.max(0.0) });
             }
             (self.airborne_ticks, self.was_thrown) = (0, false);
         } else {
@@ -50,7 +51,7 @@ impl Motion {
             self.was_thrown |= events.jumped || events.double_jumped || events.padded || events.zipped || events.thrust;
         }
         if let (Some(cause), false) = (npc.harm, self.is_down) {
-            tell(EventKind::Died { cause, attempt, position });
+            emit(EventKind::Died { cause, attempt, position });
         }
         self.falling_speed = -npc.body.velocity.y;
         self.is_thrusting = events.thrust;

@@ -1,9 +1,9 @@
-//! What waits to be told to workers.
+//! Pending messages to workers.
 
 use crate::ids::NpcId;
 use crate::messages::AttemptEnd;
 
-/// What a worker is to be told before its next observations.
+/// What must be sent to a worker before its next observations.
 #[derive(Debug, Default)]
 pub(super) struct Outbox {
     pub released: Vec<NpcId>,

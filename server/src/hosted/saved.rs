@@ -1,4 +1,4 @@
-//! What of a world outlives the process.
+//! The part of a world that outlives the process, and its file format.
 
 use super::mode::TimeMode;
 use super::snapshot::Counters;
@@ -15,13 +15,13 @@ use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState};
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
-/// Changed whenever [`SavedWorld`] or anything inside it is.
+/// Version of the file format; it changes whenever [`SavedWorld`] or anything inside it changes.
 const VERSION: u32 = 2;
 const SUFFIX: &str = "world";
-/// Numbers that NPCs may have been given after the world was saved for the last time: no other NPC gets them.
+/// Numbers that are skipped when a world is restored, because NPCs may have got them after the last save.
 const UNSAVED_SERIALS: u32 = 1 << 16;
 
-/// A world as it was when the server stopped.
+/// A world as it was when it was saved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SavedWorld {
     id: WorldId,
@@ -35,17 +35,18 @@ pub struct SavedWorld {
     counters: Counters,
 }
 
-/// Where a saved world's map comes from.
+/// Source of a saved world's map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum SavedMap {
-    /// It is generated.
+    /// The map is generated from a spec.
     Spec(MapSpec),
-    /// It was imported: the name of its level, and the map as a file.
+    /// The map was imported: the name of its level, and the map as a file.
     File(String, Vec<u8>),
 }
 
 impl SavedMap {
-    /// What it takes to have `map` again; `level` names an imported one. Turning that into a file takes a while.
+    /// Returns what is needed to restore `map`; `level` is the level's name if the map was imported. Encoding an imported map
+    /// takes a while.
     pub fn of(map: &Map, level: String) -> Self {
         map.spec().map_or_else(|| SavedMap::File(level, exchange::encode(map)), |spec| SavedMap::Spec(*spec))
     }
@@ -62,38 +63,38 @@ struct SavedNpc {
     attempts_ended: u32,
 }
 
-/// A saved world that cannot be restored.
+/// Why a world cannot be saved or restored.
 #[derive(Debug, thiserror::Error)]
 pub enum SavedError {
     /// The file cannot be read or written.
     #[error("{0}: {1}")]
     Io(PathBuf, std::io::Error),
-    /// It was written by another version.
+    /// The file was written by another version.
     #[error("{0} has version {1}, this program reads version {VERSION}")]
     Version(PathBuf, u32),
-    /// It is something else, or cut off or changed.
+    /// The file is no saved world, or it is truncated or corrupted.
     #[error("{0} is damaged")]
     Damaged(PathBuf),
-    /// This program generates another map from the spec than the one that saved it.
-    #[error("world {0} stood on another map: this version generates it differently")]
+    /// The program that saved the world generated a different map from the spec.
+    #[error("world {0} was saved with a different map: this version generates it differently")]
     OtherMap(WorldId),
-    /// Its imported map cannot be read.
+    /// The imported map of the world cannot be read.
     #[error("world {0}: {1}")]
     File(WorldId, surefoot_world::exchange::FileError),
 }
 
 impl SavedWorld {
-    /// Its id on the server.
+    /// Returns the world's id on the server.
     pub fn id(&self) -> WorldId {
         self.id
     }
 
-    /// The client that it belongs to.
+    /// Returns the client that the world belongs to.
     pub fn owner(&self) -> &str {
         &self.owner
     }
 
-    /// Name of its level, where its map was imported.
+    /// Returns the name of the world's level; empty if the map was generated.
     pub fn level(&self) -> &str {
         match &self.source {
             SavedMap::Spec(_) => "",
@@ -101,10 +102,10 @@ impl SavedWorld {
         }
     }
 
-    /// Generates or reads its map.
+    /// Generates or decodes the world's map.
     ///
     /// # Errors
-    /// If it is not the one that the world stood on.
+    /// If the map cannot be decoded, or it is not the one that the world was saved with.
     pub fn map(&self) -> Result<Arc<Map>, SavedError> {
         let map = match &self.source {
             SavedMap::Spec(spec) => Map::generate(spec),
@@ -117,34 +118,34 @@ impl SavedWorld {
         }
     }
 
-    /// Where its map comes from.
+    /// Returns the source of the world's map.
     pub fn source(&self) -> &SavedMap {
         &self.source
     }
 
-    /// As the content of a file.
+    /// Encodes the world as the content of a file.
     pub fn encode(&self) -> Vec<u8> {
         sealed::seal(MAGIC, VERSION, &postcard::to_stdvec(self).expect("plain data"))
     }
 
-    /// What [`encode`](Self::encode) wrote.
+    /// Decodes what [`encode`](Self::encode) returned.
     ///
     /// # Errors
-    /// If it is something else, of another version, damaged, or no world can have been saved like that.
+    /// If `bytes` are no saved world, of another version, damaged or inconsistent.
     pub fn decode(bytes: &[u8]) -> Result<Self, SealError> {
         let content = sealed::open(MAGIC, VERSION, bytes)?;
         let saved: Self = postcard::from_bytes(content).map_err(|_| SealError::Damaged)?;
-        if saved.makes_sense() { Ok(saved) } else { Err(SealError::Damaged) }
+        if saved.is_consistent() { Ok(saved) } else { Err(SealError::Damaged) }
     }
 
-    /// Puts it into `folder`, in place of what was there of it before, whole or not at all.
+    /// Writes the world into `folder`, atomically replacing an earlier save of it.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), SavedError> {
         let path = Self::path(folder, self.id);
-        let aside = path.with_extension("tmp");
-        let written = std::fs::write(&aside, self.encode()).and_then(|()| std::fs::rename(&aside, &path));
+        let temporary = path.with_extension("tmp");
+        let written = std::fs::write(&temporary, self.encode()).and_then(|()| std::fs::rename(&temporary, &path));
         written.map_err(|error| SavedError::Io(path, error))
     }
 
@@ -156,18 +157,19 @@ impl SavedWorld {
         })
     }
 
-    /// Whether a world can have been saved like that: a checksum makes bytes whole, not true.
-    fn makes_sense(&self) -> bool {
+    /// Whether a world can have been saved with this content, which the checksum does not prove.
+    fn is_consistent(&self) -> bool {
         let slots: BTreeSet<NpcSlot> = self.npcs.iter().map(|npc| npc.slot).collect();
         let is_ours = |npc: &SavedNpc| npc.id.world() == self.id && npc.goal.is_none_or(|goal| goal.is_finite());
         self.npcs.iter().all(is_ours)
             && slots.len() == self.npcs.len()
             && self.state.slots().eq(slots)
-            // Rides on zip lines are checked against the map once there is one.
+            // Rides on zip lines are checked in `map`, which knows the number of lines.
             && self.state.fits(1, usize::MAX)
     }
 
-    /// Reads all worlds of `folder`, by id, each or what is wrong with it. A folder that does not exist has none.
+    /// Reads all worlds in `folder`, ordered by id; each is a world or the error of its file. A folder that does not exist has
+    /// no worlds.
     ///
     /// # Errors
     /// If the folder cannot be read.
@@ -191,7 +193,7 @@ impl SavedWorld {
         Ok(worlds)
     }
 
-    /// Forgets what `folder` has of a world that was dropped.
+    /// Removes the file of a dropped world from `folder`, if there is one.
     ///
     /// # Errors
     /// If the file cannot be removed.
@@ -209,7 +211,7 @@ impl SavedWorld {
 }
 
 impl HostedWorld {
-    /// A copy of what must not be lost; `source` is where its map comes from.
+    /// Copies what must outlive the process; `source` is the source of the world's map.
     pub fn save(&self, owner: &str, source: SavedMap) -> SavedWorld {
         let npcs = self.records.iter().map(|(&id, record)| SavedNpc {
             id,
@@ -233,7 +235,7 @@ impl HostedWorld {
         }
     }
 
-    /// Restores a saved world on its map. NPCs go on to their goals once workers decide for them.
+    /// Restores a saved world on its map. NPCs continue to their goals once workers decide for them.
     pub fn restore(saved: &SavedWorld, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
         let mut world = Self::new(saved.id, map, saved.mode, registry);
         world.world.restore(saved.state.clone());
@@ -246,7 +248,7 @@ impl HostedWorld {
             record.began = Tick(saved.state.tick());
             world.records.insert(npc.id, record);
             if let Some(goal) = npc.goal {
-                // It may have headed for a waypoint of a plan that is gone.
+                // The world's state may hold a waypoint of a plan that is gone.
                 world.world.set_goal(npc.slot, goal);
             }
         }

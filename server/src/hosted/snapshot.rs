@@ -1,4 +1,4 @@
-//! What clients see of a hosted world: plain data, copied out of its thread.
+//! What clients see of a hosted world: plain data, copied out of the world's thread.
 
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
@@ -10,18 +10,18 @@ use surefoot_world::{Ability, Chance, End, Seconds, Tick, Vec3};
 /// What an NPC is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NpcStatus {
-    /// Without a goal.
+    /// The NPC has no goal.
     Idle,
-    /// On its way.
+    /// The NPC is under way to its goal.
     Seeking,
-    /// Fell, burnt or drowned.
+    /// The NPC fell, burnt or drowned.
     Down,
 }
 
 /// What supports an NPC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Support {
-    /// Nothing.
+    /// Nothing: the NPC is in the air.
     Air,
     /// Ground that can be walked on.
     Ground,
@@ -36,44 +36,44 @@ pub enum Support {
 /// One NPC at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NpcState {
-    /// Its id.
+    /// Id of the NPC.
     pub id: NpcId,
-    /// Where its feet are, m.
+    /// Position of the feet, m.
     pub position: Vec3,
     /// Velocity, m/s.
     pub velocity: Vec3,
     /// Heading, rad.
     pub yaw: f32,
-    /// What it is doing.
+    /// What the NPC is doing.
     pub status: NpcStatus,
-    /// Where it was sent, m.
+    /// Goal of the attempt under way, m.
     pub goal: Option<Vec3>,
-    /// Where it heads right now, m.
+    /// Waypoint that the NPC heads for, m.
     pub waypoint: Option<Vec3>,
-    /// How its last attempt that ended did.
+    /// Outcome of the last attempt that ended.
     pub last_outcome: Option<End>,
     /// Attempts that began.
     pub attempts_begun: u32,
     /// Attempts that ended with an outcome.
     pub attempts_ended: u32,
-    /// The worker that carries it.
+    /// The worker that decides for the NPC.
     pub worker: Option<WorkerId>,
-    /// What supports it.
+    /// What supports the NPC.
     pub support: Support,
-    /// What it has used since its last decision.
+    /// Ability that the NPC has used since its last decision.
     pub ability: Ability,
-    /// The harm that it came to.
+    /// How the NPC died, if it is down.
     pub cause: Option<End>,
 }
 
 /// All NPCs of a world at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
-    /// When, in the world's time.
+    /// Tick of the snapshot.
     pub tick: Tick,
-    /// When, by the server's clock.
+    /// Time of the server's clock at the snapshot.
     pub time: SystemTime,
-    /// By id.
+    /// The NPCs, ordered by id.
     pub npcs: Vec<NpcState>,
 }
 
@@ -83,80 +83,80 @@ impl Default for Snapshot {
     }
 }
 
-/// Figures of a world.
+/// Statistics of a world.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WorldStats {
-    /// Counters since it began.
+    /// Counters since the world began.
     pub counters: Counters,
-    /// From when ticks were due until they were done.
+    /// Times from when ticks were due until they were done.
     pub times: TickTimes,
-    /// NPCs that no worker carries.
+    /// NPCs without a worker.
     pub without_worker: u32,
 }
 
 /// Counters since the world began.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Decisions asked for.
+    /// Decisions requested from workers.
     pub asked: u64,
-    /// Answered within their period.
+    /// Decisions answered within their period.
     pub answered: u64,
-    /// Not answered within it.
+    /// Decisions not answered within their period.
     pub missed: u64,
-    /// Answers that nobody waited for any more.
+    /// Answers that came for decisions that were no longer pending.
     pub stale: u64,
-    /// Ticks left out because the world was too far behind.
+    /// Ticks dropped because the world was too far behind.
     pub ticks_dropped: u64,
     /// Ticks that were done later than a period after they were due.
     pub ticks_late: u64,
-    /// Attempts by how they ended, in the order of [`End::ALL`].
+    /// Attempts by outcome, in the order of [`End::ALL`].
     pub ends: [u64; End::ALL.len()],
 }
 
-/// NPCs of a world by what they do.
+/// Number of NPCs by status.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Without a goal.
+    /// NPCs without a goal.
     pub idle: u32,
-    /// On their way.
+    /// NPCs under way to a goal.
     pub seeking: u32,
-    /// Fell, burnt or drowned.
+    /// NPCs that fell, burnt or drowned.
     pub down: u32,
-    /// Whatever they do: not carried by a worker.
+    /// NPCs without a worker, of any status.
     pub without_worker: u32,
 }
 
 /// An attempt that ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EndedAttempt {
-    /// Its number among the NPC's attempts.
+    /// Number among the NPC's attempts.
     pub attempt: u32,
-    /// How it ended.
+    /// Outcome of the attempt.
     pub end: End,
-    /// Where it led, m.
+    /// Goal of the attempt, m.
     pub goal: Option<Vec3>,
-    /// How long it took.
+    /// Duration of the attempt.
     pub seconds: Seconds,
 }
 
-/// The plan that an NPC follows, as its worker reported it; as many legs as waypoints.
+/// The plan that an NPC follows, as its worker reported it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NpcPlan {
-    /// Where each leg ends, m.
+    /// End of each leg, m.
     pub waypoints: Vec<Vec3>,
-    /// What each leg takes.
+    /// The legs, one for each waypoint.
     pub legs: Vec<PlanLeg>,
-    /// Why the plan only heads for the goal; empty for a real path.
+    /// Why no path was found and the plan heads straight for the goal; empty if a path was found.
     pub no_path: String,
 }
 
 /// One leg of a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanLeg {
-    /// The most demanding ability it needs.
+    /// The most demanding ability that the leg needs.
     pub ability: Ability,
     /// Expected duration.
     pub seconds: Seconds,
-    /// Chance of success.
+    /// Estimated chance of success.
     pub chance: Chance,
 }

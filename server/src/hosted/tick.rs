@@ -1,4 +1,4 @@
-//! The tick: ask for the decisions that are due, move, note what happened, settle; and the answers that come between ticks.
+//! The tick: request due decisions, move, log events, end attempts; and the answers that arrive between ticks.
 
 use super::events::EventKind;
 use super::mode::TimeMode;
@@ -11,35 +11,36 @@ use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_world::{Action, End, TICKS_PER_DECISION};
 
-/// Missed answers in a row after which an NPC stops repeating its last action.
+/// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
 const MISSES_UNTIL_NEUTRAL: u8 = 2;
 
 impl HostedWorld {
-    /// Whether a lockstep world can be stepped: every answer is in, and there is something to do.
+    /// Requests the decisions that are due in a lockstep world, unless done already. Returns whether the world can be stepped:
+    /// some NPC is seeking, every seeking NPC has a worker, and no answer is missing.
     pub fn is_ready(&mut self) -> bool {
-        if self.asked_tick != Some(self.tick()) {
+        if self.requested_tick != Some(self.tick()) {
             let mut seeking = self.records.values().filter(|record| record.goal.is_some()).peekable();
             if seeking.peek().is_none() || seeking.any(|record| record.worker.is_none()) {
                 self.flush();
                 return false;
             }
-            self.ask();
-            self.asked_tick = Some(self.tick());
+            self.request_decisions();
+            self.requested_tick = Some(self.tick());
         }
         self.records.values().all(|record| record.awaiting.is_none())
     }
 
-    /// One tick: ask, move, note, settle. Lockstep worlds have asked already in [`HostedWorld::is_ready`].
+    /// Steps the world by one tick. For lockstep worlds, [`HostedWorld::is_ready`] has requested the decisions already.
     pub fn step(&mut self) {
         if self.mode == TimeMode::Realtime {
-            self.ask();
+            self.request_decisions();
         }
         self.world.tick();
         self.note_motion();
         self.settle();
     }
 
-    /// Logs what the tick did to NPCs.
+    /// Logs the events of NPCs in this tick.
     fn note_motion(&mut self) {
         let (tick, mut now) = (self.tick(), None);
         let Self { records, world, events, .. } = self;
@@ -47,17 +48,17 @@ impl HostedWorld {
             let npc = world.npc(record.slot).expect("every record has an NPC");
             let attempt = record.goal.map(|_| record.attempts);
             record.motion.note(npc, world.tick_events(record.slot), attempt, |kind| {
-                // One time for all that a tick did.
+                // All events of a tick have the same time.
                 let time = *now.get_or_insert_with(SystemTime::now);
                 events.push(tick, time, id, kind);
             });
         }
     }
 
-    /// Sends the observations of all NPCs whose decision is due to their workers.
+    /// Sends observations of all NPCs that are due for a decision to their workers.
     ///
-    /// In realtime a tenth of the NPCs is due at each tick; in lockstep all of them are at every tenth.
-    fn ask(&mut self) {
+    /// In realtime a tenth of the NPCs is due at every tick; in lockstep all NPCs are due at every tenth tick.
+    fn request_decisions(&mut self) {
         let tick = self.tick();
         let period = u64::from(TICKS_PER_DECISION);
         for (&id, record) in &mut self.records {
@@ -89,14 +90,14 @@ impl HostedWorld {
             record.awaiting = Some(tick);
             self.counters.asked += 1;
         }
-        // Before its observations a worker must know whose they are.
+        // A worker must receive assignments before the observations of the assigned NPCs.
         self.flush();
         for (worker, batch) in std::mem::take(&mut self.batches) {
             self.registry.offer(worker, ToWorker::Observations(batch));
         }
     }
 
-    /// Takes a worker's answers. Answers that nobody waits for any more are counted and ignored.
+    /// Applies a worker's answer. Actions for decisions that are no longer pending are counted as stale and ignored.
     pub fn answer(&mut self, worker: WorkerId, answer: Answer) {
         for (&id, &action) in answer.npcs.iter().zip(&answer.actions) {
             let awaited = self.records.get_mut(&id);
@@ -111,24 +112,24 @@ impl HostedWorld {
             self.world.decide(record.slot, action);
         }
         for (id, plan) in answer.plans {
-            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker)) {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_seeking_with(worker)) {
                 record.plan = Some(Arc::new(plan));
             }
         }
         for (id, position) in answer.waypoints {
-            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker)) {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_seeking_with(worker)) {
                 record.waypoint = Some(position);
                 self.world.set_goal(record.slot, position);
             }
         }
         for id in answer.gave_up {
-            if self.records.get(&id).is_some_and(|it| it.is_sought_by(worker)) {
+            if self.records.get(&id).is_some_and(|it| it.is_seeking_with(worker)) {
                 self.end_attempt(id, End::NoProgress);
             }
         }
     }
 
-    /// Ends the attempts that this tick decided.
+    /// Ends the attempts whose outcome this tick decided.
     fn settle(&mut self) {
         let goal_radius = self.world.task().goal_radius;
         let mut ended = Vec::new();
@@ -159,20 +160,20 @@ impl HostedWorld {
         }
         let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
         self.counters.ends[at] += 1;
-        self.tell(id, EventKind::AttemptEnded { attempt, end: Some(end), goal, seconds });
+        self.log_event(id, EventKind::AttemptEnded { attempt, end: Some(end), goal, seconds });
     }
 
-    /// Logs that the attempt that is under way ends without an outcome: something else takes its place.
-    pub(super) fn tell_replaced(&mut self, id: NpcId) {
+    /// Logs that the attempt under way, if any, ends without an outcome because it is replaced.
+    pub(super) fn log_replaced_attempt(&mut self, id: NpcId) {
         let Some(record) = self.records.get(&id).filter(|record| record.goal.is_some()) else { return };
         let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(self.tick()));
-        self.tell(id, EventKind::AttemptEnded { attempt, end: None, goal, seconds });
+        self.log_event(id, EventKind::AttemptEnded { attempt, end: None, goal, seconds });
     }
 }
 
 impl Record {
-    /// Whether `worker` carries it to a goal.
-    fn is_sought_by(&self, worker: WorkerId) -> bool {
+    /// Whether the NPC has a goal and `worker` decides for it.
+    fn is_seeking_with(&self, worker: WorkerId) -> bool {
         self.worker == Some(worker) && self.goal.is_some()
     }
 }

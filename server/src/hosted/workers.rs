@@ -1,4 +1,4 @@
-//! Which worker carries which NPC: assignment, hand-over, loss, and how workers are notified.
+//! Which worker decides for which NPC: assignment, hand-over, loss, and notifying workers.
 
 use super::outbox::Outbox;
 use super::world::HostedWorld;
@@ -8,7 +8,7 @@ use crate::messages::{Assignment, ToWorker};
 use std::collections::BTreeMap;
 
 impl HostedWorld {
-    /// Gives every NPC without a worker to one with room.
+    /// Assigns every NPC without a worker to one with room.
     pub fn assign_workers(&mut self) {
         for (&id, record) in &mut self.records {
             if record.worker.is_none() {
@@ -20,7 +20,7 @@ impl HostedWorld {
         }
     }
 
-    /// Lets less loaded workers take NPCs over, each at its next decision, so that none misses one.
+    /// Hands NPCs over to less loaded workers, each at its next decision, so that no decision is missed.
     pub fn rebalance(&mut self) {
         self.assign_workers();
         for (&id, record) in &mut self.records {
@@ -33,7 +33,7 @@ impl HostedWorld {
         }
     }
 
-    /// Hands the NPCs of a lost worker to others.
+    /// Assigns the NPCs of a lost worker to others.
     pub fn lose_worker(&mut self, lost: WorkerId) {
         for (&id, record) in &mut self.records {
             if record.next_worker == Some(lost) {
@@ -44,31 +44,31 @@ impl HostedWorld {
             }
             if record.worker == Some(lost) {
                 record.worker = None;
-                // An observation that a lost worker will never answer is asked again of the next one.
+                // The lost worker will not answer: the next worker gets new observations.
                 record.awaiting = None;
                 hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
             }
         }
         self.outbox.remove(&lost);
-        self.asked_tick = None;
+        self.requested_tick = None;
         self.assign_workers();
     }
 
-    /// Gives all places back when the world ends.
+    /// Removes all NPCs when the world ends, which gives their places back.
     pub fn release_all(&mut self) {
         let ids: Vec<NpcId> = self.records.keys().copied().collect();
         for id in ids {
-            // Every one of them exists.
+            // Cannot fail: all ids are from the records.
             let _ = self.despawn(id);
         }
         self.flush();
     }
 
-    /// Tells workers what they have not been told yet.
+    /// Sends the pending messages to workers.
     pub fn flush(&mut self) {
         for (worker, Outbox { released, assigned, ended }) in std::mem::take(&mut self.outbox) {
             if !released.is_empty() {
-                self.registry.tell(worker, ToWorker::Release(self.id, released));
+                self.registry.send(worker, ToWorker::Release(self.id, released));
             }
             if !assigned.is_empty() {
                 let map = self.world.map();
@@ -79,16 +79,16 @@ impl HostedWorld {
                     mode: self.mode,
                     npcs: assigned,
                 };
-                self.registry.tell(worker, ToWorker::Assignment(assignment));
+                self.registry.send(worker, ToWorker::Assignment(assignment));
             }
             if !ended.is_empty() {
-                self.registry.tell(worker, ToWorker::Ended(self.id, ended));
+                self.registry.send(worker, ToWorker::Ended(self.id, ended));
             }
         }
     }
 }
 
-/// Moves an NPC to the worker that is to take it over, if one is.
+/// Moves an NPC to its next worker, if it has one.
 pub(super) fn hand_over(
     outbox: &mut BTreeMap<WorkerId, Outbox>,
     id: NpcId,

@@ -1,4 +1,4 @@
-//! A hosted world: the world itself, and what the server knows of its NPCs beyond the world's own state.
+//! A hosted world: the world itself, and what the server knows about its NPCs beyond the world's own state.
 
 use super::events::{EventKind, EventLog};
 use super::mode::TimeMode;
@@ -18,7 +18,7 @@ use surefoot_world::{
     CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World,
 };
 
-/// What the server knows of an NPC beyond the world's own state.
+/// What the server knows about an NPC beyond the world's own state.
 #[derive(Debug)]
 pub(super) struct Record {
     pub slot: NpcSlot,
@@ -31,22 +31,22 @@ pub(super) struct Record {
     pub attempts_ended: u32,
     pub motion: Motion,
     pub worker: Option<WorkerId>,
-    /// The worker that takes it over at its next decision.
+    /// The worker that the NPC is handed over to at its next decision.
     pub next_worker: Option<WorkerId>,
     /// Tick of the observation that has not been answered yet.
     pub awaiting: Option<Tick>,
     pub misses: u8,
-    /// The plan it follows, as its worker told.
+    /// The plan that the NPC follows, as its worker reported it.
     pub plan: Option<Arc<NpcPlan>>,
-    /// Its last attempts that ended, the latest last.
+    /// The last attempts that ended, the latest last.
     pub history: VecDeque<EndedAttempt>,
-    /// Tick at which its attempt began.
+    /// Tick at which the current attempt began.
     pub began: Tick,
-    /// Its place in its client's quota.
+    /// The NPC's place in its client's quota.
     pub ticket: Ticket,
 }
 
-/// Attempts of an NPC that are remembered; the oldest is forgotten first.
+/// Most attempts in an NPC's history; the oldest is dropped first.
 const MAX_HISTORY: usize = 32;
 
 impl Record {
@@ -70,7 +70,7 @@ impl Record {
         }
     }
 
-    /// Remembers how the attempt that is going on ended at `tick`.
+    /// Records how the attempt under way ended at `tick`.
     pub fn note_end(&mut self, end: End, tick: Tick) {
         if self.history.len() == MAX_HISTORY {
             self.history.pop_front();
@@ -85,12 +85,12 @@ impl Record {
         self.attempts_ended += 1;
     }
 
-    /// How long its attempt has taken.
+    /// Duration of the attempt from its start to `tick`.
     pub fn lasted(&self, tick: Tick) -> Seconds {
         Seconds(tick.since(self.began) as f32 / TICKS_PER_SECOND as f32)
     }
 
-    /// Forgets where it was going.
+    /// Clears the goal with the waypoint, the plan and the pending decision.
     pub fn clear_goal(&mut self) {
         self.goal = None;
         self.waypoint = None;
@@ -114,12 +114,12 @@ pub struct HostedWorld {
     pub(super) outbox: BTreeMap<WorkerId, Outbox>,
     pub(super) batches: BTreeMap<WorkerId, ObservationBatch>,
     pub(super) row: Vec<f32>,
-    /// The tick that has been asked for but not stepped yet (lockstep).
-    pub(super) asked_tick: Option<Tick>,
+    /// Lockstep: the last tick whose decisions have been requested.
+    pub(super) requested_tick: Option<Tick>,
 }
 
 impl HostedWorld {
-    /// An empty world.
+    /// Creates a world without NPCs.
     pub fn new(id: WorldId, map: Arc<Map>, mode: TimeMode, registry: Arc<Registry>) -> Self {
         Self {
             id,
@@ -134,16 +134,16 @@ impl HostedWorld {
             outbox: BTreeMap::new(),
             batches: BTreeMap::new(),
             row: vec![0.0; OBSERVATION_LEN],
-            asked_tick: None,
+            requested_tick: None,
         }
     }
 
-    /// Its id on the server.
+    /// Returns the world's id on the server.
     pub fn id(&self) -> WorldId {
         self.id
     }
 
-    /// How time passes.
+    /// How the world's time passes.
     pub fn mode(&self) -> TimeMode {
         self.mode
     }
@@ -153,37 +153,37 @@ impl HostedWorld {
         &self.counters
     }
 
-    /// What happened lately.
+    /// The latest events.
     pub fn events(&self) -> &EventLog {
         &self.events
     }
 
-    pub(super) fn tell(&mut self, npc: NpcId, kind: EventKind) {
+    pub(super) fn log_event(&mut self, npc: NpcId, kind: EventKind) {
         self.events.push(self.tick(), SystemTime::now(), npc, kind);
     }
 
-    /// From when ticks were due until they were done.
+    /// Times from when ticks were due until they were done.
     pub fn times(&self) -> &TickTimes {
         &self.times
     }
 
-    /// Ticks stepped.
+    /// Number of ticks stepped.
     pub fn tick(&self) -> Tick {
         Tick(self.world.current_tick())
     }
 
-    /// NPCs on it.
+    /// Number of NPCs.
     pub fn npc_count(&self) -> usize {
         self.records.len()
     }
 
-    /// Notes how long after it was due a tick was done, and whether the next was due by then.
+    /// Counts a tick that was done `took` after it was due; `is_late` says whether the next tick was due by then.
     pub fn note_tick(&mut self, took: Duration, is_late: bool) {
         self.times.note(took);
         self.counters.ticks_late += u64::from(is_late);
     }
 
-    /// Counts ticks that were skipped because the thread fell behind.
+    /// Counts ticks that were dropped because the thread fell behind.
     pub fn note_dropped(&mut self, ticks: u64) {
         self.counters.ticks_dropped += ticks;
     }
