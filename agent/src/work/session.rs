@@ -50,7 +50,7 @@ impl Session<'_> {
         while let Some(response) = responses.next().await {
             match response?.message {
                 Some(wire::work_response::Message::Welcome(welcome)) => {
-                    info!(worker = welcome.worker_id, server = self.config.server, "carrying NPCs");
+                    info!(worker = welcome.worker_id, server = self.config.server, "deciding for NPCs");
                 }
                 Some(wire::work_response::Message::Assignment(assignment)) => {
                     worlds
