@@ -1,4 +1,4 @@
-//! A stand-in for a game client: keeps a crowd of NPCs on one world busy with random goals, over gRPC.
+//! A simulated game client: keeps a crowd of NPCs on one world busy with random goals, over gRPC.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -10,16 +10,16 @@ use tokio::sync::watch;
 use tokio_stream::StreamExt;
 use tonic::Status;
 
-/// Places that goals are drawn from.
+/// Number of points that positions and goals are drawn from.
 const GROUND_POINTS: u32 = 2000;
-/// Snapshots a second that the crowd is steered by.
+/// Snapshots per second that the crowd reads.
 const RATE_HZ: f32 = 4.0;
-/// Seconds between two figures of the world.
+/// Seconds between two messages of the world's figures.
 const STATS_PERIOD_S: f32 = 0.25;
-/// NPCs that one call is about.
+/// Most NPCs in one batch call.
 const BATCH: usize = 1024;
 
-/// A crowd on one world.
+/// A crowd of NPCs on one world.
 #[derive(Debug)]
 pub struct Crowd {
     client: WorldServiceClient<Link>,
@@ -29,10 +29,10 @@ pub struct Crowd {
 }
 
 impl Crowd {
-    /// Creates a world on `map` and puts `npc_count` NPCs on it.
+    /// Creates a realtime world on `map` and spawns `npc_count` NPCs with goals.
     ///
     /// # Errors
-    /// Whatever the server answers.
+    /// The status of the first call that fails, or of the first NPC that cannot be spawned.
     pub async fn start(link: impl Into<Link>, map: wire::MapSpec, npc_count: usize, seed: u64) -> Result<Self, Status> {
         let mut client = WorldServiceClient::new(link.into()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let request =
@@ -58,7 +58,7 @@ impl Crowd {
         Ok(crowd)
     }
 
-    /// The world it lives on.
+    /// The crowd's world.
     pub fn world(&self) -> &wire::World {
         &self.world
     }
@@ -75,11 +75,10 @@ impl Crowd {
         wire::Spawn { position: Some(self.point()), yaw: self.yaw(), goal: Some(self.point()) }
     }
 
-    /// Gives every idle NPC a new goal and revives those that are down, until a stream ends; figures of the world go to
-    /// `latest`.
+    /// Gives idle NPCs new goals and revives NPCs that are down, until a stream ends. Sends figures of the world to `latest`.
     ///
     /// # Errors
-    /// What ended the stream, or what the server answered to a call.
+    /// The status that ended a stream or that a call returned.
     pub async fn keep_busy(mut self, latest: watch::Sender<wire::WatchStatsResponse>) -> Result<(), Status> {
         let world_id = self.world.world_id;
         let request = wire::WatchWorldRequest { world_id, rate_hz: RATE_HZ, ..Default::default() };
@@ -89,7 +88,7 @@ impl Crowd {
         loop {
             tokio::select! {
                 snapshot = snapshots.next() => match snapshot {
-                    Some(snapshot) => self.attend(&snapshot?.npcs).await?,
+                    Some(snapshot) => self.assign_goals(&snapshot?.npcs).await?,
                     None => return Ok(()),
                 },
                 stats = stats.next() => match stats {
@@ -100,9 +99,9 @@ impl Crowd {
         }
     }
 
-    /// Revives those that are down and sends those that are idle somewhere. One that cannot be sent fell, or was revived, since
-    /// the snapshot was taken: the next one shows it.
-    async fn attend(&mut self, npcs: &[wire::Npc]) -> Result<(), Status> {
+    /// Revives NPCs that are down and gives idle ones a goal. Ignores failures of single NPCs, which have changed since the
+    /// snapshot: the next snapshot shows their state.
+    async fn assign_goals(&mut self, npcs: &[wire::Npc]) -> Result<(), Status> {
         let (mut teleports, mut goals) = (Vec::new(), Vec::new());
         for npc in npcs {
             let npc_id = npc.npc_id;

@@ -1,7 +1,7 @@
-//! What acts: the NPC worker, the trainer and the evaluation protocol.
+//! Programs that act with a policy: the NPC worker, the trainer and the evaluation protocol.
 //!
-//! Start at [`train::run()`] for learning, at [`eval::evaluate`] for the numbers, and at [`work`] for the worker that carries NPCs of
-//! a running server. The decision loop that all of them share is the crate `surefoot-rollout`.
+//! Start at [`train::run()`] for training, at [`eval::evaluate`] for evaluation, and at [`work`] for the worker that decides for
+//! NPCs of a running server. All of them share the decision loop of the crate `surefoot-rollout`.
 
 pub mod crowd;
 pub mod eval;

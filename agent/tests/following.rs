@@ -1,4 +1,4 @@
-//! Following plans, and the shipped policy on a map it has not seen.
+//! Following plans, and the shipped policy on an unseen map.
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -27,7 +27,7 @@ fn plan(waypoints: &[f32]) -> Plan {
 fn follower() -> Follower {
     let mut follower =
         Follower::new(Vec3::new(30.0, 0.0, 0.0), FollowConfig { replan_after: 5, patience: 40, max_replans: 3 });
-    assert_eq!(follower.note(Vec3::ZERO, false), Step::Plan, "without a plan it asks for one");
+    assert_eq!(follower.note(Vec3::ZERO, false), Step::Plan, "without a plan, the follower needs one");
     assert_eq!(follower.take_plan(plan(&[10.0, 20.0, 30.0])), Vec3::new(10.0, 0.0, 0.0));
     follower
 }
@@ -42,7 +42,7 @@ fn each_touched_waypoint_leads_to_the_next() {
 }
 
 #[test]
-fn a_leg_without_progress_is_planned_anew_and_avoided_until_patience_ends() {
+fn a_leg_without_progress_is_avoided_by_re_plans_until_patience_ends() {
     let mut follower = follower();
     let stuck = Vec3::new(4.0, 0.0, 0.0);
     let mut replans = 0;
@@ -78,7 +78,7 @@ fn intervals_contain_the_rate_and_shrink_with_more_attempts() {
 }
 
 #[test]
-fn drawn_goals_have_the_asked_distance() {
+fn drawn_goals_have_the_requested_distance() {
     let map = Map::generate(&MapSpec::with_side(1001, 100).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 200, &mut rng).unwrap();

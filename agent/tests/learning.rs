@@ -1,4 +1,4 @@
-//! The trainer: what the replay hands out, exact resumption, and that it learns at all.
+//! The trainer: exact resumption, configuration errors, early stopping and determinism.
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -43,7 +43,7 @@ fn tiny_recurrent() -> TrainConfig {
     TrainConfig { burn_in: 3, learn: 5, batch: 4, sac: SacConfig { network, ..SacConfig::default() }, ..tiny() }
 }
 
-/// What the weights in a run's `last` decide, bit for bit.
+/// The bits of actions of the weights in a run's `last`.
 fn decisions(folder: &tempfile::TempDir) -> Vec<u32> {
     let policy = surefoot_policy::Policy::load(&folder.path().join("last")).unwrap();
     let rows: Vec<f32> = (0..8 * OBSERVATION_LEN).map(|idx| (idx % 17) as f32 / 17.0).collect();
@@ -78,12 +78,12 @@ fn a_recurrent_run_may_start_from_a_reactive_one() {
     let config = TrainConfig { start_from, total_updates: 0, ..tiny_recurrent() };
     run(config.clone(), second.path(), false, &stop, |_| {}).unwrap();
     for (before, after) in decisions(&first).into_iter().zip(decisions(&second)) {
-        assert!((f32::from_bits(before) - f32::from_bits(after)).abs() < 1.0e-4, "nothing is learned yet");
+        assert!((f32::from_bits(before) - f32::from_bits(after)).abs() < 1.0e-4, "the LSTM has no influence yet");
     }
 
     let network = ActorConfig { hidden: 24, ..config.sac.network };
     let wider = TrainConfig { sac: SacConfig { network, ..config.sac.clone() }, ..config };
-    let refusal = Run::new(wider).err().expect("other shapes do not fit").to_string();
+    let refusal = Run::new(wider).err().expect("other shapes are an error").to_string();
     assert!(refusal.contains("16") && refusal.contains("24"), "{refusal}");
 }
 

@@ -1,4 +1,4 @@
-//! The replay buffer: what it hands out to reactive and to recurrent learners.
+//! The replay buffer: batches for reactive and for recurrent learners.
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -8,7 +8,7 @@ use surefoot_world::OBSERVATION_LEN;
 
 const DISCOUNT: f32 = 0.5;
 
-/// One lane whose observations carry the step's number in the goal distance.
+/// One lane whose observations have the number of the step as the goal distance.
 fn replay(kinds: &[(RowKind, f32)]) -> Replay {
     let mut replay = Replay::new(1, 64);
     for (number, &(kind, reward)) in kinds.iter().enumerate() {
@@ -26,7 +26,7 @@ fn replay(kinds: &[(RowKind, f32)]) -> Replay {
     replay
 }
 
-/// (step, return, bootstrap factor, step of the next observation) of many samples.
+/// Step, return, bootstrap factor and step of the next observation of many samples.
 fn samples(replay: &Replay, n_step: usize) -> Vec<(u32, f32, f32, u32)> {
     let sampling = Sampling { batch: 200, burn_in: 0, learn: 1, n_step, discount: DISCOUNT, mirror: false };
     let mut batch = Batch::default();
@@ -41,7 +41,7 @@ fn samples(replay: &Replay, n_step: usize) -> Vec<(u32, f32, f32, u32)> {
 }
 
 #[test]
-fn a_terminal_step_has_no_successor_and_a_cut_off_one_keeps_its_value() {
+fn a_terminal_step_has_no_successor_and_a_truncated_one_is_bootstrapped() {
     use RowKind::{Boundary, Continues, Terminated};
     let replay = replay(&[
         (Continues, 1.0),
@@ -64,7 +64,11 @@ fn a_terminal_step_has_no_successor_and_a_cut_off_one_keeps_its_value() {
                 (1.0 + DISCOUNT * 2.0, DISCOUNT * DISCOUNT, 4),
                 "two steps to the boundary"
             ),
-            3 => assert_eq!((total, bootstrap, next), (2.0, DISCOUNT, 4), "cut off: the last observation still counts"),
+            3 => assert_eq!(
+                (total, bootstrap, next),
+                (2.0, DISCOUNT, 4),
+                "truncated: the last observation is bootstrapped"
+            ),
             4 => panic!("a boundary row has no action"),
             5 => assert_eq!((total, bootstrap, next), (4.0 + DISCOUNT * 8.0, DISCOUNT * DISCOUNT, 7)),
             6 => assert_eq!((total, next), (8.0 + DISCOUNT * 16.0, 8)),
@@ -75,7 +79,7 @@ fn a_terminal_step_has_no_successor_and_a_cut_off_one_keeps_its_value() {
 }
 
 #[test]
-fn packed_observations_come_back_to_within_their_resolution() {
+fn packed_observations_are_unpacked_to_within_their_resolution() {
     let mut observation = vec![0.0; OBSERVATION_LEN];
     for (idx, value) in observation.iter_mut().enumerate().take(64) {
         *value = idx as f32 / 64.0;
@@ -104,7 +108,7 @@ fn packed_observations_come_back_to_within_their_resolution() {
     }
 }
 
-/// Two lanes of a recurrent agent: the goal distance carries the step, the memory the step and the lane.
+/// Two lanes of a recurrent agent: the goal distance is the step, the memory holds the step and the lane.
 fn remembering(steps: usize, capacity: usize) -> Replay {
     let mut replay = Replay::new(2, capacity);
     for number in 0..steps {
@@ -117,7 +121,7 @@ fn remembering(steps: usize, capacity: usize) -> Replay {
             memory: vec![number as f32, 0.0, number as f32, 1.0],
             is_fresh: vec![number % 7 == 3; 2],
             rewards: vec![1.0; 2],
-            // The second lane is cut off at every eleventh step.
+            // The second lane is truncated at every eleventh step.
             kinds: vec![RowKind::Continues, if number % 11 == 10 { RowKind::Boundary } else { RowKind::Continues }],
         });
     }
@@ -125,9 +129,9 @@ fn remembering(steps: usize, capacity: usize) -> Replay {
 }
 
 #[test]
-fn sequences_start_where_memories_were_stored_and_show_where_each_step_led() {
+fn sequences_start_at_stored_memories_and_include_each_steps_successor() {
     let sampling = Sampling { batch: 64, burn_in: 4, learn: 6, n_step: 3, discount: DISCOUNT, mirror: false };
-    // More steps than fit, so that the oldest were overwritten.
+    // More steps than the capacity, so that the oldest are overwritten.
     let replay = remembering(230, 2 * 160);
     let mut batch = Batch::default();
     replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
@@ -137,12 +141,12 @@ fn sequences_start_where_memories_were_stored_and_show_where_each_step_led() {
         let start = step(sequence);
         assert!(start.is_multiple_of(MEMORY_STRIDE) && (70..=217).contains(&start), "{start}");
         let memory = &batch.memory[2 * sequence..2 * sequence + 2];
-        assert_eq!(memory[0] as u64, start, "what was remembered there");
+        assert_eq!(memory[0] as u64, start, "the memory stored at the start");
         lanes[memory[1] as usize] += 1;
         for idx in 0..13 {
             let at = step(idx * 64 + sequence);
             assert_eq!(at, start + idx as u64, "steps follow each other");
-            assert_eq!(batch.keep[idx * 64 + sequence] == 0.0, at % 7 == 3, "memory starts anew where it did");
+            assert_eq!(batch.keep[idx * 64 + sequence] == 0.0, at % 7 == 3, "memory is reset where it was");
         }
         for idx in 0..6 {
             let row = idx * 64 + sequence;

@@ -1,4 +1,4 @@
-//! Evaluation by units: kept, resumed, and summed up beside the paper's table.
+//! Evaluation by units: saving, resuming, and summarising beside the paper's table.
 
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::{EvalConfig, Method, Report, evaluate};
@@ -28,7 +28,7 @@ fn report(config: &EvalConfig) -> Report {
 }
 
 #[test]
-fn finished_units_are_taken_from_disk_and_damaged_ones_run_again() {
+fn finished_units_are_loaded_from_disk_and_damaged_ones_run_again() {
     let folder = tempfile::tempdir().unwrap();
     let fresh = report(&config(None, 2));
     assert_eq!(report(&config(Some(&folder), 1)), fresh, "threads and disk change nothing");
@@ -37,18 +37,18 @@ fn finished_units_are_taken_from_disk_and_damaged_ones_run_again() {
     units.sort();
     assert_eq!(units.len(), 4);
 
-    // What was kept is believed: an altered outcome shows.
+    // A saved unit is loaded: an altered outcome shows in the report.
     let text = std::fs::read_to_string(&units[0]).unwrap();
     assert!(text.contains("Reached") || text.contains("reached"));
     std::fs::write(&units[0], text.replacen("\"reached\"", "\"drowned\"", 1)).unwrap();
     assert_eq!(report(&config(Some(&folder), 2)).ends["drowned"], fresh.ends["drowned"] + 1);
 
-    // What is torn is not.
+    // A truncated file is not loaded.
     std::fs::write(&units[0], &text[..text.len() / 2]).unwrap();
     assert_eq!(report(&config(Some(&folder), 2)), fresh);
     assert_eq!(std::fs::read_to_string(&units[0]).unwrap(), text);
 
-    // Other goals are other units.
+    // Another number of goals gives other units.
     report(&EvalConfig { goals: 8, ..config(Some(&folder), 2) });
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 8);
 }
@@ -65,12 +65,12 @@ fn the_suite_stands_beside_the_papers_table() {
         },
     ];
     let splits = [("training", vec![MapSpec::with_side(0, 60).unwrap()]), ("test", maps())];
-    // The method is each entry's, whatever the base says.
+    // Each entry's method overrides that of the base.
     let base = EvalConfig { method: Method::Graph(BuildSettings::default()), ..config(None, 2) };
     let report = suite::run(&entries, &splits, &base, |_, _, _| {}).unwrap();
     let [general, specific] = report.rows.as_slice() else { panic!("two rows") };
     assert_eq!(general.success, specific.success, "the same weights on the same goals");
-    assert!((general.efficiency - general.success.all.rate).abs() < 1.0e-9, "both rows found the same shortest ways");
+    assert!((general.efficiency - general.success.all.rate).abs() < 1.0e-9, "both rows found the same shortest paths");
     assert_eq!(general.by_distance.iter().map(|(_, rate)| rate.n).sum::<usize>(), 36);
     assert_eq!(general.ends.values().sum::<usize>(), 36);
     let [only] = report.generalisation.as_slice() else { panic!("only one model is bound to no map") };

@@ -14,7 +14,7 @@ use surefoot_rollout::{Goal, Rollout};
 use surefoot_world::map::Features;
 use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, navigable};
 
-/// Short goals on small maps of bare terrain.
+/// Near goals on small maps without features.
 fn field(network: ActorConfig) -> TrainConfig {
     let base = if network.memory.is_some() { TrainConfig::recurrent() } else { TrainConfig::default() };
     TrainConfig {
@@ -43,7 +43,7 @@ fn field(network: ActorConfig) -> TrainConfig {
     }
 }
 
-/// Share of goals reached on a map that was not trained on.
+/// Share of goals reached on a map outside the training set.
 fn success(policy: &Policy, config: &CollectorConfig) -> f64 {
     let map = Arc::new(Map::generate(&config.spec(1000).unwrap()));
     let mut rng = ChaCha8Rng::seed_from_u64(3);

@@ -1,8 +1,8 @@
-//! Where the values of flags come from: defaults, then one TOML file, then the environment, then the command line.
+//! Sources of flag values, each overriding the one before: defaults, one TOML file, the environment, the command line.
 //!
-//! File and environment are laid under the flags of `serve`, `plan`, `work` and `up` before clap parses: a value of
-//! the file becomes the flag's default, and every flag gets a variable. So clap itself decides who wins, checks
-//! types, and shows in `--help` what holds. What the flags mean is none of this module's business.
+//! For `serve`, `plan`, `work` and `up`, a value in the file becomes the flag's default and every flag gets a variable
+//! before clap parses. So clap itself applies the precedence, checks types, and shows the effective values in `--help`. This
+//! module does not know what the flags mean.
 
 use anyhow::{Context, anyhow, bail};
 use clap::builder::PossibleValue;
@@ -11,28 +11,28 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Subcommands that can be configured; each has a table of its name.
+/// Subcommands that can be configured, each in the table of its name.
 const CONFIGURED: [&str; 4] = ["serve", "plan", "work", "up"];
-/// The table of keys that several subcommands share.
+/// Name of the table with keys that several subcommands share.
 const COMMON: &str = "common";
-/// The variable that names the file.
+/// The environment variable with the path of the file.
 const FILE_VARIABLE: &str = "SUREFOOT_CONFIG";
 /// Flags whose values are never shown.
 const SECRETS: [&str; 1] = ["token"];
 
-/// Reads the command line, with the environment and the file under it; `None` if `--print-config` was all.
+/// Parses the command line, the environment and the file; `None` if `--print-config` was given and handled.
 ///
-/// Like clap's own parsers this ends the process at `--help` and at flags that cannot be used.
+/// Like clap's own parsers, this exits the process on `--help` and on invalid flags.
 ///
 /// # Errors
-/// If the file cannot be read or holds something that no flag takes.
+/// If the file cannot be read, or contains a table, key or value that no flag accepts.
 pub fn read(command: Command) -> anyhow::Result<Option<ArgMatches>> {
     let mut args: Vec<OsString> = std::env::args_os().collect();
     let mut command = with_own_flags(command);
     if let Some(path) = find_file(&command, &args) {
         let file = ConfigFile::read(&path)?;
         file.check(&command)?;
-        command = file.lay_under(command);
+        command = file.apply_to(command);
     }
     let mut matches = command.clone().get_matches_from(&args);
     if matches.subcommand().is_none() {
@@ -50,7 +50,7 @@ pub fn read(command: Command) -> anyhow::Result<Option<ArgMatches>> {
     Ok((!is_printed).then_some(matches))
 }
 
-/// Gives flags their variables, and adds the flags that are about configuration itself.
+/// Gives flags their variables, and adds the flags for configuration itself.
 fn with_own_flags(command: Command) -> Command {
     let file = || {
         Arg::new("config_file")
@@ -59,13 +59,13 @@ fn with_own_flags(command: Command) -> Command {
             .env(FILE_VARIABLE)
             .help_heading("Configuration")
             .value_parser(value_parser!(PathBuf))
-            .help("TOML file with values for flags; variables and flags override it")
+            .help("TOML file with values of flags; variables and flags override it")
     };
     let print = Arg::new("print_config")
         .long("print-config")
         .action(ArgAction::SetTrue)
         .help_heading("Configuration")
-        .help("Print the values that hold as a file for --config, and end");
+        .help("Print the effective values as a file for --config, and exit");
     let mut command = command.mut_args(with_variable).arg(file());
     for name in CONFIGURED {
         command = command.mut_subcommand(name, |sub| sub.mut_args(with_variable).arg(file()).arg(print.clone()));
@@ -73,7 +73,7 @@ fn with_own_flags(command: Command) -> Command {
     command
 }
 
-/// Gives a flag its variable; a switch can also be turned off again (`--json=false`), whatever the file says.
+/// Gives a flag its variable, and lets a switch be turned off again (`--json=false`) whatever the file says.
 fn with_variable(arg: Arg) -> Arg {
     let Some(long) = arg.get_long() else { return arg };
     let variable = format!("SUREFOOT_{}", key(long).to_uppercase());
@@ -94,12 +94,12 @@ fn with_variable(arg: Arg) -> Arg {
         .value_parser(value_parser!(bool))
 }
 
-/// The name of a flag in a file.
+/// The key of a flag in a file.
 fn key(long: &str) -> String {
     long.replace('-', "_")
 }
 
-/// Flags of a command that a file can give.
+/// Flags of a command that a file can set, with their keys.
 fn flags(command: &Command) -> impl Iterator<Item = (String, &Arg)> {
     let own = ["config_file", "print_config"];
     let flags = command.get_arguments().filter(move |arg| !own.contains(&arg.get_id().as_str()));
@@ -110,7 +110,7 @@ fn subcommand<'a>(command: &'a Command, name: &str) -> &'a Command {
     command.find_subcommand(name).expect("a configured subcommand exists")
 }
 
-/// The file named on the command line or by the variable. Other subcommands may have a `--config` of their own.
+/// The file given on the command line or by the variable. Other subcommands may have a different `--config`.
 fn find_file(command: &Command, args: &[OsString]) -> Option<PathBuf> {
     let mut args = args.iter().skip(1).filter_map(|arg| arg.to_str());
     let mut is_configured = false;
@@ -126,7 +126,7 @@ fn find_file(command: &Command, args: &[OsString]) -> Option<PathBuf> {
     std::env::var_os(FILE_VARIABLE).map(PathBuf::from)
 }
 
-/// A file of values for flags.
+/// A TOML file with values of flags.
 struct ConfigFile<'a> {
     path: &'a Path,
     tables: Table,
@@ -143,7 +143,7 @@ impl<'a> ConfigFile<'a> {
         Ok(Self { path, tables })
     }
 
-    /// Refuses tables and keys that nobody takes, and values that their flags do not take.
+    /// Rejects unknown tables and keys, and values that their flags do not accept.
     fn check(&self, command: &Command) -> anyhow::Result<()> {
         let file = self.path.display();
         for (table, values) in &self.tables {
@@ -160,7 +160,7 @@ impl<'a> ConfigFile<'a> {
                     bail!("{file}: [{table}] has no key `{name}`; known are {}", known.join(", "));
                 };
                 let value = plain(value)
-                    .with_context(|| format!("{file}: [{table}] {name} must be a text, a number, true or false"))?;
+                    .with_context(|| format!("{file}: [{table}] {name} must be a string, a number, true or false"))?;
                 check_value(arg, &value).map_err(|reason| anyhow!("{file}: [{table}] {name}: {reason}"))?;
             }
         }
@@ -168,7 +168,7 @@ impl<'a> ConfigFile<'a> {
     }
 
     /// Makes the values of a checked file the defaults of their flags.
-    fn lay_under(&self, command: Command) -> Command {
+    fn apply_to(&self, command: Command) -> Command {
         let mut command = command.mut_args(|arg| self.with_default(arg, &[COMMON]));
         for name in CONFIGURED {
             command = command.mut_subcommand(name, |sub| sub.mut_args(|arg| self.with_default(arg, &[name, COMMON])));
@@ -176,7 +176,7 @@ impl<'a> ConfigFile<'a> {
         command
     }
 
-    /// A flag with the value of the first of these tables that has it.
+    /// Sets the flag's default from the first of these tables that has its key.
     fn with_default(&self, arg: Arg, tables: &[&str]) -> Arg {
         let Some(key) = arg.get_long().map(key) else { return arg };
         let found = tables.iter().find_map(|&table| self.tables.get(table)?.as_table()?.get(&key));
@@ -187,7 +187,7 @@ impl<'a> ConfigFile<'a> {
     }
 }
 
-/// Flags of the program itself, and those that more than one of the configured subcommands has.
+/// Flags of the program itself, and flags that several configured subcommands have.
 fn common_flags(command: &Command) -> Vec<(String, &Arg)> {
     let mut common: Vec<(String, &Arg)> = flags(command).collect();
     let mut seen = Vec::new();
@@ -200,7 +200,7 @@ fn common_flags(command: &Command) -> Vec<(String, &Arg)> {
     common
 }
 
-/// A value as it would stand on the command line.
+/// A value as it would be written on the command line; `None` for dates, arrays and tables.
 fn plain(value: &Value) -> Option<String> {
     match value {
         Value::String(text) => Some(text.clone()),
@@ -211,13 +211,13 @@ fn plain(value: &Value) -> Option<String> {
     }
 }
 
-/// Asks a flag's own parser, with nothing else around it.
+/// Checks a value with the flag's own parser.
 fn check_value(arg: &Arg, value: &str) -> Result<(), String> {
     let long = arg.get_long().expect("only flags are configured");
     let lone = Command::new("check").no_binary_name(true).disable_help_flag(true).arg(arg.clone().required(false));
     let Err(error) = lone.try_get_matches_from([format!("--{long}={value}")]) else { return Ok(()) };
     if SECRETS.contains(&long) {
-        return Err("cannot be used".to_owned());
+        return Err("is not valid".to_owned());
     }
     let possible: Vec<PossibleValue> = arg.get_possible_values();
     let names: Vec<&str> = possible.iter().map(PossibleValue::get_name).collect();
@@ -225,7 +225,7 @@ fn check_value(arg: &Arg, value: &str) -> Result<(), String> {
     Err(if names.is_empty() { reason } else { format!("{reason}; known are {}", names.join(", ")) })
 }
 
-/// The values that hold for a subcommand, as a file.
+/// The effective values of a subcommand, as a file.
 fn render(command: &Command, name: &str, values: &ArgMatches) -> String {
     let table = |name: &str, command: &Command| {
         let lines = flags(command).map(|(key, arg)| line(&key, arg, values));
@@ -243,7 +243,7 @@ fn line(key: &str, arg: &Arg, values: &ArgMatches) -> String {
     }
 }
 
-/// A value in TOML: a number or a truth value where that is what the text says, otherwise a text.
+/// A value in TOML: a number or a boolean if the text is exactly one, otherwise a string.
 fn literal(text: &str) -> Value {
     let number = text.parse::<i64>().ok().filter(|number| number.to_string() == text).map(Value::Integer);
     let float = || text.parse::<f64>().ok().filter(|float| float.to_string() == text && text.contains('.'));

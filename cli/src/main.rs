@@ -1,6 +1,6 @@
 //! The `surefoot` command: argument parsing and wiring only.
 
-// Documentation of arguments is what `--help` prints, not a page.
+// Doc comments of arguments are printed by `--help`, not rendered as pages.
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::bare_urls)]
 
 mod commands;
@@ -13,7 +13,7 @@ mod terminal;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{bench, eval, export, graph, health, licenses, map, services, top, train, up};
 
-/// Game NPCs that get there: worlds, NPC workers, a planner whose every edge is proved.
+/// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
 #[derive(Parser)]
 #[command(version, propagate_version = true, max_term_width = 110)]
 struct Cli {
@@ -25,7 +25,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run everything in one process, with a crowd to look at (the default).
+    /// Run everything in one process, with a crowd to watch (the default).
     Up(Box<up::Args>),
     /// Run the world server.
     Serve(services::ServeArgs),
@@ -33,26 +33,26 @@ enum Command {
     Plan(services::PlanArgs),
     /// Run an NPC worker.
     Work(services::WorkArgs),
-    /// Train reactive or recurrent SAC agents, resumable.
+    /// Train a reactive or recurrent SAC agent.
     Train(train::Args),
     /// Measure success on maps by the paper's protocol.
     Eval(eval::Args),
     /// Write a model as ONNX or safetensors.
     Export(export::ExportArgs),
-    /// Make a model of a safetensors file.
+    /// Make a model from a safetensors file.
     Import(export::ImportArgs),
-    /// Build and look at graphs.
+    /// Build, show, check, edit and export graphs.
     #[command(subcommand)]
     Graph(graph::Command),
     /// Measure speed.
     Bench(bench::Args),
     /// Ask a service whether it is serving.
     Health(health::Args),
-    /// Print the licences of surefoot and of all crates in it.
+    /// Print the licences of surefoot and of all crates that it is linked with.
     Licenses(licenses::Args),
     /// Watch a running world server.
     Top(top::Args),
-    /// Look at maps.
+    /// Generate, show, exchange and replay maps.
     #[command(subcommand)]
     Map(map::Command),
 }
@@ -71,7 +71,7 @@ fn run() -> anyhow::Result<()> {
     let Some(matches) = config::read(Cli::command())? else { return Ok(()) };
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let logging = terminal::Logging::start(&cli.log)?;
-    let result = execute(cli.command.expect("without a subcommand it is `up`"));
+    let result = execute(cli.command.expect("`up` is the default subcommand"));
     logging.finish();
     result
 }

@@ -1,4 +1,4 @@
-//! Tracing spans for a collector, over OTLP.
+//! Export of tracing spans to a collector over OTLP.
 
 use anyhow::Context;
 use opentelemetry::trace::TracerProvider;
@@ -12,25 +12,25 @@ use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::registry::LookupSpan;
 use tracing_subscriber::{EnvFilter, Layer};
 
-/// Longest wait for the collector at the end.
+/// Longest wait for the collector at shutdown.
 const FINISH_LIMIT: Duration = Duration::from_secs(2);
 
-/// Exports spans in batches until it is finished.
+/// Exports spans in batches until [`finish`](Self::finish).
 pub struct Spans {
     provider: SdkTracerProvider,
-    /// The exporter's connection lives here: it is there before and after the services' own runtime.
+    /// Runs the exporter's connection, which starts before the services' runtime and ends after it.
     runtime: Runtime,
 }
 
 impl Spans {
-    /// Connects to the collector at `uri` when there is something to send.
+    /// Prepares the export to the collector at `uri`; the connection opens with the first batch.
     pub fn start(uri: &str) -> anyhow::Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
         let exporter = {
             let _inside = runtime.enter();
             SpanExporter::builder().with_tonic().with_endpoint(uri).build()
         };
-        let exporter = exporter.with_context(|| format!("--otlp {uri} cannot be used"))?;
+        let exporter = exporter.with_context(|| format!("cannot use --otlp {uri}"))?;
         let provider = SdkTracerProvider::builder()
             .with_batch_exporter(exporter)
             .with_resource(Resource::builder().with_service_name("surefoot").build())
@@ -38,7 +38,7 @@ impl Spans {
         Ok(Self { provider, runtime })
     }
 
-    /// Turns spans into exported ones: those of Surefoot, and what `RUST_LOG` asks for.
+    /// A layer that exports spans at the levels that `RUST_LOG` selects, by default info and above.
     pub fn layer<S>(&self) -> impl Layer<S> + use<S>
     where
         S: Subscriber + for<'a> LookupSpan<'a> + Send + Sync,
@@ -47,7 +47,7 @@ impl Spans {
         tracing_opentelemetry::layer().with_tracer(self.provider.tracer("surefoot")).with_filter(filter)
     }
 
-    /// Sends what has not been sent yet; a collector that does not answer must not hold the process for long.
+    /// Sends the remaining spans; waits at most 2 s for the collector.
     pub fn finish(self) {
         if let Err(error) = self.provider.shutdown_with_timeout(FINISH_LIMIT) {
             tracing::warn!(%error, "some spans were not sent");

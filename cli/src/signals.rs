@@ -1,9 +1,9 @@
-//! How people and systems tell a process to stop.
+//! Signals that stop the process.
 
-/// Resolves at Ctrl-C or, on Unix, SIGTERM. Both are caught from this call on, whether the future is polled yet or not.
+/// Resolves on Ctrl-C or SIGTERM. Both signals are caught from this call on, even before the future is polled.
 ///
 /// # Panics
-/// If the system refuses to install a signal handler, or outside a tokio runtime.
+/// If the system cannot install a signal handler, or if called outside a tokio runtime.
 #[cfg(unix)]
 pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     use tokio::signal::unix::{SignalKind, signal};
@@ -17,10 +17,10 @@ pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     }
 }
 
-/// Resolves at Ctrl-C, or when the console window is closed.
+/// Resolves on Ctrl-C, or when the console window is closed.
 ///
 /// # Panics
-/// If the system refuses to install a handler, or outside a tokio runtime.
+/// If the system cannot install a handler, or if called outside a tokio runtime.
 #[cfg(windows)]
 pub fn shutdown_signal() -> impl Future<Output = ()> + Send + 'static {
     use tokio::signal::windows::{ctrl_c, ctrl_close};

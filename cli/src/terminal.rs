@@ -1,4 +1,4 @@
-//! Logs and progress on the terminal. Results go to stdout, everything here to stderr.
+//! Logs, progress and JSON on the terminal. Results go to stdout, logs and progress to stderr.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{IsTerminal, Write};
@@ -6,38 +6,38 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
-/// How logs look.
+/// Format of log lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
     /// For people
     Text,
-    /// One JSON object a line, for programs
+    /// One JSON object per line, for programs
     Json,
 }
 
-/// Flags about logs, of every subcommand.
+/// Logging flags of every subcommand.
 #[derive(clap::Args)]
 pub struct LogArgs {
-    /// How logs look on stderr; RUST_LOG chooses which, default info
+    /// Format of logs on stderr; RUST_LOG selects the level, by default info
     #[arg(long, global = true, value_name = "FORMAT", default_value = "text")]
     log_format: LogFormat,
-    /// Collector that gets tracing spans over OTLP (gRPC), such as http://127.0.0.1:4317
+    /// Send tracing spans to this collector over OTLP (gRPC), such as http://127.0.0.1:4317
     #[cfg(feature = "otel")]
     #[arg(long, global = true, value_name = "URI")]
     otlp: Option<String>,
 }
 
-/// Keeps what logging needs for as long as the process runs; dropping it sends what has not been sent.
+/// State of logging for the lifetime of the process; call [`finish`](Self::finish) at the end to send the remaining spans.
 pub struct Logging {
     #[cfg(feature = "otel")]
     spans: Option<crate::otel::Spans>,
 }
 
 impl Logging {
-    /// Sends logs to stderr; `RUST_LOG` chooses which, default `info`.
+    /// Sends logs to stderr; `RUST_LOG` selects the level, by default `info`.
     ///
     /// # Errors
-    /// If spans cannot be exported as asked.
+    /// If `--otlp` is not a URI that spans can be exported to.
     pub fn start(args: &LogArgs) -> anyhow::Result<Self> {
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
         let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);
@@ -59,7 +59,7 @@ impl Logging {
         }
     }
 
-    /// Sends what has not been sent yet.
+    /// Sends the remaining spans.
     pub fn finish(self) {
         #[cfg(feature = "otel")]
         if let Some(spans) = self.spans {
@@ -77,7 +77,7 @@ pub fn progress_bar(total: u64, what: &'static str) -> ProgressBar {
     bar
 }
 
-/// Whether someone is watching.
+/// Whether stdout is a terminal.
 pub fn is_interactive() -> bool {
     std::io::stdout().is_terminal()
 }

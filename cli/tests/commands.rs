@@ -1,4 +1,4 @@
-//! The command as users run it: real processes.
+//! The command as users run it, in real processes.
 
 use std::process::{Command, Output, Stdio};
 
@@ -56,7 +56,7 @@ fn bad_input_ends_with_one_clear_line() {
         (&["serve", "--listen", "0.0.0.0:0"], "give --tls-cert and --tls-key, or --insecure"),
         (&["plan", "--listen", "0.0.0.0:0"], "give --tls-cert and --tls-key, or --insecure"),
         (&["up", "--listen", "127.0.0.1:0", "--planner-listen", "0.0.0.0:0"], "or --insecure"),
-        (&["serve", "--tls-cert", "/no/cert.pem"], "--tls-cert and --tls-key belong together"),
+        (&["serve", "--tls-cert", "/no/cert.pem"], "--tls-cert and --tls-key must be given together"),
         (&["serve", "--tokens", "/no/tokens.toml"], "cannot read /no/tokens.toml"),
         (&["work", "--token-file", "/no/secret"], "cannot read /no/secret"),
     ];
@@ -85,7 +85,7 @@ fn a_scene_ends_with_arrivals_and_leaves_its_graphs_in_the_cache() {
     let folder = cache.path().to_str().unwrap();
     let size = ["--maps", "1", "--npcs", "48", "--vertices", "60", "--neighbours", "6", "--repeats", "1"];
     let addresses = ["--listen", "127.0.0.1:0", "--planner-listen", "127.0.0.1:0", "--cache", folder];
-    // Behind tokens, as everybody else would be.
+    // With tokens, as in a deployment.
     let file = |name: &str, text: &str| {
         let path = cache.path().join(name);
         std::fs::write(&path, text).unwrap();
@@ -114,7 +114,7 @@ fn a_server_ends_cleanly_on_sigterm() {
     assert!(line.contains("world server ready"), "{line}");
     let killed = Command::new("kill").args(["-TERM", &server.id().to_string()]).status().expect("kill runs");
     assert!(killed.success());
-    // Reads until the process closes its end, so that it never blocks on a full pipe.
+    // Reads until the process closes its end of the pipe, so that it never blocks on a full one.
     std::io::Read::read_to_string(&mut log, &mut line).expect("the rest of the log");
     assert!(server.wait().expect("the server ends").success(), "{line}");
 }
@@ -161,7 +161,7 @@ fn secrets_never_reach_the_log() {
         .expect("the worker starts");
     let mut log = std::io::BufReader::new(worker.stderr.take().expect("piped"));
     let mut worker_log = String::new();
-    while !worker_log.contains("carrying NPCs") {
+    while !worker_log.contains("deciding for NPCs") {
         assert!(std::io::BufRead::read_line(&mut log, &mut worker_log).expect("a log line") > 0, "{worker_log}");
     }
     for process in [&worker, &server] {
@@ -171,7 +171,7 @@ fn secrets_never_reach_the_log() {
     std::io::Read::read_to_string(&mut log, &mut worker_log).expect("the rest of the log");
     assert!(worker.wait().unwrap().success() && server.wait().unwrap().success());
     let server_log = reading.join().unwrap();
-    for (log, words) in [(&server_log, "\"caller\":\"qa\""), (&worker_log, "carrying NPCs")] {
+    for (log, words) in [(&server_log, "\"caller\":\"qa\""), (&worker_log, "deciding for NPCs")] {
         assert!(log.contains(words), "no {words} in {log}");
         assert!(!log.contains("hunter2"), "a secret is in {log}");
     }
@@ -221,10 +221,10 @@ fn a_map_goes_through_files_and_a_run_on_it_replays() {
     run(&["map", "import", &level, "--out", &back]);
     let triangles = |file: &str| json(&surefoot(&["map", "show", file, "--json"]))["triangles"].clone();
     assert_eq!(triangles(&back), triangles(&saved));
-    // On an imported map the recording cannot generate it anew: the file must be named.
+    // A replay cannot generate an imported map, so its file must be given.
     run(&["map", "record", &back, "--npcs", "3", "--ticks", "700", "--out", &recording]);
-    let told = surefoot(&["map", "replay", &recording, "--check"]);
-    assert!(String::from_utf8_lossy(&told.stderr).contains("--map"));
+    let refused = surefoot(&["map", "replay", &recording, "--check"]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--map"));
     assert!(run(&["map", "replay", &recording, "--check", "--map", &back]).contains("the same state again"));
     run(&["map", "record", "9", "--size", "60", "--npcs", "3", "--ticks", "700", "--out", &recording]);
     assert!(run(&["map", "replay", &recording, "--check"]).contains("the same state again"));
@@ -266,7 +266,7 @@ fn faulty_levels_and_files_are_refused_with_one_clear_line() {
 }
 
 #[test]
-fn models_are_exported_and_come_back() {
+fn exported_models_are_imported_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (onnx, safetensors, model) = (path("policy.onnx"), path("policy.safetensors"), path("model"));

@@ -1,4 +1,4 @@
-//! Where values of flags come from, through the real command.
+//! Precedence of the sources of flag values, through the real command.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -55,10 +55,10 @@ fn flags_win_over_variables_over_the_file_over_defaults() {
         ["max_npcs", "max_worlds", "listen", "max_envs"].map(|key| shown(&all, key)),
         ["14", "13", "\"127.0.0.1:2\"", "5"]
     );
-    // The file may be named by a variable and stand before the subcommand; a table counts for its subcommand only.
+    // A variable or a flag before the subcommand may give the file; a table applies to its subcommand only.
     assert_eq!(shown(&printed(&["serve", "--print-config"], &[("SUREFOOT_CONFIG", &file)]), "max_worlds"), "12");
     assert_eq!(shown(&printed(&["--config", &file, "up", "--print-config"], &[]), "max_npcs"), "10");
-    // What the file turns on can be turned off again.
+    // A switch that the file turns on can be turned off again.
     let work = ["work", "--print-config", "--config", &file];
     assert_eq!(shown(&printed(&work, &[]), "no_planner"), "true");
     assert_eq!(shown(&printed(&work, &[("SUREFOOT_NO_PLANNER", "false")]), "no_planner"), "false");
@@ -90,7 +90,7 @@ fn every_flag_of_the_services_has_a_variable() {
         let own = ["--help", "--version", "--print-config"];
         let mut variables = BTreeMap::new();
         let mut flag = String::new();
-        // Joins each flag's paragraph to one line.
+        // Joins each flag's paragraph into one line.
         for line in help.lines() {
             let text = line.trim_start();
             if let Some(name) = text
@@ -121,11 +121,11 @@ fn a_faulty_file_is_refused_with_what_and_where() {
         ("max_npcs = 1", &["no table [max_npcs]"]),
         ("serve = 1", &["`serve` must be a table"]),
         ("[common]\ncache_sizes = 1", &["[common] has no key `cache_sizes`", "cache_size"]),
-        // Only `plan` has it, so it is not common.
+        // Only `plan` has this flag, so it is not common.
         ("[common]\nmax_builds = 1", &["[common] has no key `max_builds`"]),
         ("[serve]\nmax_npcs = \"many\"", &["[serve] max_npcs", "'many'", "invalid digit"]),
         ("[work]\nnpcs = 0", &["[work] npcs", "1..=65536"]),
-        ("[plan]\nthreads = [1, 2]", &["[plan] threads must be a text, a number, true or false"]),
+        ("[plan]\nthreads = [1, 2]", &["[plan] threads must be a string, a number, true or false"]),
         ("[up]\njson = 3", &["[up] json"]),
         ("[common]\nlog_format = \"xml\"", &["[common] log_format", "known are text, json"]),
         ("[serve]\nidle_timeout = 0", &["[serve] idle_timeout", "0.001 to 1000000 seconds"]),

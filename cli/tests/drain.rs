@@ -1,4 +1,4 @@
-//! A service that is asked to stop ends in time and cleanly, whatever its peers do.
+//! A service that is told to stop ends in time and cleanly, whatever its peers do.
 #![cfg(unix)]
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -10,9 +10,9 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use tonic::transport::Channel;
 
-/// By then the process must have ended.
+/// Time within which the process must end.
 const LIMIT: Duration = Duration::from_secs(10);
-/// The HTTP/2 preface and empty settings.
+/// The HTTP/2 client preface with empty settings.
 const GREETING: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\x00\x00\x00\x04\x00\x00\x00\x00\x00";
 
 struct Server {
@@ -38,7 +38,7 @@ fn start_server() -> Server {
 }
 
 impl Server {
-    /// Sends SIGTERM; the process must then end in time, with exit code 0. Returns the rest of the log.
+    /// Sends SIGTERM, checks that the process ends in time with exit code 0, and returns the rest of the log.
     fn stop(mut self) -> String {
         let id = self.process.id().to_string();
         assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill runs").success());
@@ -47,7 +47,7 @@ impl Server {
             let mut rest = String::new();
             self.log.read_to_string(&mut rest).expect("the rest of the log");
             let status = self.process.wait().expect("the server ends");
-            // Nobody listens any more if it took too long.
+            // The receiver is gone if the process took too long.
             let _ = ended.send((status, rest));
         });
         let Ok((status, rest)) = end.recv_timeout(LIMIT) else {
@@ -72,7 +72,7 @@ fn with_a_peer_that_does_not_answer() {
     let server = start_server();
     let mut silent = TcpStream::connect(&server.address).unwrap();
     silent.write_all(GREETING).unwrap();
-    // The server's own settings: it has taken the connection.
+    // The server's settings frame: it has accepted the connection.
     silent.read_exact(&mut [0; 9]).unwrap();
     assert!(server.stop().contains("stopped serving"));
     drop(silent);
@@ -83,13 +83,13 @@ fn with_a_stream_that_nobody_reads() {
     let server = start_server();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let stream = runtime.block_on(async {
-        // The server may send a few bytes of the stream until somebody reads them.
+        // The server may send a few bytes of the stream before the client must read them.
         let endpoint =
             Channel::from_shared(format!("http://{}", server.address)).unwrap().initial_stream_window_size(8);
         let mut client = WorldServiceClient::new(endpoint.connect().await.unwrap());
         let size = Some(wire::MapSize { width: 60, height: 40, depth: 60 });
         let map = Some(wire::MapSpec { seed: 1, size, features: None });
-        // Answers too are longer than the window, so the client reads those.
+        // Unary answers are longer than the window too, but the client reads them.
         let created = client
             .create_world(wire::CreateWorldRequest { map, mode: 0, ..Default::default() })
             .await

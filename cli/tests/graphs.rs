@@ -1,4 +1,4 @@
-//! `surefoot graph` as users run it: real processes, real files.
+//! `surefoot graph` as users run it, in real processes with real files.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -66,7 +66,7 @@ fn edits_are_kept_listed_exported_and_undone() {
         edited.contains("forbid_edge") && edited.contains(&format!("{} edges with all layers", count - 1)),
         "{edited}"
     );
-    // It holds for other settings, too, and is left out when asked.
+    // The edit applies to graphs of other settings too; --without-edits ignores it.
     let listed = text(&graph(&cache, &["edit", "31"], &["--placement", "density"]));
     assert!(listed.contains("layer `night`: 1 edits"), "{listed}");
     let plain = json(&graph(&cache, &["show", "31"], &["--json", "--without-edits"]));
@@ -105,7 +105,7 @@ fn versions_of_a_level_are_compared() {
     text(&graph(&cache, &["export", "31"], &["--format", "json", "--out", before.to_str().unwrap()]));
     let same = json(&graph(&cache, &["diff", before.to_str().unwrap(), "31"], &["--json", "--fail-on-loss"]));
     assert!(same["lost"].as_array().unwrap().is_empty() && same["gained"].as_array().unwrap().is_empty());
-    // Without the edges around half of the vertices, places are lost.
+    // Without the edges of half of the vertices, places are lost.
     let mut graph_file: serde_json::Value = serde_json::from_slice(&std::fs::read(&before).unwrap()).unwrap();
     let edges = graph_file["edges"].as_array_mut().unwrap();
     edges.retain(|edge| edge["target"].as_u64().unwrap() < 20 && edge["source"].as_u64().unwrap() < 20);
@@ -129,7 +129,7 @@ fn a_changed_map_starts_from_the_graph_of_the_old_one() {
     assert!(generate.status.success());
     let map = map.to_str().unwrap();
     let first = json(&graph(&cache, &["build", map], &["--json"]));
-    // The same map without its pads: only what is near them is tried again.
+    // The same map without its pads: only candidates near them are probed again.
     let changed = ["--json", "--changed-from", map, "--features", "paper,pads=0"];
     let second = json(&graph(&cache, &["build", "31"], &changed));
     assert_eq!(second["cached"], false);
@@ -150,7 +150,7 @@ fn a_process_killed_at_any_moment_leaves_a_usable_cache() {
         command.arg("--cache").arg(cache).stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::null());
         command.spawn().expect("the command runs")
     };
-    // Each is killed a different number of changes to the file after its start: while it opens, probes and writes.
+    // Each process is killed after a different number of changes to the file: while it opens, probes and writes.
     for (round, vertices) in (0..12u32).zip(10..) {
         let mut child = run(&cache, vertices);
         let mut changes = 0;

@@ -1,4 +1,4 @@
-//! Services that are killed and come back, as real processes: no NPC stays behind.
+//! Services that are killed and restarted, as real processes: no NPC is left without decisions.
 
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
@@ -8,11 +8,11 @@ use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, NpcStatus};
 use tonic::transport::{Channel, Endpoint};
 
-/// Far longer than any of this takes: a hang fails instead of blocking.
+/// Far longer than any step takes, so that a hang fails the test instead of blocking it.
 const LIMIT: Duration = Duration::from_secs(180);
 const NPCS: usize = 6;
 
-/// A service that is started again with the same arguments.
+/// A service that can be restarted with the same arguments.
 struct Service {
     args: Vec<String>,
     child: Child,
@@ -24,7 +24,7 @@ impl Service {
         Self { child: launch(&args), args }
     }
 
-    /// As a crash would: no time to tidy up.
+    /// Kills the process without time to clean up, as a crash would.
     fn kill_and_restart(&mut self) {
         self.child.kill().expect("it runs");
         self.child.wait().expect("it ends");
@@ -34,7 +34,7 @@ impl Service {
 
 impl Drop for Service {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The process may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -65,7 +65,7 @@ async fn connect(address: &str) -> WorldServiceClient<Channel> {
     }
 }
 
-/// The services, and the world that outlives them.
+/// The services, and a world that outlives them.
 struct Scene {
     address: String,
     services: [Service; 3],
@@ -102,15 +102,15 @@ impl Scene {
         Self { address, services, world_id, points }
     }
 
-    /// A goal near a place: what is to be seen is that NPCs are carried, not how far they get.
+    /// A goal near `from`: the test checks that NPCs get decisions, not how far they get.
     fn goal_near(&self, from: wire::Vec3) -> wire::Vec3 {
         let distance = |a: &wire::Vec3| (a.x - from.x).hypot(a.z - from.z) + 3.0 * (a.y - from.y).abs();
         let others = self.points.iter().filter(|point| distance(point) > 2.0);
         *others.min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("several points")
     }
 
-    /// Sends every NPC to a goal and waits until every attempt has ended. The connection is new each time, since the
-    /// server may be.
+    /// Sends every NPC to a goal and waits until every attempt has ended. Connects anew each time, since the server may
+    /// have been restarted.
     async fn everybody_gets_an_end(&self) {
         let mut client = connect(&self.address).await;
         let mut wanted: Vec<(u64, u32)> = Vec::new();
@@ -149,7 +149,7 @@ async fn services_that_are_killed_in_any_order_leave_no_npc_behind() {
     let mut scene = Scene::start(folder.path()).await;
     scene.everybody_gets_an_end().await;
     for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
-        // The world must have been saved with its NPCs before the server goes.
+        // The world must have been saved with its NPCs before the server is killed.
         let saved = || std::fs::read_dir(folder.path().join("state")).is_ok_and(|mut files| files.next().is_some());
         let since = Instant::now();
         while !saved() {

@@ -1,9 +1,9 @@
-//! What every decoder is put through: one function for each, from bytes to a checked value and back.
+//! One trial for each decoder: decodes bytes to a checked value, encodes and decodes it again.
 //!
-//! The fuzz targets call these functions, and so do the tests in `tests/tests/untrusted.rs`, which include this file. Each
-//! takes any bytes at all. An answer may be a value or an error with a message; a panic is a bug, and so is a
-//! value that does not come back the same when it is written and read again. Checksums are no obstacle: bytes behind one are
-//! also tried with the right one before them.
+//! The fuzz targets call these functions, and so do the tests in `tests/tests/untrusted.rs`, which include this file. A trial
+//! accepts any bytes. The decoder must return a value or an error with a message. A panic is a bug, and so is a value that
+//! changes when it is encoded and decoded again. Checksums are no obstacle: bytes after a checksum are also tried with the
+//! correct one before them.
 
 use prost::Message;
 use std::fmt::Display;
@@ -29,10 +29,10 @@ use surefoot_world::replay::Recording;
 use surefoot_world::{Decisions, Map, MapSpec, Vec3};
 use tokio::sync::mpsc;
 
-/// A decoder's trial.
+/// A trial of one decoder.
 pub type Trial = fn(&[u8]);
 
-/// All trials by name; the kept inputs of each lie in `fuzz/corpus/NAME`.
+/// All trials by name. The corpus of each is in `fuzz/corpus/NAME`.
 pub const TRIALS: [(&str, Trial); 10] = [
     ("world_messages", world_messages),
     ("planner_messages", planner_messages),
@@ -46,29 +46,32 @@ pub const TRIALS: [(&str, Trial); 10] = [
     ("saved_world", saved_world),
 ];
 
-/// Maps beyond this are left alone: what is allowed to be large only takes long.
+/// Largest volume of a map that is tried, m3: larger ones are allowed but only slow the trial down.
 const MAX_VOLUME_M3: u64 = 200_000;
 /// Longest recording that is replayed, in ticks.
 const MAX_TICKS: u64 = 3000;
-/// The first NPC of the world that answers are given to.
+/// Id of the first NPC of the world in [`answer`].
 pub const FIRST_NPC: u64 = 1 << 28 | 1;
-/// Sizes of the network that is to be filled.
+/// Sizes of the network that weights are loaded into.
 pub const NETWORK: ActorConfig = ActorConfig { ray_features: 1, hidden: 2, memory: Some(std::num::NonZeroUsize::MIN) };
 
-/// The value, or nothing and the certainty that the error says something.
-fn answered<T, E: Display>(result: Result<T, E>) -> Option<T> {
+/// The value, or `None` if the decoder rejected the bytes.
+///
+/// # Panics
+/// If the error has no message.
+fn accepted<T, E: Display>(result: Result<T, E>) -> Option<T> {
     result.map_err(|error| assert!(!error.to_string().is_empty(), "an error without a message")).ok()
 }
 
-/// A message that comes back the same, if the bytes are one.
+/// Decodes a message and checks that it is unchanged after encoding and decoding.
 fn message<M: Message + Default>(bytes: &[u8]) -> Option<M> {
-    let message = answered(M::decode(bytes))?;
-    let again = M::decode(message.encode_to_vec().as_slice()).expect("what was just written");
+    let message = accepted(M::decode(bytes))?;
+    let again = M::decode(message.encode_to_vec().as_slice()).expect("just written");
     assert_eq!(again.encode_to_vec(), message.encode_to_vec());
     Some(message)
 }
 
-/// A floor of 20 x 20 m with a pool, for worlds and replays.
+/// A floor of 20 m x 20 m with a pool, for worlds and replays.
 pub static FLOOR: LazyLock<Arc<Map>> = LazyLock::new(|| {
     let [a, b, c, d] = [[0.0, 0.0], [0.0, 20.0], [20.0, 20.0], [20.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
     let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
@@ -82,24 +85,24 @@ pub static FLOOR: LazyLock<Arc<Map>> = LazyLock::new(|| {
     Arc::new(Map::from_parts(MapSize { width: 20, height: 10, depth: 20 }, triangles, placed))
 });
 
-/// What a world server is sent, and what a worker reads.
+/// Requests to a world server, and messages to a worker.
 pub fn world_messages(bytes: &[u8]) {
     if let Some(request) = message::<wire::CreateWorldRequest>(bytes)
-        && let Some(spec) = answered(convert::map_spec(request.map.as_ref()))
+        && let Some(spec) = accepted(convert::map_spec(request.map.as_ref()))
     {
         assert_eq!(convert::map_spec(Some(&convert::map_spec_to_wire(&spec))), Ok(spec));
     }
     if let Some(request) = message::<wire::SpawnNpcRequest>(bytes) {
-        let _ = answered(convert::point(request.position.as_ref(), "position"));
+        let _ = accepted(convert::point(request.position.as_ref(), "position"));
     }
     if let Some(request) = message::<wire::SetGoalRequest>(bytes) {
-        let _ = answered(convert::point(request.goal.as_ref(), "goal"));
+        let _ = accepted(convert::point(request.goal.as_ref(), "goal"));
     }
     if let Some(request) = message::<wire::WatchWorldRequest>(bytes) {
-        let _ = answered(convert::in_range(f64::from(request.rate_hz), 0.0, 60.0, "rate_hz"));
+        let _ = accepted(convert::in_range(f64::from(request.rate_hz), 0.0, 60.0, "rate_hz"));
     }
     if let Some(request) = message::<wire::WorkRequest>(bytes) {
-        let _ = answered(server_wire::hello(Some(request.clone())));
+        let _ = accepted(server_wire::hello(Some(request.clone())));
         if let Some(wire::work_request::Message::Actions(batch)) = request.message {
             answer(&batch);
         }
@@ -108,14 +111,14 @@ pub fn world_messages(bytes: &[u8]) {
         message(bytes)
     {
         let count = batch.npc_ids.len();
-        let _ = answered(convert::unpack(&batch.observations, count * surefoot_world::OBSERVATION_LEN, "observations"));
-        let _ = answered(convert::unpack(&batch.positions, count * 3, "positions"));
+        let _ = accepted(convert::unpack(&batch.observations, count * surefoot_world::OBSERVATION_LEN, "observations"));
+        let _ = accepted(convert::unpack(&batch.positions, count * 3, "positions"));
     }
 }
 
-/// A world with three NPCs on their way: one worker carries the first two, another the third. What they are sent waits in
-/// the queues.
-fn served() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
+/// A lockstep world with three NPCs that seek goals: one worker has the first two, another the third. Messages to the workers
+/// wait in the queues.
+fn lockstep_world() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
     let (registry, quota) = (Arc::new(Registry::default()), Quota::new(3, "NPCs"));
     let mut world = HostedWorld::new(WorldId(1), FLOOR.clone(), TimeMode::Lockstep, registry.clone());
     let mut queues = Vec::new();
@@ -128,16 +131,16 @@ fn served() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
             world.set_goal(id, Vec3::new(18.0, 1.0, 18.0)).expect("a place on the map");
         }
     }
-    assert!(!world.is_ready() && world.counters().asked == 3, "all three are asked");
+    assert!(!world.is_ready() && world.counters().asked == 3, "decisions of all three are requested");
     (world, queues)
 }
 
-/// An answer of the first worker, checked and, if nothing is wrong with it, taken; whatever it is, the second worker's NPC
-/// goes on. NPCs are numbered from [`FIRST_NPC`], the third is the second worker's.
+/// Checks an answer of the first worker and applies it if it is valid; returns whether it is. In either case the second
+/// worker's NPC must continue. NPCs are numbered from [`FIRST_NPC`], and the third is the second worker's.
 pub fn answer(batch: &wire::ActionBatch) -> bool {
-    let Some(checked) = answered(server_wire::answer(batch.clone())) else { return false };
+    let Some(checked) = accepted(server_wire::answer(batch.clone())) else { return false };
     assert_eq!(checked.npcs.len(), checked.actions.len());
-    let (mut world, _queues) = served();
+    let (mut world, _queues) = lockstep_world();
     world.answer(WorkerId(1), checked);
     let other = NpcId(FIRST_NPC + 2);
     let mut own = Answer { npcs: vec![other], ..Default::default() };
@@ -149,57 +152,57 @@ pub fn answer(batch: &wire::ActionBatch) -> bool {
     }
     let after = world.npc(other).expect("it is still there");
     assert_eq!(after.status, NpcStatus::Seeking);
-    assert_ne!(before.position, after.position, "it walks as it was told");
+    assert_ne!(before.position, after.position, "it walks by its own worker's action");
     for npc in world.snapshot().npcs {
         assert!(npc.position.is_finite() && npc.velocity.is_finite());
     }
     true
 }
 
-/// What a planner is sent, and what those who ask it read.
+/// Requests to a planner, and its responses.
 pub fn planner_messages(bytes: &[u8]) {
     if let Some(request) = message::<plan::StartBuildRequest>(bytes) {
-        let _ = answered(convert::map_spec(request.map.as_ref()));
+        let _ = accepted(convert::map_spec(request.map.as_ref()));
         if let Some(settings) =
-            answered(planner_wire::settings_from_wire(request.settings.as_ref(), &PlannerConfig::default()))
+            accepted(planner_wire::settings_from_wire(request.settings.as_ref(), &PlannerConfig::default()))
         {
             let back = plans::settings_to_wire(&settings);
             let again = planner_wire::settings_from_wire(Some(&back), &PlannerConfig::default());
-            assert_eq!(plans::settings_to_wire(&again.expect("what was just written")), back);
+            assert_eq!(plans::settings_to_wire(&again.expect("just written")), back);
         }
     }
     if let Some(request) = message::<plan::FindPathsRequest>(bytes) {
         for query in &request.queries {
-            let Some(query) = answered(plans::query(query)) else { continue };
+            let Some(query) = accepted(plans::query(query)) else { continue };
             assert_eq!(plans::query(&plans::query_to_wire(&query)), Ok(query));
         }
     }
     if let Some(plan) = message::<plan::FindPathResponse>(bytes).and_then(|response| response.plan)
-        && let Some(plan) = answered(plans::plan(&plan))
+        && let Some(plan) = accepted(plans::plan(&plan))
     {
         assert_eq!(plan.waypoints.len(), plan.legs.len());
-        let again = plans::plan(&plans::plan_to_wire(&plan)).expect("what was just written");
+        let again = plans::plan(&plans::plan_to_wire(&plan)).expect("just written");
         assert_eq!(format!("{again:?}"), format!("{plan:?}"));
     }
     if let Some(request) = message::<plan::ReportTraversalsRequest>(bytes) {
         for traversal in &request.traversals {
-            let _ = answered(plans::traversal(traversal));
+            let _ = accepted(plans::traversal(traversal));
         }
     }
     if let Some(request) = message::<plan::PutLayerRequest>(bytes)
-        && let Some(layer) = answered(planner_wire::layer_from_wire(request.layer.as_ref()))
+        && let Some(layer) = accepted(planner_wire::layer_from_wire(request.layer.as_ref()))
     {
-        layer_comes_back(&layer);
+        layer_round_trips(&layer);
     }
     if let Some(request) = message::<plan::AppendEditsRequest>(bytes)
-        && let Some(edits) = answered(planner_wire::edits_from_wire(&request.edits))
+        && let Some(edits) = accepted(planner_wire::edits_from_wire(&request.edits))
     {
-        layer_comes_back(&Layer { name: request.layer, edits });
+        layer_round_trips(&Layer { name: request.layer, edits });
     }
 }
 
-fn layer_comes_back(layer: &Layer) {
-    if answered(layer.validate()).is_some() {
+fn layer_round_trips(layer: &Layer) {
+    if accepted(layer.validate()).is_some() {
         assert_eq!(
             planner_wire::layer_from_wire(Some(&planner_wire::layer_to_wire(layer))).expect("just written"),
             *layer
@@ -208,13 +211,13 @@ fn layer_comes_back(layer: &Layer) {
     }
 }
 
-/// A saved map.
+/// Saved maps.
 pub fn map_file(bytes: &[u8]) {
     const CHECKSUM_AT: usize = 8 + 4 + 8;
     const HEADER_LEN: usize = CHECKSUM_AT + 32;
     let decode = |bytes: &[u8]| {
-        if let Some(map) = answered(exchange::decode(bytes)) {
-            map_comes_back(&map);
+        if let Some(map) = accepted(exchange::decode(bytes)) {
+            map_round_trips(&map);
         }
     };
     decode(bytes);
@@ -235,71 +238,71 @@ fn volume(MapSize { width, height, depth }: MapSize) -> u64 {
     [width, height, depth].into_iter().map(u64::from).fold(1, u64::saturating_mul)
 }
 
-fn map_comes_back(map: &Map) {
-    let again = exchange::decode(&exchange::encode(map)).expect("what was just written");
+fn map_round_trips(map: &Map) {
+    let again = exchange::decode(&exchange::encode(map)).expect("just written");
     assert_eq!(again.hash(), map.hash());
     assert_eq!((again.spec(), again.size(), again.placed()), (map.spec(), map.size(), map.placed()));
 }
 
-/// A level as glTF, or as a sidecar of one.
+/// Levels as glTF, and sidecars.
 pub fn gltf(bytes: &[u8]) {
-    import_comes_back(exchange::import_gltf(bytes, None, &ImportOptions::default()));
+    import_round_trips(exchange::import_gltf(bytes, None, &ImportOptions::default()));
     if let Ok(sidecar) = std::str::from_utf8(bytes) {
         static LEVEL: LazyLock<Vec<u8>> = LazyLock::new(|| exchange::export_glb(&FLOOR));
-        import_comes_back(exchange::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default()));
+        import_round_trips(exchange::import_gltf(&LEVEL, Some(sidecar), &ImportOptions::default()));
     }
 }
 
-/// A level as OBJ, in metres and upright, and otherwise.
+/// Levels as OBJ, with y up in metres and with other options.
 pub fn obj(bytes: &[u8]) {
-    import_comes_back(exchange::import_obj(bytes, None, &ImportOptions::default()));
+    import_round_trips(exchange::import_obj(bytes, None, &ImportOptions::default()));
     let options = ImportOptions { scale: 0.01, up: exchange::UpAxis::Z };
-    import_comes_back(exchange::import_obj(bytes, None, &options));
+    import_round_trips(exchange::import_obj(bytes, None, &options));
 }
 
-fn import_comes_back(result: Result<Imported, ImportError>) {
-    let Some(Imported { map, warnings }) = answered(result) else { return };
+fn import_round_trips(result: Result<Imported, ImportError>) {
+    let Some(Imported { map, warnings }) = accepted(result) else { return };
     assert!(warnings.iter().all(|warning| !warning.to_string().is_empty()));
     if volume(map.size()) <= MAX_VOLUME_M3 {
-        map_comes_back(&map);
+        map_round_trips(&map);
     }
 }
 
-/// A recording, read and replayed.
+/// Recordings, decoded and replayed.
 pub fn recording(bytes: &[u8]) {
     const HEADER_LEN: usize = 8 + 4 + 32;
     let decode = |bytes: &[u8]| {
-        let Some(recording) = answered(Recording::decode(bytes)) else { return };
-        let again = Recording::decode(&recording.encode()).expect("what was just written");
+        let Some(recording) = accepted(Recording::decode(bytes)) else { return };
+        let again = Recording::decode(&recording.encode()).expect("just written");
         assert_eq!(again.encode(), recording.encode());
         if recording.tick_count() <= MAX_TICKS {
-            let _ = answered(recording.replay(FLOOR.clone(), None));
+            let _ = accepted(recording.replay(FLOOR.clone(), None));
         }
     };
     decode(bytes);
     let Some((header, content)) = bytes.split_at_checked(HEADER_LEN) else { return };
     let mut content = content.to_vec();
-    // It begins with the hash of its map.
+    // The content begins with the hash of the map.
     if let Some(hash) = content.first_chunk_mut::<32>() {
         *hash = FLOOR.hash().0;
     }
     decode(&[&header[..12], blake3::hash(&content).as_bytes(), &content].concat());
 }
 
-/// Weights as safetensors and as burn's own file, and the manifest beside them.
+/// Weights as safetensors and as burnpack, and manifests.
 pub fn checkpoint(bytes: &[u8]) {
-    if let Some((actor, config, _)) = answered(weights::from_safetensors(bytes)) {
+    if let Some((actor, config, _)) = accepted(weights::from_safetensors(bytes)) {
         let manifest = Manifest::new("trial", config, bytes, serde_json::Value::Null);
-        let again = weights::to_safetensors(&actor, &manifest).expect("what was just read");
-        weights::from_safetensors(&again).expect("what was just written");
+        let again = weights::to_safetensors(&actor, &manifest).expect("just read");
+        weights::from_safetensors(&again).expect("just written");
         decides(&Policy::new(&actor, manifest));
     }
     let manifest = Manifest::new("trial", NETWORK, bytes, serde_json::Value::Null);
-    if let Some(policy) = answered(Policy::from_bytes(manifest, bytes)) {
+    if let Some(policy) = accepted(Policy::from_bytes(manifest, bytes)) {
         decides(&policy);
     }
-    if let Some(manifest) = answered(serde_json::from_slice::<Manifest>(bytes)) {
-        let _ = answered(Policy::from_bytes(
+    if let Some(manifest) = accepted(serde_json::from_slice::<Manifest>(bytes)) {
+        let _ = accepted(Policy::from_bytes(
             Manifest { weights_hash: blake3::hash(bytes).to_hex().to_string(), ..manifest },
             bytes,
         ));
@@ -313,55 +316,55 @@ fn decides(policy: &Policy) {
     assert!(actions[0].to_array().iter().all(|value| (-1.0..=1.0).contains(value)), "{actions:?}");
 }
 
-/// A graph, what was reported of its edges, or a layer, as the cache holds them.
+/// Graphs, reported traversals and layers in the formats of the cache.
 pub fn cache_entry(bytes: &[u8]) {
     let decode = |bytes: &[u8]| {
-        if let Some(built) = answered(cache::decode_entry(bytes)) {
+        if let Some(built) = accepted(cache::decode_entry(bytes)) {
             let Built { graph, stats } = cache::decode_entry(&cache::encode_entry(&built)).expect("just written");
-            // As text, in which NaN equals itself.
+            // Compares text, in which NaN equals itself.
             assert_eq!(
                 format!("{stats:?} {:?}", graph.to_data()),
                 format!("{:?} {:?}", built.stats, built.graph.to_data())
             );
             graph_answers(graph);
         }
-        if let Some(live) = answered(cache::decode_live(bytes)) {
+        if let Some(live) = accepted(cache::decode_live(bytes)) {
             assert_eq!(cache::decode_live(&cache::encode_live(&live)).expect("just written"), live);
             live.apply_to(&SOME_GRAPH);
         }
-        if let Some(layer) = answered(cache::decode_layer(bytes)) {
-            layer_comes_back(&layer);
+        if let Some(layer) = accepted(cache::decode_layer(bytes)) {
+            layer_round_trips(&layer);
         }
     };
     decode(bytes);
     decode(&[blake3::hash(bytes).as_bytes().as_slice(), bytes].concat());
 }
 
-/// A graph as JSON.
+/// Graphs as JSON.
 pub fn graph_json(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
-    let Some(graph) = answered(import_json(text)) else { return };
+    let Some(graph) = accepted(import_json(text)) else { return };
     let islands = vec![None; graph.vertex_count()];
     let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
     for format in Format::ALL {
         assert!(!export(&graph, format, nav_mesh, None).is_empty());
     }
-    let again = import_json(&export(&graph, Format::Json, nav_mesh, None)).expect("what was just written");
+    let again = import_json(&export(&graph, Format::Json, nav_mesh, None)).expect("just written");
     assert_eq!(again.to_data(), graph.to_data());
     graph_answers(graph);
 }
 
-/// A world that the server saved; on an imported level it is restored and stepped.
+/// Saved worlds; one on an imported level is restored and stepped.
 pub fn saved_world(bytes: &[u8]) {
     const HEADER_LEN: usize = 8 + 4 + 32;
     let decode = |bytes: &[u8]| {
         let Ok(saved) = SavedWorld::decode(bytes) else { return };
-        assert_eq!(SavedWorld::decode(&saved.encode()).expect("what was just written").encode(), saved.encode());
-        // Generating a map only takes long.
+        assert_eq!(SavedWorld::decode(&saved.encode()).expect("just written").encode(), saved.encode());
+        // Generating a map would only slow the trial down.
         if let SavedMap::Spec(_) = saved.source() {
             return;
         }
-        let Some(map) = answered(saved.map()) else { return };
+        let Some(map) = accepted(saved.map()) else { return };
         let (registry, quota) = (Arc::new(Registry::default()), Quota::new(usize::MAX, "NPCs"));
         let mut world = HostedWorld::restore(&saved, map, registry, &quota);
         let again = world.save(saved.owner(), saved.source().clone());
@@ -378,17 +381,17 @@ pub fn saved_world(bytes: &[u8]) {
     decode(&[&header[..12], blake3::hash(content).as_bytes(), content].concat());
 }
 
-/// Vertices up to which a graph of a trial gets a table.
+/// Most vertices of a graph that gets a table.
 const TABLE_LIMIT: usize = 64;
 
-/// A row of three vertices.
+/// A graph of three vertices in a row.
 static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
     let vertices = [3.0, 9.0, 15.0].map(|x| Vec3::new(x, 1.0, 9.0)).to_vec();
     let proved = surefoot_planner::evidence::Evidence::vouched(Decisions(8.0));
     NavGraph::prove(vertices, &[(0, 1), (1, 2), (2, 1)].map(|(from, to)| EdgeKey::new(from, to)), &[proved; 3], 0.5)
 });
 
-/// Plans on a checked graph have a leg for each waypoint and end at the goal.
+/// Checks that plans on a graph have a leg for each waypoint and end at the goal.
 fn graph_answers(graph: NavGraph) {
     let router = Router::new(graph, TABLE_LIMIT, 1);
     for (start, goal) in [([0.0; 3], [9.0, 1.0, 30.0]), ([1.0e9; 3], [-1.0e9; 3])] {

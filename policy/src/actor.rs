@@ -1,9 +1,9 @@
 //! The actor network.
 //!
-//! Rays pass through one linear layer of their own, are joined with the state vector (and, for recurrent agents, with what
-//! an LSTM remembers of both), and go through two hidden layers into the mean and log standard deviation of a squashed
-//! Gaussian (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). Linear layers stand where
-//! the paper has a small CNN: on this backend they learn several times faster (docs/adr/0003-linear-ray-encoder.md).
+//! Rays pass through one linear layer. Its output is concatenated with the state vector and, for recurrent agents, with the
+//! output of an LSTM over both. Two hidden layers map the result to the mean and log standard deviation of a squashed Gaussian
+//! (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications", appendix C). The ray encoder is a linear layer
+//! instead of the paper's small CNN: on this backend it learns several times faster (docs/adr/0003-linear-ray-encoder.md).
 
 use crate::config::ActorConfig;
 use crate::dense::Dense;
@@ -24,17 +24,17 @@ pub struct Actor {
     head: Dense,
 }
 
-/// A diagonal Gaussian before squashing, each `[rows, ACTION_LEN]`.
+/// A diagonal Gaussian before squashing; both tensors are `[rows, ACTION_LEN]`.
 #[derive(Debug, Clone)]
 pub struct ActionDistribution {
-    /// Means.
+    /// Means of the action values before tanh.
     pub mean: Tensor<2>,
-    /// Logarithms of the standard deviations.
+    /// Natural logarithms of the standard deviations, -5 to 2.
     pub log_std: Tensor<2>,
 }
 
 impl Actor {
-    /// Fresh weights drawn from `rng`.
+    /// An actor with weights drawn from `rng`.
     pub fn new(config: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
         Self {
             trunk: Trunk::new(1, config, 0, device, rng),
@@ -42,21 +42,21 @@ impl Actor {
         }
     }
 
-    /// The same actor with a memory that as yet tells nothing: its decisions are unchanged until it learns.
+    /// Adds an LSTM of `size` units without influence: decisions are unchanged until training continues.
     #[must_use]
     pub fn with_memory(self, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
         Self { trunk: self.trunk.with_memory(size, device, rng), head: self.head }
     }
 
-    /// Length of the hidden state, where there is a memory.
+    /// Number of units of the LSTM; `None` for a reactive actor.
     pub fn memory_size(&self) -> Option<usize> {
         self.trunk.memory_size()
     }
 
-    /// `[rows, OBSERVATION_LEN]` to the distribution of actions, and what is remembered after the last step.
+    /// Maps observations `[rows, OBSERVATION_LEN]` to the distribution of actions and the hidden state after the last step.
     ///
     /// # Panics
-    /// If the actor has a memory and is given no past.
+    /// If the actor has a memory and `past` is `None`.
     pub fn forward(
         &self,
         observations: Tensor<2>,
@@ -66,15 +66,15 @@ impl Actor {
         (self.decide(encoding), state)
     }
 
-    /// The first half of [`forward`](Self::forward): what is made of observations.
+    /// The first half of [`forward`](Self::forward): encodes observations.
     ///
     /// # Panics
-    /// If the actor has a memory and is given no past.
+    /// If the actor has a memory and `past` is `None`.
     pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<HiddenState>) {
         self.trunk.encode(observations, past)
     }
 
-    /// The second half: what to do then.
+    /// The second half of [`forward`](Self::forward): maps an encoding to the distribution of actions.
     pub fn decide(&self, encoding: Encoding) -> ActionDistribution {
         let output = self.head.forward(self.trunk.consider(encoding, None)).squeeze_dim::<2>(0);
         let mean = output.clone().narrow(1, 0, ACTION_LEN);
@@ -83,7 +83,7 @@ impl Actor {
     }
 }
 
-/// Standard normal values by Box-Muller.
+/// Draws `count` standard normal values by the Box-Muller transform.
 pub fn gaussian(rng: &mut impl Rng, count: usize) -> Vec<f32> {
     let mut values = Vec::with_capacity(count + 1);
     while values.len() < count {

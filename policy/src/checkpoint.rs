@@ -1,4 +1,4 @@
-//! Weights on disk: a burnpack file beside a JSON manifest that says what it is.
+//! Weights on disk: a burnpack file beside a JSON manifest that describes it.
 
 use crate::actor::Actor;
 pub use crate::manifest::MANIFEST_FILE;
@@ -13,7 +13,8 @@ use std::path::Path;
 
 /// Name of the weights file inside a model's folder.
 pub const WEIGHTS_FILE: &str = "weights.bpk";
-/// A model inside the program.
+
+/// A model compiled into the program.
 struct Shipped {
     name: &'static str,
     manifest: &'static [u8],
@@ -47,7 +48,7 @@ impl Policy {
         Self::from_bytes(GENERAL_REACTIVE.manifest()?, GENERAL_REACTIVE.weights)
     }
 
-    /// The policy of that name, if one ships with the program: `general-reactive` or `general-lstm`.
+    /// The shipped policy `general-reactive` or `general-lstm`; `None` for other names.
     ///
     /// # Errors
     /// Only if the program was built from a damaged checkout.
@@ -56,7 +57,7 @@ impl Policy {
         Some(shipped.manifest().and_then(|manifest| Self::from_bytes(manifest, shipped.weights)))
     }
 
-    /// Reads a model's folder.
+    /// Reads a policy from a model's folder.
     ///
     /// # Errors
     /// If a file is missing, damaged, or does not fit this program's network or observation.
@@ -64,10 +65,10 @@ impl Policy {
         Self::from_bytes(Manifest::load(folder)?, &read(&folder.join(WEIGHTS_FILE))?)
     }
 
-    /// Takes the contents of a model's files.
+    /// Decodes a policy from the contents of a model's files.
     ///
     /// # Errors
-    /// If the weights are not those that the manifest describes, or do not fit this program's network or observation.
+    /// If the weights do not match the manifest, or do not fit this program's network or observation.
     pub fn from_bytes(manifest: Manifest, weights: &[u8]) -> Result<Self, CheckpointError> {
         manifest.check(weights)?;
         let device = Device::flex();
@@ -75,13 +76,13 @@ impl Policy {
         Ok(Self::new(&actor, manifest))
     }
 
-    /// Hash of the weights: part of every graph's identity.
+    /// blake3 of the weights file, hexadecimal; part of every graph's id.
     pub fn weights_hash(&self) -> &str {
         &self.manifest().weights_hash
     }
 }
 
-/// Writes a model's folder; each file appears whole or not at all.
+/// Writes a model's folder. Each file is written atomically.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -92,14 +93,14 @@ pub fn save(folder: &Path, manifest: &Manifest, weights: &[u8]) -> Result<(), Ch
     write_whole(&folder.join(MANIFEST_FILE), &text)
 }
 
-/// Writes `bytes` beside `path`, then renames: a reader never sees half a file.
+/// Writes a file atomically: writes `bytes` beside `path`, then renames, so that readers never see a partial file.
 ///
 /// # Errors
 /// If the file cannot be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CheckpointError> {
-    let beside = path.with_extension("tmp");
-    std::fs::write(&beside, bytes)
-        .and_then(|()| std::fs::rename(&beside, path))
+    let temporary = path.with_extension("tmp");
+    std::fs::write(&temporary, bytes)
+        .and_then(|()| std::fs::rename(&temporary, path))
         .map_err(|source| CheckpointError::Io { path: path.to_owned(), source })
 }
 
@@ -119,7 +120,7 @@ pub fn module_bytes<M: Module>(module: &M) -> Result<Vec<u8>, CheckpointError> {
 /// Loads parameters into a module of the same shape.
 ///
 /// # Errors
-/// If they do not fit it.
+/// If the bytes cannot be decoded or the shapes differ.
 pub fn load_module<M: Module>(module: M, bytes: &[u8]) -> Result<M, CheckpointError> {
     let decode = |error: burn::store::RecordError| CheckpointError::Decode(error.to_string());
     let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes.to_vec())).map_err(decode)?;

@@ -5,20 +5,20 @@ use std::num::NonZeroUsize;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, STATE_LEN};
 
-/// Values of an observation that come from rays.
+/// Number of values of an observation that come from rays; they are the first.
 pub const RAY_LEN: usize = RAY_COUNT * RAY_CHANNELS;
-/// The gates of an LSTM in the order of their columns; candidates come last.
+/// Number of an LSTM's gates. Their columns are ordered input, forget, output, candidate.
 pub(crate) const GATES: usize = 4;
 
-/// Sizes of the layers.
+/// Sizes of an actor's layers, each at most 4096.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActorConfig {
-    /// Features of the ray encoder.
+    /// Number of outputs of the ray encoder.
     pub ray_features: usize,
     /// Width of both hidden layers.
     pub hidden: usize,
-    /// Length of the LSTM's state; none for a reactive agent, which files write as 0.
+    /// Number of units of the LSTM; `None` for a reactive agent, written as 0 in files.
     #[serde(default, with = "zero_is_none")]
     pub memory: Option<NonZeroUsize>,
 }
@@ -29,23 +29,23 @@ impl Default for ActorConfig {
     }
 }
 
-/// Widest layer that a file may ask for.
+/// Largest allowed width of a layer.
 const MAX_WIDTH: usize = 4096;
 
 impl ActorConfig {
-    /// Length of the LSTM's state; 0 for a reactive agent.
+    /// Number of units of the LSTM; 0 for a reactive agent.
     pub fn memory_len(&self) -> usize {
         self.memory.map_or(0, NonZeroUsize::get)
     }
 
-    /// Whether a network can have these sizes.
+    /// Whether the widths are 1 to 4096 and the memory is 0 to 4096.
     pub fn is_sound(&self) -> bool {
         let widths = 1..=MAX_WIDTH;
         widths.contains(&self.ray_features) && widths.contains(&self.hidden) && self.memory_len() <= MAX_WIDTH
     }
 
-    /// Parameters of an actor of these sizes, which must be sound: what its weights' file must hold before room is made
-    /// for them.
+    /// Number of parameters of an actor with these sizes, which must be [sound](Self::is_sound). Checked against the length of a
+    /// weights file before memory is allocated.
     pub fn parameter_count(&self) -> usize {
         let &Self { ray_features, hidden, .. } = self;
         let memory = self.memory_len();
@@ -60,7 +60,7 @@ impl ActorConfig {
     }
 }
 
-/// Files write an absent size as 0.
+/// Serializes `None` as 0.
 mod zero_is_none {
     use super::{Deserialize, Deserializer, NonZeroUsize, Serialize, Serializer};
 

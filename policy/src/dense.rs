@@ -1,4 +1,4 @@
-//! A fully connected layer of several members.
+//! Fully connected layers.
 
 use crate::config::RAY_LEN;
 use crate::cpu;
@@ -8,7 +8,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, RngExt};
 use std::ops::Range;
 
-/// A fully connected layer of several members.
+/// Fully connected layers of equal shape for several members.
 #[derive(Module, Debug)]
 pub struct Dense {
     /// `[members, input, output]`.
@@ -18,17 +18,17 @@ pub struct Dense {
 }
 
 impl Dense {
-    /// Members, inputs and outputs.
+    /// Numbers of members, inputs and outputs.
     pub(crate) fn dims(&self) -> [usize; 3] {
         self.weight.dims()
     }
 
-    /// Weights drawn like PyTorch's, U(-1/sqrt(input), 1/sqrt(input)), from a seeded generator.
+    /// Layers of shape `[members, input, output]`, with weights and biases from U(-1/sqrt(input), 1/sqrt(input)) as in PyTorch.
     pub fn new([members, input, output]: [usize; 3], device: &Device, rng: &mut impl Rng) -> Self {
         Self::biased([members, input, output], 0..0, device, rng)
     }
 
-    /// The same, with 1 added to the biases of some outputs.
+    /// Like [`new`](Self::new), with 1 added to the biases of the outputs `raised`.
     pub(crate) fn biased(
         [members, input, output]: [usize; 3],
         raised: Range<usize>,
@@ -46,19 +46,19 @@ impl Dense {
         Self { weight: Param::from_data(weight, device), bias: Param::from_data(bias, device) }
     }
 
-    /// `[members or 1, batch, input]` to `[members, batch, output]`.
+    /// Maps `[members or 1, batch, input]` to `[members, batch, output]`.
     pub fn forward(&self, input: Tensor<3>) -> Tensor<3> {
         let (weight, bias) = (self.weight.val(), self.bias.val());
         cpu::dense::layer(&input, &weight, &bias, false).unwrap_or_else(|| input.matmul(weight) + bias)
     }
 
-    /// The same, cut off below 0.
+    /// Like [`forward`](Self::forward), followed by ReLU.
     pub fn forward_relu(&self, input: Tensor<3>) -> Tensor<3> {
         let (weight, bias) = (self.weight.val(), self.bias.val());
         cpu::dense::layer(&input, &weight, &bias, true).unwrap_or_else(|| relu(input.matmul(weight) + bias))
     }
 
-    /// The rays of observations `[rows, OBSERVATION_LEN]`, cut off below 0: `[members, rows, output]`.
+    /// Maps the rays of observations `[rows, OBSERVATION_LEN]` to `[members, rows, output]`, followed by ReLU.
     pub(crate) fn forward_rays(&self, observations: &Tensor<2>) -> Tensor<3> {
         let (weight, bias) = (self.weight.val(), self.bias.val());
         cpu::rays::layer(observations, &weight, &bias).unwrap_or_else(|| {
@@ -67,7 +67,7 @@ impl Dense {
         })
     }
 
-    /// The same layer with `count` more inputs before input `at`, which as yet have no influence.
+    /// Inserts `count` inputs with weight 0 before input `at`.
     pub(crate) fn with_inputs(self, at: usize, count: usize, device: &Device) -> Self {
         let [members, input, output] = self.dims();
         let old = self.weight.val().into_data().try_into_vec::<f32>().expect("f32 weights");
@@ -82,14 +82,14 @@ impl Dense {
         Self { weight: Param::from_data(weight, device), bias: self.bias }
     }
 
-    /// Moves every weight by `share` towards `source`'s (Polyak averaging of target networks).
+    /// Moves every weight towards `source`'s by `share`, 0 to 1 (Polyak averaging of target networks).
     #[must_use]
     pub fn soft_update(self, source: &Self, share: f32) -> Self {
         Self { weight: blend(self.weight, &source.weight, share), bias: blend(self.bias, &source.bias, share) }
     }
 }
 
-/// A parameter moved by `share` towards `source`.
+/// Moves a parameter towards `source` by `share`, 0 to 1.
 pub(crate) fn blend(target: Param<Tensor<3>>, source: &Param<Tensor<3>>, share: f32) -> Param<Tensor<3>> {
     let source = source.val();
     target.map(|tensor| tensor * (1.0 - share) + source * share)

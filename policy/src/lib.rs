@@ -1,8 +1,8 @@
 //! Inference: actor networks, checkpoints and batched policy evaluation.
 //!
-//! This crate turns observation rows (`surefoot_world::sense`) into actions. It knows nothing of training,
-//! of sockets or of graphs. Start at [`Policy`]; below it are [`actor`], [`network`], and the layers [`dense`] and [`lstm`] with
-//! their fast paths in [`cpu`].
+//! This crate turns observation rows (`surefoot_world::sense`) into actions. It knows nothing of training, sockets or
+//! graphs. Start at [`Policy`], which is built from [`actor`], [`network`], and the layers [`dense`] and [`lstm`] with their fast
+//! paths in [`cpu`].
 
 pub mod actor;
 pub mod checkpoint;

@@ -1,7 +1,8 @@
 //! A long short-term memory (Hochreiter & Schmidhuber 1997) over whole sequences.
 //!
-//! Gates are computed by one matrix for all four. On the CPU a sequence is one operation with a backward pass of its own
-//! ([`crate::cpu::lstm`]); elsewhere it is composed of tensor operations, which is also what the fast path is tested against.
+//! One matrix computes all four gates. On the CPU a sequence is one operation with its own backward pass
+//! ([`crate::cpu::lstm`]). On other devices it is composed of tensor operations, which are also the reference for tests of the
+//! fast path.
 
 use crate::config::GATES;
 use crate::cpu;
@@ -15,14 +16,15 @@ use rand::{Rng, RngExt};
 /// An LSTM layer for several members side by side.
 #[derive(Module, Debug)]
 pub struct Lstm {
-    /// From inputs to the gates before activation: input, forget, output, candidate.
+    /// Maps inputs to the gates before activation, in the order input, forget, output, candidate.
     input: Dense,
-    /// From the previous hidden state to the same gates, `[members, size, 4 size]`.
+    /// Maps the previous hidden state to the same gates, `[members, size, 4 size]`.
     recurrent: Param<Tensor<3>>,
 }
 
 impl Lstm {
-    /// Weights drawn like PyTorch's, U(-1/sqrt(size), 1/sqrt(size)), with a forget bias of 1.
+    /// An LSTM of `size` units for `input` features. Recurrent weights are from U(-1/sqrt(size), 1/sqrt(size)) as in PyTorch; 1 is
+    /// added to the forget biases.
     pub fn new(members: usize, input: usize, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
         let bound = 1.0 / (size as f32).sqrt();
         let recurrent = (0..members * size * GATES * size).map(|_| rng.random_range(-bound..bound)).collect();
@@ -31,22 +33,22 @@ impl Lstm {
         Self { input, recurrent: Param::from_data(recurrent, device) }
     }
 
-    /// Length of the hidden state.
+    /// Number of units: the length of the hidden state.
     pub fn size(&self) -> usize {
         self.recurrent.dims()[1]
     }
 
-    /// Runs over a sequence.
+    /// Processes a sequence.
     ///
-    /// `inputs` are `[members, steps * batch, features]`, all of step 0 first. `keep`, one value for each of those rows, is
-    /// multiplied onto the state that the row starts from: 0 where memory starts anew. Returns the hidden states,
-    /// `[members, steps * batch, size]`, and the state after the last step, which carries no gradient.
+    /// `inputs` are `[members, steps * batch, features]`, all rows of step 0 first. `keep` has one factor for each of these rows,
+    /// by which the state before the row's step is multiplied: 0 where memory is reset, otherwise 1. Returns the hidden states,
+    /// `[members, steps * batch, size]`, and the state after the last step, which has no gradient.
     pub fn forward(&self, inputs: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
         let gates = self.input.forward(inputs);
         sequence(gates, self.recurrent.val(), past, keep)
     }
 
-    /// Moves every weight by `share` towards `source`'s.
+    /// Moves every weight towards `source`'s by `share`, 0 to 1.
     #[must_use]
     pub fn soft_update(self, source: &Self, share: f32) -> Self {
         Self {
@@ -56,16 +58,17 @@ impl Lstm {
     }
 }
 
-/// The recurrence itself, from gates before activation `[members, steps * batch, 4 size]`; see [`Lstm::forward`].
+/// Runs the recurrence on gates before activation, `[members, steps * batch, 4 size]`. `past`, `keep` and the results are those
+/// of [`Lstm::forward`].
 pub fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
     cpu::lstm::sequence(&gates, &recurrent, past, keep).unwrap_or_else(|| composed(gates, recurrent, past, keep))
 }
 
-/// The recurrence as tensor operations, for any device.
+/// Like [`sequence`], composed of tensor operations, for any device.
 pub fn composed(gates: Tensor<3>, recurrent: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
     let [members, batch, size] = past.hidden.dims();
     let device = gates.device();
-    // The state carries no gradient, whatever it comes from.
+    // The past state has no gradient, but must be on the autodiff device.
     let onto_device = |tensor: &Tensor<3>| {
         let is_plain = device.is_autodiff() && !tensor.device().is_autodiff();
         if is_plain { tensor.clone().autodiff() } else { tensor.clone() }

@@ -1,4 +1,4 @@
-//! What stands beside a set of weights: which network they are for, what trained them, and whether they are whole.
+//! The manifest of a set of weights: the network that they fit, how they were trained, and their hash.
 
 use crate::config::ActorConfig;
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use surefoot_world::sense::OBSERVATION_VERSION;
 /// Name of the manifest inside a model's folder.
 pub const MANIFEST_FILE: &str = "manifest.json";
 
-/// What trained a set of weights, and what they fit.
+/// Describes a set of weights; stored beside them as `manifest.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Name of the model, as used in reports.
@@ -20,11 +20,11 @@ pub struct Manifest {
     pub actor: ActorConfig,
     /// Length of an observation row.
     pub observation_len: usize,
-    /// Version of the observation's meaning.
+    /// Version of the observation's layout and meaning.
     pub observation_version: u32,
     /// blake3 of the weights file, hexadecimal.
     pub weights_hash: String,
-    /// How it was trained: revision, configuration, seeds, decisions, hours, validation score.
+    /// How the model was trained, as free-form JSON: revision, configuration, seeds, decisions, hours, validation score.
     pub training: serde_json::Value,
 }
 
@@ -36,21 +36,21 @@ pub enum CheckpointError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The manifest is not valid JSON of the expected form.
     #[error("{path} is not a model manifest")]
     Manifest {
-        /// The manifest.
+        /// Path of the manifest.
         path: PathBuf,
-        /// Where it went wrong.
+        /// The parse error.
         source: serde_json::Error,
     },
     /// The weights file is not the one that the manifest describes.
     #[error("weights are damaged: their hash is {found}, the manifest says {expected}")]
     Damaged {
-        /// Hash of the bytes at hand.
+        /// Hash of the actual bytes.
         found: String,
         /// Hash in the manifest.
         expected: String,
@@ -58,14 +58,14 @@ pub enum CheckpointError {
     /// The weights were trained for another observation or network.
     #[error("weights do not fit: {field} is {found}, this program has {expected}")]
     Mismatch {
-        /// What differs.
+        /// Name of the field that differs.
         field: &'static str,
         /// Value in the checkpoint.
         found: String,
         /// Value in this program.
         expected: String,
     },
-    /// The manifest describes a network that cannot be.
+    /// The manifest describes a network of sizes that are not allowed.
     #[error("the manifest describes a network of sizes that are not allowed (1 to 4096, memory from 0): {0:?}")]
     Sizes(ActorConfig),
     /// The weights file could not be decoded into the network.
@@ -90,16 +90,16 @@ impl Manifest {
     /// Reads the manifest of a model's folder.
     ///
     /// # Errors
-    /// If it is missing or not a manifest.
+    /// If the file cannot be read or is not a manifest.
     pub fn load(folder: &Path) -> Result<Self, CheckpointError> {
         let path = folder.join(MANIFEST_FILE);
         parse_manifest(&path, &read(&path)?)
     }
 
-    /// Whether `weights` are those described, for a network and observation that this program has.
+    /// Checks that `weights` match the manifest and fit this program's network and observation.
     ///
     /// # Errors
-    /// Names what differs.
+    /// Names the field that differs.
     pub fn check(&self, weights: &[u8]) -> Result<(), CheckpointError> {
         let found = hash(weights);
         if found != self.weights_hash {
@@ -111,7 +111,7 @@ impl Manifest {
         if !self.actor.is_sound() {
             return Err(CheckpointError::Sizes(self.actor));
         }
-        // Room is made for a network before its weights are read, so a manifest must not ask for more than there are.
+        // Memory for the network is allocated before its weights are read, so the manifest's sizes must not exceed the file.
         let (needed, found) = (self.actor.parameter_count() * size_of::<f32>(), weights.len());
         if found < needed {
             return Err(CheckpointError::Decode(format!(
@@ -124,7 +124,7 @@ impl Manifest {
     }
 }
 
-/// What an actor of these sizes is called.
+/// The manifest's `kind` for an actor of these sizes.
 fn kind(actor: &ActorConfig) -> &'static str {
     if actor.memory.is_some() { "sac-lstm" } else { "sac-reactive" }
 }

@@ -1,10 +1,10 @@
-//! What each NPC remembers, for policies with a memory.
+//! The LSTM state of many NPCs, for recurrent policies.
 
 use crate::policy::Policy;
 use rand::Rng;
 use surefoot_world::character::Action;
 
-/// One row of memory for each of many NPCs, by index; rows of a reactive policy are empty.
+/// One row of hidden state for each NPC, by index. Rows of a reactive policy are empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Memories {
     len: usize,
@@ -12,31 +12,31 @@ pub struct Memories {
 }
 
 impl Memories {
-    /// No NPCs yet.
+    /// An empty store for `policy`.
     pub fn new(policy: &Policy) -> Self {
         Self::of_len(policy.memory_len())
     }
 
-    /// No NPCs yet, each to have so many values.
+    /// An empty store with rows of `len` values.
     pub fn of_len(len: usize) -> Self {
         Self { len, rows: Vec::new() }
     }
 
-    /// All rows, one after the other.
+    /// All rows, concatenated.
     pub fn rows(&self) -> &[f32] {
         &self.rows
     }
 
-    /// Puts back rows that [`rows`](Self::rows) gave.
+    /// Restores rows that [`rows`](Self::rows) returned.
     ///
     /// # Panics
-    /// If they are not a whole number of rows.
+    /// If `rows` is not a whole number of rows.
     pub fn set_rows(&mut self, rows: Vec<f32>) {
         assert!(rows.len().is_multiple_of(self.len.max(1)), "whole rows");
         self.rows = rows;
     }
 
-    /// Lets NPC `idx` start from nothing.
+    /// Resets the memory of NPC `idx` to zeros, adding rows as needed.
     pub fn forget(&mut self, idx: usize) {
         let end = (idx + 1) * self.len;
         if self.rows.len() < end {
@@ -45,11 +45,11 @@ impl Memories {
         self.rows[end - self.len..end].fill(0.0);
     }
 
-    /// [`Policy::act`] for some NPCs, whose memories are used and replaced; the first observation is that of the first of
+    /// Calls [`Policy::act`] for the NPCs `who` and updates their memories. `observations` has a row for each, in the order of
     /// `who`.
     ///
     /// # Panics
-    /// If one of them was never [forgotten](Self::forget).
+    /// If [`forget`](Self::forget) was never called for one of the NPCs.
     pub fn act(
         &mut self,
         policy: &Policy,
@@ -64,10 +64,10 @@ impl Memories {
         self.scatter(who, &rows);
     }
 
-    /// The same with [`Policy::act_with_noise`].
+    /// Like [`act`](Self::act), with [`Policy::act_with_noise`].
     ///
     /// # Panics
-    /// As [`act`](Self::act), or if there is not a row of noise for each observation.
+    /// As [`act`](Self::act), or if `noise` is neither empty nor has one row for each observation.
     pub fn act_with_noise(
         &mut self,
         policy: &Policy,

@@ -1,7 +1,7 @@
-//! The trunk that actors and critics share in shape: rays and state, an optional memory, two hidden layers.
+//! The trunk of actors and critics: a ray encoder, an optional LSTM and two hidden layers.
 //!
-//! Every layer holds several *members* of equal shape side by side: an actor is one, twin critics are two. One call then
-//! serves all of them.
+//! Every layer holds several *members*, networks of equal shape that one call evaluates together. An actor has one member,
+//! twin critics have two.
 
 use crate::config::{ActorConfig, RAY_LEN};
 use crate::dense::Dense;
@@ -12,16 +12,17 @@ use burn::tensor::{Device, Int, Tensor};
 use rand::Rng;
 use surefoot_world::sense::STATE_LEN;
 
-/// What a sequence starts from, for networks with a memory.
+/// The start of a sequence, for networks with a memory.
 #[derive(Debug, Clone, Copy)]
 pub struct Past<'a> {
     /// The state before the first step.
     pub state: &'a HiddenState,
-    /// See [`Lstm::forward`]: one value for each row.
+    /// One factor for each row; see [`Lstm::forward`].
     pub keep: &'a [f32],
 }
 
-/// What a trunk makes of observations before anything is added to them, each `[members, rows, features]`.
+/// Encoded observations: the output of the ray encoder with the state vector, and that of the LSTM. Both are
+/// `[members, rows, features]`.
 #[derive(Debug, Clone)]
 pub struct Encoding {
     sensed: Tensor<3>,
@@ -29,13 +30,13 @@ pub struct Encoding {
 }
 
 impl Encoding {
-    /// The same values without the graph that led to them.
+    /// The same values, detached from the autodiff graph.
     #[must_use]
     pub fn detach(self) -> Self {
         Self { sensed: self.sensed.detach(), remembered: self.remembered.map(Tensor::detach) }
     }
 
-    /// Some of the rows.
+    /// Selects rows by index.
     #[must_use]
     pub fn select(self, rows: &Tensor<1, Int>) -> Self {
         let pick = |tensor: Tensor<3>| tensor.select(1, rows.clone());
@@ -43,7 +44,7 @@ impl Encoding {
     }
 }
 
-/// Observations to a hidden vector: the shape that actor and critics share, each with weights of its own.
+/// Maps observations to a hidden vector. Actor and critics share this shape, each with their own weights.
 #[derive(Module, Debug)]
 pub struct Trunk {
     rays: Dense,
@@ -53,7 +54,7 @@ pub struct Trunk {
 }
 
 impl Trunk {
-    /// A trunk whose hidden layers also take `extra_len` values beside what is sensed and remembered.
+    /// A trunk whose hidden layers take `extra_len` values in addition to the encoding; weights are drawn from `rng`.
     pub fn new(members: usize, config: &ActorConfig, extra_len: usize, device: &Device, rng: &mut impl Rng) -> Self {
         let sensed = config.ray_features + STATE_LEN;
         Self {
@@ -64,28 +65,28 @@ impl Trunk {
         }
     }
 
-    /// The same trunk with a memory that as yet has no influence.
+    /// Adds an LSTM of `size` units without influence on the output.
     ///
     /// # Panics
-    /// If it has one already.
+    /// If the trunk already has a memory.
     #[must_use]
     pub fn with_memory(self, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
-        assert!(self.memory.is_none(), "one memory");
+        assert!(self.memory.is_none(), "the trunk has no memory yet");
         let [members, _, ray_features] = self.rays.dims();
         let sensed = ray_features + STATE_LEN;
         let memory = Some(Lstm::new(members, sensed, size, device, rng));
         Self { memory, first: self.first.with_inputs(sensed, size, device), ..self }
     }
 
-    /// Length of the hidden state, where there is a memory.
+    /// Number of units of the LSTM; `None` without one.
     pub fn memory_size(&self) -> Option<usize> {
         self.memory.as_ref().map(Lstm::size)
     }
 
-    /// What is sensed and remembered of observations `[rows, OBSERVATION_LEN]`, and the memory after the last step.
+    /// Encodes observations `[rows, OBSERVATION_LEN]`; also returns the hidden state after the last step.
     ///
     /// # Panics
-    /// If there is a memory and no past.
+    /// If the trunk has a memory and `past` is `None`.
     pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<HiddenState>) {
         let sensed = self.sense(observations);
         let Some(memory) = &self.memory else { return (Encoding { sensed, remembered: None }, None) };
@@ -94,7 +95,7 @@ impl Trunk {
         (Encoding { sensed, remembered: Some(remembered) }, Some(state))
     }
 
-    /// What is sensed: rays and state vector, `[members, rows, features]`.
+    /// Encoded rays and the state vector, `[members, rows, features]`.
     fn sense(&self, observations: Tensor<2>) -> Tensor<3> {
         let rays = self.rays.forward_rays(&observations);
         let state = observations.narrow(1, RAY_LEN, STATE_LEN).unsqueeze::<3>();
@@ -103,14 +104,14 @@ impl Trunk {
         Tensor::cat(vec![rays, state], 2)
     }
 
-    /// An encoding, with what is added to it, to a hidden vector, `[members, rows, hidden]`.
+    /// Maps an encoding, with the extra values `added`, to a hidden vector, `[members, rows, hidden]`.
     pub fn consider(&self, encoding: Encoding, added: Option<Tensor<3>>) -> Tensor<3> {
         let Encoding { sensed, remembered } = encoding;
         let inputs = [Some(sensed), remembered, added].into_iter().flatten().collect();
         self.second.forward_relu(self.first.forward_relu(Tensor::cat(inputs, 2)))
     }
 
-    /// Moves every weight by `share` towards `source`'s.
+    /// Moves every weight towards `source`'s by `share`, 0 to 1.
     #[must_use]
     pub fn soft_update(self, source: &Self, share: f32) -> Self {
         Self {

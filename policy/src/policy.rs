@@ -1,4 +1,4 @@
-//! A trained actor, ready to decide.
+//! Inference with a trained actor.
 
 use crate::actor::{ActionDistribution, Actor, gaussian};
 use crate::manifest::Manifest;
@@ -10,7 +10,7 @@ use rand::Rng;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::{ACTION_LEN, Action};
 
-/// A trained actor, ready to decide for many NPCs at once. Cheap to clone: clones share the weights.
+/// A trained actor that decides for many NPCs at once. Cheap to clone: clones share the weights.
 #[derive(Debug, Clone)]
 pub struct Policy {
     actor: Actor,
@@ -25,31 +25,31 @@ impl Policy {
         Self { actor: actor.valid().to_device(&device), manifest, device }
     }
 
-    /// What is known about these weights.
+    /// The manifest of the weights.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// Name and weights for people, ASCII, at most 64 bytes, such as `general-reactive (1a2b3c4d5e6f)`.
+    /// Name and shortened hash of the weights for display, such as `general-reactive (1a2b3c4d5e6f)`: ASCII, at most 64 bytes.
     pub fn label(&self) -> String {
         let short = |text: &str, most: usize| text.chars().filter(char::is_ascii).take(most).collect::<String>();
         format!("{} ({})", short(&self.manifest.name, 40), short(&self.manifest.weights_hash, 12))
     }
 
-    /// The network.
+    /// The policy network.
     pub fn actor(&self) -> &Actor {
         &self.actor
     }
 
-    /// Values that each NPC has to be given back at its next decision; 0 for a reactive policy.
+    /// Number of values in an NPC's memory row, which must be passed on to its next decision; 0 for a reactive policy.
     pub fn memory_len(&self) -> usize {
         2 * self.actor.memory_size().unwrap_or(0)
     }
 
-    /// An action for each observation: the policy's mean plus `noise_share` times its own exploration noise.
+    /// Computes an action for each observation: the policy's mean plus `noise_share` times its exploration noise.
     ///
-    /// Share 0 is the most likely action, 1 the policy as it was trained. Some noise frees characters from
-    /// places where the mean alone runs in circles. The rest is as for [`act_with_noise`](Self::act_with_noise).
+    /// Share 0 gives the most likely action, 1 the policy as it was trained. Some noise frees characters from
+    /// places where the mean alone runs in circles. The other arguments are those of [`act_with_noise`](Self::act_with_noise).
     ///
     /// # Panics
     /// As [`act_with_noise`](Self::act_with_noise).
@@ -67,15 +67,14 @@ impl Policy {
         self.act_with_noise(observations, memory, noise, actions);
     }
 
-    /// An action for each observation: the policy's mean plus `noise` in units of its own standard deviation, one row of
-    /// [`ACTION_LEN`] values for each observation; empty for none.
+    /// Computes an action for each observation: the policy's mean plus `noise` in units of its standard deviation.
     ///
-    /// `observations` holds rows of [`OBSERVATION_LEN`] values and `memory` as many rows of
-    /// [`memory_len`](Self::memory_len), zeros at the start of an attempt, which are replaced by those for the next
-    /// decision; `actions` is cleared and gets one entry a row.
+    /// `observations` has rows of [`OBSERVATION_LEN`] values. `memory` has one row of [`memory_len`](Self::memory_len) values for
+    /// each, zeros at the start of an attempt, and is overwritten for the next decision. `noise` is empty for none, or has one
+    /// row of [`ACTION_LEN`] values for each observation. `actions` is cleared and gets one entry per row.
     ///
     /// # Panics
-    /// If `observations` is not a whole number of rows, or `memory` or `noise` not as many.
+    /// If `observations` is not a whole number of rows, or the numbers of rows differ.
     pub fn act_with_noise(&self, observations: &[f32], memory: &mut [f32], noise: Vec<f32>, actions: &mut Vec<Action>) {
         assert_eq!(observations.len() % OBSERVATION_LEN, 0, "whole observation rows");
         actions.clear();
@@ -101,14 +100,14 @@ impl Policy {
         );
     }
 
-    /// The distribution of each row's action; `memory` is replaced.
+    /// The distribution of each row's action; overwrites `memory`.
     fn distribution(&self, observations: Tensor<2>, memory: &mut [f32]) -> ActionDistribution {
         let [row_count, _] = observations.dims();
         let Some(size) = self.actor.memory_size() else { return self.actor.forward(observations, None).0 };
         let state = HiddenState::from_rows(memory, size, &self.device);
         let keep = vec![1.0; row_count];
         let (distribution, next) = self.actor.forward(observations, Some(Past { state: &state, keep: &keep }));
-        next.expect("an actor with a memory remembers").write_rows(memory);
+        next.expect("an actor with a memory returns a state").write_rows(memory);
         distribution
     }
 }

@@ -1,24 +1,24 @@
-//! What a recurrent network carries from step to step.
+//! The hidden state of recurrent networks.
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// What an LSTM carries from step to step, each `[members, batch, size]`.
+/// State of an LSTM between two steps; both tensors are `[members, batch, size]`.
 #[derive(Debug, Clone)]
 pub struct HiddenState {
-    /// The hidden state: also the output.
+    /// The hidden state, which is also the output.
     pub hidden: Tensor<3>,
     /// The cell state.
     pub cell: Tensor<3>,
 }
 
 impl HiddenState {
-    /// Nothing remembered.
+    /// The initial state: zeros.
     pub fn empty([members, batch, size]: [usize; 3], device: &Device) -> Self {
         let zeros = || Tensor::zeros([members, batch, size], device);
         Self { hidden: zeros(), cell: zeros() }
     }
 
-    /// One member's memory from rows that hold a hidden state and then a cell state of `size` values each.
+    /// One member's state from rows of a hidden state followed by a cell state, `size` values each.
     pub fn from_rows(rows: &[f32], size: usize, device: &Device) -> Self {
         let batch = rows.len() / (2 * size);
         let part = |which: usize| {
@@ -31,7 +31,7 @@ impl HiddenState {
         Self { hidden: part(0), cell: part(1) }
     }
 
-    /// Writes one member's memory into rows as [`from_rows`](Self::from_rows) reads them.
+    /// Writes one member's state into rows in the layout that [`from_rows`](Self::from_rows) reads.
     pub fn write_rows(self, rows: &mut [f32]) {
         let [_, _, size] = self.hidden.dims();
         for (which, tensor) in [self.hidden, self.cell].into_iter().enumerate() {

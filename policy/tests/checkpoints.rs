@@ -38,7 +38,7 @@ fn saved_weights_decide_as_before() {
 }
 
 #[test]
-fn an_observation_is_answered_alike_alone_and_in_a_batch() {
+fn an_observation_gets_the_same_action_alone_and_in_a_batch() {
     let policy = Policy::shipped().unwrap();
     let all = observations(64);
     let together = act(&policy, &all);
@@ -91,7 +91,7 @@ fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
 }
 
 #[test]
-fn a_manifest_cannot_ask_for_room_that_the_weights_do_not_fill() {
+fn a_manifest_cannot_request_more_memory_than_its_weights_fill() {
     let config = ActorConfig { ray_features: 2, hidden: 3, memory: None };
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(3));
     let weights = module_bytes(&actor).unwrap();
@@ -101,7 +101,7 @@ fn a_manifest_cannot_ask_for_room_that_the_weights_do_not_fill() {
     };
     let sound = Manifest::new("sound", config, &weights, serde_json::Value::Null);
     assert!(Policy::from_bytes(sound, &weights).is_ok());
-    // Each of these once took its memory, or the whole program, before the weights were looked at.
+    // Each of these once allocated its memory, or crashed the program, before the weights were checked.
     for actor in [
         ActorConfig { hidden: 1 << 40, ..config },
         ActorConfig { ray_features: usize::MAX, ..config },

@@ -1,4 +1,4 @@
-//! Weights for other programs: an ONNX model computes what the policy does, safetensors come back as they were.
+//! Exchange of weights: an ONNX model computes the same actions as the policy, safetensors are read back unchanged.
 
 use burn::tensor::Device;
 use prost::Message;
@@ -63,7 +63,7 @@ fn an_onnx_model_decides_as_the_policy_does_step_after_step() {
 }
 
 #[test]
-fn safetensors_come_back_as_they_were() {
+fn safetensors_are_read_back_unchanged() {
     for memory in [0, 7] {
         let policy = policy(memory);
         let bytes = to_safetensors(policy.actor(), policy.manifest()).unwrap();
@@ -104,8 +104,8 @@ fn foreign_safetensors_are_refused_with_what_differs() {
 }
 
 #[test]
-fn shapes_cannot_ask_for_room_that_the_values_do_not_fill() {
-    // All parameters are there, but nearly without rows: 30 kB that once took a gigabyte before they were refused.
+fn shapes_cannot_request_more_memory_than_the_values_fill() {
+    // All parameters are present, but nearly without rows: 30 kB that once took a gigabyte before they were rejected.
     let shapes: [(&str, &[usize]); 11] = [
         ("head.bias", &[8]),
         ("head.weight", &[1, 8]),
@@ -144,10 +144,10 @@ fn a_memory_grown_onto_an_actor_changes_nothing_at_first() {
             assert!((before - after).abs() < 1.0e-5);
         }
     }
-    assert!(memory.iter().any(|value| *value != 0.0), "it remembers all the same");
+    assert!(memory.iter().any(|value| *value != 0.0), "its memory is in use nevertheless");
 }
 
-// A reader and evaluator of ONNX models of its own, as far as the operators used here go.
+// An independent reader and evaluator of ONNX models, for the operators that the export uses.
 
 #[derive(Clone, Debug)]
 struct Matrix {
@@ -164,7 +164,7 @@ impl Matrix {
         Self { columns: self.columns, values: self.values.iter().map(|&value| change(value)).collect() }
     }
 
-    /// With `other`'s values repeated where it is shorter: a bias.
+    /// Combines values pairwise; a shorter `other`, such as a bias, is repeated.
     fn zip(&self, other: &Matrix, change: impl Fn(f32, f32) -> f32) -> Self {
         let values = self.values.iter().zip(other.values.iter().cycle());
         Self { columns: self.columns, values: values.map(|(&a, &b)| change(a, b)).collect() }
@@ -224,7 +224,7 @@ fn evaluate(graph: &OnnxGraph, mut known: HashMap<String, Matrix>) -> HashMap<St
                     values: rows.flat_map(|idx| parts.iter().flat_map(move |part| row(idx, part))).collect(),
                 }
             }
-            other => panic!("operator {other} is not among those promised"),
+            other => panic!("the export must not use operator {other}"),
         };
         known.insert(node.output[0].clone(), result);
     }

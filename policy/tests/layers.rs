@@ -1,4 +1,4 @@
-//! The fast layers against tensor operations: values and gradients.
+//! The fast layers compared with tensor operations: values and gradients.
 
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Distribution, Tensor};
@@ -25,7 +25,7 @@ fn draw(shape: [usize; 3], device: &Device) -> Tensor<3> {
     Tensor::random(shape, Distribution::Uniform(-1.0, 1.0), device)
 }
 
-/// Observations of which most values that show hazards are zero.
+/// Observations in which most hazard and device values are zero.
 fn observations(device: &Device) -> Tensor<2> {
     let values: Vec<f32> = (0..ROWS * OBSERVATION_LEN)
         .map(|idx| {

@@ -1,4 +1,4 @@
-//! The fast recurrence against the one composed of tensor operations: values and gradients.
+//! The fast recurrence compared with the one composed of tensor operations: values and gradients.
 
 use burn::tensor::{Device, Distribution, Tensor};
 use surefoot_policy::cpu;
@@ -21,7 +21,7 @@ fn assert_close(name: &str, fast: &[f32], slow: &[f32]) {
     assert!(slow.iter().any(|value| value.abs() > 1.0e-4), "{name} is not all zeros");
 }
 
-/// Gates, recurrent weights and a past; large gates reach the flat ends of the activations.
+/// Gates, recurrent weights and a past state; large gates saturate the activations.
 fn inputs(device: &Device) -> (Tensor<3>, Tensor<3>, HiddenState) {
     device.seed(7);
     let draw = |shape: [usize; 3], width: f64| Tensor::<3>::random(shape, Distribution::Uniform(-width, width), device);
@@ -31,7 +31,7 @@ fn inputs(device: &Device) -> (Tensor<3>, Tensor<3>, HiddenState) {
     (gates, recurrent, recall)
 }
 
-/// Memory starts anew in the middle of one sequence and at the beginning of another.
+/// Memory is reset in the middle of one sequence and at the beginning of another.
 fn keep() -> Vec<f32> {
     let mut keep = vec![1.0; STEPS * BATCH];
     keep[2 * BATCH + 1] = 0.0;
@@ -83,7 +83,7 @@ fn a_sequence_in_one_call_equals_its_steps_one_by_one() {
     assert_close("hidden states", &values(whole), &values(Tensor::cat(steps, 1)));
 }
 
-/// The fast path itself, so that these tests do not compare the slow one with itself.
+/// Calls the fast path directly, so that the tests cannot compare the slow path with itself.
 fn sequence(gates: Tensor<3>, recurrent: Tensor<3>, past: &HiddenState, keep: &[f32]) -> (Tensor<3>, HiddenState) {
     cpu::lstm::sequence(&gates, &recurrent, past, keep).expect("tensors on the CPU")
 }

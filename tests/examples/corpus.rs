@@ -1,10 +1,10 @@
-//! Writes the kept inputs of the fuzz targets that are made rather than found: small valid ones of every kind.
+//! Writes the constructed part of the fuzz targets' corpora: small valid inputs of every kind.
 //!
 //! ```sh
 //! cargo run -p e2e --example corpus
 //! ```
 //!
-//! Inputs that once broke something lie beside them under names of their own and stay.
+//! Inputs that once caused a failure are kept beside them under other names.
 
 #[path = "../../fuzz/src/lib.rs"]
 mod untrusted;
@@ -38,7 +38,7 @@ use surefoot_world::{
 };
 use untrusted::{FIRST_NPC, FLOOR, NETWORK};
 
-/// Largest input that is kept, bytes.
+/// Size limit of an input, bytes.
 const LIMIT: usize = 16 * 1024;
 
 fn main() {
@@ -56,7 +56,7 @@ fn main() {
     ];
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
     for (target, files) in kept {
-        assert!(untrusted::TRIALS.iter().any(|(name, _)| *name == target), "{target} is no target");
+        assert!(untrusted::TRIALS.iter().any(|(name, _)| *name == target), "{target} is not a target");
         std::fs::create_dir_all(folder.join(target)).expect("a folder in the checkout");
         for (name, bytes) in files {
             assert!(bytes.len() <= LIMIT, "{target}/{name} has {} bytes", bytes.len());
@@ -172,7 +172,7 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// A floor of 30 x 30 m with one of everything that can be placed.
+/// A floor of 30 m x 30 m with one of every feature.
 fn devices() -> Map {
     let [a, b, c, d] = [[0.0, 0.0], [0.0, 30.0], [30.0, 30.0], [30.0, 0.0]].map(|[x, z]| Vec3::new(x, 1.0, z));
     let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, Surface::Ground)).collect();
@@ -190,7 +190,7 @@ fn devices() -> Map {
 }
 
 fn gltf() -> Vec<(&'static str, Vec<u8>)> {
-    // One triangle of 8 m in an embedded buffer, shown twice, with a pad below the second.
+    // One triangle of 8 m in an embedded buffer, instanced twice, with a pad as child of the second instance.
     let embedded = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
 "nodes":[{"mesh":0},{"mesh":0,"translation":[0,0,8],"rotation":[0,1,0,0],"scale":[1,1,2],"children":[2]},
 {"name":"pad","translation":[-2,0,2],"extras":{"height":3}}],
@@ -239,7 +239,7 @@ fn recording() -> Vec<u8> {
     world.finish_recording().expect("it was begun").encode()
 }
 
-/// A world with one NPC on its way and one at rest, on a level or on a generated map.
+/// A world with one seeking and one idle NPC, on a level or on a generated map.
 fn saved_world(level: Option<&Arc<Map>>) -> Vec<u8> {
     let small = MapSpec::new(7).with(|it| it.size = MapSize { width: 50, height: 40, depth: 50 }).unwrap();
     let generated = || Arc::new(Map::generate(&small));
@@ -275,7 +275,7 @@ fn graph() -> NavGraph {
     )
 }
 
-/// Without the checksums, which the trial puts before them, and one with it.
+/// Cache entries without their checksums, which the trial prepends, and one with its checksum.
 fn cache_entries() -> Vec<(&'static str, Vec<u8>)> {
     let graph = graph();
     let mut live = LiveEvidence::default();

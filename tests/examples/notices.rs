@@ -1,6 +1,6 @@
-//! Writes the notices of all crates that the program is linked from: `cargo run -p e2e --example notices`.
+//! Writes the notices of all crates that the program is linked with: `cargo run -p e2e --example notices`.
 //!
-//! `surefoot licenses` prints the file, and the image holds it; a test compares its headings with what is linked.
+//! `surefoot licenses` prints the file, and the container image includes it. A test compares its headings with the linked crates.
 
 use e2e::packages::{folders, linked};
 use e2e::source::root;
@@ -9,7 +9,7 @@ use std::fmt::Write;
 
 fn main() {
     let (packages, folders) = (linked(), folders());
-    // Many crates carry the same text, letter by letter: it is written once.
+    // Many crates have identical texts; each text is written once.
     let mut texts: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for package in &packages {
         let entries =

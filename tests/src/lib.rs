@@ -1,4 +1,4 @@
-//! Shared scaffolding of the whole-system tests: real services on real sockets, on free ports.
+//! Shared scaffolding of the whole-system tests: real services on real sockets with free ports.
 
 pub mod packages;
 pub mod source;
@@ -22,22 +22,22 @@ use tokio::task::JoinHandle;
 use tokio_stream::StreamExt;
 use tonic::transport::Channel;
 
-/// A running service that stops when it is dropped or told to.
+/// A running service that stops on drop or on [`stop`](Self::stop).
 #[derive(Debug)]
 pub struct Running {
-    /// Where clients connect.
+    /// URI that clients connect to.
     pub uri: String,
     shutdown: Shutdown,
     task: JoinHandle<()>,
 }
 
 impl Running {
-    /// Begins to stop; [`Running::stop`] waits for the end.
+    /// Begins the shutdown without waiting for its end, unlike [`Running::stop`].
     pub fn begin_stop(&self) {
         self.shutdown.trigger();
     }
 
-    /// The address without a scheme, for plain sockets.
+    /// Host and port, for plain sockets.
     pub fn address(&self) -> &str {
         self.uri.rsplit('/').next().expect("a URI")
     }
@@ -58,7 +58,7 @@ pub fn start_server(config: ServerConfig) -> Running {
     start_server_at(EndpointConfig::default(), config)
 }
 
-/// Starts a world server whose endpoint is kept in some way.
+/// Starts a world server with an endpoint configuration.
 pub fn start_server_at(endpoint: EndpointConfig, config: ServerConfig) -> Running {
     let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
     let endpoint = endpoint.with_pages(surefoot_studio::pages(":7601"));
@@ -73,7 +73,7 @@ pub fn start_planner(folder: &Path, config: PlannerConfig) -> Running {
     start_planner_at(EndpointConfig::default(), folder, config)
 }
 
-/// Starts a planner whose endpoint is kept in some way.
+/// Starts a planner with an endpoint configuration.
 pub fn start_planner_at(endpoint: EndpointConfig, folder: &Path, config: PlannerConfig) -> Running {
     let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
     let store = DiskStore::open(folder, DEFAULT_LIMIT_BYTES).expect("a cache folder");
@@ -85,12 +85,12 @@ pub fn start_planner_at(endpoint: EndpointConfig, folder: &Path, config: Planner
     Running { uri, shutdown, task }
 }
 
-/// The answer to `GET /metrics`, headers included.
+/// Response of `GET /metrics`, including headers; `headers` are request headers, each with its line end.
 pub async fn metrics(server: &Running, headers: &str) -> String {
     get(server, "/metrics", headers).await
 }
 
-/// The answer to a `GET` request, headers included.
+/// Response of a `GET` request, including headers; `headers` are request headers, each with its line end.
 pub async fn get(server: &Running, path: &str, headers: &str) -> String {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     let mut socket = tokio::net::TcpStream::connect(server.address()).await.expect("the server accepts");
@@ -105,17 +105,17 @@ pub async fn get(server: &Running, path: &str, headers: &str) -> String {
 #[derive(Debug)]
 pub struct Worker {
     shutdown: Shutdown,
-    /// Resolves with the worker's end.
+    /// Resolves with the worker's result.
     pub task: JoinHandle<Result<(), WorkError>>,
 }
 
 impl Worker {
-    /// Breaks its connections at once, as a killed process would.
+    /// Breaks the worker's connections at once, as a killed process would.
     pub fn kill(&self) {
         self.task.abort();
     }
 
-    /// Asks it to stop and waits.
+    /// Stops the worker and waits for its end.
     pub async fn stop(self) {
         self.shutdown.trigger();
         // A worker that was killed has no result.
@@ -128,12 +128,12 @@ pub fn start_worker(server: &Running, planner: Option<&Running>, capacity: u32) 
     start_worker_with(Policy::shipped().expect("shipped weights"), server, planner, capacity)
 }
 
-/// Starts a worker with some policy.
+/// Starts a worker with a given policy.
 pub fn start_worker_with(policy: Policy, server: &Running, planner: Option<&Running>, capacity: u32) -> Worker {
     start_worker_as(Credentials::default(), policy, server, planner, capacity)
 }
 
-/// Starts a worker that has to show something to be let in.
+/// Starts a worker with credentials.
 pub fn start_worker_as(
     credentials: Credentials,
     policy: Policy,
@@ -167,7 +167,7 @@ pub fn small_graph() -> planner::BuildSettings {
     planner::BuildSettings { vertices: 50, neighbours: 8, repeats: 1, threshold: 0.5, ..Default::default() }
 }
 
-/// A small map with everything on it.
+/// A small map with all features.
 pub fn small_map(seed: u64) -> world::MapSpec {
     world::MapSpec { seed, size: Some(world::MapSize { width: 100, height: 80, depth: 100 }), features: None }
 }
@@ -188,7 +188,7 @@ pub async fn create_world(client: &mut WorldServiceClient<Channel>, seed: u64, m
     client.create_world(request).await.expect("a valid spec").into_inner().world.expect("a description")
 }
 
-/// Places to stand on a world.
+/// Random points on the ground of a world.
 pub async fn ground(client: &mut WorldServiceClient<Channel>, world_id: u64, count: u32) -> Vec<world::Vec3> {
     let request = world::SampleGroundRequest { world_id, count, seed: 1 };
     client.sample_ground(request).await.expect("ground").into_inner().points
@@ -200,7 +200,7 @@ pub async fn build_graph(client: &mut PlannerServiceClient<Channel>, seed: u64) 
     (build.graph_id, build.summary.expect("a finished build has a summary"))
 }
 
-/// Asks for a small graph.
+/// Request for the build of a small graph.
 pub fn start_of(seed: u64) -> planner::StartBuildRequest {
     planner::StartBuildRequest { map: Some(small_map(seed)), settings: Some(small_graph()), ..Default::default() }
 }
@@ -214,7 +214,7 @@ pub async fn build_to_end(
     watch_build(client, &started.build_id).await.pop().expect("a build says how it ended")
 }
 
-/// All that a build says until its end.
+/// All states that a build reports until its end.
 pub async fn watch_build(client: &mut PlannerServiceClient<Channel>, build_id: &str) -> Vec<planner::Build> {
     let request = planner::WatchBuildRequest { build_id: build_id.to_owned() };
     let progress = client.watch_build(request).await.expect("a build").into_inner();
@@ -228,7 +228,7 @@ pub async fn stats(client: &mut WorldServiceClient<Channel>, world_id: u64) -> w
     figures.next().await.expect("a first message").expect("figures").stats.expect("figures")
 }
 
-/// Watches until `done` says so of a world's figures, and returns them.
+/// Watches a world's figures until `done` accepts them, and returns them.
 pub async fn stats_until(
     client: &mut WorldServiceClient<Channel>,
     world_id: u64,
@@ -248,10 +248,10 @@ pub async fn stats_until(
     tokio::time::timeout(LIMIT, watching).await.expect("in time")
 }
 
-/// Far longer than any of this takes: a hang fails instead of blocking.
+/// Far longer than any step takes, so that a hang fails the test instead of blocking it.
 pub const LIMIT: Duration = Duration::from_secs(120);
 
-/// Adds an NPC.
+/// Spawns an NPC and returns its id.
 pub async fn spawn(client: &mut WorldServiceClient<Channel>, world_id: u64, at: world::Vec3) -> u64 {
     let request = world::SpawnNpcRequest { world_id, position: Some(at), ..Default::default() };
     client.spawn_npc(request).await.unwrap().into_inner().npc_id
@@ -262,7 +262,7 @@ pub async fn set_goal(client: &mut WorldServiceClient<Channel>, npc_id: u64, goa
     client.set_goal(world::SetGoalRequest { npc_id, goal: Some(goal) }).await.unwrap();
 }
 
-/// Watches until `done` says so, and returns that snapshot.
+/// Watches a world until `done` accepts a snapshot, and returns it.
 pub async fn watch_until(
     client: &mut WorldServiceClient<Channel>,
     world_id: u64,
@@ -286,7 +286,7 @@ pub fn distance(a: world::Vec3, b: world::Vec3) -> f32 {
     ((a.x - b.x).powi(2) + (a.y - b.y).powi(2) + (a.z - b.z).powi(2)).sqrt()
 }
 
-/// Snapshots of a world.
+/// Opens the stream of a world's snapshots.
 pub async fn watch(
     client: &mut WorldServiceClient<Channel>,
     world_id: u64,

@@ -1,32 +1,32 @@
-//! What the program is linked from, as cargo says it.
+//! The crates that the program is linked with, as reported by cargo.
 
 use crate::source::root;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// A crate from elsewhere.
+/// A third-party crate.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Package {
-    /// Its name.
+    /// Name of the crate.
     pub name: String,
-    /// Its version.
+    /// Version of the crate.
     pub version: String,
-    /// Its licence, as an SPDX expression.
+    /// Licence as an SPDX expression.
     pub license: String,
 }
 
 impl Package {
-    /// The heading that it has among the third-party notices.
+    /// Heading of the crate in the third-party notices.
     pub fn heading(&self) -> String {
         format!("{} {} ({})", self.name, self.version, self.license)
     }
 }
 
-/// Every crate from elsewhere that the program needs as it is shipped: on Linux, with its default features.
+/// Every third-party crate of the shipped program: on Linux, with default features.
 ///
 /// # Panics
-/// If cargo does not say.
+/// If cargo fails.
 pub fn linked() -> BTreeSet<Package> {
     let about = ["--package", "surefoot-cli", "--edges", "normal", "--target", "x86_64-unknown-linux-gnu"];
     let tree = cargo(&[&["tree", "--prefix", "none", "--no-dedupe", "--format", "{p}|{l}"], &about[..]].concat());
@@ -41,10 +41,10 @@ pub fn linked() -> BTreeSet<Package> {
         .collect()
 }
 
-/// The sets of features that each crate is built with, by name and version, for some arguments of `cargo tree`.
+/// The sets of features that each crate is built with, by name and version, for the arguments `about` of `cargo tree`.
 ///
 /// # Panics
-/// If cargo does not say.
+/// If cargo fails.
 pub fn features(about: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
     let format = ["--target", "x86_64-unknown-linux-gnu", "--prefix", "none", "--format", "{p}|{f}|"];
     let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -56,10 +56,10 @@ pub fn features(about: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
     found
 }
 
-/// Where the sources of each crate are on this machine, by name and version.
+/// Folder with the sources of each crate, by name and version.
 ///
 /// # Panics
-/// If cargo does not say.
+/// If cargo fails.
 pub fn folders() -> BTreeMap<(String, String), PathBuf> {
     let metadata = cargo(&["metadata", "--format-version", "1", "--filter-platform", "x86_64-unknown-linux-gnu"]);
     let metadata: serde_json::Value = serde_json::from_str(&metadata).expect("metadata is JSON");

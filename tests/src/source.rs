@@ -1,11 +1,11 @@
-//! The workspace's own source as data: which file imports which, and which names a file mentions.
+//! The workspace's source as data: the imports between files and the names that a file mentions.
 //!
-//! Enough of a parser for `mod`, `use` and paths that begin with `crate`, `super` or `self`; the rest of the language is skipped.
+//! Parses only `mod`, `use` and paths that begin with `crate`, `super` or `self`; skips the rest of the language.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// The root of the workspace.
+/// Root folder of the workspace.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
@@ -49,12 +49,12 @@ impl Crate {
         Self { files }
     }
 
-    /// Its files with their code, comments left out.
+    /// Path and code of each file, without comments.
     pub fn files(&self) -> impl Iterator<Item = (&str, &str)> {
         self.files.values().map(|file| (file.path.as_str(), file.code.as_str()))
     }
 
-    /// Groups of files that import each other in a circle.
+    /// Groups of files that import each other circularly.
     pub fn circles(&self) -> Vec<Vec<&str>> {
         let edges: BTreeMap<&Vec<String>, BTreeSet<&Vec<String>>> =
             self.files.iter().map(|(module, file)| (module, self.imports(module, file))).collect();
@@ -80,18 +80,18 @@ impl Crate {
         groups.into_iter().collect()
     }
 
-    /// The files that a file takes names from.
+    /// Module paths of the files that a file imports from.
     fn imports(&self, module: &[String], file: &File) -> BTreeSet<&Vec<String>> {
         let is_facade = |file: &File| file.path.ends_with("/mod.rs") || file.path.ends_with("/lib.rs");
-        // What a folder's face hands on is no import of its own.
+        // Re-exports of a `mod.rs` or `lib.rs` do not count as imports.
         let uses = file.uses.iter().filter(|found| !(found.is_public && is_facade(file)));
         let targets = uses.filter_map(|found| self.defining_file(module, &found.path, 0));
         targets.filter(|target| target.as_slice() != module).collect()
     }
 
-    /// The file that defines what a path names, seen from `module`.
+    /// The file that defines the item at `path`, resolved from `module`.
     fn defining_file(&self, module: &[String], path: &[String], depth: usize) -> Option<&Vec<String>> {
-        assert!(depth < 32, "a path that leads in a circle: {path:?}");
+        assert!(depth < 32, "a circular path: {path:?}");
         let mut at: Vec<String> = module.to_vec();
         let mut rest = path;
         match path.first()?.as_str() {
@@ -141,7 +141,7 @@ fn module_of(relative: &Path) -> Vec<String> {
     parts
 }
 
-/// The code without comments; a line keeps its place.
+/// The code without comments; line numbers stay the same.
 fn without_comments(text: &str) -> String {
     text.lines().map(|line| line.find("//").map_or(line, |at| &line[..at])).collect::<Vec<_>>().join("\n")
 }
@@ -162,7 +162,7 @@ fn uses_in(code: &str) -> Vec<Use> {
         }
         let Some((begin, is_public)) = begin else { continue };
         let tree: String = statement[begin..].split_whitespace().collect::<Vec<_>>().join(" ");
-        // Texts that happen to begin a line with the word are no declarations.
+        // Lines of text that happen to begin with the word are no declarations.
         if tree.chars().all(|letter| letter.is_alphanumeric() || "_:{}, *".contains(letter)) {
             expand(&tree, &[], &mut |path| uses.push(Use { path, is_public }));
         }
@@ -170,7 +170,7 @@ fn uses_in(code: &str) -> Vec<Use> {
     uses
 }
 
-/// Writes out a `use` tree.
+/// Expands a `use` tree into one path for each name.
 fn expand(tree: &str, prefix: &[String], found: &mut dyn FnMut(Vec<String>)) {
     let tree = tree.trim();
     let Some(open) = tree.find('{') else {

@@ -1,11 +1,11 @@
-//! The house stays as ARCHITECTURE.md draws it: who may depend on whom, who knows wire types, no circles.
+//! Checks the invariants of ARCHITECTURE.md: dependencies between crates, knowledge of wire types, no circular imports.
 
 use e2e::packages::features;
 use e2e::source::{Crate, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
-/// What each crate may depend on inside the workspace.
+/// The workspace crates that each crate may depend on.
 const ALLOWED: [(&str, &str, &[&str]); 11] = [
     ("world", "surefoot-world", &[]),
     ("policy", "surefoot-policy", &["surefoot-world"]),
@@ -45,7 +45,7 @@ const ALLOWED: [(&str, &str, &[&str]); 11] = [
 /// Crates that may depend on all others.
 const OUTERMOST: [&str; 2] = ["surefoot-cli", "e2e"];
 
-/// Crates from elsewhere that some of ours must not know.
+/// Crates that some of ours must not depend on.
 const FOREIGN: [(&str, &[&str]); 5] = [
     ("surefoot-world", &["burn", "tonic", "tokio", "prost", "tracing", "surefoot-policy"]),
     ("surefoot-planner", &["burn", "tonic", "tokio", "prost", "tracing", "redb"]),
@@ -54,7 +54,7 @@ const FOREIGN: [(&str, &[&str]); 5] = [
     ("surefoot-server", &["burn"]),
 ];
 
-/// Files that may know generated wire types, beside all of `proto`, the command line and the tests.
+/// Files that may use generated wire types, besides `proto`, the command line and the tests.
 const KNOW_THE_WIRE: [&str; 21] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
@@ -70,7 +70,7 @@ const KNOW_THE_WIRE: [&str; 21] = [
     "planner-service/src/grpc/mod.rs",
     "planner-service/src/grpc/errors.rs",
     "planner-service/src/grpc/streams.rs",
-    // Clients: they speak to services of other processes.
+    // Clients of services in other processes.
     "agent/src/work/session.rs",
     "agent/src/work/world.rs",
     "agent/src/work/graph.rs",
@@ -80,7 +80,7 @@ const KNOW_THE_WIRE: [&str; 21] = [
     "cli/src/commands/health.rs",
 ];
 
-/// Files that may turn something into a `tonic::Status`, beside those that know wire types.
+/// Files that may use `tonic::Status`, besides those that may use wire types.
 const KNOW_STATUSES: [&str; 11] = [
     "net/src/status.rs",
     "net/src/client.rs",
@@ -170,7 +170,7 @@ fn simulation_and_search_never_await() {
     }
 }
 
-/// Whether the keyword stands in the code; fields such as `awaiting` do not count.
+/// Whether the code contains `.await`; fields such as `awaiting` do not count.
 fn awaits(code: &str) -> bool {
     code.split(".await").skip(1).any(|rest| !rest.starts_with(|next: char| next.is_alphanumeric() || next == '_'))
 }
@@ -191,7 +191,7 @@ fn unsafe_code_is_forbidden_everywhere() {
     assert!(manifest.contains("unsafe_code = \"forbid\""));
     for folder in ALLOWED.map(|(folder, ..)| folder).into_iter().chain(["cli", "tests"]) {
         let own = std::fs::read_to_string(root().join(folder).join("Cargo.toml")).expect("a manifest");
-        assert!(own.contains("[lints]\nworkspace = true"), "{folder} does not take the workspace's lints");
+        assert!(own.contains("[lints]\nworkspace = true"), "{folder} does not use the workspace's lints");
     }
 }
 

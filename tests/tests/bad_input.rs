@@ -1,4 +1,4 @@
-//! Bad input gets the right status and a message that names what to change; nothing else is disturbed.
+//! Invalid input gets the right status and a message that names the field to change, and affects nothing else.
 
 use e2e::{
     build_graph, create_world, ground, planner_client, small_graph, small_map, start_planner, start_server,
@@ -105,7 +105,7 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     refused(client.watch_world(watch(world_id, 1000.0)).await, Code::InvalidArgument, "rate_hz");
     refused(client.watch_world(watch(world_id, f32::NAN)).await, Code::InvalidArgument, "rate_hz");
 
-    // After all of that, what was there still is.
+    // Nothing that existed before has changed.
     assert_eq!(client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap().into_inner().worlds.len(), 2);
     for npc_id in npcs {
         client.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap();
@@ -168,7 +168,7 @@ async fn a_malformed_worker_is_cut_off_and_told_why() {
     for (requests, code, words) in cases {
         let mut client = client.clone();
         let failure = async {
-            // The request stream stays open, so only the server can end the session.
+            // The request stream stays open, so that only the server can end the session.
             let stream = tokio_stream::iter(requests).chain(tokio_stream::pending());
             let mut responses = client.work(stream).await?.into_inner();
             while let Some(response) = responses.next().await {
@@ -271,7 +271,7 @@ async fn the_planner_refuses_what_it_cannot_use() {
     };
     refused(client.find_paths(batch).await, Code::OutOfRange, "--max-queries");
 
-    // A good query among all that is answered in full.
+    // A valid query after all of these is answered in full.
     let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
     assert_eq!(graph.edges.len(), summary.edges as usize);
     let edge = graph.edges[0];

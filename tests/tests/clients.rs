@@ -1,4 +1,4 @@
-//! What game clients and remote trainers see and may do.
+//! The world server as game clients and remote trainers use it.
 
 use e2e::{
     LIMIT, build_graph, create_world, ground, planner_client, set_goal, small_map, spawn, start_planner, start_server,
@@ -26,7 +26,7 @@ async fn a_reader_gets_its_region_and_then_only_changes() {
     for point in &points[..20] {
         npcs.push(spawn(&mut client, world_id, *point).await);
     }
-    // NPCs come to rest where they were put, so nothing changes by itself.
+    // NPCs come to rest where they were spawned, so nothing changes by itself.
     let border = 0.5 * (points[9].x + points[10].x);
     let corner = |x, y, z| Some(wire::Vec3 { x, y, z });
     let region = wire::Region { low: corner(-1.0, -100.0, -1.0), high: corner(border, 1000.0, 1000.0) };
@@ -34,7 +34,7 @@ async fn a_reader_gets_its_region_and_then_only_changes() {
     let mut snapshots = client.watch_world(request).await.unwrap().into_inner();
     let first = snapshots.next().await.unwrap().unwrap();
     assert!(!first.is_delta && first.npcs.iter().map(|npc| npc.npc_id).eq(npcs[..10].iter().copied()));
-    // One leaves the region, one is removed, one comes in.
+    // One NPC leaves the region, one is removed, one enters.
     let teleport = |npc_id, position| wire::TeleportNpcRequest { npc_id, position: Some(position), yaw: 0.0 };
     client.teleport_npc(teleport(npcs[0], points[39])).await.unwrap();
     client.despawn_npc(wire::DespawnNpcRequest { npc_id: npcs[1] }).await.unwrap();
@@ -74,7 +74,7 @@ async fn a_client_follows_an_npc_and_its_plan() {
     let mut steps =
         client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false }).await.unwrap().into_inner();
     let first = steps.next().await.unwrap().unwrap();
-    assert_eq!(first.plan.expect("told at first").waypoints, [], "an idle NPC has no plan");
+    assert_eq!(first.plan.expect("the first message has a plan").waypoints, [], "an idle NPC has no plan");
     set_goal(&mut client, npc_id, points[1]).await;
     let following = async {
         loop {
@@ -107,7 +107,7 @@ async fn a_reader_that_does_not_read_is_cut_off_and_others_go_on() {
     let mut client = world_client(&server).await;
     let world_id = create_world(&mut client, 11, wire::TimeMode::Realtime).await.world_id;
     let start = ground(&mut client, world_id, 1).await[0];
-    // Snapshots larger than what the connection takes without the reader's leave.
+    // Snapshots larger than the connection's flow-control window.
     for _ in 0..1500 {
         spawn(&mut client, world_id, start).await;
     }
@@ -163,7 +163,7 @@ async fn a_worker_that_joins_takes_npcs_over_without_a_missed_decision() {
     let server = start_server(ServerConfig::default());
     let first = start_worker(&server, None, 64);
     let mut client = world_client(&server).await;
-    // Lockstep waits for every answer: a decision that fell between two workers would stop it for good.
+    // Lockstep waits for every answer: a decision lost between two workers would stop the world for good.
     let world_id = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await.world_id;
     let points = ground(&mut client, world_id, 24).await;
     for idx in 0..12 {
@@ -208,7 +208,7 @@ async fn worlds_outlive_the_server() {
     let server = start_server(config);
     let mut client = world_client(&server).await;
     let worlds = client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap().into_inner().worlds;
-    assert_eq!(worlds.len(), 1, "the dropped one stays dropped, the damaged one is left out");
+    assert_eq!(worlds.len(), 1, "the dropped one stays dropped, the damaged one is skipped");
     assert_eq!((worlds[0].world_id, worlds[0].npc_count), (world_id, 2));
     let npc = client.get_npc(wire::GetNpcRequest { npc_id: seeker }).await.unwrap().into_inner().npc.unwrap();
     assert_eq!((npc.goal, npc.attempts_begun, npc.attempts_ended), (Some(points[2]), 1, 0));
@@ -305,7 +305,7 @@ async fn a_stalled_world_drops_time_and_leaves_others_alone() {
     let mut watching = watch(&mut client, other, 60.0).await;
     let before = watching.next().await.unwrap().unwrap();
     client.stall_world(wire::StallWorldRequest { world_id: stalled, milliseconds: 500 }).await.unwrap();
-    // 500 ms are 30 ticks: two are made up for.
+    // 500 ms are 30 ticks, of which two are caught up.
     let after = stats_until(&mut client, stalled, |stats| stats.ticks_dropped > 0).await;
     assert!((26..=40).contains(&after.ticks_dropped), "{} dropped", after.ticks_dropped);
     watch_until(&mut client, other, |snapshot| snapshot.tick > before.tick + 20).await;

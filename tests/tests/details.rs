@@ -1,4 +1,4 @@
-//! Statuses say in a form that programs read what to change, what is missing, and when to try again.
+//! Statuses have machine-readable details: the field to change, the missing resource, when to retry.
 
 use e2e::{
     build_graph, create_world, ground, planner_client, small_graph, small_map, start_planner, start_server,
@@ -12,7 +12,7 @@ use tokio_stream::StreamExt;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
-/// The fields that a status complains of.
+/// The fields that a status names as invalid.
 fn fields(status: &Status) -> Vec<String> {
     let details = status.get_error_details();
     let bad = details.bad_request().unwrap_or_else(|| panic!("no fields in {status}"));
@@ -22,7 +22,7 @@ fn fields(status: &Status) -> Vec<String> {
     bad.field_violations.iter().map(|violation| violation.field.clone()).collect()
 }
 
-/// Kind and name of what a status says is missing.
+/// Kind and name of the resource that a status names as missing.
 fn resource(status: &Status) -> (String, String) {
     assert_eq!(status.code(), Code::NotFound, "{status}");
     let details = status.get_error_details();
@@ -62,7 +62,7 @@ async fn the_world_server_gives_details() {
         (full.code(), quota.violations[0].subject.clone()),
         (Code::ResourceExhausted, format!("world:{world_id}"))
     );
-    assert!(!says_when_to_retry(&full), "there is room when an NPC goes, not after some time");
+    assert!(!says_when_to_retry(&full), "capacity is freed by despawning, not by waiting");
     let gone = client.get_npc(wire::GetNpcRequest { npc_id: 77 }).await.unwrap_err();
     assert_eq!(resource(&gone), ("npc".to_owned(), "77".to_owned()));
 
@@ -98,7 +98,7 @@ async fn the_planner_gives_details() {
     let queries = vec![plan::PathQuery::default(); 2];
     let batch = client.find_paths(plan::FindPathsRequest { graph_id: graph_id.clone(), queries }).await.unwrap_err();
     assert_eq!((batch.code(), fields(&batch)), (Code::OutOfRange, vec!["queries".to_owned()]));
-    // Asking for as much again is no use.
+    // Retrying the same batch is no use.
     assert!(!says_when_to_retry(&batch));
     let undo = plan::UndoEditsRequest { graph_id, layer: "night".to_owned(), count: 1, if_revision: 0 };
     let missing = client.undo_edits(undo).await.unwrap_err();

@@ -1,4 +1,4 @@
-//! What happens to NPCs reaches clients in order and without gaps; calls about many NPCs; calls that can be repeated.
+//! Events reach clients in order and without gaps; batch calls; idempotent calls.
 
 use e2e::{LIMIT, create_world, ground, set_goal, spawn, start_server, start_worker, world_client};
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ async fn events(
     client.watch_events(request).await.unwrap().into_inner()
 }
 
-/// Reads events until `done` says so of one of them; all of them, with the cursor after the last.
+/// Reads events until `done` accepts one; returns all of them and the cursor after the last.
 async fn read_until(
     stream: &mut Streaming<wire::WatchEventsResponse>,
     done: impl Fn(&wire::NpcEvent) -> bool,
@@ -76,10 +76,10 @@ async fn every_event_has_a_number_and_a_stream_can_be_resumed_after_any_of_them(
     client.despawn_npc(wire::DespawnNpcRequest { npc_id }).await.unwrap();
     let is_removed = |event: &wire::NpcEvent| matches!(event.event, Some(Event::Removed(_)));
     let (all, cursor) = read_until(&mut stream, is_removed).await;
-    let told = ["spawned", "began", "ended", "began", "ended", "teleported", "removed"];
-    // The ground under a random point may be a slope that it slides or drops from.
+    let expected = ["spawned", "began", "ended", "began", "ended", "teleported", "removed"];
+    // A random point may be on a slope, from which the NPC slides or drops.
     let own: Vec<_> = names(&all).into_iter().filter(|name| !["landed", "died"].contains(name)).collect();
-    assert_eq!(own, told);
+    assert_eq!(own, expected);
     let first = begin.cursor.unwrap().sequence + 1;
     assert!(all.iter().map(|event| event.sequence).eq(first..first + all.len() as u64), "no gaps");
     assert_eq!(cursor.sequence, all.last().unwrap().sequence);
@@ -88,7 +88,7 @@ async fn every_event_has_a_number_and_a_stream_can_be_resumed_after_any_of_them(
             assert_eq!(ended.outcome(), Outcome::Unspecified, "it was replaced");
         }
     }
-    // From any of them on, the rest comes again.
+    // A stream can be resumed after any event.
     for (idx, event) in all.iter().enumerate() {
         let after = wire::EventCursor { sequence: event.sequence, ..cursor };
         let rest = if idx + 1 == all.len() {
@@ -233,7 +233,7 @@ async fn an_item_of_a_batch_that_fails_leaves_the_others_alone() {
         .collect();
     let other = spawn_in(&mut client, worlds[1]).await;
 
-    // Two worlds and one that does not exist, in one call; the results are in the order of the items.
+    // One call for NPCs of two worlds and of none; the results are in the order of the items.
     let npc_ids = vec![other, 77, ids[0], u64::MAX, ids[1]];
     let found =
         client.batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids: npc_ids.clone() }).await.unwrap().into_inner();
@@ -281,7 +281,7 @@ async fn a_repeated_call_creates_nothing_twice_and_lists_come_in_pages() {
         request_id: "one and the same".to_owned(),
         ..Default::default()
     };
-    // At the same time, as from a client that lost patience.
+    // Concurrent calls, as from a client that retries early.
     let calls: Vec<_> = (0..4)
         .map(|_| {
             let (mut client, request) = (client.clone(), request.clone());
@@ -387,7 +387,7 @@ async fn deltas_say_what_changed_and_nothing_else() {
     };
     let change = tokio::time::timeout(LIMIT, reading).await.expect("a change");
     assert_eq!((change.npc_id, change.attempts_begun), (npc_id, Some(1)));
-    // It stands on its goal: the attempt may have ended by the time of the snapshot.
+    // The NPC stands on its goal, so the attempt may have ended before the snapshot.
     assert!(change.goal.is_some() || change.last_outcome.is_some());
     assert!(change.worker_id.is_none() && change.cause.is_none() && !change.waypoint_cleared);
     client.despawn_npc(wire::DespawnNpcRequest { npc_id: still }).await.unwrap();

@@ -1,4 +1,4 @@
-//! Golden values: what must stay as it is, bit for bit, unless a change says that it changes it.
+//! Golden values: results that must stay equal bit for bit, unless a change is meant to change them.
 //!
 //! Maps are in `world/tests/maps.rs`, graphs in `planner/tests/build.rs`.
 
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use surefoot_policy::Policy;
 use surefoot_world::{Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, World, navigable};
 
-/// A map of 120 m with 16 NPCs that act at random, after 3,600 ticks: a minute.
+/// A world on a map of 120 m with 16 NPCs that act at random, after 3,600 ticks: one minute.
 fn after_a_minute() -> World {
     let map = Arc::new(Map::generate(&MapSpec::with_side(77, 120).unwrap()));
     let profile = CharacterProfile::default();
@@ -63,7 +63,7 @@ fn the_shipped_weights_decide_as_before() {
     }
     let (policy, mut actions) = (Policy::shipped().unwrap(), Vec::new());
     policy.act_with_noise(&observations, &mut [], Vec::new(), &mut actions);
-    // Matrix products add in an order that depends on the processor: four digits are the same on all of them.
+    // The order of additions in matrix products depends on the processor; four digits agree on all processors.
     let digits: Vec<i32> =
         actions[0].to_array().into_iter().map(|value| (f64::from(value) * 1.0e4).round() as i32).collect();
     assert_eq!(digits, [9775, -9599, 9756, -9561]);

@@ -1,4 +1,4 @@
-//! Levels made elsewhere, from their file to NPCs that follow plans on them.
+//! Imported levels, from their files to NPCs that follow plans on them.
 
 use e2e::{
     LIMIT, build_to_end, ground, planner_client, set_goal, small_graph, small_map, spawn, start_planner,
@@ -16,7 +16,7 @@ use tokio_stream::StreamExt;
 use tonic::Code;
 use tonic::transport::Channel;
 
-/// A map as a file that remembers no spec.
+/// The file of a map without a spec.
 fn level() -> Vec<u8> {
     exchange::export_glb(&Map::generate(&map_spec(Some(&small_map(1000))).unwrap()))
 }
@@ -46,7 +46,7 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
     let npc_id = spawn(&mut client, world.world_id, points[0]).await;
     server.stop().await;
 
-    // The planner was never given the level: the worker hands it on.
+    // The level was not imported into the planner: the worker forwards it.
     let server = start_server(config);
     let worker = start_worker(&server, Some(&planner), 8);
     let mut client = world_client(&server).await;
@@ -93,7 +93,7 @@ async fn edits_of_a_level_outlive_its_changes() {
     assert_ne!(graphs[0].0, graphs[1].0);
     assert_eq!((graphs[0].1.edits, graphs[1].1.edits), (0, 1), "the second version has the first one's edit");
 
-    // What one version lost to the other is what the other gains from it.
+    // What is lost from one version to the other is gained in the other direction.
     let listed = client.list_graphs(plan::ListGraphsRequest::default()).await.unwrap().into_inner().graphs;
     assert!(listed.iter().map(|graph| &graph.graph_id).eq([&graphs[1].0, &graphs[0].0]));
     assert!(listed.iter().all(|graph| graph.map.is_none() && !graph.level.is_empty()));
@@ -146,7 +146,7 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
     let neither = plan::StartBuildRequest { map: None, map_hash: String::new(), settings: None };
     assert!(graphs.start_build(neither).await.unwrap_err().message().contains("map is missing"));
 
-    // There is room for one: nothing stands on the first, so it goes.
+    // There is room for one map. No world uses the first, so it is evicted.
     let other = exchange::encode(&Map::generate(&map_spec(Some(&small_map(3))).unwrap()));
     client.import_map(import(wire::MapFormat::Saved, other)).await.unwrap();
     assert_eq!(client.list_maps(wire::ListMapsRequest::default()).await.unwrap().into_inner().maps.len(), 1);

@@ -1,4 +1,4 @@
-//! NPCs that get there, across real sockets.
+//! NPCs reach their goals, over real sockets.
 
 use e2e::{
     build_graph, create_world, distance, ground, planner_client, set_goal, spawn, start_planner, start_server,
@@ -21,8 +21,8 @@ async fn npcs_reach_far_goals_by_plan_in_lockstep() {
     let mut client = world_client(&server).await;
     let world = create_world(&mut client, 1000, wire::TimeMode::Lockstep).await;
     let points = ground(&mut client, world.world_id, 40).await;
-    // Until the worker has the graph it heads straight for the goals: they lie away from the rim, over which it could
-    // run.
+    // Until the worker has the graph, its NPCs head straight for their goals, so goals are kept away from the rim of the
+    // map, over which they could run.
     let inner: Vec<wire::Vec3> = points[8..]
         .iter()
         .copied()
@@ -83,7 +83,7 @@ async fn npcs_of_a_killed_worker_go_on_with_another() {
     server.stop().await;
 }
 
-/// The worker that carries every NPC of the snapshot, if one does.
+/// The worker that decides for every NPC of the snapshot, if there is one.
 fn set_worker_of(snapshot: &wire::WatchWorldResponse) -> Option<u64> {
     let worker = snapshot.npcs.first()?.worker_id;
     (worker != 0 && snapshot.npcs.len() == 6 && snapshot.npcs.iter().all(|npc| npc.worker_id == worker))
@@ -140,7 +140,7 @@ async fn many_requests_for_one_graph_share_one_build() {
     for request in requests {
         ids.insert(request.await.unwrap().0);
     }
-    assert_eq!(ids.len(), 1, "with room for one build only, all two hundred were answered by it");
+    assert_eq!(ids.len(), 1, "with room for only one build, it answers all two hundred requests");
     planner.stop().await;
 }
 

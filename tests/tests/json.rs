@@ -1,4 +1,4 @@
-//! Plain HTTP with JSON, as scripts and engines without protobuf speak it.
+//! Plain HTTP with JSON, as scripts and engines without protobuf use it.
 
 use e2e::{LIMIT, Running, get, start_server, start_server_at};
 use prost::Message;
@@ -13,7 +13,7 @@ use tokio::net::TcpStream;
 
 const WORLD: &str = "/surefoot.world.v1.WorldService";
 
-/// An answer whose body is read as it comes.
+/// A response whose body is read as it arrives.
 struct Answer {
     status: u16,
     content_type: String,
@@ -50,7 +50,7 @@ impl Answer {
         (len > 0).then_some(chunk)
     }
 
-    /// The next line of a stream of JSON documents.
+    /// The next document of a stream of JSON lines.
     async fn line(&mut self, pending: &mut Vec<u8>) -> Option<Value> {
         loop {
             if let Some(end) = pending.iter().position(|byte| *byte == b'\n') {
@@ -88,13 +88,13 @@ async fn post(server: &Running, path: &str, headers: &str, body: &[u8]) -> Answe
     }
 }
 
-/// Makes a call with JSON.
+/// Makes a unary call with JSON; returns the HTTP status and the body.
 async fn call(server: &Running, method: &str, body: Value) -> (u16, Value) {
     let body = body.to_string();
     post(server, method, "Content-Type: application/json\r\n", body.as_bytes()).await.into_json().await
 }
 
-/// The reason in an error.
+/// The `reason` in the details of an error.
 fn reason(error: &Value) -> &str {
     let details = error["details"].as_array().expect("an error has details");
     let info = details.iter().find(|detail| detail["type"] == "google.rpc.ErrorInfo").expect("an error has a reason");
@@ -123,13 +123,13 @@ async fn a_game_without_protobuf_makes_a_world_and_follows_its_events() {
     let spawn = json!({ "worldId": world_id, "spawns": [{ "position": ground["points"][0] }] });
     let (_, spawned) = call(&server, &format!("{WORLD}/BatchSpawnNpcs"), spawn).await;
     let npc_id = &spawned["results"][0]["npcId"];
-    let told = events.line(&mut pending).await.unwrap();
+    let event = events.line(&mut pending).await.unwrap();
     assert_eq!(
-        (&told["events"][0]["npcId"], &told["events"][0]["spawned"]["position"]),
+        (&event["events"][0]["npcId"], &event["events"][0]["spawned"]["position"]),
         (npc_id, &ground["points"][0])
     );
 
-    // The same stream by the Connect protocol: frames with a length.
+    // A stream by the Connect protocol, in frames with a length prefix.
     let framed = [&[0][..], &(request.len() as u32).to_be_bytes(), request.as_bytes()].concat();
     let mut frames =
         post(&server, &format!("{WORLD}/WatchWorld"), "Content-Type: application/connect+json\r\n", &framed).await;
@@ -234,7 +234,7 @@ async fn the_contracts_are_served_as_openapi_and_every_reason_is_documented() {
     }
     let text = document.to_string();
     for reference in text.split("#/components/schemas/").skip(1).map(|rest| rest.split('"').next().unwrap()) {
-        assert!(schemas.contains_key(reference), "{reference} is not there");
+        assert!(schemas.contains_key(reference), "{reference} is not defined");
     }
     let docs = e2e::source::root().join("docs");
     let clients = std::fs::read_to_string(docs.join("clients.md")).unwrap();

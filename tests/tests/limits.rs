@@ -1,4 +1,4 @@
-//! Every limit of an endpoint, exceeded on purpose; clients within them go on.
+//! Every limit of an endpoint, exceeded on purpose; clients within the limits continue.
 
 use e2e::{Running, create_world, metrics, planner_client, small_map, start_planner, start_server_at, world_client};
 use std::io::ErrorKind;
@@ -15,7 +15,7 @@ use tokio_stream::StreamExt;
 use tonic::transport::Channel;
 use tonic::{Code, Request, Streaming};
 
-/// The HTTP/2 preface and empty settings.
+/// The HTTP/2 client preface with empty settings.
 const GREETING: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\x00\x00\x00\x04\x00\x00\x00\x00\x00";
 const SHORT: Duration = Duration::from_millis(200);
 
@@ -52,7 +52,7 @@ async fn watch(client: &mut WorldServiceClient<Channel>, world_id: u64) -> Strea
     stream
 }
 
-/// A figure of the metrics page.
+/// The value of a metric without labels.
 async fn figure(server: &Running, name: &str) -> u64 {
     let page = metrics(server, "").await;
     let line = page.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
@@ -67,7 +67,7 @@ async fn a_control_message_may_have_one_mebibyte() {
     let of_len = |len: usize| plan::GetGraphRequest { graph_id: "x".repeat(len) };
     let refused = client.get_graph(of_len((1 << 20) + 1)).await.unwrap_err();
     assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
-    // The same connection goes on, and what is just small enough is read.
+    // The same connection continues, and accepts a message just below the limit.
     let read = client.get_graph(of_len((1 << 20) - 16)).await.unwrap_err();
     assert_eq!(read.code(), Code::InvalidArgument, "{read}");
     planner.stop().await;
@@ -103,7 +103,7 @@ async fn a_connection_too_many_is_closed_at_once_and_counted() {
     closed(&mut third).await;
     client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
     drop(second);
-    // The place is free once the server has seen the second go.
+    // The second's slot is free once the server has noticed its disconnect.
     let mut newcomer = loop {
         let Ok(mut newcomer) = WorldServiceClient::connect(server.uri.clone()).await else { continue };
         if newcomer.list_worlds(wire::ListWorldsRequest::default()).await.is_ok() {
@@ -113,7 +113,7 @@ async fn a_connection_too_many_is_closed_at_once_and_counted() {
     drop(client);
     newcomer.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
     let refused = loop {
-        // The page too needs a place, which the first client leaves.
+        // The metrics page needs a connection too, whose slot the first client frees.
         let page = metrics_or_nothing(&server).await;
         if let Some(refused) = page.lines().find_map(|line| line.strip_prefix("surefoot_connections_refused_total ")) {
             break refused.parse::<u64>().unwrap();
@@ -123,11 +123,11 @@ async fn a_connection_too_many_is_closed_at_once_and_counted() {
     server.stop().await;
 }
 
-/// The metrics page, or what there was of it before the connection was closed.
+/// The metrics page, or the part received before the connection was closed.
 async fn metrics_or_nothing(server: &Running) -> String {
     let mut text = String::new();
     if let Ok(mut socket) = TcpStream::connect(server.address()).await {
-        // A connection that is closed at once ends either of these with an error.
+        // If the connection is closed at once, either of these may fail.
         let _ = socket.write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n").await;
         let _ = socket.read_to_string(&mut text).await;
     }
@@ -157,14 +157,14 @@ async fn who_falls_silent_is_cut_off_and_who_answers_pings_is_not() {
         limits.keepalive_interval = SHORT;
     });
     let mut client = world_client(&server).await;
-    // Nothing is sent on the watch of a lockstep world that nobody works on.
+    // The watch of a lockstep world without a worker sends nothing.
     let world_id = create_world(&mut client, 1, wire::TimeMode::Lockstep).await.world_id;
     let mut quiet = watch(&mut client, world_id).await;
     let mut silent = connect(&server).await;
     silent.write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n").await.unwrap();
     closed(&mut silent).await;
     assert_eq!(figure(&server, "surefoot_connections_cut_total").await, 1);
-    // The quiet stream has outlasted the limit: its end still comes.
+    // The silent stream outlasts the limit, and its end still arrives.
     world_client(&server).await.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
     assert_eq!(quiet.next().await.unwrap().unwrap_err().code(), Code::NotFound);
     server.stop().await;
@@ -192,16 +192,16 @@ async fn a_call_without_a_deadline_gets_one_and_streams_last() {
     create.set_timeout(Duration::from_secs(60));
     let world_id = client.create_world(create).await.unwrap().into_inner().world.unwrap().world_id;
     let stream = watch(&mut client, world_id).await;
-    // A worker that does not say hello is not answered.
+    // A worker that never sends hello gets no answer.
     let overdue = client.work(tokio_stream::pending()).await.unwrap_err();
     assert_eq!(overdue.code(), Code::DeadlineExceeded);
     assert!(overdue.message().contains("--default-deadline"), "{overdue}");
-    // With a deadline of its own it is that one.
+    // The call's own deadline overrides the default.
     let mut patient = Request::new(tokio_stream::pending());
     patient.set_timeout(Duration::from_secs(1));
     let overdue = client.work(patient).await.unwrap_err();
     assert!(!overdue.message().contains("--default-deadline"), "{overdue}");
-    // 30 snapshots a second: far beyond the deadline.
+    // The stream lasts 30 snapshots, far beyond the deadline.
     assert_eq!(stream.take(30).filter(Result::is_ok).collect::<Vec<_>>().await.len(), 30);
     server.stop().await;
 }

@@ -1,4 +1,4 @@
-//! Health, reflection, metrics and the drain.
+//! Health, metrics and the drain.
 
 use e2e::{create_world, metrics, planner_client, start_planner, start_server, world_client};
 use std::time::Duration;
@@ -86,11 +86,11 @@ async fn health_says_at_once_that_a_service_goes_away() {
         server.begin_stop();
         assert_eq!(watch.next().await.unwrap().unwrap().status(), ServingStatus::NotServing, "`{name}`");
         fastest = fastest.min(begun.elapsed());
-        // Watching does not hold up the end, and the stream ends without an error.
+        // Watching health does not delay the shutdown, and the stream ends without an error.
         assert!(watch.next().await.is_none());
         tokio::time::timeout(Duration::from_secs(10), server.stop()).await.expect("the drain has a deadline");
     }
-    // The best of three, since other tests may keep the machine busy.
+    // The fastest of three, because other tests may keep the machine busy.
     assert!(fastest < Duration::from_millis(100), "{fastest:?}");
 }
 
@@ -117,6 +117,6 @@ async fn connections_that_outlast_a_drain_are_broken() {
     server.stop().await;
     let mut rest = Vec::new();
     let closing = tokio::time::timeout(Duration::from_secs(10), silent.read_to_end(&mut rest)).await;
-    // Closed or reset, as long as it is over.
+    // The connection may be closed or reset.
     let _ = closing.expect("the connection is broken");
 }

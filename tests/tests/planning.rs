@@ -1,4 +1,4 @@
-//! What designers and NPCs tell the planner changes plans for everybody, over real sockets.
+//! Designers' edits and NPCs' traversals change everybody's plans, over real sockets.
 
 use e2e::{build_graph, build_to_end, planner_client, small_map, start_of, start_planner, watch_build};
 use surefoot_planner_service::PlannerConfig;
@@ -25,7 +25,7 @@ async fn plan(client: &mut Client, graph_id: &str, start: Vec3, goal: Vec3) -> w
     client.find_path(request).await.unwrap().into_inner().plan.unwrap()
 }
 
-/// The two vertices of a leg along a proved edge.
+/// The two vertices of a leg along a proved edge; `None` for other legs.
 fn vertices_of(leg: &wire::Leg) -> Option<[u32; 2]> {
     let vertex = |stop: Option<wire::Stop>| match stop?.stop? {
         wire::stop::Stop::Vertex(vertex) => Some(vertex),
@@ -163,7 +163,7 @@ async fn a_build_is_an_operation_that_outlives_its_caller_and_can_be_listed_and_
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig { max_builds: 2, ..PlannerConfig::default() });
     let mut client = planner_client(&planner).await;
-    // Minutes of probing.
+    // Settings that take minutes of probing.
     let settings = wire::BuildSettings { vertices: 2000, neighbours: 64, repeats: 32, ..Default::default() };
     let long = wire::StartBuildRequest { map: Some(small_map(9)), settings: Some(settings), ..Default::default() };
     let first = client.start_build(long.clone()).await.unwrap().into_inner().build.unwrap();
@@ -204,7 +204,7 @@ async fn a_build_on_a_map_without_ground_fails_with_a_reason() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut maps = MapServiceClient::connect(planner.uri.clone()).await.unwrap();
-    // A wall, on which nobody can stand.
+    // A wall, on which no character can stand.
     let file = b"v 0 0 0\nv 20 0 0\nv 20 20 0\nv 0 20 0\nf 1 2 3\nf 1 3 4\n".to_vec();
     let request =
         ImportMapRequest { name: "wall".to_owned(), format: MapFormat::Obj.into(), file, ..Default::default() };

@@ -1,4 +1,4 @@
-//! What is written is read back as it was: maps, recordings, graphs, their layers, and messages.
+//! Maps, recordings, graphs, layers and messages are unchanged after writing and reading.
 
 #[path = "../../fuzz/src/lib.rs"]
 #[expect(dead_code, reason = "only the floor is needed of what the trials are made of")]
@@ -107,7 +107,7 @@ proptest! {
     }
 }
 
-/// What may happen to the one or two NPCs of a world, each for some ticks.
+/// An input to the one or two NPCs of a world, each followed by some ticks.
 #[derive(Debug, Clone)]
 enum Move {
     Decide(Action),
@@ -128,7 +128,7 @@ fn moves() -> impl Strategy<Value = Vec<(Move, u8)>> {
         Just(Move::ClearGoal),
         (point(), -3.0..3.0f32).prop_map(|(feet, yaw)| Move::Teleport(feet, yaw)),
         Just(Move::Close),
-        // Far out as well: what cannot be leaves the map and stays there.
+        // Points far outside too: such an NPC leaves the map and stays there.
         prop_oneof![point(), anywhere()].prop_map(Move::Replace),
     ];
     prop::collection::vec((step, 0..30u8), 0..12)
@@ -178,7 +178,7 @@ fn graph() -> impl Strategy<Value = NavGraph> {
         evidence.cover(Vec3::ONE);
         evidence
     });
-    // Sums with all the digits that a number can have.
+    // Sums that use all digits of a number.
     let evidence =
         prop_oneof![3 => evidence, 1 => (0.0..1.0e100).prop_map(|decisions| Evidence::vouched(Decisions(decisions)))];
     let edges = prop::collection::vec((0..12u32, 0..12u32, evidence), 0..30);

@@ -1,4 +1,4 @@
-//! TLS, certificates of clients, tokens and roles, over real sockets.
+//! TLS, client certificates, tokens and roles, over real sockets.
 
 use e2e::{Running, metrics, start_planner_at, start_server_at, start_worker_as};
 use prost::Message;
@@ -30,7 +30,7 @@ fn secret_of(role: Role) -> String {
     format!("the-secret-of-a-{}", role.name())
 }
 
-/// One token for every role, each named as its role.
+/// One token for every role, with the name of the role.
 fn tokens() -> Tokens {
     let entry = |role: Role| {
         format!("[[token]]\nname = \"{0}\"\nrole = \"{0}\"\nsecret = \"{1}\"\n", role.name(), secret_of(role))
@@ -54,7 +54,7 @@ async fn link(server: &Running, credentials: &Credentials) -> Link {
     credentials.dial(&server.uri).unwrap().connect().await.unwrap()
 }
 
-/// Calls a method, by its full name, with an empty message.
+/// Calls a method by its full name with an empty message.
 async fn call(link: &Link, method: &str) -> Result<(), Status> {
     let mut grpc = tonic::client::Grpc::new(link.clone());
     grpc.ready().await.map_err(|error| Status::unavailable(error.to_string()))?;
@@ -67,7 +67,7 @@ async fn call(link: &Link, method: &str) -> Result<(), Status> {
     }
 }
 
-/// Full names of all methods of our own contracts.
+/// Full names of all methods of our contracts.
 fn methods() -> Vec<String> {
     let files = prost_types::FileDescriptorSet::decode(surefoot_proto::FILE_DESCRIPTOR_SET).unwrap().file;
     let services = files.iter().flat_map(|file| file.service.iter().map(move |service| (file.package(), service)));
@@ -155,7 +155,7 @@ async fn a_worker_shows_its_token() {
     server.stop().await;
 }
 
-/// An authority and certificates of it, as files.
+/// An authority and certificates issued by it, as files.
 struct Certificates {
     folder: tempfile::TempDir,
     issuer: Issuer<'static, KeyPair>,
@@ -176,7 +176,7 @@ impl Certificates {
         self.folder.path().join("ca.pem")
     }
 
-    /// A certificate for a name or address, and its key.
+    /// Issues a certificate for a name or address; returns the files of the certificate and its key.
     fn issue(&self, name: &str) -> (PathBuf, PathBuf) {
         let key = KeyPair::generate().unwrap();
         let params = CertificateParams::new(vec![name.to_owned()]).unwrap();
@@ -195,7 +195,7 @@ fn start_tls_server(certificates: &Certificates, name: &str, client_authority: O
     start_server_at(EndpointConfig { security, ..Default::default() }, ServerConfig::default())
 }
 
-/// Lists worlds as an admin, with these files.
+/// Lists worlds as an admin with the given TLS files.
 async fn list_worlds(uri: &str, files: ClientTlsFiles) -> Result<(), String> {
     let credentials = Credentials::load(Some(&Secret::new(secret_of(Role::Admin))), &files).unwrap();
     let link = credentials.dial(uri).unwrap().connect().await.map_err(|error| format!("{error:?}"))?;
@@ -215,7 +215,7 @@ async fn clients_trust_the_authority_they_are_given_and_no_other() {
     list_worlds(&server.uri, trusting(certificates.authority())).await.unwrap();
     server.stop().await;
 
-    // A certificate for another name is none, unless the client expects that name.
+    // A certificate for another name is rejected, unless the client expects that name.
     let server = start_tls_server(&certificates, "worlds.example", None);
     list_worlds(&server.uri, trusting(certificates.authority())).await.unwrap_err();
     let named = ClientTlsFiles {
@@ -248,12 +248,12 @@ async fn a_peer_that_does_not_finish_tls_is_cut_off() {
     config.limits.handshake_timeout = Duration::from_secs(1);
     let server = start_server_at(config, ServerConfig::default());
     let mut hesitant = tokio::net::TcpStream::connect(server.address()).await.unwrap();
-    // The beginning of a TLS record that never comes, longer than any preface.
+    // The beginning of a TLS record that is never completed, longer than any preface.
     let begun = [&[0x16, 0x03, 0x01, 0x3f, 0xff, 0x01][..], &[0; 100]].concat();
     tokio::io::AsyncWriteExt::write_all(&mut hesitant, &begun).await.unwrap();
     let mut rest = Vec::new();
     let closing = tokio::time::timeout(Duration::from_secs(20), hesitant.read_to_end(&mut rest)).await;
-    // Closed or reset, as long as it is over.
+    // The connection may be closed or reset.
     let _ = closing.expect("the server closes the connection");
     let files = ClientTlsFiles { authority: Some(certificates.authority()), ..Default::default() };
     list_worlds(&server.uri, files).await.unwrap();
@@ -268,7 +268,7 @@ async fn other_machines_are_served_with_tls_or_openly_without() {
     for words in ["0.0.0.0", "--tls-cert", "--tls-key", "--insecure"] {
         assert!(refused.to_string().contains(words), "{refused}");
     }
-    // Tokens in clear text do not protect anything.
+    // Tokens sent in clear text protect nothing.
     assert!(Endpoint::open(everywhere, guarded()).is_err());
     assert!(Endpoint::open("[::ffff:127.0.0.1]:0".parse().unwrap(), EndpointConfig::default()).is_ok());
     let mut config = EndpointConfig::default();
@@ -284,7 +284,7 @@ async fn other_machines_are_served_with_tls_or_openly_without() {
     assert!(missing.to_string().contains("/no/key.pem"), "{missing}");
 }
 
-/// Answers every call with the name of its caller.
+/// A service that answers every call with the name of its caller.
 #[derive(Clone)]
 struct Echo;
 
@@ -312,7 +312,7 @@ async fn services_know_who_calls() {
     for (config, credentials, name) in [
         (guarded(), holder(Role::Designer), "designer"),
         (EndpointConfig::default(), Credentials::default(), "127.0.0.1"),
-        // Without tokens nobody is who he says.
+        // Without tokens, the caller is identified by address only.
         (EndpointConfig::default(), holder(Role::Designer), "127.0.0.1"),
     ] {
         let endpoint = Endpoint::open(SocketAddr::from(([127, 0, 0, 1], 0)), config).unwrap();
@@ -403,7 +403,7 @@ async fn pages_from_elsewhere_may_not_call() {
     let naming = start_server_at(EndpointConfig { security: named, ..Default::default() }, ServerConfig::default());
     let asking = start_server_at(EndpointConfig { security: guarded, ..Default::default() }, ServerConfig::default());
     let call = "/surefoot.world.v1.WorldService/ListWorlds";
-    // An empty message of gRPC-Web.
+    // An empty gRPC-Web message.
     let body = "\0\0\0\0\0";
     for (server, host, origin, admitted) in [
         (&plain, "127.0.0.1:7600", "http://127.0.0.1:7601", true),
@@ -411,7 +411,7 @@ async fn pages_from_elsewhere_may_not_call() {
         (&plain, "192.168.1.7:7600", "http://192.168.1.7:7601", true),
         (&plain, "192.168.1.7:7600", "http://192.168.1.8:7601", false),
         (&plain, "127.0.0.1:7600", "https://evil.example", false),
-        // A name that was made to lead here.
+        // A foreign name that resolves to this host, as in DNS rebinding.
         (&plain, "evil.example:7600", "http://evil.example:7600", false),
         (&plain, "127.0.0.1:7600", "null", false),
         (&naming, "127.0.0.1:7600", "https://studio.example", true),

@@ -1,4 +1,4 @@
-//! What Studio is shown and may do, over real sockets.
+//! The calls that Studio makes, over real sockets.
 
 use e2e::{
     LIMIT, build_graph, create_world, ground, planner_client, set_goal, small_map, spawn, start_planner, start_server,
@@ -18,7 +18,7 @@ use tonic::transport::Channel;
 
 type Planner = PlannerServiceClient<Channel>;
 
-/// All tiles of an answer.
+/// All tiles of a mesh response.
 async fn tiles(
     client: &mut WorldServiceClient<Channel>,
     world_id: u64,
@@ -117,7 +117,7 @@ async fn whoever_follows_an_npc_sees_its_rays_and_how_its_attempts_ended() {
         assert_eq!(hit.is_some(), ray.surface() != wire::Surface::Unspecified, "{ray:?}");
         assert!((hit.map_or(30.0, |hit| hit.distance) - eyes.distance(end)).abs() < 0.05, "{ray:?}");
     }
-    // It stands on its goal.
+    // The NPC stands on its goal.
     set_goal(&mut client, npc_id, start).await;
     let ended = async {
         loop {
@@ -164,10 +164,10 @@ async fn of_two_designers_the_one_who_knows_the_latest_state_is_heard() {
     };
     let after = client.append_edits(append(&graph.edges[0], before)).await.unwrap().into_inner().revision;
     assert_ne!(after, before);
-    let told = tokio::time::timeout(LIMIT, changes.next()).await.expect("the change is sent").unwrap().unwrap();
-    assert_eq!((told.revision, told.summary.unwrap().edits), (after, 1));
+    let change = tokio::time::timeout(LIMIT, changes.next()).await.expect("the change is sent").unwrap().unwrap();
+    assert_eq!((change.revision, change.summary.unwrap().edits), (after, 1));
 
-    // Somebody who knows only the state before.
+    // A designer who knows only the previous revision.
     let late = client.append_edits(append(&graph.edges[1], before)).await.unwrap_err();
     assert!(late.code() == Code::Aborted && late.message().contains("somebody else"), "{late}");
     let undo = |if_revision| plan::UndoEditsRequest {
@@ -184,7 +184,7 @@ async fn of_two_designers_the_one_who_knows_the_latest_state_is_heard() {
     };
     assert_eq!(client.put_layer(whole).await.unwrap_err().code(), Code::Aborted);
     assert_eq!(get(&mut client, &graph_id).await.edges.len(), graph.edges.len() - 1, "nothing else was changed");
-    // The same edits are the same state.
+    // The same edits have the same revision.
     assert_eq!(client.undo_edits(undo(after)).await.unwrap().into_inner().revision, before);
     assert_eq!(client.append_edits(append(&graph.edges[0], 0)).await.unwrap().into_inner().revision, after);
     planner.stop().await;
@@ -247,9 +247,9 @@ async fn edges_tell_their_evidence_and_what_designers_did_to_them() {
     let probe = |to, seed| plan::ProbeEdgeRequest { graph_id: graph_id.clone(), from: other.from, to, seed };
     let run = client.probe_edge(probe(other.to, 5)).await.unwrap().into_inner();
     let again = client.probe_edge(probe(other.to, 5)).await.unwrap().into_inner();
-    assert_eq!(run, again, "the same seed goes the same way");
+    assert_eq!(run, again, "the same seed gives the same run");
     let track = unpack(&run.track, run.track.len() / 4, "track").unwrap();
-    assert_eq!(track.len(), 3 * (10 * run.decisions as usize + 1), "a place for every tick and the start");
+    assert_eq!(track.len(), 3 * (10 * run.decisions as usize + 1), "a point for every tick and the start");
     let place_at = |at: usize| Vec3::new(track[3 * at], track[3 * at + 1], track[3 * at + 2]);
     let vertex = |idx: u32| point(Some(&edited.vertices[idx as usize]), "vertex").unwrap();
     assert_eq!(place_at(0), vertex(other.from));
@@ -283,7 +283,7 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
     let worker = start_worker(&server, Some(&planner), 8);
     let mut client = world_client(&server).await;
     let world_id = create_world(&mut client, 1000, wire::TimeMode::Realtime).await.world_id;
-    // A way of several legs between two vertices, farther than an NPC walks in the time that an edit takes.
+    // A path of several legs between two vertices, farther than an NPC walks while an edit takes effect.
     let mut chosen = None;
     for (from, to) in (0..graph.vertices.len()).flat_map(|from| (0..50).map(move |to| (from, to))) {
         let query =
@@ -295,14 +295,14 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
             break;
         }
     }
-    let (start, goal) = chosen.expect("a long way");
+    let (start, goal) = chosen.expect("a long path");
     let npc_id = spawn(&mut client, world_id, start).await;
     let follow = wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false };
     let mut steps = client.follow_npc(follow).await.unwrap().into_inner();
     set_goal(&mut client, npc_id, goal).await;
-    // Until its worker has the graph it has no plan with a path.
+    // The NPC has no plan with a path until its worker has the graph.
     let first = next_plan(&mut steps).await;
-    // What it is to do last, far from where it is.
+    // The last leg along an edge, far from the NPC.
     let at = |place: &wire::Vec3| graph.vertices.iter().position(|vertex| vertex == place);
     let (from, to) = first
         .waypoints
@@ -324,7 +324,7 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
     assert!(first.waypoints.windows(2).any(|pair| pair == leg));
     assert!(!second.waypoints.windows(2).any(|pair| pair == leg), "the forbidden leg is planned again");
     assert_eq!(second.waypoints.last(), Some(&goal));
-    // It is still the same attempt.
+    // The attempt is still the same.
     let snapshot = watch_until(&mut client, world_id, |snapshot| !snapshot.npcs.is_empty()).await;
     assert_eq!((snapshot.npcs[0].attempts_begun, snapshot.npcs[0].status()), (1, wire::NpcStatus::Seeking));
     worker.stop().await;

@@ -1,5 +1,5 @@
-//! Bytes from outside: whatever they hold, every decoder answers with a value or a message, and takes no more memory than
-//! they are worth. The trials are those of the fuzz targets; their kept inputs are tried as they are, and changed.
+//! Untrusted bytes: every decoder returns a value or an error with a message, and takes memory in proportion to the input. The
+//! trials are those of the fuzz targets. The inputs are their corpora, unchanged and mutated.
 
 #[path = "../../fuzz/src/lib.rs"]
 mod untrusted;
@@ -11,38 +11,38 @@ use std::path::Path;
 use surefoot_proto::{convert, world::v1 as wire};
 use untrusted::{FIRST_NPC, TRIALS, Trial, answer};
 
-/// Inputs that each decoder gets.
+/// Number of inputs for each decoder.
 const CASES: u32 = 100_000;
-/// Longest input made of nothing but noise, bytes.
+/// Most bytes of noise in an input.
 const NOISE_LEN: u32 = 300;
 
-/// The kept inputs of a fuzz target.
-fn kept(name: &str) -> Vec<Vec<u8>> {
+/// The corpus of a fuzz target.
+fn corpus(name: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(name);
     let mut files: Vec<_> = std::fs::read_dir(&folder)
         .unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
         .map(|entry| entry.expect("a folder that can be listed").path())
         .collect();
     files.sort();
-    assert!(!files.is_empty(), "no inputs are kept for {name}");
+    assert!(!files.is_empty(), "the corpus of {name} is empty");
     files.iter().map(|file| std::fs::read(file).expect("a file of the checkout")).collect()
 }
 
-/// One step from a valid input to an invalid one. Places are shares of the input's length.
+/// One mutation of an input. Positions are shares of the input's length, in units of 1 / 65,536.
 #[derive(Debug, Clone)]
 enum Change {
     Flip(u16, u8),
     Byte(u16, u8),
-    /// A number where a length, count or index may stand.
+    /// Overwrites bytes with a number, as a length, count or index.
     Number(u16, u64, usize),
     Cut(u16),
     Insert(u16, Vec<u8>),
-    /// A stretch of another kept input.
+    /// Overwrites bytes with part of another input of the corpus.
     Graft(u16, usize, u16, u16),
 }
 
 impl Change {
-    fn apply(&self, bytes: &mut Vec<u8>, kept: &[Vec<u8>]) {
+    fn apply(&self, bytes: &mut Vec<u8>, corpus: &[Vec<u8>]) {
         let place = |share: u16, len: usize| len * usize::from(share) / (1 << 16);
         let overwrite = |bytes: &mut Vec<u8>, at: usize, new: &[u8]| {
             bytes.iter_mut().skip(at).zip(new).for_each(|(byte, new)| *byte = *new);
@@ -58,7 +58,7 @@ impl Change {
                 bytes.splice(at..at, new.iter().copied());
             }
             Change::Graft(at, other, from, to) => {
-                let other = &kept[other % kept.len()];
+                let other = &corpus[other % corpus.len()];
                 let (from, to) = (place(*from, other.len()), place(*to, other.len()));
                 overwrite(bytes, place(*at, len), &other[from.min(to)..from.max(to)]);
             }
@@ -87,26 +87,26 @@ fn change() -> impl Strategy<Value = Change> {
 
 #[derive(Debug, Clone)]
 enum Input {
-    /// A kept input, changed.
+    /// An input of the corpus with mutations.
     Changed(usize, Vec<Change>),
-    /// The beginning of one, if any, and then so many bytes of noise from a seed.
+    /// A share of an input's beginning, followed by a number of noise bytes from a seed.
     Noise(usize, u16, u32, u32),
 }
 
 impl Input {
-    fn bytes(&self, kept: &[Vec<u8>]) -> Vec<u8> {
+    fn bytes(&self, corpus: &[Vec<u8>]) -> Vec<u8> {
         match self {
             Input::Changed(idx, changes) => {
-                let mut bytes = kept[idx % kept.len()].clone();
-                changes.iter().for_each(|change| change.apply(&mut bytes, kept));
+                let mut bytes = corpus[idx % corpus.len()].clone();
+                changes.iter().for_each(|change| change.apply(&mut bytes, corpus));
                 bytes
             }
             Input::Noise(idx, share, len, seed) => {
-                let known = &kept[idx % kept.len()];
+                let known = &corpus[idx % corpus.len()];
                 let mut bytes = known[..known.len().min(200) * usize::from(*share) / (1 << 16)].to_vec();
                 let mut state = *seed;
                 bytes.extend((0..*len).map(|_| {
-                    // Knuth's linear congruence: good enough for noise.
+                    // A linear congruential generator, good enough for noise.
                     state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                     (state >> 24) as u8
                 }));
@@ -126,8 +126,8 @@ fn input() -> impl Strategy<Value = Input> {
     ]
 }
 
-/// Most memory that a trial of `len` bytes may hold at a time: what comes of the bytes and is written and read again, and
-/// the worlds and tables of the trials themselves. A count that is believed before it is checked costs far more.
+/// Most memory that a trial of `len` bytes may allocate at a time: for the decoded value, its encoding and decoding, and the
+/// trial's own worlds and tables. A decoder that trusts an unchecked count needs far more.
 fn most_memory(len: usize) -> u64 {
     (1 << 20) + 16 * len as u64
 }
@@ -137,11 +137,11 @@ fn config() -> ProptestConfig {
 }
 
 fn try_all(name: &str, trial: Trial) {
-    let kept = kept(name);
-    // Whatever the trial makes once and keeps does not count.
-    kept.iter().for_each(|bytes| trial(bytes));
+    let corpus = corpus(name);
+    // Memory that a trial allocates once and keeps does not count.
+    corpus.iter().for_each(|bytes| trial(bytes));
     let held = TestRunner::new(config()).run(&input(), |input| {
-        let bytes = input.bytes(&kept);
+        let bytes = input.bytes(&corpus);
         let used = allocation_counter::measure(|| trial(&bytes)).bytes_max;
         prop_assert!(used <= most_memory(bytes.len()), "{} bytes of input take {used} bytes", bytes.len());
         Ok(())
@@ -150,9 +150,9 @@ fn try_all(name: &str, trial: Trial) {
 }
 
 #[test]
-fn every_kept_input_is_answered() {
+fn every_corpus_input_is_answered() {
     for (name, trial) in TRIALS {
-        for bytes in kept(name) {
+        for bytes in corpus(name) {
             let used = allocation_counter::measure(|| trial(&bytes)).bytes_max;
             assert!(bytes.len() <= 16 * 1024 && used <= (64 << 20), "{name}: {} bytes take {used}", bytes.len());
         }
@@ -172,13 +172,13 @@ changed_inputs_are_answered! {
     world_messages planner_messages map_file gltf obj recording checkpoint cache_entry graph_json
 }
 
-/// Numbers that a worker may send: mostly such as can be used.
+/// Numbers that a worker may send, mostly valid ones.
 fn number() -> impl Strategy<Value = f32> {
     let odd = vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, f32::MIN_POSITIVE, -0.0, 1.0e9];
     prop_oneof![30 => -2.0..2.0f32, 1 => prop::sample::select(odd), 1 => any::<u32>().prop_map(f32::from_bits)]
 }
 
-/// NPCs of the worker itself, of another, and none at all.
+/// Ids of the worker's own NPCs, of another worker's, and of none.
 fn npc() -> impl Strategy<Value = u64> {
     prop_oneof![8 => FIRST_NPC..FIRST_NPC + 3, 1 => any::<u64>()]
 }
@@ -205,7 +205,7 @@ proptest! {
     #![proptest_config(config())]
 
     #[test]
-    fn an_answer_is_taken_if_nothing_is_wrong_with_it_and_other_npcs_go_on(batch in action_batch()) {
+    fn an_answer_is_applied_only_if_valid_and_other_npcs_continue(batch in action_batch()) {
         let ids: BTreeSet<u64> = batch.npc_ids.iter().copied().collect();
         let is_finite = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes).is_finite();
         let is_place = |place: &wire::Vec3| place.x.is_finite() && place.y.is_finite() && place.z.is_finite();

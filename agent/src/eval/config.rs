@@ -1,4 +1,4 @@
-//! What is evaluated, and why it may not be.
+//! Configuration and errors of an evaluation.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -6,17 +6,17 @@ use surefoot_planner::{BuildError, BuildSettings};
 use surefoot_world::MapSpec;
 use surefoot_world::navigable::NoGround;
 
-/// How goals are approached.
+/// How NPCs approach goals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
     /// The policy heads straight for the goal.
     Policy,
-    /// The policy follows plans on a graph built so.
+    /// The policy follows plans on a graph built with these settings.
     Graph(BuildSettings),
 }
 
 impl Method {
-    /// Name in reports.
+    /// Name in reports: `policy`, or the name of the placement.
     pub fn name(&self) -> &'static str {
         match self {
             Method::Policy => "policy",
@@ -25,45 +25,45 @@ impl Method {
     }
 }
 
-/// What to evaluate.
+/// Configuration of an evaluation.
 #[derive(Debug, Clone)]
 pub struct EvalConfig {
-    /// Maps.
+    /// Specs of the maps to evaluate on.
     pub maps: Vec<MapSpec>,
-    /// Goals per map and seed.
+    /// Number of goals per map and seed.
     pub goals: usize,
-    /// Seeds of goals, graphs and noise: one whole evaluation each.
+    /// Seeds of goals, graphs and noise; each runs one whole evaluation.
     pub seeds: Vec<u64>,
-    /// How goals are approached.
+    /// How NPCs approach goals.
     pub method: Method,
-    /// Straight-line distance of goals, m.
+    /// Straight-line distance from start to goal, m.
     pub distance: Range<f32>,
-    /// Share of the policy's exploration noise to act with.
+    /// Share of the policy's exploration noise to add to actions, 0 to 1.
     pub noise_share: f32,
-    /// Threads to use.
+    /// Number of threads.
     pub thread_count: usize,
-    /// Folder that finished units are kept in and taken from.
+    /// Folder to save finished units in and to load them from; `None` to run every unit and save none.
     pub keep_in: Option<PathBuf>,
 }
 
 /// Why an evaluation cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum EvalError {
-    /// A map offers nowhere to stand.
+    /// A map has no ground to stand on.
     #[error(transparent)]
     NoGround(#[from] NoGround),
     /// A graph cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// No two points of a map have the wanted distance.
+    /// A map has too few pairs of points at the configured distance.
     #[error("map {0} has no goals at that distance")]
     NoGoals(u64),
-    /// A finished unit cannot be kept.
+    /// A finished unit cannot be saved.
     #[error("cannot read or write {path}")]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
 }

@@ -1,8 +1,7 @@
-//! The paper's evaluation protocol: random goals on whole maps, success by difficulty, failures by their end.
+//! The paper's evaluation protocol: random goals on whole maps, success by difficulty, failures by outcome.
 //!
-//! An evaluation is a list of [units](mod@unit), one for each map and seed, that can be kept on disk and resumed; a
-//! [`report`] sums them up. [`suite`] runs the rows of the paper's table, [`variants`]
-//! many graphs on one split.
+//! An evaluation is a list of [units](mod@unit), one for each map and seed, which can be saved and resumed. A [`report`]
+//! summarises them. [`suite`] runs the rows of the paper's table, [`variants`] many graphs on one split.
 
 mod config;
 pub mod report;

@@ -1,4 +1,4 @@
-//! From units to rates.
+//! Reports: success rates and mean figures over units.
 
 use super::config::EvalConfig;
 use super::unit::{GraphFigures, Unit};
@@ -9,21 +9,21 @@ use surefoot_rollout::Attempt;
 use surefoot_rollout::follow::Fault;
 use surefoot_world::{DECISION_SECONDS, End};
 
-/// A share of successes with its 95 % Wilson interval.
+/// A success rate with its 95 % Wilson interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rate {
-    /// Share that succeeded.
+    /// Share of attempts that succeeded, 0 to 1.
     pub rate: f64,
-    /// Lower bound.
+    /// Lower bound of the interval.
     pub low: f64,
-    /// Upper bound.
+    /// Upper bound of the interval.
     pub high: f64,
-    /// Attempts.
+    /// Number of attempts.
     pub n: usize,
 }
 
 impl Rate {
-    /// The rate of `successes` in `n` attempts.
+    /// The rate of `successes` in `n` attempts; without attempts, rate 0 and the interval from 0 to 1.
     pub fn of(successes: usize, n: usize) -> Self {
         if n == 0 {
             return Self { rate: 0.0, low: 0.0, high: 1.0, n };
@@ -33,7 +33,7 @@ impl Rate {
         let centre = rate + z * z / (2.0 * count);
         let spread = z * (rate * (1.0 - rate) / count + z * z / (4.0 * count * count)).sqrt();
         let scale = 1.0 + z * z / count;
-        // Where nobody or everybody arrives, rounding would put the rate just outside.
+        // At rates of 0 and 1, rounding could put the rate just outside its interval.
         Self {
             rate,
             low: ((centre - spread) / scale).clamp(0.0, rate),
@@ -43,16 +43,16 @@ impl Rate {
     }
 }
 
-/// Success by difficulty: thirds of each map's goals by distance.
+/// Success rates by difficulty: thirds of each unit's goals by distance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Success {
-    /// All goals.
+    /// Success over all goals.
     pub all: Rate,
-    /// The nearest third.
+    /// Success over the nearest third.
     pub easy: Rate,
-    /// The middle third.
+    /// Success over the middle third.
     pub medium: Rate,
-    /// The farthest third.
+    /// Success over the farthest third.
     pub hard: Rate,
 }
 
@@ -61,36 +61,36 @@ pub struct Success {
 pub struct Report {
     /// `policy`, or the name of a placement.
     pub method: String,
-    /// Name of the weights.
+    /// Name of the model.
     pub model: String,
     /// Seeds of the maps.
     pub maps: Vec<u64>,
-    /// Goals per map and seed.
+    /// Number of goals per map and seed.
     pub goals: usize,
-    /// Seeds.
+    /// Seeds of goals, graphs and noise.
     pub seeds: Vec<u64>,
     /// Success rates.
     pub success: Success,
     /// Standard deviation of the overall rate between seeds; absent with one seed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<f64>,
-    /// Attempts by how they ended.
+    /// Number of attempts by outcome.
     pub ends: BTreeMap<String, usize>,
-    /// Failed attempts by plan by what they were doing.
+    /// Number of failed attempts that followed plans, by fault.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub faults: BTreeMap<String, usize>,
-    /// Mean seconds of successful attempts.
+    /// Mean duration of successful attempts, s.
     pub seconds_to_goal: f64,
     /// Mean of straight-line distance over distance covered, over successful attempts.
     pub directness: f64,
-    /// Plans asked for beyond the first, per attempt.
+    /// Mean number of re-plans per attempt.
     pub replans: f64,
-    /// Mean figures of the graphs, where graphs are used.
+    /// Mean figures of the graphs; absent without graphs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub graph: Option<GraphFigures>,
 }
 
-/// Sums units up.
+/// Summarises units.
 pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report {
     let reached: Vec<(f32, &Attempt)> = units
         .iter()
@@ -117,7 +117,7 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
     }
 }
 
-/// Standard deviation of the overall rate between seeds; none with one seed.
+/// Standard deviation of the overall rate between seeds; `None` with one seed.
 pub fn spread(units: &[Unit], seeds: &[u64]) -> Option<f64> {
     let of_seed = |seed: u64| rate(units.iter().filter(|unit| unit.seed == seed), None).rate;
     let rates: Vec<f64> = seeds.iter().map(|&seed| of_seed(seed)).collect();
@@ -126,7 +126,7 @@ pub fn spread(units: &[Unit], seeds: &[u64]) -> Option<f64> {
     (rates.len() > 1).then(|| (squares / (rates.len() - 1) as f64).sqrt())
 }
 
-/// Mean duration of successful attempts, s.
+/// Mean duration of successful attempts, s; 0 if none succeeded.
 pub fn seconds_to_goal(units: &[Unit]) -> f64 {
     let reached = attempts(units).filter(|attempt| attempt.end == End::Reached);
     let (count, decisions) =
@@ -134,7 +134,7 @@ pub fn seconds_to_goal(units: &[Unit]) -> f64 {
     decisions / count.max(1) as f64 * f64::from(DECISION_SECONDS)
 }
 
-/// Attempts by how they ended; every end has an entry.
+/// Number of attempts by outcome; every outcome has an entry.
 pub fn count_ends(units: &[Unit]) -> BTreeMap<String, usize> {
     let mut ends: BTreeMap<String, usize> = End::ALL.iter().map(|end| (end.name().to_owned(), 0)).collect();
     for attempt in attempts(units) {
@@ -143,7 +143,7 @@ pub fn count_ends(units: &[Unit]) -> BTreeMap<String, usize> {
     ends
 }
 
-/// Failed attempts by plan by what they were doing; empty where none went by plan.
+/// Number of failed attempts that followed plans, by fault; empty if no unit used a graph.
 pub fn count_faults(units: &[Unit]) -> BTreeMap<String, usize> {
     let mut faults: BTreeMap<String, usize> = BTreeMap::new();
     for unit in units.iter().filter(|unit| unit.graph.is_some()) {
@@ -161,13 +161,13 @@ fn attempts(units: &[Unit]) -> impl Iterator<Item = &Attempt> {
     units.iter().flat_map(|unit| &unit.attempts)
 }
 
-/// Success by difficulty.
+/// Success rates by difficulty.
 pub fn success(units: &[Unit]) -> Success {
     let third = |which| rate(units.iter(), Some(which));
     Success { all: rate(units.iter(), None), easy: third(0), medium: third(1), hard: third(2) }
 }
 
-/// Success in one third of each unit's goals, or in all.
+/// Success rate over one third of each unit's goals, or over all.
 fn rate<'u>(units: impl Iterator<Item = &'u Unit>, third: Option<usize>) -> Rate {
     let (mut reached, mut n) = (0, 0);
     for unit in units {
@@ -183,7 +183,7 @@ fn rate<'u>(units: impl Iterator<Item = &'u Unit>, third: Option<usize>) -> Rate
     Rate::of(reached, n)
 }
 
-/// Mean figures of the graphs; none where no graph was used.
+/// Mean figures of the graphs; `None` if no unit used a graph.
 pub fn graph_figures(units: &[Unit]) -> Option<GraphFigures> {
     let graphs: Vec<&GraphFigures> = units.iter().filter_map(|unit| unit.graph.as_ref()).collect();
     let mean =
@@ -201,7 +201,7 @@ pub fn graph_figures(units: &[Unit]) -> Option<GraphFigures> {
     })
 }
 
-/// Success by distance, in bins of `bin_m` metres: upper end of each, m.
+/// Success rates by distance in bins of `bin_m` metres, each with the bin's upper end, m.
 pub fn by_distance(units: &[Unit], bin_m: f32) -> Vec<(f32, Rate)> {
     let mut counts: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
     for unit in units {

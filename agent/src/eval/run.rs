@@ -1,19 +1,19 @@
-//! An evaluation: unit by unit, then summed up.
+//! Runs an evaluation unit by unit and summarises it.
 
 use super::config::{EvalConfig, EvalError};
 use super::report::{self, Report};
 use super::unit::{self, Unit};
 use surefoot_policy::Policy;
 
-/// Runs the protocol; `progress` gets the attempts finished and their total.
+/// Runs an evaluation and returns its report. `progress` gets the numbers of finished and of all attempts.
 ///
 /// # Errors
-/// If a map, its goals or a graph cannot be made, or a unit cannot be kept.
+/// If goals cannot be drawn, a graph cannot be built, or a unit cannot be saved.
 pub fn evaluate(policy: &Policy, config: &EvalConfig, progress: impl FnMut(usize, usize)) -> Result<Report, EvalError> {
     Ok(report::summarise(policy, config, &run_units(policy, config, progress)?))
 }
 
-/// The same, as the units themselves, map by map and seed by seed.
+/// Like [`evaluate`], but returns the units, map by map and seed by seed.
 ///
 /// # Errors
 /// As for [`evaluate`].
@@ -25,7 +25,7 @@ pub fn run_units(
     let total = config.maps.len() * config.seeds.len() * config.goals;
     let mut units = Vec::with_capacity(config.maps.len() * config.seeds.len());
     for spec in &config.maps {
-        // Generated at the first unit that has to be run.
+        // Generated for the first unit that is not loaded.
         let mut map = None;
         for &seed in &config.seeds {
             units.push(unit::load_or_run(policy, config, spec, seed, &mut map)?);

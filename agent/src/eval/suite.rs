@@ -1,4 +1,4 @@
-//! The paper's table with our rows beside it.
+//! The paper's table beside our results.
 
 use super::config::{EvalConfig, EvalError, Method};
 use super::report::{self, Rate, Success};
@@ -11,25 +11,25 @@ use surefoot_policy::Policy;
 use surefoot_rollout::follow::Fault;
 use surefoot_world::{End, MapSpec};
 
-/// Width of the bins that success is counted in by distance, m.
+/// Width of the distance bins, m.
 const BIN_M: f32 = 25.0;
 
-/// One row of the paper's table: success on its four test maps, 2,500 goals each, 3 seeds.
+/// One row of the paper's table: success rates on four test maps with 2,500 goals each and 3 seeds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PaperRow {
-    /// What was evaluated.
+    /// Name of the method.
     pub name: &'static str,
-    /// Over all goals.
+    /// Success rate over all goals, 0 to 1.
     pub all: f64,
-    /// By difficulty.
+    /// Success rate over the nearest third of goals.
     pub easy: f64,
-    /// By difficulty.
+    /// Success rate over the middle third.
     pub medium: f64,
-    /// By difficulty.
+    /// Success rate over the farthest third.
     pub hard: f64,
 }
 
-/// Published rows first, then those that were only built.
+/// The rows of the paper: policies, then graphs.
 pub const PAPER: [PaperRow; 10] = [
     row("map-specific LSTM", [0.899, 0.911, 0.891, 0.892]),
     row("general reactive", [0.680, 0.821, 0.619, 0.574]),
@@ -47,79 +47,80 @@ const fn row(name: &'static str, [all, easy, medium, hard]: [f64; 4]) -> PaperRo
     PaperRow { name, all, easy, medium, hard }
 }
 
-/// What stands behind one row of ours.
+/// Configuration of one of our rows.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// Name of the paper's row that it stands beside.
+    /// Name of the row; equal to the name of the paper's row to compare with, if any.
     pub name: &'static str,
-    /// How goals are approached.
+    /// How NPCs approach goals.
     pub method: Method,
-    /// Models, each with the maps that it is evaluated on.
+    /// Models, each with the maps to evaluate it on.
     pub models: Vec<(Policy, Vec<MapSpec>)>,
 }
 
-/// One row of ours.
+/// Results of one of our rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Name of the paper's row that it stands beside.
+    /// Name of the row; equal to the name of the paper's row to compare with, if any.
     pub name: String,
-    /// Names of the weights.
+    /// Names of the models.
     pub models: Vec<String>,
-    /// Hashes of the weights.
+    /// Hashes of the models' weights.
     pub weights: Vec<String>,
     /// Success rates.
     pub success: Success,
     /// Standard deviation of the overall rate between seeds; absent with one seed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<f64>,
-    /// Attempts by how they ended.
+    /// Number of attempts by outcome.
     pub ends: BTreeMap<String, usize>,
-    /// Failed attempts by plan by what they were doing.
+    /// Number of failed attempts that followed plans, by fault.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub faults: BTreeMap<String, usize>,
-    /// Mean figures of the graphs, where graphs are used.
+    /// Mean figures of the graphs; absent without graphs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub graph: Option<GraphFigures>,
-    /// Path efficiency: mean over all goals of success times the shortest way that any row found, over the way taken.
+    /// Path efficiency: mean over all goals of success times the length of the shortest path that any row found, divided by the
+    /// length of the path taken.
     pub efficiency: f64,
-    /// Mean seconds of successful attempts.
+    /// Mean duration of successful attempts, s.
     pub seconds_to_goal: f64,
-    /// Success by distance: upper end of each bin, m.
+    /// Success rates by distance, each with its bin's upper end, m.
     pub by_distance: Vec<(f32, Rate)>,
 }
 
-/// Success of one model on maps of several splits.
+/// Success rates of one model on several splits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Generalisation {
     /// Name of the row.
     pub name: String,
-    /// Name of each split with the success on it.
+    /// Name of each split with the success rate on it.
     pub splits: Vec<(String, Rate)>,
 }
 
-/// The whole suite's result.
+/// Results of the whole suite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SuiteReport {
-    /// Goals per map and seed.
+    /// Number of goals per map and seed.
     pub goals: usize,
-    /// Seeds.
+    /// Seeds of goals, graphs and noise.
     pub seeds: Vec<u64>,
     /// Seeds of the maps.
     pub maps: Vec<u64>,
     /// Our rows.
     pub rows: Vec<Row>,
-    /// Success by split of the models that are not bound to a map.
+    /// Success rates by split, for rows of one model without plans.
     pub generalisation: Vec<Generalisation>,
 }
 
-/// Everything that was run for one entry.
+/// All units of one entry.
 struct Outcome<'e> {
     entry: &'e Entry,
     units: Vec<Unit>,
 }
 
-/// Runs every entry; `base` gives goals, seeds, threads and where units are kept. `progress` gets the name of the row, the
-/// attempts finished in it and their total.
+/// Runs every entry. `base` gives everything but maps and method. `progress` gets the name of the row or split and the numbers
+/// of its finished and of all its attempts.
 ///
 /// # Errors
 /// As for [`super::evaluate`].
@@ -151,7 +152,7 @@ pub fn run(
         }
         generalisation.push(Generalisation { name: entry.name.to_owned(), splits: shares });
     }
-    let shortest = shortest_ways(&outcomes);
+    let shortest = shortest_lengths(&outcomes);
     let maps = outcomes.first().map_or(Vec::new(), |outcome| {
         outcome.entry.models.iter().flat_map(|(_, maps)| maps).map(|spec| spec.seed).collect()
     });
@@ -159,16 +160,16 @@ pub fn run(
     Ok(SuiteReport { goals: base.goals, seeds: base.seeds.clone(), maps, rows, generalisation })
 }
 
-/// A goal among all: map, seed, and place in the unit.
+/// Identifies a goal: map seed, seed, and index in the unit.
 type GoalKey = (u64, u64, usize);
 
-/// The shortest successful way to each goal that any row found, m.
-fn shortest_ways(outcomes: &[Outcome<'_>]) -> HashMap<GoalKey, f32> {
+/// Length of the shortest successful path to each goal over all rows, m.
+fn shortest_lengths(outcomes: &[Outcome<'_>]) -> HashMap<GoalKey, f32> {
     let mut shortest = HashMap::new();
     for unit in outcomes.iter().flat_map(|outcome| &outcome.units) {
         for (idx, attempt) in unit.attempts.iter().enumerate().filter(|(_, attempt)| attempt.end == End::Reached) {
-            let way = shortest.entry((unit.map, unit.seed, idx)).or_insert(f32::INFINITY);
-            *way = attempt.length.min(*way);
+            let length = shortest.entry((unit.map, unit.seed, idx)).or_insert(f32::INFINITY);
+            *length = attempt.length.min(*length);
         }
     }
     shortest
@@ -202,7 +203,7 @@ impl Outcome<'_> {
 }
 
 impl SuiteReport {
-    /// The table as Markdown: our figures in percent, the paper's beside them.
+    /// The table as Markdown, with our figures and the paper's in percent.
     pub fn markdown(&self) -> String {
         let mut text = String::new();
         let percent = |share: f64| format!("{:.1}", 100.0 * share);
@@ -213,7 +214,7 @@ impl SuiteReport {
             self.goals,
             self.seeds.len()
         )
-        .expect("a String takes everything");
+        .expect("writing to a String cannot fail");
         text += "| method | all | between seeds | easy | medium | hard | path efficiency | time to goal |\n|---|---|---|---|---|---|---|---|\n";
         for row in &self.rows {
             let paper = PAPER.iter().find(|paper| paper.name == row.name);
@@ -234,20 +235,20 @@ impl SuiteReport {
                 row.efficiency,
                 row.seconds_to_goal,
             )
-            .expect("a String takes everything");
+            .expect("writing to a String cannot fail");
         }
         text += "\n| method | ";
         text += &End::ALL.map(|end| end.name().replace('_', " ")).join(" | ");
         text += " |\n|---|---|---|---|---|---|\n";
         for row in &self.rows {
             let counts = End::ALL.map(|end| row.ends[end.name()].to_string());
-            writeln!(text, "| {} | {} |", row.name, counts.join(" | ")).expect("a String takes everything");
+            writeln!(text, "| {} | {} |", row.name, counts.join(" | ")).expect("writing to a String cannot fail");
         }
         text += &self.faults();
         text
     }
 
-    /// What rows with plans failed at, and what their graphs took.
+    /// A table of faults and graph figures of the rows with plans; empty without such rows.
     fn faults(&self) -> String {
         let rows = || self.rows.iter().filter_map(|row| Some((row, row.graph.as_ref()?)));
         if rows().next().is_none() {
@@ -270,7 +271,7 @@ impl SuiteReport {
                 100.0 * graph.connected,
                 graph.search_us_median,
             )
-            .expect("a String takes everything");
+            .expect("writing to a String cannot fail");
         }
         text
     }

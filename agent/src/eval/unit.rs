@@ -1,4 +1,4 @@
-//! One map with one seed: every goal attempted once.
+//! Units: all goals of one map and seed, each attempted once.
 
 use super::config::{EvalConfig, EvalError, Method};
 use rand::SeedableRng;
@@ -20,14 +20,14 @@ use surefoot_rollout::graphs::build;
 use surefoot_rollout::{Attempt, Goal, Rollout};
 use surefoot_world::{CharacterProfile, Map, MapSpec, TaskConfig, navigable};
 
-/// Navigable points that the goals of one map are drawn from.
+/// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
-/// Goals that share a batch; results do not depend on how many threads there are.
+/// Most goals in a batch. Independent of the number of threads, so that results are too.
 const GOALS_PER_BATCH: usize = 128;
-/// Changes whenever kept units are no longer what a run would give.
+/// Version of unit results; incremented when a run would no longer reproduce saved units.
 const VERSION: u32 = 1;
 
-/// Every goal of one map and seed, the nearest first.
+/// The attempts at all goals of one map and seed, the nearest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unit {
     /// Seed of the map.
@@ -36,36 +36,36 @@ pub struct Unit {
     pub seed: u64,
     /// Straight-line distance of each goal, m, ascending.
     pub distances: Vec<f32>,
-    /// How each attempt went.
+    /// Result of the attempt at each goal.
     pub attempts: Vec<Attempt>,
-    /// The graph, where one was used.
+    /// Figures of the graph, if one was used.
     pub graph: Option<GraphFigures>,
 }
 
-/// Figures of a graph.
+/// Figures of a graph, or means over graphs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GraphFigures {
-    /// Vertices.
+    /// Number of vertices.
     pub vertices: f64,
-    /// Proved edges.
+    /// Number of proved edges.
     pub edges: f64,
-    /// Islands.
+    /// Number of islands.
     pub islands: f64,
     /// Share of ordered vertex pairs with a path.
     pub connected: f64,
     /// Build time, s.
     pub build_s: f64,
-    /// Probes run.
+    /// Number of probes.
     pub probes: f64,
-    /// Candidate edges.
+    /// Number of candidate edges.
     pub candidates: f64,
-    /// Time that all attempts took together, s.
+    /// Wall time of all attempts together, s.
     pub eval_s: f64,
     /// Median duration of a search, us.
     pub search_us_median: f64,
 }
 
-/// Takes a unit from disk, or runs it and keeps it there.
+/// Loads a saved unit, or runs and saves it. `map` caches the generated map between units.
 ///
 /// # Errors
 /// As for [`super::evaluate`].
@@ -95,7 +95,7 @@ pub fn load_or_run(
     Ok(unit)
 }
 
-/// Name of a unit: equal only if everything that decides its result is.
+/// File name of a unit, which depends on everything that determines its result.
 fn key(policy: &Policy, config: &EvalConfig, spec: &MapSpec, seed: u64) -> String {
     let EvalConfig { goals, method, distance, noise_share, .. } = config;
     let text = format!(
@@ -108,7 +108,7 @@ fn key(policy: &Policy, config: &EvalConfig, spec: &MapSpec, seed: u64) -> Strin
     format!("{}-{}-{seed}-{}", method.name(), spec.seed, &blake3::hash(text.as_bytes()).to_hex()[..16])
 }
 
-/// A whole unit from disk; one that is damaged is run again.
+/// Loads a unit; `None` if it is missing, damaged or incomplete.
 fn load(path: &Path, goal_count: usize) -> Option<Unit> {
     let unit: Unit = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
     (unit.attempts.len() == goal_count && unit.distances.len() == goal_count).then_some(unit)
@@ -163,7 +163,7 @@ fn draw_goals(
     Ok(goals)
 }
 
-/// Splits the goals over threads in batches of near and far ones mixed, so that none holds up the rest.
+/// Distributes the goals over threads. Every batch mixes near and far goals, so that batches take similar times.
 fn run_goals(
     policy: &Policy,
     map: &Arc<Map>,

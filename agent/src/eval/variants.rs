@@ -1,4 +1,4 @@
-//! One split, many variants: graphs of growing size, or the 1 km map with and without them.
+//! Many variants on one split: graphs of growing size, or the 1 km map with and without graphs.
 
 use super::config::{EvalConfig, EvalError, Method};
 use super::report::{self, Rate, Report};
@@ -8,38 +8,38 @@ use std::fmt::Write;
 use surefoot_planner::{BuildSettings, Placement};
 use surefoot_policy::Policy;
 
-/// What is evaluated.
+/// A model and a method to evaluate.
 #[derive(Debug, Clone)]
 pub struct Variant {
     /// Name in tables.
     pub name: String,
-    /// Weights.
+    /// The model.
     pub policy: Policy,
-    /// How goals are approached.
+    /// How NPCs approach goals.
     pub method: Method,
 }
 
-/// What came out.
+/// Results of one variant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Name of the variant.
     pub name: String,
-    /// Vertices asked for; 0 without a graph.
+    /// Configured number of vertices; 0 without a graph.
     pub vertices: usize,
-    /// Neighbours that each was tried against; 0 without a graph.
+    /// Configured number of neighbours of each vertex; 0 without a graph.
     pub neighbours: usize,
-    /// All figures.
+    /// The evaluation's report.
     pub report: Report,
-    /// Success by distance: upper end of each bin, m.
+    /// Success rates by distance, each with its bin's upper end, m.
     pub by_distance: Vec<(f32, Rate)>,
 }
 
-/// Vertices of the paper's sweep.
+/// Numbers of vertices in the paper's sweep.
 pub const SWEEP_VERTICES: [usize; 5] = [50, 100, 200, 400, 800];
-/// Neighbours of the paper's sweep.
+/// Numbers of neighbours in the paper's sweep.
 pub const SWEEP_NEIGHBOURS: [usize; 4] = [5, 10, 20, 40];
 
-/// The paper's sweep over graph sizes: distance-constrained, every candidate tried every time.
+/// The paper's sweep over graph sizes: distance-constrained placement, exhaustive probing.
 pub fn sweep(policy: &Policy) -> Vec<Variant> {
     let sizes = SWEEP_VERTICES.iter().flat_map(|&vertices| SWEEP_NEIGHBOURS.map(|neighbours| (vertices, neighbours)));
     sizes
@@ -54,7 +54,8 @@ pub fn sweep(policy: &Policy) -> Vec<Variant> {
         .collect()
 }
 
-/// Runs every variant on the maps of `base`; `progress` gets its name, the attempts finished and their total.
+/// Runs every variant on the maps of `base`. `progress` gets the variant's name and the numbers of its finished and of all its
+/// attempts.
 ///
 /// # Errors
 /// As for [`super::evaluate`].
@@ -84,7 +85,7 @@ pub fn run(
         .collect()
 }
 
-/// A table of all outcomes as Markdown.
+/// A table of all outcomes as Markdown; empty without outcomes.
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let Some(first) = outcomes.first() else { return String::new() };
     let report = &first.report;
@@ -110,7 +111,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             report.replans,
             report.seconds_to_goal,
         )
-        .expect("a String takes everything");
+        .expect("writing to a String cannot fail");
         text += &match &report.graph {
             Some(graph) => format!(
                 " {:.0} | {:.1} s | {:.0} s | {:.1} us |\n",

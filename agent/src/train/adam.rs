@@ -1,4 +1,4 @@
-//! Adam (Kingma & Ba 2015, algorithm 1) in one pass over memory where parameters live on the CPU; burn's own elsewhere.
+//! Adam (Kingma & Ba 2015, algorithm 1) in one pass over memory for parameters on the CPU; burn's own on other devices.
 
 use burn::backend::Flex;
 use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer};
@@ -8,15 +8,15 @@ const BETA_1: f32 = 0.9;
 const BETA_2: f32 = 0.999;
 const EPSILON: f32 = 1.0e-8;
 
-/// An optimizer for a whole module.
+/// Creates an Adam optimizer for a module, with beta 0.9 and 0.999 and epsilon 1e-8.
 pub fn adam() -> ModuleOptimizer {
     let config = AdamConfig::new().with_beta_1(BETA_1).with_beta_2(BETA_2).with_epsilon(EPSILON);
-    FusedAdam { elsewhere: config.build() }.into()
+    FusedAdam { fallback: config.build() }.into()
 }
 
 #[derive(Clone)]
 struct FusedAdam {
-    elsewhere: Adam,
+    fallback: Adam,
 }
 
 impl Optimizer for FusedAdam {
@@ -30,7 +30,7 @@ impl Optimizer for FusedAdam {
         state: Option<AdamState<D>>,
     ) -> (Tensor<D>, Option<AdamState<D>>) {
         if tensor.clone().try_into_primitive::<Flex>().is_err() {
-            return self.elsewhere.step(lr, tensor, grad, state);
+            return self.fallback.step(lr, tensor, grad, state);
         }
         let (shape, device) = (tensor.dims(), tensor.device());
         let values = |tensor: Tensor<D>| tensor.into_data().try_into_vec::<f32>().expect("f32 tensors");
@@ -38,7 +38,7 @@ impl Optimizer for FusedAdam {
             Some(AdamState { momentum }) => (momentum.time + 1, values(momentum.moment_1), values(momentum.moment_2)),
             None => (1, vec![0.0; shape.iter().product()], vec![0.0; shape.iter().product()]),
         };
-        // The corrections of both moments' bias, folded into step size and epsilon.
+        // The bias corrections of both moments are folded into step size and epsilon.
         let correction = (1.0 - BETA_2.powi(time as i32)).sqrt();
         let rate = lr as f32 * correction / (1.0 - BETA_1.powi(time as i32));
         let epsilon = EPSILON * correction;
@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn one_pass_equals_burns_adam() {
         let reference = AdamConfig::new().with_epsilon(EPSILON).build();
-        let fused = FusedAdam { elsewhere: reference.clone() };
+        let fused = FusedAdam { fallback: reference.clone() };
         let device = Device::flex();
         let start = Tensor::<2>::from_floats([[0.5, -1.0], [2.0, 0.0]], &device);
         let (mut ours, mut theirs) = ((start.clone(), None), (start, None));

@@ -1,4 +1,4 @@
-//! A training map: places to stand on it, and attempts that failed there.
+//! A training map with its navigable points and failed attempts.
 
 use super::config::CollectorConfig;
 use rand::rngs::ChaCha8Rng;
@@ -7,11 +7,11 @@ use std::sync::Arc;
 use surefoot_rollout::goals::{goal_at_random_distance, random_point};
 use surefoot_world::{CharacterProfile, Map, TaskConfig, Vec3, World, navigable};
 
-/// Failed attempts remembered per map; beyond them an old one is overwritten.
+/// Most failed attempts stored per map; further ones overwrite stored ones at random.
 const MAX_FAILURES: usize = 400;
-/// Navigable points drawn on each map.
+/// Number of navigable points drawn on each map.
 const POINTS_PER_MAP: usize = 1500;
-/// Draws for a goal in the wanted band of distances before the nearest miss is taken.
+/// Most draws for a goal within the distance band; then the nearest miss is used.
 const GOAL_DRAWS: usize = 400;
 
 /// One training map.
@@ -24,7 +24,7 @@ pub(super) struct Arena {
 }
 
 impl Arena {
-    /// The map of `seed`, with an empty world on it.
+    /// Generates the map of `seed` and an empty world on it.
     pub fn new(seed: u64, config: &CollectorConfig) -> (Self, World) {
         let map = Arc::new(Map::generate(&config.spec(seed).expect("a valid training spec")));
         let profile = CharacterProfile::default();
@@ -35,17 +35,17 @@ impl Arena {
         (Self { seed, points, failures: Vec::new() }, World::new(map, profile, TaskConfig::default()))
     }
 
-    /// Somewhere to stand.
+    /// A random navigable point.
     pub fn random_point(&self, rng: &mut ChaCha8Rng) -> Vec3 {
         random_point(&self.points, rng)
     }
 
-    /// A navigable goal at a distance from `from` inside the band, m, or the closest miss.
+    /// A navigable goal whose distance from `from`, m, is within `band`, or the nearest miss.
     pub fn goal(&self, from: Vec3, band: (f32, f32), rng: &mut ChaCha8Rng) -> Vec3 {
         goal_at_random_distance(&self.points, from, band, GOAL_DRAWS, rng)
     }
 
-    /// Remembers an attempt as one to be tried again.
+    /// Stores the start and goal of a failed attempt, to be retried.
     pub fn note_failure(&mut self, failure: (Vec3, Vec3), rng: &mut ChaCha8Rng) {
         if self.failures.len() < MAX_FAILURES {
             self.failures.push(failure);
@@ -54,7 +54,10 @@ impl Arena {
         }
     }
 
-    /// Takes one of the failed attempts.
+    /// Removes and returns a random failed attempt.
+    ///
+    /// # Panics
+    /// If there is none.
     pub fn take_failure(&mut self, rng: &mut ChaCha8Rng) -> (Vec3, Vec3) {
         self.failures.swap_remove(rng.random_range(0..self.failures.len()))
     }

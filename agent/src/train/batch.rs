@@ -1,4 +1,4 @@
-//! A batch of the replay buffer as tensors.
+//! Batches of the replay buffer as tensors.
 
 use super::replay::Batch;
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -10,19 +10,19 @@ use surefoot_world::character::ACTION_LEN;
 /// A batch as tensors.
 pub(super) struct Rows<'a> {
     batch: &'a Batch,
-    /// The device that tensors without gradients live on.
+    /// The device of tensors without gradients.
     pub device: Device,
-    /// Observations to learn from, `[learned, OBSERVATION_LEN]`.
+    /// Observations to learn from, `[learned, OBSERVATION_LEN]`; `learned` is the number of such rows.
     pub learned: Tensor<2>,
-    /// `[learned, ACTION_LEN]`.
+    /// Actions taken, `[learned, ACTION_LEN]`.
     pub actions: Tensor<2>,
-    /// `[learned, 1]`.
+    /// N-step returns, `[learned, 1]`.
     pub returns: Tensor<2>,
-    /// `[learned, 1]`.
+    /// Factors of the bootstrapped values, `[learned, 1]`.
     pub bootstrap: Tensor<2>,
-    /// Share of each row in the losses' means, `[learned, 1]`.
+    /// Weight of each row in the losses' means, `[learned, 1]`; weights add up to 1.
     pub weights: Tensor<2>,
-    /// Row of each successor among all rows, `[learned]`.
+    /// Index of each successor among all rows, `[learned]`.
     pub successors: Tensor<1, Int>,
 }
 
@@ -50,30 +50,30 @@ impl<'a> Rows<'a> {
         self.batch.returns.len()
     }
 
-    /// Observations of every step.
+    /// Observations of all steps, `[rows, OBSERVATION_LEN]`.
     pub fn all(&self) -> Tensor<2> {
         let rows = self.batch.keep.len();
         Tensor::from_data(TensorData::new(self.batch.observations.clone(), [rows, OBSERVATION_LEN]), &self.device)
     }
 
-    /// Observations that only warm up memories.
+    /// Observations of the burn-in steps; `None` without burn-in.
     pub fn burn_in(&self) -> Option<Tensor<2>> {
         let rows = self.batch.burn_in * self.batch.size;
         let values = self.batch.observations[..rows * OBSERVATION_LEN].to_vec();
         (rows > 0).then(|| Tensor::from_data(TensorData::new(values, [rows, OBSERVATION_LEN]), &self.device))
     }
 
-    /// Length of a hidden state.
+    /// Number of LSTM units.
     pub fn memory_size(&self) -> usize {
         self.batch.memory.len() / self.batch.size / 2
     }
 
-    /// What the actor remembered before the first step.
+    /// The actor's stored state before the first step.
     pub fn actor_memory(&self) -> HiddenState {
         HiddenState::from_rows(&self.batch.memory, self.memory_size(), &self.device)
     }
 
-    /// Nothing remembered by some members of the actor's size.
+    /// The initial state of networks with `members` members and the actor's number of units.
     pub fn empty_memory(&self, members: usize) -> HiddenState {
         HiddenState::empty([members, self.batch.size, self.memory_size()], &self.device)
     }
@@ -86,7 +86,7 @@ impl<'a> Rows<'a> {
         Past { state, keep: &self.batch.keep[..self.batch.burn_in * self.batch.size] }
     }
 
-    /// For the steps to learn from.
+    /// The past of the steps to learn from.
     pub fn past<'r>(&'r self, state: &'r HiddenState) -> Past<'r> {
         Past { state, keep: &self.batch.keep[self.batch.burn_in * self.batch.size..][..self.learned_count()] }
     }

@@ -1,4 +1,4 @@
-//! Collects experience: many NPCs on a few maps at a time, all deciding together in the [decision loop](DecisionLoop).
+//! Collects experience with many NPCs on a few maps at a time, which all decide together in the [decision loop](DecisionLoop).
 
 use super::arena::Arena;
 use super::config::CollectorConfig;
@@ -13,43 +13,43 @@ use surefoot_rollout::{DecisionLoop, Lane, Noise, Stage};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{Action, DecisionOutcome, End, NpcSlot, Vec3, World, WorldState};
 
-/// Outcomes since they were last taken.
+/// Statistics since they were last taken.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub struct CollectorStats {
-    /// Decisions taken.
+    /// Number of decisions.
     pub decisions: u64,
-    /// Episodes that ended.
+    /// Number of episodes that ended.
     pub episodes: u64,
-    /// Episodes that reached their goal.
+    /// Number of episodes that reached their goal.
     pub reached: u64,
     /// Sum of all rewards.
     pub reward: f64,
 }
 
-/// What follows in a lane whose next row is the last observation of a cut-off episode.
+/// What follows a boundary row: the last observation of a truncated episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum AfterBoundary {
-    /// Another life.
+    /// Respawn with a new goal.
     Respawn,
-    /// Another goal.
+    /// Continue from the same place with a new goal.
     Redirect,
 }
 
-/// All collecting state.
+/// The collector with all its state.
 #[derive(Debug)]
 pub struct Collector {
     config: CollectorConfig,
     arenas: Vec<Arena>,
-    /// One for each arena.
+    /// One world for each arena.
     worlds: Vec<World>,
-    /// World by world.
+    /// All lanes, world by world.
     lanes: Vec<Lane>,
     decisions: DecisionLoop,
-    /// Lanes whose next row is a boundary.
+    /// For each lane whose next row is a boundary, what follows it.
     boundaries: Vec<Option<AfterBoundary>>,
-    /// Whether the hidden state of a lane is empty.
+    /// Whether each lane's hidden state is the initial one.
     is_fresh: Vec<bool>,
-    /// Where each attempt began, if the NPC stood there.
+    /// Start of each lane's attempt; `None` if the NPC was not grounded.
     starts: Vec<Option<Vec3>>,
     rng: ChaCha8Rng,
     rounds: u64,
@@ -86,7 +86,7 @@ fn lanes_of(config: &CollectorConfig) -> Vec<Lane> {
 }
 
 impl Collector {
-    /// Fresh worlds with an NPC in every lane, each with a hidden state of `hidden_len` values.
+    /// Creates worlds with an NPC in every lane, each with a hidden state of `hidden_len` values.
     pub fn new(config: CollectorConfig, hidden_len: usize, mut rng: ChaCha8Rng) -> Self {
         let drawn = (0..config.world_count).map(|_| {
             let seed = config.map_seeds[rng.random_range(0..config.map_seeds.len())];
@@ -112,17 +112,17 @@ impl Collector {
         collector
     }
 
-    /// NPCs in all.
+    /// Total number of NPCs.
     pub fn lane_count(&self) -> usize {
         self.lanes.len()
     }
 
-    /// Decisions taken since the beginning of the run.
+    /// Number of decisions since the beginning of the run.
     pub fn total_decisions(&self) -> u64 {
         self.total_decisions
     }
 
-    /// Outcomes since the last call.
+    /// Returns and resets the statistics since the last call.
     pub fn take_stats(&mut self) -> CollectorStats {
         std::mem::take(&mut self.stats)
     }
@@ -131,18 +131,18 @@ impl Collector {
     pub fn collect(&mut self, policy: &Policy, step_count: usize) -> Vec<Step> {
         self.rounds += 1;
         let is_due = self.rounds.is_multiple_of(self.config.rounds_per_map);
-        let exchanged = is_due.then(|| (self.rounds / self.config.rounds_per_map) as usize % self.arenas.len());
+        let replaced = is_due.then(|| (self.rounds / self.config.rounds_per_map) as usize % self.arenas.len());
         let mut steps = Vec::with_capacity(step_count);
         for step_idx in 0..step_count {
-            let exchanged = exchanged.filter(|_| step_idx == 0);
-            if let Some(world_idx) = exchanged {
+            let replaced = replaced.filter(|_| step_idx == 0);
+            if let Some(world_idx) = replaced {
                 let lanes = self.lanes_on(world_idx);
                 self.boundaries[lanes].fill(Some(AfterBoundary::Respawn));
             }
             steps.push(self.step(policy));
-            if let Some(world_idx) = exchanged {
-                // Its attempts have just ended in boundary rows, so nothing of the old map is continued.
-                self.exchange(world_idx);
+            if let Some(world_idx) = replaced {
+                // The old map's attempts have just ended in boundary rows, so none continues on the new map.
+                self.replace_map(world_idx);
             }
         }
         steps
@@ -186,7 +186,7 @@ impl Collector {
         self.lanes.iter().map(|_| draw()).collect()
     }
 
-    /// One decision of every lane that is not at a boundary; what it came to, lane by lane.
+    /// Runs one decision of every lane that is not at a boundary and returns its outcome, lane by lane.
     fn advance(&mut self, actions: &[Action]) -> Vec<Option<DecisionOutcome>> {
         let is_deciding = |idx: &usize| self.boundaries[*idx].is_none();
         let deciding: Vec<usize> = (0..self.lanes.len()).filter(is_deciding).collect();
@@ -199,7 +199,7 @@ impl Collector {
         outcomes
     }
 
-    /// Begins what follows a boundary row.
+    /// Respawns or redirects a lane at its boundary row.
     fn pass_boundary(&mut self, lane_idx: usize) -> (f32, RowKind) {
         match self.boundaries[lane_idx].take().expect("a lane at a boundary") {
             AfterBoundary::Respawn => self.respawn(lane_idx),
@@ -208,7 +208,7 @@ impl Collector {
         (0.0, RowKind::Boundary)
     }
 
-    /// Settles one lane after its decision and starts what comes next there.
+    /// Processes the outcome of one lane's decision and prepares its next row.
     fn settle(&mut self, lane_idx: usize, outcome: DecisionOutcome) -> (f32, RowKind) {
         let Lane { world_idx, slot, .. } = self.lanes[lane_idx];
         let episode = self.worlds[world_idx].npc(slot).and_then(|npc| npc.episode);
@@ -243,16 +243,16 @@ impl Collector {
         }
     }
 
-    // --- lives and goals ---
+    // --- spawns and goals ---
 
-    /// The lanes of one world.
+    /// Indices of one world's lanes.
     fn lanes_on(&self, world_idx: usize) -> std::ops::Range<usize> {
         let npcs = self.config.npcs_per_world;
         world_idx * npcs..(world_idx + 1) * npcs
     }
 
-    /// Puts another map in the place of one.
-    fn exchange(&mut self, world_idx: usize) {
+    /// Replaces the map of one world by another.
+    fn replace_map(&mut self, world_idx: usize) {
         let seeds = &self.config.map_seeds;
         let seed = seeds[self.rng.random_range(0..seeds.len())];
         (self.arenas[world_idx], self.worlds[world_idx]) = Arena::new(seed, &self.config);
@@ -292,13 +292,13 @@ impl Collector {
         let band = if near { self.config.near_goals } else { self.config.far_goals };
         let world = &mut self.worlds[world_idx];
         let body = &world.npc(slot).expect("an NPC in every lane").body;
-        let (from, stands) = (body.feet, body.is_grounded());
+        let (from, is_grounded) = (body.feet, body.is_grounded());
         let goal = self.arenas[world_idx].goal(from, band, &mut self.rng);
         world.set_goal(slot, goal);
-        self.starts[lane_idx] = stands.then_some(from);
+        self.starts[lane_idx] = is_grounded.then_some(from);
     }
 
-    /// Remembers the attempt under way as one to be tried again.
+    /// Stores the running attempt for a retry, if it has a grounded start.
     fn note_failure(&mut self, lane_idx: usize) {
         let Lane { world_idx, slot, .. } = self.lanes[lane_idx];
         let episode = self.worlds[world_idx].npc(slot).and_then(|npc| npc.episode);
@@ -309,7 +309,7 @@ impl Collector {
 
     // --- state ---
 
-    /// All state as plain data.
+    /// Returns the whole state as plain data.
     pub fn save(&self) -> CollectorState {
         let arena = |(arena, world): (&Arena, &World)| ArenaState {
             seed: arena.seed,
@@ -329,7 +329,7 @@ impl Collector {
         }
     }
 
-    /// Continues from saved state.
+    /// Restores a collector from saved state.
     pub fn restore(config: CollectorConfig, state: CollectorState) -> Self {
         let restored = state.worlds.into_iter().map(|ArenaState { seed, world: saved, failures }| {
             let (mut arena, mut world) = Arena::new(seed, &config);

@@ -1,4 +1,4 @@
-//! Everything that decides a training run.
+//! Configuration of a training run.
 
 use super::error::TrainError;
 use super::replay::Sampling;
@@ -10,10 +10,10 @@ use surefoot_policy::ActorConfig;
 use surefoot_world::map::Features;
 use surefoot_world::{MapSpec, SpecError};
 
-/// The configuration inside a run's folder.
+/// Name of the configuration file in a run's folder.
 pub(super) const CONFIG_FILE: &str = "config.json";
 
-/// What a learner computes on.
+/// Processor that the learner computes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Processor {
@@ -25,10 +25,10 @@ pub enum Processor {
 }
 
 impl Processor {
-    /// The device to compute on.
+    /// The device of this processor.
     ///
     /// # Errors
-    /// If this program was built without it.
+    /// If this program was built without support for it.
     pub fn device(self) -> Result<Device, TrainError> {
         match self {
             Processor::Cpu => Ok(Device::flex()),
@@ -43,55 +43,56 @@ impl Processor {
     }
 }
 
-/// Everything that decides a run; written to `config.json` beside its results.
+/// Everything that determines a run; saved as `config.json` beside its results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainConfig {
     /// Name of the model.
     pub name: String,
     /// Seed of weights, noise, batches, maps and goals.
     pub seed: u64,
-    /// What the learner computes on; collecting always takes the CPU.
+    /// Processor that the learner computes on; the collector always uses the CPU.
     #[serde(default)]
     pub processor: Processor,
-    /// Updates after which the run is complete.
+    /// Number of updates after which the run ends.
     pub total_updates: u64,
-    /// Decisions of every NPC per round.
+    /// Number of decisions of every NPC per round.
     pub steps_per_round: usize,
-    /// Updates per round.
+    /// Number of updates per round.
     pub updates_per_round: usize,
-    /// Sequences per batch; for a reactive agent each is one transition.
+    /// Number of sequences per batch; a reactive agent's are single transitions.
     pub batch: usize,
-    /// Steps of each sequence that only warm up memories; 0 for a reactive agent.
+    /// Burn-in steps of each sequence, which only warm up the LSTM; 0 for a reactive agent.
     #[serde(default)]
     pub burn_in: usize,
-    /// Steps of each sequence that are learned from; 1 for a reactive agent.
+    /// Steps of each sequence to learn from; 1 for a reactive agent.
     #[serde(default = "one")]
     pub learn: usize,
-    /// Rewards summed before bootstrapping.
+    /// Number of rewards summed before bootstrapping.
     pub n_step: usize,
     /// Discount per decision.
     pub discount: f32,
-    /// Reflect half of the sequences left to right.
+    /// Whether to mirror half of the sequences left to right.
     pub mirror: bool,
-    /// Rows kept in the replay buffer.
+    /// Capacity of the replay buffer in rows.
     pub replay_capacity: usize,
     /// Rounds between validations.
     pub validate_every: u64,
     /// Rounds between full checkpoints.
     pub checkpoint_every: u64,
-    /// Goals per validation map, up to 25 m away and again beyond.
+    /// Number of goals per validation map in each of two bands: up to 25 m, and 25 to 60 m.
     pub validation_goals: usize,
     /// Seeds of the validation maps.
     pub validation_seeds: Vec<u64>,
-    /// Updates without a better validation after which the run ends early; none for never, which files write as 0.
+    /// Updates without a better validation after which the run ends early; `None` for never, written as 0 in files.
     #[serde(default, with = "zero_is_none")]
     pub stop_after: Option<NonZeroU64>,
-    /// Folder of a run or model to start from: `weights.bpk` and `critics.bpk`. A reactive one may start a recurrent one.
+    /// Folder of a run or model to start from, with `weights.bpk` and `critics.bpk`. A recurrent agent may start from a reactive
+    /// one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
-    /// The learner.
+    /// Configuration of the learner.
     pub sac: SacConfig,
-    /// The collector.
+    /// Configuration of the collector.
     pub collector: CollectorConfig,
 }
 
@@ -128,7 +129,7 @@ fn one() -> usize {
 }
 
 impl TrainConfig {
-    /// The defaults of the recurrent agent: burn-in of 20 decisions as in the paper, and 20 to learn from.
+    /// The defaults of the recurrent agent: 20 decisions of burn-in as in the paper, and 20 to learn from.
     pub fn recurrent() -> Self {
         let network = ActorConfig { memory: NonZeroUsize::new(64), ..ActorConfig::default() };
         Self {
@@ -142,7 +143,7 @@ impl TrainConfig {
         }
     }
 
-    /// Trains on these maps. For a single map, all collecting happens on it and validation too: a map-specific policy.
+    /// Sets the training maps. With a single map, collecting and validation both use it, for a map-specific policy.
     pub fn train_on(&mut self, map_seeds: Vec<u64>) {
         if map_seeds.len() == 1 {
             self.collector.npcs_per_world *= self.collector.world_count;
@@ -154,10 +155,10 @@ impl TrainConfig {
         self.collector.map_seeds = map_seeds;
     }
 
-    /// Whether the parts fit each other.
+    /// Checks the configuration.
     ///
     /// # Errors
-    /// Names the field that does not.
+    /// Names the invalid field.
     pub fn validate(&self) -> Result<(), TrainError> {
         let refuse = |field: &'static str, problem: &'static str| Err(TrainError::Config { field, problem });
         let is_recurrent = self.sac.network.memory.is_some();
@@ -205,24 +206,24 @@ impl TrainConfig {
     }
 }
 
-/// Constants of the learner.
+/// Configuration of the learner.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SacConfig {
     /// Layer sizes of actor and critics.
     pub network: ActorConfig,
     /// Adam's step size for all networks and the temperature.
     pub learning_rate: f64,
-    /// Share by which the target critics follow the critics at each update.
+    /// Share by which the target critics move towards the critics at each update.
     pub tau: f32,
-    /// Entropy that the temperature holds the policy at, in nats.
+    /// Entropy of the policy that the temperature is tuned to, in nats.
     pub target_entropy: f32,
     /// Temperature at the start; see docs/adr/0009-low-initial-temperature.md.
     pub initial_alpha: f32,
-    /// Smallest temperature.
+    /// Lower bound of the temperature.
     pub min_alpha: f32,
-    /// Critic updates per actor update.
+    /// Number of critic updates per update of actor and temperature.
     pub actor_interval: u64,
-    /// Updates over which the step size falls linearly to a tenth; none for a constant one, which files write as 0.
+    /// Number of updates over which the step size falls linearly to a tenth; `None` for a constant one, written as 0 in files.
     #[serde(default, with = "zero_is_none")]
     pub decay_updates: Option<NonZeroU64>,
 }
@@ -242,40 +243,40 @@ impl Default for SacConfig {
     }
 }
 
-/// How experience is collected.
+/// Configuration of the collector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CollectorConfig {
     /// Seeds of the maps to train on.
     pub map_seeds: Vec<u64>,
-    /// Side of those maps, m.
+    /// Side of the training maps, m.
     pub map_side: u32,
-    /// What stands on them.
+    /// Features of the training maps.
     #[serde(default)]
     pub map_features: Features,
-    /// Maps in use at a time.
+    /// Number of maps in use at a time.
     pub world_count: usize,
-    /// NPCs on each.
+    /// Number of NPCs on each map.
     pub npcs_per_world: usize,
-    /// Rounds after which the oldest map is exchanged for another.
+    /// Rounds after which the oldest map is replaced by another.
     pub rounds_per_map: u64,
     /// Share of goals drawn from `near_goals`; the rest is drawn from `far_goals`.
     pub near_share: f64,
-    /// Distance of near goals, m.
+    /// Range of distances of near goals, m.
     pub near_goals: (f32, f32),
-    /// Distance of far goals, m.
+    /// Range of distances of far goals, m.
     pub far_goals: (f32, f32),
-    /// After reaching a goal, chance of heading on to another from the run instead of respawning: a policy
-    /// that follows waypoints lives in that switch.
+    /// Probability that an NPC that reached its goal continues to another one without respawning, as a policy that follows
+    /// waypoints must.
     pub switch_chance: f64,
-    /// Share of lives that begin with an attempt that failed before on the same map, where there is one.
+    /// Share of spawns that retry a failed attempt on the same map, if there is one.
     #[serde(default)]
     pub retry_share: f64,
-    /// Chance at each decision of being sent elsewhere before the goal is reached, as by a re-plan.
+    /// Probability per decision that an NPC gets a new goal before reaching its goal, as by a re-plan.
     #[serde(default)]
     pub redirect_chance: f64,
     /// Decisions without progress after which an attempt is cut off (truncated).
     pub give_up_after: u32,
-    /// Decisions made at random at the start of the run.
+    /// Number of random decisions at the start of the run.
     pub random_decisions: u64,
 }
 
@@ -301,7 +302,7 @@ impl Default for CollectorConfig {
 }
 
 impl CollectorConfig {
-    /// The map of a seed.
+    /// The spec of the training map of a seed.
     ///
     /// # Errors
     /// If the side or the features are out of range.
@@ -310,7 +311,7 @@ impl CollectorConfig {
     }
 }
 
-/// Files write an absent count as 0.
+/// Serializes `None` as 0.
 mod zero_is_none {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
     use std::num::NonZeroU64;

@@ -1,4 +1,4 @@
-//! The action-value networks: twin critics side by side, of which the smaller estimate is believed.
+//! The action-value networks: twin critics, of which the smaller estimate is used.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
@@ -9,10 +9,10 @@ use surefoot_policy::network::{Encoding, Past, Trunk};
 use surefoot_policy::state::HiddenState;
 use surefoot_world::character::ACTION_LEN;
 
-/// Critics in all (Fujimoto et al. 2018, "Addressing Function Approximation Error in Actor-Critic Methods").
+/// Number of critics (Fujimoto et al. 2018, "Addressing Function Approximation Error in Actor-Critic Methods").
 pub const CRITIC_COUNT: usize = 2;
 
-/// Twin critics: observation and action to one number each.
+/// Twin critics: each maps an observation and an action to a value.
 #[derive(Module, Debug)]
 pub struct Critics {
     trunk: Trunk,
@@ -20,7 +20,7 @@ pub struct Critics {
 }
 
 impl Critics {
-    /// Fresh weights drawn from `rng`.
+    /// Critics with weights drawn from `rng`.
     pub fn new(config: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
         Self {
             trunk: Trunk::new(CRITIC_COUNT, config, ACTION_LEN, device, rng),
@@ -28,29 +28,29 @@ impl Critics {
         }
     }
 
-    /// The same critics with a memory that as yet tells nothing.
+    /// Adds an LSTM of `size` units without influence on the values.
     #[must_use]
     pub fn with_memory(self, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
         Self { trunk: self.trunk.with_memory(size, device, rng), head: self.head }
     }
 
-    /// Everything that does not depend on the action, and the memory after the last step.
+    /// Encodes observations, independently of actions; also returns the hidden state after the last step.
     pub fn encode(&self, observations: Tensor<2>, past: Option<Past<'_>>) -> (Encoding, Option<HiddenState>) {
         self.trunk.encode(observations, past)
     }
 
-    /// Values of actions `[rows, ACTION_LEN]`, `[critics, rows, 1]`.
+    /// Values of actions `[rows, ACTION_LEN]` by each critic, `[critics, rows, 1]`.
     pub fn value(&self, encoding: Encoding, actions: Tensor<2>) -> Tensor<3> {
         let actions = actions.unsqueeze::<3>().repeat_dim(0, CRITIC_COUNT);
         self.head.forward(self.trunk.consider(encoding, Some(actions)))
     }
 
-    /// The smaller value of each row, `[rows, 1]`.
+    /// The smaller of the critics' values of each row, `[rows, 1]`.
     pub fn smaller_value(&self, encoding: Encoding, actions: Tensor<2>) -> Tensor<2> {
         self.value(encoding, actions).min_dim(0).squeeze_dim(0)
     }
 
-    /// Moves every weight by `share` towards `source`'s.
+    /// Moves every weight towards `source`'s by `share`, 0 to 1.
     #[must_use]
     pub fn soft_update(self, source: &Self, share: f32) -> Self {
         Self { trunk: self.trunk.soft_update(&source.trunk, share), head: self.head.soft_update(&source.head, share) }

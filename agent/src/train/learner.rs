@@ -1,7 +1,7 @@
 //! The learner: actor, twin critics, their targets and the temperature, and one update of all of them.
 //!
-//! [`Learner::update`] reads as its steps; the losses themselves are in [`losses`](super::losses). Actor and critics have separate
-//! encoders, as the GameRLand3D paper found more stable.
+//! Start at [`Learner::update`]; the losses are in [`losses`](super::losses). Actor and critics have separate encoders, which the
+//! GameRLand3D paper found to be more stable.
 
 use super::adam::adam;
 use super::batch::Rows;
@@ -24,16 +24,16 @@ use surefoot_policy::state::HiddenState;
 use surefoot_policy::{Actor, CheckpointError, Manifest};
 use surefoot_world::character::ACTION_LEN;
 
-/// Name of the critics' weights inside a model's folder.
+/// Name of the critics' weights file inside a model's folder.
 pub const CRITICS_FILE: &str = "critics.bpk";
 
-/// The logarithm of the temperature, as a module so that Adam can hold its moments.
+/// The logarithm of the temperature, as a module so that Adam can optimize it.
 #[derive(Module, Debug)]
 struct Temperature {
     log_alpha: Param<Tensor<1>>,
 }
 
-/// All learner state.
+/// The learner with all its state.
 pub struct Learner {
     config: SacConfig,
     actor: Actor,
@@ -48,18 +48,18 @@ pub struct Learner {
     device: Device,
 }
 
-/// Means over one update, for the log.
+/// Statistics of one update, for the log.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct UpdateStats {
     /// Sum of both critics' squared Bellman errors.
     pub critic_loss: f32,
-    /// Mean action value.
+    /// Mean action value over both critics.
     pub q_mean: f32,
     /// Mean of alpha log pi - Q; NaN when the actor was not updated.
     pub actor_loss: f32,
-    /// Mean negative log probability of the policy's actions.
+    /// Mean negative log probability of the policy's actions, in nats; NaN when the actor was not updated.
     pub entropy: f32,
-    /// Temperature.
+    /// Temperature before the update.
     pub alpha: f32,
 }
 
@@ -73,12 +73,12 @@ pub struct LearnerState {
 }
 
 impl Learner {
-    /// Fresh networks drawn from `rng`, on the CPU.
+    /// A learner on the CPU, with networks drawn from `rng`.
     pub fn new(config: SacConfig, rng: ChaCha8Rng) -> Self {
         Self::on(Device::flex(), config, rng)
     }
 
-    /// Fresh networks drawn from `rng`, on some device.
+    /// A learner on `device`, with networks drawn from `rng`.
     pub fn on(device: Device, config: SacConfig, mut rng: ChaCha8Rng) -> Self {
         let device = device.autodiff();
         let actor = Actor::new(&config.network, &device, &mut rng);
@@ -99,10 +99,10 @@ impl Learner {
         }
     }
 
-    /// Takes over the networks of a trained model; a reactive one gives a recurrent one everything but its memory.
+    /// Loads the networks of a trained model. A recurrent learner can start from a reactive model and adds the LSTM.
     ///
     /// # Errors
-    /// If the model cannot be read or does not fit.
+    /// If the model cannot be read or does not fit the configured networks.
     pub fn start_from(&mut self, folder: &Path) -> Result<(), CheckpointError> {
         let manifest = Manifest::load(folder)?;
         let read = |file: &str| {
@@ -117,34 +117,34 @@ impl Learner {
             actor = actor.with_memory(size.get(), &self.device, &mut self.rng);
             critic = critic.with_memory(size.get(), &self.device, &mut self.rng);
         }
-        // Loading checks that the shapes are those of the configuration.
+        // Loading checks that the shapes match the configuration.
         self.actor = load_module(self.actor.clone(), &module_bytes(&actor)?)?;
         self.critics = load_module(self.critics.clone(), &module_bytes(&critic)?)?;
         self.target = self.critics.valid();
         Ok(())
     }
 
-    /// The policy network as it stands.
+    /// The current policy network.
     pub fn actor(&self) -> &Actor {
         &self.actor
     }
 
-    /// The critics as they stand.
+    /// The current critics.
     pub fn critics(&self) -> &Critics {
         &self.critics
     }
 
-    /// Updates made so far.
+    /// Number of updates so far.
     pub fn updates(&self) -> u64 {
         self.updates
     }
 
-    /// The generator that batches are drawn with.
+    /// The random generator for drawing batches.
     pub fn rng(&mut self) -> &mut ChaCha8Rng {
         &mut self.rng
     }
 
-    /// One update of the critics and, at every `actor_interval`-th, of actor and temperature.
+    /// Updates the critics and, at every `actor_interval`-th call, the actor and the temperature.
     pub fn update(&mut self, batch: &Batch) -> UpdateStats {
         let rows = Rows::new(batch, &self.device.clone().inner());
         let alpha = self.alpha();
@@ -164,7 +164,7 @@ impl Learner {
         };
         let critic_gradients = GradientsParams::from_grads(loss.backward(), &self.critics);
         if self.updates.is_multiple_of(self.config.actor_interval) {
-            // What the critics made of the observations serves the actor's loss too.
+            // The actor's loss reuses the critics' encoding of the observations.
             let mean_log_prob = self.update_actor(&rows, encoding.detach(), alpha, &mut stats);
             self.update_temperature(mean_log_prob);
         }
@@ -174,29 +174,29 @@ impl Learner {
         stats
     }
 
-    /// What the critics should have said: see [`soft_targets`].
+    /// Targets of the critics' values; see [`soft_targets`].
     fn targets(&mut self, rows: &Rows<'_>, alpha: f32) -> Tensor<2> {
         let noise = self.noise(rows.learned_count(), &rows.device);
         let actor = self.actor.valid();
-        let (seen, encoding) = if actor.memory_size().is_some() {
-            // Memories need every step; only then can the successors be picked.
+        let (actor_encoding, encoding) = if actor.memory_size().is_some() {
+            // The LSTMs must process every step before the successors can be selected.
             let all = rows.all();
             let state = rows.actor_memory();
             let critic_state = rows.empty_memory(CRITIC_COUNT);
-            let (seen, _) = actor.encode(all.clone(), Some(rows.whole_past(&state)));
+            let (actor_encoding, _) = actor.encode(all.clone(), Some(rows.whole_past(&state)));
             let (encoding, _) = self.target.encode(all, Some(rows.whole_past(&critic_state)));
-            (seen.select(&rows.successors), encoding.select(&rows.successors))
+            (actor_encoding.select(&rows.successors), encoding.select(&rows.successors))
         } else {
             let successors = rows.all().select(0, rows.successors.clone());
             (actor.encode(successors.clone(), None).0, self.target.encode(successors, None).0)
         };
-        let distribution = actor.decide(seen);
+        let distribution = actor.decide(actor_encoding);
         let (actions, log_prob) = sample_squashed(distribution, noise);
         let value = self.target.smaller_value(encoding, actions);
         soft_targets(rows.returns.clone(), rows.bootstrap.clone(), value, log_prob, alpha)
     }
 
-    /// The critics' memory after burning in, from nothing.
+    /// The critics' hidden state after burn-in from the initial state; `None` for a reactive agent.
     fn warm_critics(&self, rows: &Rows<'_>) -> Option<HiddenState> {
         self.actor.memory_size()?;
         let empty = rows.empty_memory(CRITIC_COUNT);
@@ -204,7 +204,7 @@ impl Learner {
         self.critics.valid().encode(observations, Some(rows.burn_in_past(&empty))).1
     }
 
-    /// The actor's memory after burning in, from what was stored.
+    /// The actor's hidden state after burn-in from the stored state; `None` for a reactive agent.
     fn warm_actor(&self, rows: &Rows<'_>) -> Option<HiddenState> {
         self.actor.memory_size()?;
         let stored = rows.actor_memory();
@@ -212,7 +212,7 @@ impl Learner {
         self.actor.valid().encode(observations, Some(rows.burn_in_past(&stored))).1
     }
 
-    /// One step of the actor; the mean log probability of its actions.
+    /// Updates the actor and returns the mean log probability of its actions.
     fn update_actor(&mut self, rows: &Rows<'_>, encoding: Encoding, alpha: f32, stats: &mut UpdateStats) -> f32 {
         let noise = self.noise(rows.learned_count(), &rows.device).autodiff();
         let weights = rows.weights.clone().autodiff();
@@ -252,7 +252,7 @@ impl Learner {
         Tensor::from_data(TensorData::new(values, [size, ACTION_LEN]), device)
     }
 
-    /// All state as bytes.
+    /// Serializes the whole state.
     ///
     /// # Errors
     /// If a module cannot be encoded.
@@ -280,10 +280,10 @@ impl Learner {
         })
     }
 
-    /// Continues from saved state.
+    /// Restores a learner from saved state.
     ///
     /// # Errors
-    /// If it does not fit the configured networks.
+    /// If the state does not fit the configured networks.
     pub fn restore(device: Device, config: SacConfig, state: LearnerState) -> Result<Self, CheckpointError> {
         let mut learner = Self::on(device, config, state.rng.generator());
         let [actor, critic, target, temperature] = state.modules;

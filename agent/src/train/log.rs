@@ -1,4 +1,4 @@
-//! What a run says of itself: lines for people and curves for TensorBoard.
+//! The log of a run: text lines, and curves for TensorBoard.
 
 use super::collector::CollectorStats;
 use super::error::TrainError;
@@ -13,14 +13,14 @@ pub(super) struct Log<'a> {
     folder: PathBuf,
     report: &'a mut dyn FnMut(&str),
     events: EventWriter,
-    /// The last update with an actor's loss.
+    /// Statistics of the last update that updated the actor.
     recent: UpdateStats,
     since: Instant,
     updates_before: u64,
 }
 
 impl<'a> Log<'a> {
-    /// A log whose lines go to `report` and whose curves go into `folder`.
+    /// Creates a log that sends lines to `report` and writes curves into `folder`.
     pub fn create(folder: &Path, updates: u64, report: &'a mut dyn FnMut(&str)) -> Result<Self, TrainError> {
         let events = EventWriter::create(&folder.join("tensorboard"))
             .map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
@@ -34,7 +34,7 @@ impl<'a> Log<'a> {
         })
     }
 
-    /// One line.
+    /// Logs one line.
     pub fn line(&mut self, text: &str) {
         (self.report)(text);
     }
@@ -44,14 +44,14 @@ impl<'a> Log<'a> {
         written.map_err(|source| TrainError::Io { path: self.folder.clone(), source })
     }
 
-    /// Takes note of a round's updates.
+    /// Records the statistics of a round's updates.
     pub fn note_updates(&mut self, stats: &[UpdateStats]) {
         if let Some(last) = stats.iter().rfind(|stats| stats.actor_loss.is_finite()) {
             self.recent = *last;
         }
     }
 
-    /// Where the run stands, and how fast it has gone since the last such line.
+    /// Logs the progress of the run and its speed since the last call.
     pub fn progress(&mut self, updates: u64, decisions: u64, stats: CollectorStats) -> Result<(), TrainError> {
         let seconds = self.since.elapsed().as_secs_f64();
         let rate = |count: u64| count as f64 / seconds;
@@ -81,7 +81,7 @@ impl<'a> Log<'a> {
         Ok(())
     }
 
-    /// How the policy does on validation maps, with its usual noise and without.
+    /// Logs success on validation maps, with the default noise and without.
     pub fn validation(&mut self, updates: u64, noisy: Validation, greedy: Validation) -> Result<(), TrainError> {
         self.line(&format!(
             "validation at {updates} updates: {:.1} % up to 25 m, {:.1} % at 25-60 m (without noise {:.1} %, {:.1} %)",

@@ -1,14 +1,14 @@
-//! The losses of soft actor-critic, as pure functions of what the networks said.
+//! The losses of soft actor-critic, as pure functions of the networks' outputs.
 //!
-//! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (arXiv 1812.05905). Where we
-//! differ from them, and why, is in docs/training-and-models.md. `rows` are those of a batch; each has a weight, its share in the mean: the
-//! weights of a batch add up to 1.
+//! Equation numbers are those of Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (arXiv 1812.05905).
+//! docs/training-and-models.md lists where we differ from it, and why. `rows` are the rows of a batch. Each has a weight, its
+//! share in the mean; the weights of a batch add up to 1.
 
 use burn::tensor::Tensor;
 
-/// The targets of the critics, eq. (3) within (6): `returns + bootstrap (min Q(s', a') - alpha log pi(a'|s'))`, all `[rows, 1]`.
+/// Targets of the critics, eq. (3) within (6): `returns + bootstrap (min Q(s', a') - alpha log pi(a'|s'))`, all `[rows, 1]`.
 ///
-/// `bootstrap` is the discount up to the successor, 0 where the episode terminated; it is not 0 where it was truncated.
+/// `bootstrap` is the discount up to the successor: 0 if the episode terminated, but not if it was truncated.
 pub fn soft_targets(
     returns: Tensor<2>,
     bootstrap: Tensor<2>,
@@ -19,7 +19,7 @@ pub fn soft_targets(
     returns + bootstrap * (next_value - next_log_prob * alpha)
 }
 
-/// The loss of the critics, eq. (5) without its factor 1/2: squared Bellman errors, summed over the critics.
+/// Loss of the critics, eq. (5) without its factor 1/2: squared Bellman errors, summed over the critics.
 ///
 /// `values` are `[critics, rows, 1]`, `targets` and `weights` `[rows, 1]`; the result is `[1]`.
 pub fn critic_loss(values: Tensor<3>, targets: Tensor<2>, weights: Tensor<2>) -> Tensor<1> {
@@ -27,16 +27,17 @@ pub fn critic_loss(values: Tensor<3>, targets: Tensor<2>, weights: Tensor<2>) ->
     (errors * weights.unsqueeze::<3>()).sum()
 }
 
-/// The loss of the actor, eq. (9): the mean of `alpha log pi - Q`, through the critics' values but not their weights.
+/// Loss of the actor, eq. (9): the mean of `alpha log pi - Q`. Gradients pass through the critics' values but not to their
+/// weights.
 ///
 /// `log_prob`, `value` and `weights` are `[rows, 1]`; the result is `[1]`.
 pub fn actor_loss(log_prob: Tensor<2>, value: Tensor<2>, weights: Tensor<2>, alpha: f32) -> Tensor<1> {
     ((log_prob * alpha - value) * weights).sum()
 }
 
-/// The loss of the temperature, eq. (18) in its usual form on `log alpha`: `-log alpha (mean log pi + target entropy)`, `[1]`.
+/// Loss of the temperature, eq. (18) in its usual form on `log alpha`: `-log alpha (mean log pi + target entropy)`, `[1]`.
 ///
-/// It carries no gradient for the policy: `mean_log_prob` is a number.
+/// The policy gets no gradient, because `mean_log_prob` is a number.
 pub fn temperature_loss(log_alpha: Tensor<1>, mean_log_prob: f32, target_entropy: f32) -> Tensor<1> {
     (log_alpha * -(mean_log_prob + target_entropy)).sum()
 }
@@ -63,7 +64,7 @@ mod tests {
 
     #[test]
     fn a_target_is_the_return_and_the_discounted_soft_value_of_the_successor() {
-        // Terminated, truncated, and going on: 1; 0.5 + 0.9 (2 - 0.1 x -3); 0.2 + 0.81 (-1 - 0.1 x 1).
+        // Terminated, truncated, and continuing: 1; 0.5 + 0.9 (2 - 0.1 x -3); 0.2 + 0.81 (-1 - 0.1 x 1).
         let targets = soft_targets(
             column(&[1.0, 0.5, 0.2]),
             column(&[0.0, 0.9, 0.81]),
@@ -75,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn the_critics_are_charged_their_squared_errors_by_weight() {
+    fn the_critics_loss_is_the_weighted_sum_of_squared_errors() {
         let critics = TensorData::new(vec![1.0f32, 2.0, 0.0, 4.0], [2, 2, 1]);
         let critics = Tensor::<3>::from_data(critics, &Device::flex());
         // 0.25 (1 - 2)^2 + 0.75 (2 - 3)^2 + 0.25 (0 - 2)^2 + 0.75 (4 - 3)^2

@@ -1,9 +1,9 @@
 //! Soft actor-critic training of reactive and recurrent agents.
 //!
-//! Read [`run`](mod@run) for how a run goes on: rounds in which collecting ([`collector`]) and learning ([`learner`]) happen side
-//! by side, on one thread each, and meet at a barrier where what was collected goes into the [`replay`] buffer. That makes a run
-//! a pure function of its configuration ([`config`]), so that a checkpoint taken at a barrier (`state`) continues exactly.
-//! [`losses`] can be read against the paper; docs/training-and-models.md lists where we differ from it, and why.
+//! Start at [`run`](mod@run). A run is a sequence of rounds. In each, the [`collector`] and the [`learner`] work concurrently, on
+//! one thread each, and meet at a barrier, where the collected steps go into the [`replay`] buffer. So a run is a pure function
+//! of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes exactly. [`losses`] follows the
+//! paper's equations; docs/training-and-models.md lists where we differ from them, and why.
 
 mod adam;
 mod arena;

@@ -1,12 +1,11 @@
 //! The replay buffer: packed observations in lanes, one lane per NPC.
 //!
-//! Every collecting step appends one row for each lane, so the successor of a row is the row one stride
-//! later and no observation is stored twice. An episode that was cut off is followed by a *boundary* row
-//! that holds only its last observation: truncated never reads as terminated, and the value of that last
-//! state still counts.
+//! Every collecting step appends one row for each lane, so the successor of a row is the lane's next row and no
+//! observation is stored twice. A truncated episode is followed by a *boundary* row with only its last observation:
+//! truncation is never mistaken for termination, and the value of the last state is still bootstrapped.
 //!
-//! For recurrent agents the buffer also keeps what each NPC remembered at every [`MEMORY_STRIDE`]th step, and hands out
-//! sequences that start there (Kapturowski et al. 2019, "Recurrent Experience Replay in Distributed Reinforcement
+//! For recurrent agents the buffer also stores each NPC's hidden state at every [`MEMORY_STRIDE`]th step, and returns
+//! sequences that start at these steps (Kapturowski et al. 2019, "Recurrent Experience Replay in Distributed Reinforcement
 //! Learning": stored state with burn-in).
 
 use rand::{Rng, RngExt};
@@ -23,11 +22,11 @@ pub enum RowKind {
     Continues,
     /// The episode ended in a terminal state after this row's action: no successor.
     Terminated,
-    /// No action: the last observation of an episode that was cut off.
+    /// No action: the last observation of a truncated episode.
     Boundary,
 }
 
-/// One observation with what was done there.
+/// One observation with the action taken and its result.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Row {
     #[serde(with = "long_array")]
@@ -39,11 +38,11 @@ struct Row {
     action: [f32; ACTION_LEN],
     reward: f32,
     kind: RowKind,
-    /// Whether the NPC remembered nothing before it.
+    /// Whether the NPC's hidden state was the initial one before this row.
     is_fresh: bool,
 }
 
-/// Arrays longer than 32 have no serde implementation of their own.
+/// Serializes arrays longer than 32 values, for which serde has no implementation.
 mod long_array {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -64,96 +63,97 @@ mod long_array {
     }
 }
 
-/// Steps between two stored memories: sequences start at multiples of it.
+/// Steps between two stored hidden states. Sequences start at multiples of it.
 pub const MEMORY_STRIDE: u64 = 20;
 
-/// Lanes of transitions in one bounded ring.
+/// A ring buffer of transitions in lanes.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Replay {
     lane_count: usize,
-    /// Steps kept, a multiple of [`MEMORY_STRIDE`]; older ones are overwritten.
+    /// Capacity in steps, a multiple of [`MEMORY_STRIDE`]; the oldest are overwritten.
     step_capacity: usize,
-    /// Steps written since the beginning.
+    /// Number of steps written since the beginning.
     steps_written: u64,
     rows: Vec<Row>,
-    /// What the actor remembered at each stored stride, `[strides, lanes, memory]`.
+    /// The actor's hidden and cell states at each stored stride, `[strides, lanes, memory]`.
     memories: Vec<f32>,
 }
 
-/// A batch of sequences as flat rows, all of step 0 first. For a reactive agent each is one transition: a step to learn from
-/// and a step that shows the state it led to.
+/// A batch of sequences as flat rows, all of step 0 first. A reactive agent's sequence is one transition: the step to learn
+/// from, and the successor.
 #[derive(Debug, Default)]
 pub struct Batch {
-    /// Sequences.
+    /// Number of sequences.
     pub size: usize,
-    /// Steps at the beginning that only warm up memories.
+    /// Burn-in steps at the beginning, which only warm up the LSTM.
     pub burn_in: usize,
-    /// Steps to learn from; the rest shows where they led.
+    /// Steps to learn from, after the burn-in; the remaining steps are successors.
     pub learn: usize,
-    /// `[steps * size, OBSERVATION_LEN]`.
+    /// Observations, `[steps * size, OBSERVATION_LEN]`.
     pub observations: Vec<f32>,
-    /// 0 where memory starts anew, else 1, `[steps * size]`.
+    /// 0 where memory is reset, otherwise 1, `[steps * size]`.
     pub keep: Vec<f32>,
-    /// The actor's memory before step 0, hidden and cell state, `[size, memory]`.
+    /// The actor's hidden and cell state before step 0, `[size, memory]`.
     pub memory: Vec<f32>,
     /// Actions of the steps to learn from, `[learn * size, ACTION_LEN]`.
     pub actions: Vec<f32>,
-    /// Discounted sum of up to n rewards from there on, `[learn * size]`.
+    /// Discounted sum of up to n rewards from each step to learn from, `[learn * size]`.
     pub returns: Vec<f32>,
-    /// Factor of the bootstrapped value: discount to the steps taken, 0 after a terminal state, `[learn * size]`.
+    /// Factor of the bootstrapped value: the discount to the power of the steps summed, or 0 after a terminal state,
+    /// `[learn * size]`.
     pub bootstrap: Vec<f32>,
-    /// 1 where there is something to learn, 0 at boundaries, `[learn * size]`.
+    /// 1 for rows to learn from, 0 for boundary rows, `[learn * size]`.
     pub weights: Vec<f32>,
-    /// Row of the bootstrapped state; meaningless where `bootstrap` is 0, `[learn * size]`.
+    /// Row index of the bootstrapped state, `[learn * size]`; meaningless where `bootstrap` is 0.
     pub successors: Vec<usize>,
 }
 
 /// How batches are drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampling {
-    /// Sequences per batch.
+    /// Number of sequences per batch.
     pub batch: usize,
-    /// Steps that only warm up memories; 0 for a reactive agent.
+    /// Burn-in steps, which only warm up the LSTM; 0 for a reactive agent.
     pub burn_in: usize,
     /// Steps to learn from; 1 for a reactive agent.
     pub learn: usize,
-    /// Rewards summed before bootstrapping.
+    /// Number of rewards summed before bootstrapping.
     pub n_step: usize,
     /// Discount per decision.
     pub discount: f32,
-    /// Whether half of the sequences are reflected left to right.
+    /// Whether to mirror half of the sequences left to right.
     pub mirror: bool,
 }
 
 impl Sampling {
-    /// Whether sequences are single transitions: a reactive agent's.
+    /// Whether sequences are single transitions, as for a reactive agent.
     fn is_single(self) -> bool {
         self.burn_in + self.learn == 1
     }
 }
 
-/// What one step is worth.
+/// The n-step target of one step.
 struct Target {
     total: f32,
     bootstrap: f32,
-    /// Step of the bootstrapped state; none after a terminal one.
+    /// Step of the bootstrapped state; `None` after a terminal one.
     successor: Option<u64>,
 }
 
 impl Replay {
-    /// An empty buffer for at most `capacity` rows over `lane_count` lanes.
+    /// An empty buffer for about `capacity` rows in `lane_count` lanes: whole strides, at least four.
     pub fn new(lane_count: usize, capacity: usize) -> Self {
         let strides = (capacity / lane_count / MEMORY_STRIDE as usize).max(4);
         let step_capacity = strides * MEMORY_STRIDE as usize;
         Self { lane_count, step_capacity, steps_written: 0, rows: Vec::new(), memories: Vec::new() }
     }
 
-    /// Rows held.
+    /// Number of rows stored.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether nothing has been written.
+    /// Whether the buffer has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -161,7 +161,7 @@ impl Replay {
     /// Appends one row for each lane.
     ///
     /// # Panics
-    /// If the steps do not hold one entry per lane.
+    /// If `step` does not have one entry per lane.
     pub fn push_step(&mut self, step: &Step) {
         assert_eq!(step.kinds.len(), self.lane_count);
         let slot = (self.steps_written % self.step_capacity as u64) as usize;
@@ -195,7 +195,7 @@ impl Replay {
         &self.rows[self.slot(step) * self.lane_count + lane]
     }
 
-    /// What the actor remembered before `step`, a multiple of the stride.
+    /// The actor's hidden and cell state before `step`, a multiple of the stride.
     fn memory(&self, step: u64, lane: usize) -> &[f32] {
         let strides = self.rows.len().div_ceil(self.lane_count * MEMORY_STRIDE as usize);
         let len = self.memories.len() / strides / self.lane_count;
@@ -203,27 +203,27 @@ impl Replay {
         &self.memories[(stride * self.lane_count + lane) * len..][..len]
     }
 
-    /// Whether enough steps were written to draw from.
+    /// Whether enough steps were written for [`sample`](Self::sample).
     pub fn can_sample(&self, sampling: Sampling) -> bool {
         let (first, end) = self.starts(sampling);
         first < end
     }
 
-    /// Steps that a sequence may start at.
+    /// Half-open range of steps at which a sequence may start.
     fn starts(&self, sampling: Sampling) -> (u64, u64) {
         let oldest = self.steps_written.saturating_sub(self.step_capacity as u64);
         let steps = (sampling.burn_in + sampling.learn + sampling.n_step) as u64;
         (oldest, (self.steps_written + 1).saturating_sub(steps))
     }
 
-    /// Draws a batch uniformly.
+    /// Draws a batch uniformly at random into `batch`, reusing its allocations.
     ///
     /// # Panics
-    /// Unless it [can](Self::can_sample).
+    /// If [`can_sample`](Self::can_sample) is false.
     pub fn sample(&self, sampling: Sampling, rng: &mut impl Rng, batch: &mut Batch) {
         assert!(self.can_sample(sampling), "sample after enough steps were written");
         let Sampling { batch: size, burn_in, learn, n_step, .. } = sampling;
-        // A reactive agent needs only the state that its one step led to, not those between.
+        // A reactive agent needs only the bootstrapped state, not the steps in between.
         let is_single = sampling.is_single();
         let steps = if is_single { 2 } else { burn_in + learn + n_step };
         *batch = Batch {
@@ -245,7 +245,7 @@ impl Replay {
             let (start, lane) = self.draw(sampling, rng);
             if !is_single {
                 let memory = self.memory(start, lane);
-                // The reflection of what was remembered is not known; burning in has to do.
+                // The mirror image of a hidden state is unknown, so mirrored sequences start from zeros and rely on burn-in.
                 batch.memory.extend(memory.iter().map(|value| if mirrored { 0.0 } else { *value }));
                 for step in 0..steps {
                     let row = self.row(start + step as u64, lane);
@@ -278,7 +278,7 @@ impl Replay {
         }
     }
 
-    /// A start and a lane to learn from.
+    /// Draws the start and the lane of a sequence.
     fn draw(&self, sampling: Sampling, rng: &mut impl Rng) -> (u64, usize) {
         let (first, end) = self.starts(sampling);
         let is_single = sampling.is_single();
@@ -293,7 +293,7 @@ impl Replay {
         }
     }
 
-    /// Sums up to n rewards from `step` on.
+    /// Sums up to n discounted rewards from `step` on.
     fn target(&self, step: u64, lane: usize, sampling: Sampling) -> Target {
         let (mut total, mut discount) = (0.0, 1.0);
         for at in step.. {
@@ -311,7 +311,7 @@ impl Replay {
     }
 }
 
-/// The same allocation, refilled with zeros.
+/// Takes the allocation and refills it with `len` zeros.
 fn cleared(values: &mut Vec<f32>, len: usize) -> Vec<f32> {
     let mut values = std::mem::take(values);
     values.clear();
@@ -329,11 +329,11 @@ impl Batch {
 /// One collecting step over all lanes.
 #[derive(Debug, Clone, Default)]
 pub struct Step {
-    /// `[lanes, OBSERVATION_LEN]`.
+    /// Observations, `[lanes, OBSERVATION_LEN]`.
     pub observations: Vec<f32>,
-    /// What the actor remembered before it, hidden and cell state, `[lanes, memory]`.
+    /// The actor's hidden and cell states before the step, `[lanes, memory]`.
     pub memory: Vec<f32>,
-    /// Whether a lane remembered nothing.
+    /// Whether each lane's hidden state is the initial one.
     pub is_fresh: Vec<bool>,
     /// One action per lane.
     pub actions: Vec<[f32; ACTION_LEN]>,
@@ -344,7 +344,7 @@ pub struct Step {
 }
 
 impl Row {
-    /// Packs an observation; what was done there is yet to be filled in.
+    /// Packs an observation; action, reward and kind are placeholders.
     fn pack(observation: &[f32]) -> Self {
         let mut row = Row {
             proximity: [0; RAY_COUNT],
@@ -363,7 +363,7 @@ impl Row {
         row
     }
 
-    /// Writes the observation into `into`, which holds zeros.
+    /// Unpacks the observation into `into`, which must contain zeros.
     fn unpack(&self, into: &mut [f32], mirrored: bool) {
         for ray in 0..RAY_COUNT {
             into[ray] = f32::from(self.proximity[ray]) / f32::from(u16::MAX);

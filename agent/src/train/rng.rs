@@ -1,10 +1,10 @@
-//! Random generators as plain data.
+//! The state of random generators as plain data.
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// A ChaCha generator's place in its stream.
+/// Seed, stream and position of a ChaCha generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RngState {
     seed: [u8; 32],
@@ -13,12 +13,12 @@ pub struct RngState {
 }
 
 impl RngState {
-    /// Where `rng` stands.
+    /// The state of `rng`.
     pub fn of(rng: &ChaCha8Rng) -> Self {
         Self { seed: rng.get_seed(), stream: rng.get_stream(), word_pos: rng.get_word_pos() }
     }
 
-    /// A generator that goes on from there.
+    /// A generator that continues from this state.
     pub fn generator(&self) -> ChaCha8Rng {
         let mut rng = ChaCha8Rng::from_seed(self.seed);
         rng.set_stream(self.stream);

@@ -1,6 +1,6 @@
-//! A training run: rounds of collecting and learning, with log, validation and checkpoints between them.
+//! A training run: rounds of collecting and learning, with logging, validation and checkpoints between them.
 //!
-//! [`run`] is the loop, [`Run::round`] one turn of it: collect, sample, update, store.
+//! [`run`] is the loop, [`Run::round`] one iteration: collect, sample, update, store.
 
 use super::collector::Collector;
 use super::config::{CONFIG_FILE, TrainConfig};
@@ -19,9 +19,9 @@ use surefoot_policy::checkpoint::write_whole;
 use surefoot_policy::{Actor, Manifest, Policy};
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
 
-/// Batches' worth of rows, or steps of all lanes if that is more, that must have been stored before learning begins.
+/// Batches of rows, or steps of all lanes if these are more rows, that must be stored before learning begins.
 const WARM_UP: usize = 40;
-/// Rounds from one line of the log to the next.
+/// Rounds between two progress lines of the log.
 const LOG_EVERY: u64 = 50;
 
 /// A run between two rounds.
@@ -32,7 +32,7 @@ pub struct Run {
     pub(super) replay: Replay,
     pub(super) rounds: u64,
     pub(super) best: Best,
-    /// Wall time spent, h.
+    /// Wall time of all rounds, h.
     pub(super) hours: f64,
 }
 
@@ -40,17 +40,17 @@ pub struct Run {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Best {
     score: f64,
-    /// Updates when it was measured.
+    /// Number of updates when the score was measured.
     updates: u64,
-    /// Updates at the last validation.
+    /// Number of updates at the last validation.
     validated: u64,
 }
 
 impl Run {
-    /// A run at its beginning.
+    /// Creates a new run.
     ///
     /// # Errors
-    /// If the configuration contradicts itself, or the model to start from cannot be used.
+    /// If the configuration is invalid, or the model to start from cannot be used.
     pub fn new(config: TrainConfig) -> Result<Self, TrainError> {
         config.validate()?;
         let stream = |number: u64| {
@@ -69,29 +69,29 @@ impl Run {
         Ok(Self { collector, learner, replay, rounds: 0, best, hours: 0.0, config })
     }
 
-    /// The policy as it stands.
+    /// The current policy.
     pub fn policy(&self) -> Policy {
         let manifest = Manifest::new(&self.config.name, self.config.sac.network, &[], serde_json::Value::Null);
         Policy::new(self.learner.actor(), manifest)
     }
 
-    /// The policy network as it stands.
+    /// The current policy network.
     pub fn actor(&self) -> &Actor {
         self.learner.actor()
     }
 
-    /// Updates made so far.
+    /// Number of updates so far.
     pub fn updates(&self) -> u64 {
         self.learner.updates()
     }
 
-    /// Decisions collected so far.
+    /// Number of decisions collected so far.
     pub fn decisions(&self) -> u64 {
         self.collector.total_decisions()
     }
 
-    /// One round: the collector acts with the actor as of the last barrier, while the learner learns from
-    /// what was stored before it. Both results are independent of how the two threads interleave.
+    /// Runs one round: the collector acts with the actor of the last barrier, while the learner learns from rows stored
+    /// before it. The results do not depend on how the two threads interleave.
     pub fn round(&mut self) -> Vec<UpdateStats> {
         let policy = self.policy();
         let update_count = if self.is_warm() { self.config.updates_per_round } else { 0 };
@@ -106,7 +106,7 @@ impl Run {
         stats
     }
 
-    /// Whether enough is stored to learn from.
+    /// Whether enough rows are stored to learn from.
     fn is_warm(&self) -> bool {
         let rows = (self.config.batch * self.config.learn).max(self.collector.lane_count());
         self.replay.len() >= WARM_UP * rows && self.replay.can_sample(self.config.sampling())
@@ -117,7 +117,7 @@ impl Run {
         self.updates() >= self.config.total_updates || self.config.stop_after.is_some_and(has_stalled)
     }
 
-    /// Measures the policy; the best so far is written to `best`.
+    /// Validates the policy, and saves the weights in `best` if they are the best so far.
     fn validate(&mut self, set: &ValidationSet, folder: &Path, log: &mut Log<'_>) -> Result<(), TrainError> {
         let policy = self.policy();
         let greedy = set.measure(&policy, 0.0);
@@ -143,13 +143,13 @@ fn learn(learner: &mut Learner, replay: &Replay, sampling: Sampling, update_coun
     stats
 }
 
-/// Trains in `folder` until the configured number of updates, or until `stop` is set.
+/// Trains in `folder` until the configured number of updates, until validation no longer improves, or until `stop` is set.
 ///
-/// With `resume`, continues the run in `folder` and ignores `config`; otherwise starts one there. Log lines go
-/// to `report`.
+/// With `resume`, continues the run in `folder` and ignores `config`; otherwise starts a new run. Log lines go to `report`.
 ///
 /// # Errors
-/// If files cannot be read or written, or a checkpoint does not fit.
+/// If the configuration is invalid, files cannot be read or written, `folder` already contains another run, or a checkpoint
+/// does not fit.
 pub fn run(
     config: TrainConfig,
     folder: &Path,
@@ -180,7 +180,7 @@ pub fn run(
     Ok(())
 }
 
-/// A new run in a folder that holds none.
+/// Starts a new run in a folder without one.
 fn start(config: TrainConfig, folder: &Path) -> Result<Run, TrainError> {
     if folder.join(CONFIG_FILE).exists() {
         return Err(TrainError::Exists(folder.to_owned()));

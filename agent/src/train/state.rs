@@ -1,4 +1,4 @@
-//! A run as files: its whole state, which resumes exactly, and its weights.
+//! The files of a run: its whole state, which resumes exactly, and its weights.
 
 use super::collector::{Collector, CollectorState};
 use super::config::{CONFIG_FILE, TrainConfig};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use surefoot_policy::Manifest;
 use surefoot_policy::checkpoint::{self, module_bytes, write_whole};
 
-/// The state inside a run's folder.
+/// Name of the state file in a run's folder.
 const STATE_FILE: &str = "state.bin";
 
 #[derive(Serialize, Deserialize)]
@@ -26,9 +26,9 @@ struct RunState {
 }
 
 impl Run {
-    /// Writes the whole state, and the weights as they stand.
+    /// Writes the whole state, and the current weights to `last`.
     pub(super) fn save(&self, folder: &Path) -> Result<(), TrainError> {
-        // Borrowing twin of `RunState`, so that a gigabyte of replay is not copied.
+        // Borrows what `RunState` owns, so that a gigabyte of replay is not copied.
         #[derive(Serialize)]
         struct Saved<'a> {
             collector: CollectorState,
@@ -68,7 +68,7 @@ impl Run {
         Ok(())
     }
 
-    /// The run that `folder` holds.
+    /// Loads the run in `folder`.
     pub(super) fn load(folder: &Path) -> Result<Self, TrainError> {
         let read = |path: PathBuf| {
             std::fs::read(&path).map(|bytes| (path.clone(), bytes)).map_err(|source| TrainError::Io { path, source })

@@ -1,4 +1,4 @@
-//! TensorBoard event files: the few messages that scalars need, framed as TFRecords.
+//! TensorBoard event files: the messages for scalars, framed as TFRecords.
 
 use prost::Message;
 use std::fs::{File, OpenOptions};
@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// `tensorflow.Event`, fields used here.
+/// `tensorflow.Event`, with the fields used here.
 #[derive(Clone, PartialEq, Message)]
 struct Event {
     #[prost(double, tag = "1")]
@@ -56,7 +56,7 @@ impl EventWriter {
         Ok(writer)
     }
 
-    /// Appends scalars at `step`; values that are not numbers are left out.
+    /// Appends scalars at `step`; values that are not finite are omitted.
     pub fn scalars(&mut self, step: u64, values: &[(&str, f32)]) -> io::Result<()> {
         let value = values
             .iter()
@@ -66,7 +66,7 @@ impl EventWriter {
         self.write(&Event { wall_time: now(), step: step as i64, summary: Some(Summary { value }), file_version: None })
     }
 
-    /// One TFRecord: length, masked crc of it, payload, masked crc of it.
+    /// Writes one TFRecord: length, its masked CRC, payload, its masked CRC.
     fn write(&mut self, event: &Event) -> io::Result<()> {
         let payload = event.encode_to_vec();
         let length = (payload.len() as u64).to_le_bytes();

@@ -1,4 +1,4 @@
-//! Fixed goals on maps that are not trained on, by which checkpoints are chosen.
+//! Validation: fixed goals on maps outside the training set, to select the best weights.
 
 use super::config::TrainConfig;
 use rand::SeedableRng;
@@ -9,16 +9,16 @@ use surefoot_policy::Policy;
 use surefoot_rollout::{Goal, Rollout};
 use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
-/// Success of the deterministic policy on validation maps.
+/// Success of a policy on validation maps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
-    /// Share of goals up to 25 m away that were reached.
+    /// Share of goals at 2 to 25 m that were reached.
     pub near: f64,
-    /// Share of goals 25 to 60 m away that were reached.
+    /// Share of goals at 25 to 60 m that were reached.
     pub far: f64,
 }
 
-/// The fixed goals that a run is validated on.
+/// The fixed goals for the validation of a run.
 pub(super) struct ValidationSet {
     maps: Vec<(Arc<Map>, Vec<Goal>, Vec<Goal>)>,
     task: TaskConfig,
@@ -47,7 +47,7 @@ impl ValidationSet {
         for (map, near, far) in &self.maps {
             for (band, goals) in [near, far].into_iter().enumerate() {
                 let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), self.task.clone());
-                // Shorter than the task's patience: this only ranks checkpoints.
+                // Shorter than the task's patience, which is enough to rank weights.
                 rollout.give_up_after = 90;
                 rollout.noise_share = noise_share;
                 for end in rollout.run(policy, goals) {
@@ -62,7 +62,7 @@ impl ValidationSet {
 }
 
 impl Validation {
-    /// What checkpoints are ranked by.
+    /// The score that ranks weights; far goals count half.
     pub(super) fn score(&self) -> f64 {
         self.near + 0.5 * self.far
     }

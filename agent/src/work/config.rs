@@ -1,29 +1,29 @@
-//! How a worker works.
+//! Configuration of a worker.
 
 use std::time::Duration;
 use surefoot_net::client::Credentials;
 use surefoot_planner::BuildSettings;
 
-/// How a worker works.
+/// Configuration of a worker.
 #[derive(Debug, Clone)]
 pub struct WorkConfig {
     /// URI of the world server, such as `http://127.0.0.1:7600`.
     pub server: String,
-    /// URI of the planner; without one NPCs head straight for their goals.
+    /// URI of the planner; without a planner NPCs head straight for their goals.
     pub planner: Option<String>,
-    /// What both let this worker in for.
+    /// Credentials for the world server and the planner.
     pub credentials: Credentials,
-    /// NPCs to carry at most.
+    /// Most NPCs to decide for.
     pub capacity: u32,
-    /// Name shown by the server.
+    /// Name that the server shows, at most 64 bytes.
     pub name: String,
-    /// How graphs are to be built.
+    /// Settings of graphs.
     pub graph: BuildSettings,
-    /// Share of the policy's exploration noise to act with.
+    /// Share of the policy's exploration noise to add to actions, 0 to 1.
     pub noise_share: f32,
 }
 
-/// First pause before connecting again; doubled up to [`MAX_PAUSE`].
+/// First pause before a retry; doubled up to [`MAX_PAUSE`].
 pub(super) const MIN_PAUSE: Duration = Duration::from_millis(100);
-/// Longest pause before connecting again.
+/// Longest pause before a retry.
 pub(super) const MAX_PAUSE: Duration = Duration::from_secs(5);

@@ -1,4 +1,4 @@
-//! The planner's graph of a world's map: built, kept, and built again when the planner has lost it.
+//! The planner's graph of a world's map: requests its build, and again when the planner has lost it.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
 use std::time::Duration;
@@ -13,10 +13,10 @@ use tokio_stream::StreamExt;
 use tonic::{Code, Status};
 use tracing::{info, warn};
 
-/// Longest wait for an imported map to be fetched or taken.
+/// Longest wait for an imported map to be fetched or imported.
 const IMPORT_LIMIT: Duration = Duration::from_secs(60);
 
-/// A revision from the wire, where 0 stands for none.
+/// Converts a revision from the wire, where 0 means none.
 pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
     (revision != 0).then_some(revision)
 }
@@ -24,18 +24,18 @@ pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
 /// The planner's graph of one map.
 pub(super) struct Graph {
     pub client: PlannerServiceClient<Link>,
-    /// Empty until it is built, and again when the planner no longer knows it.
+    /// Id of the graph; empty until it is built, and again when the planner no longer knows it.
     pub id: watch::Receiver<String>,
-    /// Where that is said.
+    /// Sender of `id`; clear it when the planner no longer knows the graph.
     pub ready: watch::Sender<String>,
-    /// State of designers' edits, as the planner names it; none while it is not known.
+    /// Revision of designers' edits; `None` while unknown.
     pub revision: watch::Receiver<Option<u64>>,
     build: tokio::task::JoinHandle<()>,
 }
 
 impl Graph {
-    /// Has the graph of an assignment's map built by `planner`; a map that was imported is fetched from `server`.
-    pub fn keep(server: Link, planner: Link, assignment: &wire::Assignment, settings: planner::BuildSettings) -> Self {
+    /// Starts a task that has `planner` build the graph of an assignment's map. An imported map is fetched from `server`.
+    pub fn start(server: Link, planner: Link, assignment: &wire::Assignment, settings: planner::BuildSettings) -> Self {
         let client = PlannerServiceClient::new(planner.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (ready, id) = watch::channel(String::new());
         let (edited, revision) = watch::channel(None);
@@ -52,8 +52,8 @@ impl Graph {
                 map_hash: if is_imported { assignment.map_hash.clone() } else { String::new() },
                 settings: Some(settings),
             },
-            from: maps(server),
-            to: maps(planner),
+            server_maps: maps(server),
+            planner_maps: maps(planner),
         };
         Self { client, id, ready: ready.clone(), revision, build: tokio::spawn(builder.run(ready, edited)) }
     }
@@ -68,13 +68,12 @@ impl Drop for Graph {
 struct Builder {
     client: PlannerServiceClient<Link>,
     request: planner::StartBuildRequest,
-    /// The server's maps, and the planner's.
-    from: MapServiceClient<Link>,
-    to: MapServiceClient<Link>,
+    server_maps: MapServiceClient<Link>,
+    planner_maps: MapServiceClient<Link>,
 }
 
 impl Builder {
-    /// Builds the graph, again whenever that fails, and says when it is ready and when it is edited.
+    /// Has the graph built, retrying after failures and when it is lost. Sends its id to `ready` and its revision to `edited`.
     async fn run(mut self, ready: watch::Sender<String>, edited: watch::Sender<Option<u64>>) {
         let mut pause = MIN_PAUSE;
         loop {
@@ -84,7 +83,7 @@ impl Builder {
                     ready.send_replace(graph_id.clone());
                     let mut lost = ready.subscribe();
                     let known = tokio::select! {
-                        // A query to which the planner no longer knows the graph clears it; then it is built again.
+                        // A query clears the id if the planner no longer knows the graph, which is then built again.
                         result = lost.wait_for(String::is_empty) => result.is_ok(),
                         () = self.watch(&graph_id, &edited) => true,
                     };
@@ -103,7 +102,7 @@ impl Builder {
         }
     }
 
-    /// Follows the edits of a graph; never ends.
+    /// Watches the edits of a graph; never returns.
     async fn watch(&self, graph_id: &str, edited: &watch::Sender<Option<u64>>) {
         let mut client = self.client.clone();
         loop {
@@ -123,8 +122,8 @@ impl Builder {
             };
             edited.send_replace(None);
             match ended.code() {
-                // The next query has it built again: a planner may have no room for graphs that nobody queries.
-                // Planners of an older version do not tell at all.
+                // The next query causes a rebuild: a planner may evict graphs that are not queried. Older planners do not
+                // implement the stream.
                 Code::NotFound | Code::Unimplemented => std::future::pending().await,
                 _ => tokio::time::sleep(MAX_PAUSE).await,
             }
@@ -134,7 +133,7 @@ impl Builder {
     async fn build(&mut self) -> Result<String, Status> {
         match self.build_known().await {
             Err(status) if status.code() == Code::NotFound && !self.request.map_hash.is_empty() => {
-                self.hand_map_on().await?;
+                self.forward_map().await?;
                 self.build_known().await
             }
             result => result,
@@ -149,7 +148,7 @@ impl Builder {
             let build = message?.build.unwrap_or_default();
             match (build.stage(), build.failure) {
                 (BuildStage::Done, _) => return Ok(build.graph_id),
-                (BuildStage::Cancelled, _) => return Err(Status::cancelled("somebody cancelled the build")),
+                (BuildStage::Cancelled, _) => return Err(Status::cancelled("the build was cancelled")),
                 (BuildStage::Failed, Some(failure)) => return Err(Status::new(failure.code.into(), failure.message)),
                 _ => {}
             }
@@ -157,11 +156,11 @@ impl Builder {
         Err(Status::unavailable("the planner ended the build without a graph"))
     }
 
-    /// Gives the planner the map that the server was given.
-    async fn hand_map_on(&mut self) -> Result<(), Status> {
+    /// Imports the server's map into the planner.
+    async fn forward_map(&mut self) -> Result<(), Status> {
         let mut get = tonic::Request::new(wire::GetMapRequest { map_hash: self.request.map_hash.clone() });
         get.set_timeout(IMPORT_LIMIT);
-        let wire::GetMapResponse { map, file } = self.from.get_map(get).await?.into_inner();
+        let wire::GetMapResponse { map, file } = self.server_maps.get_map(get).await?.into_inner();
         let import = wire::ImportMapRequest {
             name: map.unwrap_or_default().name,
             format: wire::MapFormat::Saved.into(),
@@ -170,6 +169,6 @@ impl Builder {
         };
         let mut import = tonic::Request::new(import);
         import.set_timeout(IMPORT_LIMIT);
-        self.to.import_map(import).await.map(drop)
+        self.planner_maps.import_map(import).await.map(drop)
     }
 }

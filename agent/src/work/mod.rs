@@ -1,8 +1,8 @@
-//! The NPC worker: connects to a world server, carries NPCs, asks the planner for plans, decides.
+//! The NPC worker: connects to a world server, requests plans from the planner, and decides for NPCs.
 //!
-//! One session per connection (`session`); one task per world within it (`world`). The policy runs on blocking threads, never on
-//! the ones that move messages. A lost server is looked for again with growing pauses; without a planner (or
-//! while it is away) NPCs head straight for their goals. `graph` keeps the planner's graph of a world's map.
+//! Each connection is a session (`session`) with one task per world (`world`). The policy runs on blocking threads, never on
+//! those that move messages. A lost connection is retried with growing pauses. Without a planner, or while it is unavailable,
+//! NPCs head straight for their goals. `graph` follows the planner's graph of a world's map.
 
 mod config;
 mod graph;
@@ -19,21 +19,21 @@ use surefoot_policy::Policy;
 use tonic::{Code, Status};
 use tracing::warn;
 
-/// A worker that cannot go on.
+/// Why a worker cannot continue.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkError {
-    /// No connection can be made as configured.
+    /// An address or the credentials cannot be used.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// The server will not have this worker.
+    /// The server refuses this worker, and would refuse it again.
     #[error("the server refuses this worker: {0}")]
     Refused(Status),
 }
 
-/// Carries NPCs until `shutdown`, through any number of connections.
+/// Decides for NPCs until `shutdown`, reconnecting as often as needed.
 ///
 /// # Errors
-/// If an address or credentials cannot be used, or the server refuses the worker for good.
+/// If an address or the credentials cannot be used, or the server refuses the worker permanently.
 pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Result<(), WorkError> {
     let server = config.credentials.dial(&config.server)?;
     let planner = config.planner.as_ref().map(|uri| config.credentials.dial(uri)).transpose()?;
@@ -61,7 +61,7 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
     Ok(())
 }
 
-/// Whether trying again with the same worker is no use.
+/// Whether a retry with the same worker would fail again.
 fn is_final(code: Code) -> bool {
     use Code::{FailedPrecondition, InvalidArgument, PermissionDenied, Unauthenticated};
     matches!(code, FailedPrecondition | InvalidArgument | PermissionDenied | Unauthenticated)

@@ -1,4 +1,4 @@
-//! One connection to the server: hello, then messages to the tasks of the worlds.
+//! One connection to the server: sends hello, then dispatches messages to the tasks of the worlds.
 
 use super::config::WorkConfig;
 use super::graph::Graph;
@@ -18,9 +18,9 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 use tracing::{info, warn};
 
-/// Answers waiting to be sent.
+/// Most answers waiting to be sent; when full, worlds wait.
 const OUT_QUEUE: usize = 256;
-/// Messages waiting for a world's task; the server's own queue is the bound that counts.
+/// Most messages waiting for a world's task; further ones are dropped. The server's own queue fills up first.
 const WORLD_QUEUE: usize = 256;
 
 /// One connection to the server.
@@ -31,7 +31,7 @@ pub(super) struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Carries NPCs until the connection is lost.
+    /// Decides for NPCs until the connection is lost.
     pub async fn run(&self, server: &Dialer) -> Result<(), Status> {
         let channel = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
         let mut client = WorldServiceClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
@@ -50,7 +50,7 @@ impl Session<'_> {
         while let Some(response) = responses.next().await {
             match response?.message {
                 Some(wire::work_response::Message::Welcome(welcome)) => {
-                    info!(worker = welcome.worker_id, server = self.config.server, "carrying NPCs");
+                    info!(worker = welcome.worker_id, server = self.config.server, "deciding for NPCs");
                 }
                 Some(wire::work_response::Message::Assignment(assignment)) => {
                     worlds
@@ -88,16 +88,17 @@ impl Session<'_> {
         let graph = self
             .planner
             .clone()
-            .map(|planner| Graph::keep(server, planner, assignment, settings_to_wire(&self.config.graph)));
+            .map(|planner| Graph::start(server, planner, assignment, settings_to_wire(&self.config.graph)));
         let world = WorldTask::new(assignment, self.policy.clone(), self.config.noise_share, graph, out);
         tokio::spawn(world.run(messages));
         sender
     }
 }
 
-/// A full queue means that this worker is far too slow: the batch is dropped, the server counts the misses.
+/// Passes a message to a world's task. A full queue means that this worker is far too slow: the message is dropped, and the
+/// server counts missed decisions.
 fn forward(world: &mpsc::Sender<WorldMessage>, message: WorldMessage) {
     if world.try_send(message).is_err() {
-        warn!("a world's queue is full: a message is dropped");
+        warn!("a world's queue is full: dropping a message");
     }
 }

@@ -1,4 +1,4 @@
-//! All NPCs of one world that a worker carries: plans, waypoints and decisions.
+//! A worker's NPCs of one world: plans, waypoints and decisions.
 
 use super::graph::{Graph, revision_from_wire};
 use rand::SeedableRng;
@@ -20,11 +20,11 @@ use tokio::sync::{mpsc, watch};
 use tonic::Code;
 use tracing::warn;
 
-/// Batches of plans that have come and wait to be taken.
+/// Most batches of plans waiting to be applied; when full, further ones wait.
 const PLAN_QUEUE: usize = 256;
-/// Traversals that are reported together, unless one failed.
+/// Number of traversals that are reported together; a failed one is reported at once.
 const REPORT_LEN: usize = 64;
-/// Plans that are asked for in one batch; planners allow more.
+/// Most queries in one batch; planners allow more.
 const MAX_QUERIES: usize = 1024;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
@@ -36,49 +36,49 @@ pub(super) enum WorldMessage {
     Observations(wire::ObservationBatch),
 }
 
-/// An NPC that this worker carries.
-struct Carried {
+/// An NPC that this worker decides for.
+struct Npc {
     attempt: u32,
     follower: Follower,
-    /// A plan has been asked for and not come yet.
+    /// Whether a plan is requested and not yet received.
     is_planning: bool,
-    /// State of designers' edits that its plan was made with.
+    /// Revision of designers' edits that its plan was made with.
     revision: Option<u64>,
-    /// The state for which it last planned anew.
-    followed: Option<u64>,
-    /// A waypoint that the server has not been told yet.
+    /// The latest revision for which it dropped its plan.
+    replanned_for: Option<u64>,
+    /// A waypoint that has not been sent to the server yet.
     new_waypoint: Option<Vec3>,
-    /// A plan that the server has not been told yet.
+    /// A plan that has not been sent to the server yet.
     new_plan: Option<wire::NpcPlan>,
-    /// What the policy remembers of the attempt.
+    /// The policy's memory row for the attempt.
     memory: Vec<f32>,
 }
 
-/// Plans that have come.
-struct Planned {
-    /// With the attempts they are for; `None` where the planner failed.
+/// A received batch of plans.
+struct PlanBatch {
+    /// NPC id, attempt and plan; `None` if the planner failed.
     plans: Vec<(u64, u32, Option<Plan>)>,
-    /// State of designers' edits that they were made with.
+    /// Revision of designers' edits that the plans were made with.
     revision: Option<u64>,
 }
 
-/// All NPCs of one world that this worker carries.
+/// The task for all NPCs of one world that this worker decides for.
 pub(super) struct WorldTask {
     world_id: u64,
     is_lockstep: bool,
     policy: Policy,
     noise_share: f32,
     graph: Option<Graph>,
-    npcs: BTreeMap<u64, Carried>,
-    planned: mpsc::Sender<Planned>,
-    plans: mpsc::Receiver<Planned>,
+    npcs: BTreeMap<u64, Npc>,
+    planned: mpsc::Sender<PlanBatch>,
+    plans: mpsc::Receiver<PlanBatch>,
     /// Traversals that have not been reported to the planner yet.
     traversals: Vec<Traversal>,
     out: mpsc::Sender<wire::WorkRequest>,
 }
 
 impl WorldTask {
-    /// A task for the NPCs of one world; answers go to `out`.
+    /// Creates a task for the NPCs of one world. Answers go to `out`.
     pub fn new(
         assignment: &wire::Assignment,
         policy: Policy,
@@ -101,7 +101,7 @@ impl WorldTask {
         }
     }
 
-    /// Answers batches until there are no more messages.
+    /// Handles messages until the channel closes.
     pub async fn run(mut self, mut messages: mpsc::Receiver<WorldMessage>) {
         while let Some(message) = messages.recv().await {
             match message {
@@ -122,7 +122,7 @@ impl WorldTask {
         }
     }
 
-    /// Answers one batch; `None` if the batch cannot be understood.
+    /// Answers one batch; `None` if the batch is malformed.
     async fn decide(&mut self, batch: wire::ObservationBatch) -> Option<wire::ActionBatch> {
         let count = batch.npc_ids.len();
         let vectors = |bytes: &[u8], field| convert::unpack(bytes, count * 3, field);
@@ -133,12 +133,12 @@ impl WorldTask {
         ) {
             (Ok(observations), Ok(positions), Ok(goals)) => (observations, positions, goals),
             _ => {
-                warn!(world = self.world_id, "the server sent a batch of another shape");
+                warn!(world = self.world_id, "the server sent a malformed batch");
                 return None;
             }
         };
         let at = |values: &[f32], idx: usize| Vec3::new(values[3 * idx], values[3 * idx + 1], values[3 * idx + 2]);
-        self.take_plans();
+        self.apply_received();
         let mut gave_up = Vec::new();
         let mut queries = Vec::new();
         for (idx, &id) in batch.npc_ids.iter().enumerate() {
@@ -148,14 +148,14 @@ impl WorldTask {
             let grounded = batch.grounded.get(idx).copied().unwrap_or(true);
             match self.note(id, attempt, [feet, goal], touched, grounded) {
                 Step::Keep => {}
-                Step::Head(waypoint) => self.carried(id).new_waypoint = Some(waypoint),
+                Step::Head(waypoint) => self.npc(id).new_waypoint = Some(waypoint),
                 Step::Plan => queries.push((id, attempt, feet)),
                 Step::GiveUp => gave_up.push(id),
             }
         }
         self.report();
         for queries in queries.chunks(MAX_QUERIES) {
-            self.ask_for_plans(queries).await;
+            self.request_plans(queries).await;
         }
         let waypoints = batch.npc_ids.iter().filter_map(|&id| {
             let position = self.npcs.get_mut(&id)?.new_waypoint.take()?;
@@ -179,57 +179,57 @@ impl WorldTask {
         })
     }
 
-    fn carried(&mut self, id: u64) -> &mut Carried {
+    fn npc(&mut self, id: u64) -> &mut Npc {
         self.npcs.get_mut(&id).expect("noted in this batch")
     }
 
-    /// Takes note of where an NPC is; a new attempt gets a new follower.
+    /// Updates an NPC's follower with its position and returns the follower's step; a new attempt gets a new follower.
     fn note(&mut self, id: u64, attempt: u32, [feet, goal]: [Vec3; 2], touched: bool, grounded: bool) -> Step {
         let has_planner = self.graph.is_some();
         let latest = self.graph.as_ref().and_then(|graph| *graph.revision.borrow());
         let memory_len = self.policy.memory_len();
-        let begin = || Carried {
+        let begin = || Npc {
             attempt,
             follower: Follower::new(goal, FollowConfig::default()),
             is_planning: false,
             revision: None,
-            followed: None,
+            replanned_for: None,
             new_waypoint: None,
             new_plan: None,
             memory: vec![0.0; memory_len],
         };
-        let carried = self.npcs.entry(id).or_insert_with(begin);
-        if carried.attempt != attempt {
-            *carried = begin();
+        let npc = self.npcs.entry(id).or_insert_with(begin);
+        if npc.attempt != attempt {
+            *npc = begin();
         }
-        if !has_planner || carried.is_planning {
+        if !has_planner || npc.is_planning {
             // The server itself ends attempts that make no progress.
             return Step::Keep;
         }
-        // In the air there is no turning round.
-        let is_outdated = carried.revision.zip(latest).is_some_and(|(revision, latest)| revision != latest);
-        if grounded && is_outdated && carried.followed != latest {
-            carried.followed = latest;
-            carried.follower.forget_plan();
+        // An NPC in the air cannot turn back.
+        let is_outdated = npc.revision.zip(latest).is_some_and(|(revision, latest)| revision != latest);
+        if grounded && is_outdated && npc.replanned_for != latest {
+            npc.replanned_for = latest;
+            npc.follower.forget_plan();
         }
-        let step = carried.follower.note(feet, touched);
-        self.traversals.extend(carried.follower.take_traversals());
+        let step = npc.follower.note(feet, touched);
+        self.traversals.extend(npc.follower.take_traversals());
         step
     }
 
-    /// Takes note of attempts that ended: harm on an edge is laid to that edge.
+    /// Records attempts that ended: harm on an edge counts as a failed traversal of it.
     fn note_ends(&mut self, ended: &wire::AttemptsEnded) {
         for ((id, &attempt), outcome) in ended.npc_ids.iter().zip(&ended.attempts).zip(ended.outcomes()) {
             let harmed = matches!(outcome, wire::Outcome::Fell | wire::Outcome::Burnt | wire::Outcome::Drowned);
-            if let Some(carried) = self.npcs.get_mut(id).filter(|carried| harmed && carried.attempt == attempt) {
-                carried.follower.note_harm();
-                self.traversals.extend(carried.follower.take_traversals());
+            if let Some(npc) = self.npcs.get_mut(id).filter(|npc| harmed && npc.attempt == attempt) {
+                npc.follower.note_harm();
+                self.traversals.extend(npc.follower.take_traversals());
             }
         }
         self.report();
     }
 
-    /// Tells the planner how legs went, if there is something worth telling.
+    /// Reports traversals to the planner, if one failed or enough have accumulated.
     fn report(&mut self) {
         let is_urgent = self.traversals.iter().any(|traversal| !traversal.reached);
         let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
@@ -238,7 +238,7 @@ impl WorldTask {
         let graph_id = graph.id.borrow().clone();
         let traversals = std::mem::take(&mut self.traversals);
         if graph_id.is_empty() {
-            // The planner has lost the graph that these were of.
+            // The planner has lost the graph of these traversals.
             return;
         }
         let request = planner::ReportTraversalsRequest {
@@ -248,13 +248,13 @@ impl WorldTask {
         let mut client = graph.client.clone();
         tokio::spawn(async move {
             if let Ok(Err(status)) = tokio::time::timeout(PLAN_LIMIT, client.report_traversals(request)).await {
-                warn!(%status, "the planner was not told how legs went");
+                warn!(%status, "cannot report traversals to the planner");
             }
         });
     }
 
-    /// Asks the planner; in lockstep waits for the answer, otherwise it applies from a later decision on.
-    async fn ask_for_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
+    /// Requests plans. In lockstep waits for the answer, otherwise the plans apply from a later decision on.
+    async fn request_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
         let Some(graph) = &mut self.graph else { return };
         if self.is_lockstep && graph.id.wait_for(|id| !id.is_empty()).await.is_err() {
             return;
@@ -265,46 +265,46 @@ impl WorldTask {
         }
         let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()) };
         for &(id, _, feet) in queries {
-            let carried = self.npcs.get_mut(&id).expect("noted in this batch");
-            carried.is_planning = true;
-            request.queries.push(query_to_wire(&carried.follower.query(feet)));
+            let npc = self.npcs.get_mut(&id).expect("noted in this batch");
+            npc.is_planning = true;
+            request.queries.push(query_to_wire(&npc.follower.query(feet)));
         }
         let (client, ready, planned) = (graph.client.clone(), graph.ready.clone(), self.planned.clone());
-        let asked: Vec<(u64, u32)> = queries.iter().map(|&(id, attempt, _)| (id, attempt)).collect();
+        let requested: Vec<(u64, u32)> = queries.iter().map(|&(id, attempt, _)| (id, attempt)).collect();
         if self.is_lockstep {
-            let plans = find_paths(client, request, asked, &ready).await;
+            let plans = find_paths(client, request, requested, &ready).await;
             self.apply(plans);
         } else {
             tokio::spawn(async move {
-                let plans = find_paths(client, request, asked, &ready).await;
-                // The world's task may have ended.
+                let plans = find_paths(client, request, requested, &ready).await;
+                // The receiver is gone if the world's task has ended.
                 let _ = planned.send(plans).await;
             });
         }
     }
 
-    fn take_plans(&mut self) {
+    fn apply_received(&mut self) {
         while let Ok(plans) = self.plans.try_recv() {
             self.apply(plans);
         }
     }
 
-    fn apply(&mut self, planned: Planned) {
+    fn apply(&mut self, planned: PlanBatch) {
         for (id, attempt, plan) in planned.plans {
-            let Some(carried) = self.npcs.get_mut(&id).filter(|carried| carried.attempt == attempt) else { continue };
-            carried.is_planning = false;
+            let Some(npc) = self.npcs.get_mut(&id).filter(|npc| npc.attempt == attempt) else { continue };
+            npc.is_planning = false;
             if let Some(plan) = plan {
-                carried.revision = planned.revision;
-                carried.new_plan = Some(npc_plan_to_wire(&plan));
-                carried.new_waypoint = Some(carried.follower.take_plan(plan));
+                npc.revision = planned.revision;
+                npc.new_plan = Some(npc_plan_to_wire(&plan));
+                npc.new_waypoint = Some(npc.follower.take_plan(plan));
             }
         }
     }
 
-    /// Evaluates the policy for these NPCs on a blocking thread: packed actions.
+    /// Evaluates the policy for these NPCs on a blocking thread and returns packed actions.
     async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>, tick: u64) -> Option<Vec<u8>> {
         let (policy, noise_share, world_id) = (self.policy.clone(), self.noise_share, self.world_id);
-        let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.carried(id).memory.clone()).collect();
+        let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).memory.clone()).collect();
         let task = tokio::task::spawn_blocking(move || {
             let mut rng = ChaCha8Rng::seed_from_u64(world_id);
             rng.set_stream(tick);
@@ -314,7 +314,7 @@ impl WorldTask {
         });
         let (memory, actions) = task.await.ok()?;
         for (&id, row) in npc_ids.iter().zip(memory.chunks_exact(self.policy.memory_len().max(1))) {
-            self.carried(id).memory.copy_from_slice(row);
+            self.npc(id).memory.copy_from_slice(row);
         }
         Some(actions)
     }
@@ -323,9 +323,9 @@ impl WorldTask {
 async fn find_paths(
     mut client: PlannerServiceClient<Link>,
     request: planner::FindPathsRequest,
-    asked: Vec<(u64, u32)>,
+    requested: Vec<(u64, u32)>,
     graph_ready: &watch::Sender<String>,
-) -> Planned {
+) -> PlanBatch {
     let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
     let planner::FindPathsResponse { plans, revision } = match answer {
         Ok(Ok(response)) => response.into_inner(),
@@ -343,6 +343,6 @@ async fn find_paths(
     };
     let mut plans = plans.into_iter();
     let mut next = move || plans::plan(&plans.next()?).ok();
-    let plans = asked.into_iter().map(|(id, attempt)| (id, attempt, next())).collect();
-    Planned { plans, revision: revision_from_wire(revision) }
+    let plans = requested.into_iter().map(|(id, attempt)| (id, attempt, next())).collect();
+    PlanBatch { plans, revision: revision_from_wire(revision) }
 }

@@ -13,56 +13,56 @@ use surefoot_net::serving::{EndpointConfig, Limits, Security};
 #[derive(clap::Args)]
 #[command(next_help_heading = "Limits and security")]
 pub struct EndpointArgs {
-    /// Largest request
+    /// Size limit of a request
     #[arg(long, default_value_t = Limits::default().max_message_bytes, value_name = "BYTES")]
     max_message_bytes: usize,
-    /// Largest request that carries a level
+    /// Size limit of a request that imports a level
     #[arg(long, default_value_t = Limits::default().max_import_bytes, value_name = "BYTES")]
     max_import_bytes: usize,
-    /// Streams that one connection may have open
+    /// Most open streams per connection
     #[arg(long, default_value_t = Limits::default().max_streams, value_name = "N")]
     max_streams: u32,
-    /// Connections at a time; further ones are closed at once
+    /// Most connections at a time; further ones are closed at once
     #[arg(long, default_value_t = Limits::default().max_connections, value_name = "N")]
     max_connections: usize,
-    /// A new connection that has not begun to talk by then is closed
+    /// Close a new connection that sends nothing for this long
     #[arg(long, default_value_t = Seconds(Limits::default().handshake_timeout), value_name = "SECONDS")]
     handshake_timeout: Seconds,
-    /// A connection without a byte in either direction for so long is closed
+    /// Close a connection that is idle in both directions for this long
     #[arg(long, default_value_t = Seconds(Limits::default().idle_timeout), value_name = "SECONDS")]
     idle_timeout: Seconds,
-    /// Longest wait for an answer, unless the client sets a deadline; streams may last longer
+    /// Deadline of calls for which the client sets none; streams may last longer
     #[arg(long, default_value_t = Seconds(Limits::default().default_deadline), value_name = "SECONDS")]
     default_deadline: Seconds,
-    /// Time between two pings to a peer
+    /// Interval between keepalive pings
     #[arg(long, default_value_t = Seconds(Limits::default().keepalive_interval), value_name = "SECONDS")]
     keepalive_interval: Seconds,
-    /// A connection whose peer does not answer a ping for so long is closed
+    /// Close a connection whose peer does not answer a ping for this long
     #[arg(long, default_value_t = Seconds(Limits::default().keepalive_timeout), value_name = "SECONDS")]
     keepalive_timeout: Seconds,
-    /// Certificate chain to serve TLS with, PEM
+    /// Certificate chain for TLS, PEM
     #[arg(long, value_name = "FILE")]
     tls_cert: Option<PathBuf>,
-    /// Its private key, PEM
+    /// Private key of --tls-cert, PEM
     #[arg(long, value_name = "FILE")]
     tls_key: Option<PathBuf>,
-    /// Authority that every client must show a certificate of, PEM
+    /// Require clients to present a certificate issued by this authority, PEM
     #[arg(long, value_name = "FILE")]
     tls_client_ca: Option<PathBuf>,
-    /// Serve other machines without TLS
+    /// Allow serving other machines without TLS
     #[arg(long)]
     insecure: bool,
-    /// TOML file of [[token]] entries with name, role (client, worker, designer or admin) and secret; every call then needs
-    /// one
+    /// TOML file of [[token]] entries with name, role (client, worker, designer or admin) and secret; every call then requires
+    /// a token
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
-    /// Web pages from other hosts that may call, such as https://studio.example; several are divided by commas
+    /// Origins of web pages on other hosts that may call, such as https://studio.example, separated by commas
     #[arg(long, value_name = "ORIGIN", value_delimiter = ',')]
     allow_origin: Vec<String>,
 }
 
 impl EndpointArgs {
-    /// Reads the files.
+    /// Checks the flags and reads the certificate, key and token files.
     pub fn config(&self) -> anyhow::Result<EndpointConfig> {
         if self.max_connections == 0 || self.max_streams == 0 {
             bail!("--max-connections and --max-streams must be at least 1");
@@ -82,7 +82,7 @@ impl EndpointArgs {
             (Some(certificate), Some(key)) => Some(ServerTls::load(certificate, key, self.tls_client_ca.as_deref())?),
             (None, None) if self.tls_client_ca.is_some() => bail!("--tls-client-ca needs --tls-cert and --tls-key"),
             (None, None) => None,
-            _ => bail!("--tls-cert and --tls-key belong together"),
+            _ => bail!("--tls-cert and --tls-key must be given together"),
         };
         let tokens = self.tokens.as_deref().map(Tokens::load).transpose()?;
         Ok(EndpointConfig {
@@ -92,26 +92,26 @@ impl EndpointArgs {
     }
 }
 
-/// What a client shows to services, and which of them it trusts.
+/// The credentials that a client presents to services, and the services that it trusts.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Credentials")]
 pub struct CredentialArgs {
-    /// Secret of a token; the variable or --token-file keep it out of the list of processes
+    /// Secret of a token; the variable or --token-file keeps it out of the process list
     #[arg(long, value_name = "SECRET", value_parser = parse_secret, env = "SUREFOOT_TOKEN", hide_env_values = true)]
     token: Option<Secret>,
-    /// File that holds the secret of a token
+    /// File with the secret of a token
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TOKEN_FILE")]
     token_file: Option<PathBuf>,
-    /// Authority that services at https:// must have their certificate of, PEM; default: those that the system trusts
+    /// Authority that must have issued the certificates of services at https://, PEM; default: the system's authorities
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CA")]
     tls_ca: Option<PathBuf>,
-    /// Certificate to show to services that ask for one, PEM
+    /// Certificate to present to services that request one, PEM
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_CERT")]
     tls_client_cert: Option<PathBuf>,
-    /// Its private key, PEM
+    /// Private key of --tls-client-cert, PEM
     #[arg(long, value_name = "FILE", env = "SUREFOOT_TLS_CLIENT_KEY")]
     tls_client_key: Option<PathBuf>,
-    /// Name that the certificate of services must be for; default: the host of their URI
+    /// Host name to expect in the certificates of services; default: the host of their URI
     #[arg(long, value_name = "NAME", env = "SUREFOOT_TLS_SERVER_NAME")]
     tls_server_name: Option<String>,
 }
@@ -121,15 +121,15 @@ fn parse_secret(text: &str) -> Result<Secret, std::convert::Infallible> {
 }
 
 impl CredentialArgs {
-    /// Reads the files.
+    /// Reads the certificate, key and token files.
     pub fn credentials(&self) -> anyhow::Result<Credentials> {
         let identity = match (&self.tls_client_cert, &self.tls_client_key) {
             (Some(certificate), Some(key)) => Some((certificate.clone(), key.clone())),
             (None, None) => None,
-            _ => bail!("--tls-client-cert and --tls-client-key belong together"),
+            _ => bail!("--tls-client-cert and --tls-client-key must be given together"),
         };
         let token = match (&self.token, &self.token_file) {
-            (Some(_), Some(_)) => bail!("--token and --token-file exclude each other"),
+            (Some(_), Some(_)) => bail!("--token and --token-file cannot be given together"),
             (token, None) => token.clone(),
             (None, Some(path)) => {
                 let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -141,13 +141,13 @@ impl CredentialArgs {
         Ok(Credentials::load(token.as_ref(), &files)?)
     }
 
-    /// Whether there is a token.
+    /// Whether a token is configured, by flag, variable or file.
     pub fn has_token(&self) -> bool {
         self.token.is_some() || self.token_file.is_some()
     }
 }
 
-/// A time in seconds on the command line.
+/// A duration, written in seconds on the command line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Seconds(Duration);
 

@@ -21,17 +21,17 @@ use surefoot_world::MapSpec;
     after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map"
 )]
 pub struct Args {
-    /// Run a whole table instead: the paper's rows on the test maps for which --models holds weights (paper), graphs of
-    /// growing size on the validation maps (sweep), or the 1 km map with graphs and without (big-map)
+    /// Run a whole table instead: the paper's rows for which --models has weights, on the test maps (paper); graphs of
+    /// growing size on the validation maps (sweep); or the 1 km map with and without graphs (big-map)
     #[arg(long, value_parser = ["paper", "sweep", "big-map"], conflicts_with_all = ["method", "maps", "model", "distance"])]
     suite: Option<String>,
-    /// Folder of the suite's models
+    /// Folder with the models of the suite
     #[arg(long, value_name = "FOLDER", default_value = "models")]
     models: PathBuf,
-    /// Keep finished maps and seeds here and take them from here; with --suite, also table, plots and JSON
+    /// Save finished maps and seeds in this folder and reuse them; with --suite, also write the table, plots and JSON
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// training, validation, test, or map seeds such as 7 or 1000,1001 or 0..4
+    /// Maps to evaluate on: training, validation, test, or seeds such as 7 or 1000,1001 or 0..4
     #[arg(long, default_value = "validation")]
     maps: String,
     /// Side of the maps in metres
@@ -40,7 +40,7 @@ pub struct Args {
     /// Goals per map and seed
     #[arg(long, default_value_t = 200, value_name = "N")]
     goals: usize,
-    /// Head straight for goals (policy) or by plans on a graph built by the options below (graph)
+    /// Head straight for goals (policy), or follow plans on a graph built with the options below (graph)
     #[arg(long, default_value = "graph", value_parser = ["policy", "graph"])]
     method: String,
     #[command(flatten)]
@@ -48,16 +48,16 @@ pub struct Args {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
-    /// Straight-line distance of goals in metres, MIN..MAX; default: any
+    /// Straight-line distance to goals in metres; default: any
     #[arg(long, value_name = "MIN..MAX")]
     distance: Option<String>,
-    /// Seeds of goals, graphs and noise, such as 0 or 0..3; each is one whole evaluation
+    /// Seeds of goals, graphs and noise, such as 0 or 0..3; each runs one whole evaluation
     #[arg(long, default_value = "0", value_name = "SEED")]
     seed: String,
-    /// Share of the policy's exploration noise to act with, 0 to 1
+    /// Share of the policy's exploration noise to add to actions, 0 to 1
     #[arg(long, default_value_t = DEFAULT_NOISE_SHARE, value_name = "SHARE")]
     noise: f32,
-    /// Threads to use; default: one per core
+    /// Number of threads; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Print one JSON document
@@ -65,7 +65,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Where finished units lie inside `--out`.
+/// Subfolder of `--out` for finished units.
 const UNITS: &str = "units";
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -106,12 +106,12 @@ impl Args {
     }
 }
 
-/// The rows of the paper's table for which there are weights.
+/// The rows of the paper's table for which `--models` has weights.
 fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
     let load = |name: &str| -> anyhow::Result<Option<Policy>> {
         let folder = args.models.join(name);
         if !folder.exists() {
-            eprintln!("no {}: its row is left out", folder.display());
+            eprintln!("no {}: its row is omitted", folder.display());
             return Ok(None);
         }
         load_policy(Some(&folder)).map(Some)
@@ -175,7 +175,7 @@ fn run_suite(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Success over numbers of vertices and neighbours, and what they take.
+/// Success and run time over numbers of vertices and neighbours.
 fn run_sweep(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let base = EvalConfig { maps: parse_maps("validation", args.size)?, ..base.clone() };
     let policy = load_policy(Some(&args.models.join("general-reactive")))?;
@@ -188,14 +188,14 @@ fn run_sweep(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Side and seed of the large map (the paper: 1 km).
+/// Seed and side in metres of the large map; the paper's has 1 km.
 const BIG_MAP: (u64, u32) = (3000, 1000);
-/// Vertices of its graphs, as in the paper.
+/// Numbers of vertices of the large map's graphs, as in the paper.
 const BIG_VERTICES: [usize; 4] = [200, 400, 800, 1600];
-/// Neighbours that each vertex is tried against.
+/// Nearest neighbours that each vertex forms candidate edges with.
 const BIG_NEIGHBOURS: usize = 20;
 
-/// The 1 km map: the policy that was trained on it with graphs of growing size, then the general one.
+/// The 1 km map: the policy trained on it without a graph and with graphs of growing size, then the general policy.
 fn run_big_map(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let (seed, side) = BIG_MAP;
     let base = EvalConfig { maps: parse_maps(&seed.to_string(), side)?, ..base.clone() };
@@ -274,7 +274,7 @@ fn bins(by_distance: &[(f32, Rate)]) -> Vec<plots::DistanceBin> {
     by_distance.iter().map(bin).collect()
 }
 
-/// Those that used a graph, by its size.
+/// Outcomes that used a graph, with its size.
 fn size_outcomes(outcomes: &[variants::Outcome]) -> Vec<plots::SizeOutcome> {
     let size = |outcome: &variants::Outcome| {
         let graph = outcome.report.graph.as_ref()?;
@@ -301,7 +301,7 @@ fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {
 
 fn print_table(report: &Report) -> anyhow::Result<()> {
     println!(
-        "method {}  model {}  maps {:?}  {} goals a map, seeds {:?}",
+        "method {}  model {}  maps {:?}  {} goals per map, seeds {:?}",
         report.method, report.model, report.maps, report.goals, report.seeds
     );
     println!("{:<8}{:>9}{:>19}{:>8}", "goals", "success", "95 % interval", "n");
@@ -324,7 +324,7 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
         println!("failures by plan: {}", faults.join(", "));
     }
     println!(
-        "mean time to goal {:.1} s, straight-line distance over way taken {:.2}, re-plans per attempt {:.2}",
+        "mean time to goal {:.1} s, straight-line distance over distance covered {:.2}, re-plans per attempt {:.2}",
         report.seconds_to_goal, report.directness, report.replans
     );
     if let Some(graph) = &report.graph {

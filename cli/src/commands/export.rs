@@ -1,4 +1,4 @@
-//! `surefoot export` and `surefoot import`: weights for and from other programs.
+//! `surefoot export` and `surefoot import`: exchange of weights with other programs.
 
 use super::load_policy;
 use crate::terminal::print_json;
@@ -26,8 +26,8 @@ pub struct ExportArgs {
     /// Write the weights as safetensors
     #[arg(long, value_name = "FILE")]
     safetensors: Option<PathBuf>,
-    /// Print observations of a walk over a map with the decisions on them as JSON, so that another runtime can be held
-    /// against them: this many, in ten steps of memory
+    /// Print N observations from a walk over a map with their decisions as JSON, to check another runtime against; they come
+    /// in ten successive steps, across which a recurrent policy keeps its memory
     #[arg(long, value_name = "N")]
     check: Option<usize>,
     /// Accepted for uniformity: --check always prints JSON
@@ -35,7 +35,7 @@ pub struct ExportArgs {
     json: bool,
 }
 
-/// Make a model folder of a safetensors file whose names and shapes are those that export writes.
+/// Make a model folder from a safetensors file with the names and shapes that export writes.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  surefoot import lstm.safetensors runs/mine --name mine")]
 pub struct ImportArgs {
@@ -65,7 +65,7 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Decisions of NPCs that follow the policy over a map, in `STEPS` steps.
+/// Prints decisions of NPCs that act by the policy on a map, in `STEPS` steps.
 fn check(policy: &Policy, count: usize) -> anyhow::Result<()> {
     const STEPS: usize = 10;
     let rows = count.div_ceil(STEPS);
@@ -89,7 +89,7 @@ pub fn import(args: &ImportArgs) -> anyhow::Result<()> {
     let weights = module_bytes(&actor)?;
     let manifest = Manifest::new(&name, config, &weights, training);
     checkpoint::save(&args.folder, &manifest, &weights)?;
-    // What was written must be what can be read.
+    // Fails here rather than later if the written model cannot be loaded.
     Policy::load(&args.folder)?;
     println!("{}: {} with memory {}, weights {}", name, manifest.kind, config.memory_len(), manifest.weights_hash);
     Ok(())

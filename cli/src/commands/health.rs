@@ -6,11 +6,11 @@ use std::time::Duration;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-/// Ask a service whether it is serving; exits non-zero if not. Container health checks use it.
+/// Ask a service whether it is serving; exits non-zero if not. Meant for container health checks.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  surefoot health\n  surefoot health http://127.0.0.1:7601")]
 pub struct Args {
-    /// The service
+    /// URI of the service
     #[arg(default_value = "http://127.0.0.1:7600")]
     uri: String,
     #[command(flatten)]
@@ -26,8 +26,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             let request = tonic_health::pb::HealthCheckRequest::default();
             anyhow::Ok(HealthClient::new(link).check(request).await?.into_inner().status())
         };
-        let status =
-            tokio::time::timeout(Duration::from_secs(2), check).await.context("no answer within two seconds")??;
+        let status = tokio::time::timeout(Duration::from_secs(2), check).await.context("no answer within 2 s")??;
         if status != ServingStatus::Serving {
             bail!("{} is {}", args.uri, status.as_str_name());
         }

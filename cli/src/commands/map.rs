@@ -15,16 +15,16 @@ use surefoot_world::reach::{Means, Reach};
 use surefoot_world::replay::Recording;
 use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, TICKS_PER_DECISION};
 
-/// Generate, look at, exchange and replay maps.
+/// Generate, show, exchange and replay maps.
 #[derive(clap::Subcommand)]
 pub enum Command {
     /// Generate a map and save it
     Generate(GenerateArgs),
     /// Describe a map, measure how it is connected, or draw it
     Show(ShowArgs),
-    /// Turn a level (.glb, .gltf or .obj) into a map
+    /// Import a level (.glb, .gltf or .obj) as a map
     Import(ImportArgs),
-    /// Write a map as .glb for Blender, Godot and others
+    /// Write a map as .glb for Blender, Godot and other programs
     Export(ExportArgs),
     /// Run NPCs on a map and record every input
     Record(RecordArgs),
@@ -32,7 +32,7 @@ pub enum Command {
     Replay(ReplayArgs),
 }
 
-/// Which map.
+/// Selects a map.
 #[derive(clap::Args, Clone)]
 pub(super) struct Source {
     /// Seed of a generated map, or the file of a saved one
@@ -44,7 +44,7 @@ pub(super) struct Source {
     /// Height in metres of a generated map, 40 to 200
     #[arg(long, default_value_t = 80, value_name = "METRES")]
     pub height: u32,
-    /// Features of a generated map: paper, all or none, then changes, such as all,lava=0,zip_lines=2
+    /// Features of a generated map: paper, all or none, followed by changes, such as all,lava=0,zip_lines=2
     #[arg(long, default_value = "paper", value_name = "LIST", value_parser = parse_features)]
     pub features: Features,
 }
@@ -79,7 +79,7 @@ impl Source {
 pub struct GenerateArgs {
     #[command(flatten)]
     source: Source,
-    /// Where to write it
+    /// File to write the map to
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
@@ -92,25 +92,25 @@ pub struct GenerateArgs {
 pub struct ShowArgs {
     #[command(flatten)]
     source: Source,
-    /// Measure which share of random goals can be reached, on foot and by every means
+    /// Measure the share of random goals that can be reached, on foot and by every means
     #[arg(long)]
     stats: bool,
-    /// Write a picture here
+    /// Draw the map into this file
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// Look straight down (the default)
+    /// View from above (the default)
     #[arg(long, conflicts_with_all = ["iso", "section"])]
     top: bool,
-    /// Look from a corner
+    /// View from a corner
     #[arg(long, conflicts_with = "section")]
     iso: bool,
-    /// Look down on what lies below this height, metres
+    /// View from above, cut off at this height in metres
     #[arg(long, value_name = "Y")]
     section: Option<f32>,
-    /// Colour what is connected on foot
+    /// Colour ground by what is connected on foot
     #[arg(long)]
     islands: bool,
-    /// Pixels per metre of the picture; as many as make it 1,000 wide, up to 8, if not given
+    /// Pixels per metre in the picture; default: a picture 1,000 pixels wide, but at most 8
     #[arg(long)]
     scale: Option<f32>,
     /// Print one JSON document
@@ -118,7 +118,7 @@ pub struct ShowArgs {
     json: bool,
 }
 
-/// Turn a level into a map.
+/// Import a level as a map.
 #[derive(clap::Args)]
 #[command(
     after_help = "Nodes named lava*, water*, pad*, zip_line*:from, zip_line*:to, teleporter*:from, teleporter*:to and jetpack* become\nfeatures; a sidecar file can list them instead.\n\nExamples:\n  surefoot map import level.glb --out level.sfmap\n  surefoot map import level.obj --up z --scale 0.01 --out level.sfmap"
@@ -126,16 +126,16 @@ pub struct ShowArgs {
 pub struct ImportArgs {
     /// The level: .glb, .gltf or .obj
     level: PathBuf,
-    /// Where to write the map
+    /// File to write the map to
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Metres per unit of the level
     #[arg(long, default_value_t = 1.0)]
     scale: f32,
-    /// Axis of the level that points up
+    /// Axis that points up in the level
     #[arg(long, default_value = "y", value_parser = ["y", "z"])]
     up: String,
-    /// List of features; LEVEL.surefoot.json beside the level is taken if it is there
+    /// File with a list of features; default: LEVEL.surefoot.json beside the level, if it exists
     #[arg(long, value_name = "FILE")]
     sidecar: Option<PathBuf>,
 }
@@ -146,7 +146,7 @@ pub struct ImportArgs {
 pub struct ExportArgs {
     #[command(flatten)]
     source: Source,
-    /// Where to write it
+    /// File to write the level to
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
@@ -157,27 +157,27 @@ pub struct ExportArgs {
 pub struct RecordArgs {
     #[command(flatten)]
     source: Source,
-    /// NPCs, each with goals of its own
+    /// Number of NPCs, each with its own goals
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
     npcs: u32,
-    /// Ticks, 60 a second; whole decisions of 10 are run
+    /// Number of ticks, 60 per second, rounded down to whole decisions of 10
     #[arg(long, default_value_t = 3600, value_parser = clap::value_parser!(u64).range(10..=1_000_000))]
     ticks: u64,
-    /// Where to write it
+    /// File to write the recording to
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
 
-/// Run a recording again; without --check it only says what is in it.
+/// Run a recording again; without --check only describe it.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  surefoot map replay run.sfreplay --check")]
 pub struct ReplayArgs {
     /// The recording
     file: PathBuf,
-    /// Run it and compare the state with the recorded one, every 600 ticks and at the end
+    /// Run it and compare the state with the recorded state every 600 ticks and at the end
     #[arg(long)]
     check: bool,
-    /// The saved map, for recordings on maps that were not generated
+    /// The saved map, for recordings on imported maps
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
 }
@@ -294,9 +294,9 @@ struct Stats {
     all: f64,
     island_count: usize,
     place_count: usize,
-    /// Share of pairs that are cut off without each means.
+    /// Share of pairs of places that are cut off without each means.
     needs: Vec<(&'static str, f64)>,
-    /// Share of all borders that each cause makes.
+    /// Share of all island borders by cause.
     borders: Vec<(&'static str, f64)>,
 }
 
@@ -400,7 +400,7 @@ fn replay(args: &ReplayArgs) -> anyhow::Result<()> {
     let map = match (&args.map, recording.spec) {
         (Some(path), _) => exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?,
         (None, Some(spec)) => Map::generate(&spec),
-        (None, None) => bail!("the recording was made on an imported map: name its file with --map"),
+        (None, None) => bail!("the recording was made on an imported map: give its file with --map"),
     };
     let started = Instant::now();
     recording.replay(Arc::new(map), None)?;

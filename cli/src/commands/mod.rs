@@ -18,7 +18,7 @@ use std::path::Path;
 use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
 
-/// The weights in a folder, those of that name that ship with the program, or the shipped reactive ones.
+/// Loads the model in a folder or the shipped one of that name; without a model, the shipped reactive one.
 fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
     let shipped = |model: &Path| model.to_str().filter(|_| !model.exists()).and_then(Policy::shipped_as);
     match model {
@@ -29,12 +29,12 @@ fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
     }
 }
 
-/// Threads to use unless told otherwise: one per core.
+/// Default number of threads: one per core.
 fn core_count() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Seeds as `5`, `5,7` or `0..4`.
+/// Parses seeds such as `5`, `5,7` or `0..4`.
 fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
     let number = |text: &str| text.trim().parse::<u64>().with_context(|| format!("`{text}` is not a seed"));
     if let Some((from, to)) = text.split_once("..") {
@@ -47,7 +47,7 @@ fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
     text.split(',').map(number).collect()
 }
 
-/// Maps of a named split or of listed seeds.
+/// Specs of the maps of a named split or of listed seeds.
 fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
     let seeds = match text {
         "training" => (0..128).collect(),

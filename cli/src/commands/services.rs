@@ -23,7 +23,7 @@ pub struct ServeArgs {
     /// Address for gRPC, gRPC-Web, Studio's page and GET /metrics
     #[arg(long, default_value = "127.0.0.1:7600", env = "SUREFOOT_LISTEN")]
     listen: SocketAddr,
-    /// Where Studio finds the planner: a URL, or a port of the host that its page comes from
+    /// Planner for Studio: a URL, or a port on the host that serves Studio's page
     #[arg(long, default_value = ":7601", value_name = "URL", env = "SUREFOOT_STUDIO_PLANNER")]
     studio_planner: String,
     #[command(flatten)]
@@ -50,16 +50,16 @@ pub struct ServerLimits {
     /// Most environments of remote trainers
     #[arg(long, default_value_t = ServerConfig::default().max_envs, value_name = "N")]
     max_envs: usize,
-    /// Most imported maps that are kept
+    /// Most imported maps to keep
     #[arg(long, default_value_t = ServerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
-    /// Seconds that the reader of a stream may leave everything unread until it is cut off
+    /// Cut off a reader that reads nothing from its stream for this long
     #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
     reader_patience: f64,
-    /// Folder where worlds are saved when the server stops, and restored from when it starts
+    /// Folder to save worlds in, and to restore them from at start; default: worlds are not saved
     #[arg(long, value_name = "FOLDER")]
     state: Option<PathBuf>,
-    /// Seconds from saving them to saving them again, while it runs
+    /// Interval at which a running server saves its worlds
     #[arg(long, default_value_t = ServerConfig::default().save_every.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
     save_every: f64,
 }
@@ -99,7 +99,7 @@ pub struct PlanArgs {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
-    /// Threads that probe; default: one per core
+    /// Number of probing threads; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Most vertices of a graph
@@ -108,35 +108,35 @@ pub struct PlanArgs {
     /// Most queries in one batch
     #[arg(long, default_value_t = PlannerConfig::default().max_queries, value_name = "N")]
     max_queries: usize,
-    /// Most builds that run or wait
+    /// Most builds that run or are queued
     #[arg(long, default_value_t = PlannerConfig::default().max_builds, value_name = "N")]
     max_builds: usize,
-    /// Graphs kept in memory
+    /// Most graphs to keep in memory
     #[arg(long, default_value_t = PlannerConfig::default().graphs_in_memory, value_name = "N")]
     graphs_in_memory: usize,
-    /// Vertices up to which a graph gets a table of next hops, 5 bytes for each pair
+    /// Most vertices of a graph that gets a table of next hops, 5 bytes per pair of vertices
     #[arg(long, default_value_t = PlannerConfig::default().table_vertices, value_name = "N")]
     table_vertices: usize,
-    /// Most imported maps that are kept
+    /// Most imported maps to keep
     #[arg(long, default_value_t = PlannerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
     #[command(flatten)]
     endpoint: EndpointArgs,
 }
 
-/// Where graphs are kept.
+/// The cache of graphs.
 #[derive(clap::Args, Clone)]
 pub struct CacheArgs {
     /// Folder of the graph cache; default: surefoot in the user's cache folder
     #[arg(long, value_name = "FOLDER", env = "SUREFOOT_CACHE")]
     cache: Option<PathBuf>,
-    /// Size that the cache may grow to; graphs that were not used for longest make room
+    /// Largest size of the cache; the least recently used graphs are removed first
     #[arg(long, default_value_t = DEFAULT_LIMIT_BYTES >> 20, value_name = "MIB")]
     cache_size: u64,
 }
 
 impl CacheArgs {
-    /// The folder chosen, or `surefoot` in the user's cache folder.
+    /// The folder given by flag, or `surefoot` in the user's cache folder.
     pub fn folder(&self) -> anyhow::Result<PathBuf> {
         self.cache.clone().map_or_else(Self::default_folder, Ok)
     }
@@ -148,31 +148,31 @@ impl CacheArgs {
         Ok(base.context("neither XDG_CACHE_HOME nor HOME is set: choose a folder with --cache")?.join("surefoot"))
     }
 
-    /// Opens the cache.
+    /// Opens the cache with its size limit.
     pub fn open(&self) -> anyhow::Result<DiskStore> {
         Ok(DiskStore::open(&self.folder()?, self.cache_size.saturating_mul(1 << 20))?)
     }
 }
 
-/// Carry NPCs of a world server: decide for them with the policy, along plans of a planner.
+/// Decide for NPCs of a world server with the policy, along plans of a planner.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  surefoot work\n  surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  surefoot work --no-planner"
 )]
 pub struct WorkArgs {
-    /// The world server
+    /// URI of the world server
     #[arg(long, default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]
     server: String,
-    /// The planner
+    /// URI of the planner
     #[arg(long, default_value = "http://127.0.0.1:7601", value_name = "URI", env = "SUREFOOT_PLANNER")]
     planner: String,
-    /// Head straight for goals instead of asking a planner
+    /// Head straight for goals instead of following plans
     #[arg(long)]
     no_planner: bool,
-    /// NPCs to carry at most
+    /// Most NPCs to decide for
     #[arg(long, default_value_t = 512, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     npcs: u32,
-    /// Name shown by the server; default: the host's name and the process id
+    /// Name that the server shows; default: host name and process id
     #[arg(long)]
     name: Option<String>,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
@@ -187,25 +187,25 @@ pub struct WorkArgs {
 /// How graphs are built.
 #[derive(clap::Args, Clone, Copy)]
 pub struct GraphArgs {
-    /// How vertices are placed: random, spaced, density, trajectories, trajectories-tested, flood or flood-grandchildren
+    /// Placement of vertices: random, spaced, density, trajectories, trajectories-tested, flood or flood-grandchildren
     #[arg(long, default_value = "spaced", value_name = "NAME", value_parser = parse_placement)]
     pub placement: Placement,
-    /// Vertices of the graph
+    /// Number of vertices
     #[arg(long, default_value_t = 300, value_name = "N")]
     pub vertices: u32,
-    /// Nearest vertices that each is tried against
+    /// Nearest neighbours that each vertex forms candidate edges with
     #[arg(long, default_value_t = 12, value_name = "K")]
     pub neighbours: u32,
-    /// Most tries per candidate edge
+    /// Most probes per candidate edge
     #[arg(long, default_value_t = 2, value_name = "R")]
     pub repeats: u32,
-    /// Share of tries that must succeed
+    /// Share of probes that must arrive to prove an edge
     #[arg(long, default_value_t = 0.5, value_name = "T")]
     pub threshold: f32,
-    /// Try every candidate every time, instead of as often as settles the matter
+    /// Run all probes of every candidate instead of stopping when the result is settled
     #[arg(long)]
     pub exhaustive: bool,
-    /// Take no vertices and candidates from devices and ledges, as the paper does
+    /// Place no vertices and candidates at devices and ledges, as in the paper
     #[arg(long)]
     pub no_special_moves: bool,
 }
@@ -216,9 +216,9 @@ fn parse_placement(name: &str) -> Result<Placement, String> {
 }
 
 impl GraphArgs {
-    /// The settings, checked.
+    /// The checked settings, with seed 0.
     pub fn settings(self) -> Result<BuildSettings, SettingError> {
-        let asked = RawBuildSettings {
+        let raw = RawBuildSettings {
             placement: self.placement,
             vertices: self.vertices as usize,
             neighbours: self.neighbours as usize,
@@ -228,11 +228,11 @@ impl GraphArgs {
             probing: if self.exhaustive { Probing::Exhaustive } else { Probing::Frugal },
             special_moves: !self.no_special_moves,
         };
-        asked.try_into()
+        raw.try_into()
     }
 }
 
-/// Runs `body` on a tokio runtime with a shutdown that Ctrl-C and SIGTERM trigger.
+/// Runs `body` on a tokio runtime with a shutdown that Ctrl-C or SIGTERM triggers.
 pub fn run_until_signal<F>(body: impl FnOnce(Shutdown) -> F) -> anyhow::Result<()>
 where
     F: Future<Output = anyhow::Result<()>>,
@@ -248,7 +248,7 @@ where
         });
         body(shutdown).await
     });
-    // Blocking work that is still going on must not hold the process.
+    // Blocking work that is still running must not delay the exit.
     runtime.shutdown_timeout(std::time::Duration::from_secs(1));
     result
 }
@@ -263,11 +263,11 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     })
 }
 
-/// In containers all process ids are alike, and on one host all names of hosts.
+/// Host name and process id: containers share process ids, and processes on one host share its name.
 fn default_name() -> String {
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").ok().or_else(|| std::env::var("COMPUTERNAME").ok());
     let host = host.as_deref().map_or("surefoot", str::trim);
-    // The server takes 64 bytes.
+    // The server accepts names of up to 64 bytes.
     let end = host.char_indices().map(|(at, letter)| at + letter.len_utf8()).take_while(|end| *end <= 48).last();
     format!("{}-{}", &host[..end.unwrap_or(0)], std::process::id())
 }

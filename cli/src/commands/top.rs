@@ -1,4 +1,4 @@
-//! `surefoot top`: a running server in the terminal.
+//! `surefoot top`: figures of a running server in the terminal.
 
 use super::endpoint::CredentialArgs;
 use crate::terminal::is_interactive;
@@ -18,13 +18,13 @@ use tonic::Status;
     after_help = "Examples:\n  surefoot top\n  surefoot top http://server:7600 --every 5\n  surefoot top --count 1   # once, for scripts"
 )]
 pub struct Args {
-    /// The world server
+    /// URI of the world server
     #[arg(default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]
     server: String,
-    /// Seconds from one look to the next
+    /// Interval between updates
     #[arg(long, default_value_t = 1.0, value_name = "SECONDS")]
     every: f64,
-    /// End after so many looks
+    /// Exit after N updates
     #[arg(long, value_name = "N")]
     count: Option<u64>,
     #[command(flatten)]
@@ -37,11 +37,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let dialer = args.credentials.credentials()?.dial(&args.server)?;
         let link = dialer.connect().await.with_context(|| format!("cannot connect to {}", args.server))?;
         let mut client = WorldServiceClient::new(link).max_decoding_message_size(MAX_MESSAGE_BYTES);
-        let mut before = look(&mut client).await?;
+        let mut before = sample(&mut client).await?;
         for _ in 0..args.count.unwrap_or(u64::MAX) {
             tokio::time::sleep(pause).await;
-            let now = look(&mut client).await?;
-            // Home and clear, so that the table stays in place.
+            let now = sample(&mut client).await?;
+            // Cursor to the top left and clear, so that the table stays in place.
             let clear = if is_interactive() { "\x1b[H\x1b[2J" } else { "" };
             println!("{clear}{}", table(&args.server, &before, &now, pause));
             before = now;
@@ -50,40 +50,40 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     })
 }
 
-/// A world at one moment.
-struct Look {
+/// One world's state and figures at one moment.
+struct Sample {
     world: wire::World,
     npcs: Vec<wire::Npc>,
     stats: WorldStats,
 }
 
-async fn look(client: &mut WorldServiceClient<Link>) -> anyhow::Result<Vec<Look>> {
+async fn sample(client: &mut WorldServiceClient<Link>) -> anyhow::Result<Vec<Sample>> {
     let request = wire::ListWorldsRequest { page_size: 1000, ..Default::default() };
-    let worlds = client.list_worlds(request).await.context("the server went away")?;
-    let mut looks = Vec::new();
+    let worlds = client.list_worlds(request).await.context("the connection to the server is lost")?;
+    let mut samples = Vec::new();
     for world in worlds.into_inner().worlds {
         // A world may be dropped between two calls.
-        if let Ok(look) = look_at(client, world).await {
-            looks.push(look);
+        if let Ok(sample) = sample_world(client, world).await {
+            samples.push(sample);
         }
     }
-    Ok(looks)
+    Ok(samples)
 }
 
-async fn look_at(client: &mut WorldServiceClient<Link>, world: wire::World) -> Result<Look, Status> {
+async fn sample_world(client: &mut WorldServiceClient<Link>, world: wire::World) -> Result<Sample, Status> {
     let world_id = world.world_id;
     let first = client.watch_stats(wire::WatchStatsRequest { world_id, ..Default::default() }).await?;
     let stats = first.into_inner().message().await?.and_then(|message| message.stats).unwrap_or_default();
     let request = wire::WatchWorldRequest { world_id, ..Default::default() };
     let first = client.watch_world(request).await?.into_inner().message().await?;
-    Ok(Look { world, npcs: first.unwrap_or_default().npcs, stats })
+    Ok(Sample { world, npcs: first.unwrap_or_default().npcs, stats })
 }
 
-fn table(server: &str, before: &[Look], now: &[Look], span: Duration) -> String {
+fn table(server: &str, before: &[Sample], now: &[Sample], span: Duration) -> String {
     let mut text = format!(
         "{server}   {} worlds, {} NPCs\n\n{:>6} {:>10} {:>6} {:>6} {:>6} {:>6} {:>7} {:>9} {:>9} {:>7} {:>8} {:>9} {:>8} {:>8}\n",
         now.len(),
-        now.iter().map(|look| look.npcs.len()).sum::<usize>(),
+        now.iter().map(|sample| sample.npcs.len()).sum::<usize>(),
         "world",
         "seed",
         "idle",
@@ -99,29 +99,29 @@ fn table(server: &str, before: &[Look], now: &[Look], span: Duration) -> String 
         "missed",
         "success"
     );
-    for look in now {
-        let old = before.iter().find(|old| old.world.world_id == look.world.world_id);
-        row(&mut text, look, old, span);
+    for sample in now {
+        let old = before.iter().find(|old| old.world.world_id == sample.world.world_id);
+        row(&mut text, sample, old, span);
     }
     text
 }
 
-fn row(text: &mut String, look: &Look, old: Option<&Look>, span: Duration) {
-    let stats = &look.stats;
+fn row(text: &mut String, sample: &Sample, old: Option<&Sample>, span: Duration) {
+    let stats = &sample.stats;
     let past = old.map(|old| old.stats.clone()).unwrap_or_default();
     let since = |value: fn(&WorldStats) -> u64| value(stats).saturating_sub(value(&past));
     let rate = |count: u64| count as f64 / span.as_secs_f64();
     let times = |stats: &WorldStats| TickTimes::from_counts(&stats.tick_histogram);
     let recent = times(stats).since(&times(&past));
-    let count = |status: NpcStatus| look.npcs.iter().filter(|npc| npc.status() == status).count();
+    let count = |status: NpcStatus| sample.npcs.iter().filter(|npc| npc.status() == status).count();
     let ends = |stats: &WorldStats| stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress;
     let percent = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
     // Writing to a string cannot fail.
     let _ = writeln!(
         text,
         "{:>6} {:>10} {:>6} {:>6} {:>6} {:>6} {:>7.1} {:>9.2} {:>9.2} {:>7} {:>8} {:>9.0} {:>7.2}% {:>7.1}%",
-        look.world.world_id,
-        look.world.map.as_ref().map_or(0, |map| map.seed),
+        sample.world.world_id,
+        sample.world.map.as_ref().map_or(0, |map| map.seed),
         count(NpcStatus::Idle),
         count(NpcStatus::Seeking),
         count(NpcStatus::Down),

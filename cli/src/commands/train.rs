@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use surefoot_agent::train::Processor;
 use surefoot_agent::train::{self, TrainConfig};
 
-/// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and ends; --resume continues exactly.
+/// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  tensorboard --logdir runs"
@@ -20,28 +20,28 @@ pub struct Args {
     /// Continue the run in the folder
     #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "name", "processor"])]
     resume: bool,
-    /// Start from this configuration (a config.json of another run) instead of the defaults
+    /// Use this configuration (the config.json of another run) instead of the defaults
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Train the agent with an LSTM
     #[arg(long, conflicts_with = "config")]
     recurrent: bool,
-    /// Start from the weights of this model or run; a reactive one may start a recurrent one
+    /// Start from the weights of this model or run; a recurrent agent may start from a reactive one
     #[arg(long, value_name = "FOLDER")]
     from: Option<PathBuf>,
-    /// Seeds of the maps to train on, such as 0..128, or one map to make a policy for it alone
+    /// Seeds of the maps to train on, such as 0..128; a single seed trains a policy for that map alone
     #[arg(long, value_name = "SEEDS")]
     maps: Option<String>,
-    /// Side of those maps in metres
+    /// Side of the training maps in metres
     #[arg(long, value_name = "METRES")]
     size: Option<u32>,
     /// Name of the model
     #[arg(long)]
     name: Option<String>,
-    /// What the learner computes on
+    /// Processor that the learner computes on
     #[arg(long, value_parser = ["cpu", "cuda"])]
     processor: Option<String>,
-    /// Stop after so many updates
+    /// Stop after N updates
     #[arg(long, value_name = "N")]
     updates: Option<u64>,
     /// Seed of weights, noise, maps and goals
@@ -80,7 +80,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Sets `stop` at the first Ctrl-C or SIGTERM.
+/// Sets `stop` on the first Ctrl-C or SIGTERM.
 fn stop_on_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let signal = {

@@ -1,4 +1,4 @@
-//! `surefoot up`: everything in one process, with a crowd to look at.
+//! `surefoot up`: all services in one process, with a crowd to watch.
 
 use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::services::{CacheArgs, GraphArgs, ServerLimits, run_until_signal};
@@ -19,29 +19,29 @@ use surefoot_world::MapSpec;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-/// Maps of the scene: in none of the splits.
+/// Seed of the scene's first map; none of the splits contains its maps.
 const FIRST_SEED: u64 = 5000;
 
 /// Run everything in one process: world server, planner, NPC workers and a crowd with random goals.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  surefoot up\n  surefoot up --for 120 --json\n  surefoot up --maps 4 --npcs 512")]
 pub struct Args {
-    /// Address of the world server; port 0 takes a free one
+    /// Address of the world server; port 0 picks a free port
     #[arg(long, default_value = "127.0.0.1:7600")]
     listen: SocketAddr,
-    /// Address of the planner; port 0 takes a free one
+    /// Address of the planner; port 0 picks a free port
     #[arg(long, default_value = "127.0.0.1:7601")]
     planner_listen: SocketAddr,
-    /// Worlds, each on an unseen map of its own
+    /// Number of worlds, each on its own unseen map
     #[arg(long, default_value_t = 2, value_name = "N")]
     maps: u64,
-    /// NPCs in all
+    /// Total number of NPCs
     #[arg(long, default_value_t = 128, value_name = "N")]
     npcs: usize,
-    /// NPC workers to share them
+    /// Number of NPC workers
     #[arg(long, default_value_t = 2, value_name = "N")]
     workers: u32,
-    /// End after so many seconds with a summary; fails if nobody arrived
+    /// Exit after this time with a summary; fails if no NPC arrived
     #[arg(long = "for", value_name = "SECONDS")]
     duration: Option<f64>,
     #[command(flatten)]
@@ -68,7 +68,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let endpoints = args.endpoint.config()?;
     if endpoints.security.tokens.is_some() && !args.credentials.has_token() {
-        bail!("with --tokens the workers and the crowd of `up` need --token or --token-file, an admin's");
+        bail!(
+            "with --tokens the workers and the crowd of `up` need the token of an admin: give --token or --token-file"
+        );
     }
     let credentials = args.credentials.credentials()?;
     run_until_signal(|shutdown| scene(args, endpoints, credentials, shutdown))
@@ -129,11 +131,11 @@ async fn scene(
             }
         });
     }
-    eprintln!("{} NPCs on {} maps are moving after {:.1} s", args.npcs, args.maps, started.elapsed().as_secs_f64());
+    eprintln!("{} NPCs on {} maps, ready after {:.1} s", args.npcs, args.maps, started.elapsed().as_secs_f64());
     let failure = watch_scene(args, started, &watches, &mut parts, &shutdown).await;
     shutdown.trigger();
     while let Some(ended) = parts.join_next().await {
-        // The first failure is the one that is reported.
+        // Only the first failure is reported.
         drop(ended);
     }
     failure?;
@@ -147,7 +149,7 @@ struct Watched {
     latest: watch::Receiver<WatchStatsResponse>,
 }
 
-/// Prints a table until time is up, the user stops, or a part fails.
+/// Prints a table periodically until the time is up, the user stops it, or a part fails.
 async fn watch_scene(
     args: &Args,
     started: Instant,
@@ -245,7 +247,7 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
         }))?;
     } else {
         println!(
-            "{arrivals} arrivals in {attempted} attempts that ended: {:.1} % success (fell {}, burnt {}, drowned {}, no progress {})",
+            "{arrivals} arrivals in {attempted} finished attempts: {:.1} % success (fell {}, burnt {}, drowned {}, no progress {})",
             percent(arrivals, attempted),
             sum(|s| s.fell),
             sum(|s| s.burnt),
@@ -262,7 +264,7 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
         );
     }
     if args.duration.is_some() && arrivals == 0 {
-        bail!("nobody arrived");
+        bail!("no NPC arrived");
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
-//! A fully connected layer with its bias and, where wanted, its cut-off at 0.
+//! A fully connected layer with bias and optional ReLU, fused.
 
-use super::{Tracked, dims, finish, packed, sum_rows, through_relu};
+use super::{Tracked, add_bias, dims, packed, relu_gradient, sum_rows};
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -10,8 +10,10 @@ use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::Tensor;
 
-/// `input` times `weight` plus `bias`, `[members or 1, rows, in]`, `[members, in, out]` and `[members, 1, out]` to
-/// `[members, rows, out]`, cut off below 0 if `relu`; `None` if the tensors do not live on the CPU.
+/// Computes `input * weight + bias`, with ReLU if `relu`; `None` if the tensors are not on the CPU.
+///
+/// `input` is `[members or 1, rows, in]`, `weight` `[members, in, out]`, `bias` `[members, 1, out]`, the result
+/// `[members, rows, out]`.
 pub fn layer(input: &Tensor<3>, weight: &Tensor<3>, bias: &Tensor<3>, relu: bool) -> Option<Tensor<3>> {
     if let Ok(input) = input.clone().try_into_primitive::<Flex>() {
         let weight = weight.clone().try_into_primitive::<Flex>().ok()?;
@@ -35,14 +37,14 @@ pub fn layer(input: &Tensor<3>, weight: &Tensor<3>, bias: &Tensor<3>, relu: bool
 }
 
 fn forward(input: FlexTensor, weight: FlexTensor, bias: &FlexTensor, relu: bool) -> FlexTensor {
-    finish(Flex::float_matmul(input, weight), bias, relu)
+    add_bias(Flex::float_matmul(input, weight), bias, relu)
 }
 
-/// The operation whose backward pass is registered.
+/// The operation with its backward pass.
 #[derive(Debug)]
 struct Layer;
 
-/// What the backward pass needs; the output only where it was cut off.
+/// Tensors that the backward pass needs; `output` only with ReLU.
 #[derive(Debug, Clone)]
 struct Saved {
     input: FlexTensor,
@@ -58,7 +60,7 @@ impl Backward<Flex, 3> for Layer {
         let Saved { input, weight, output } = ops.state;
         let gradient = grads.consume::<Flex>(&ops.node);
         let gradient = match &output {
-            Some(output) => through_relu(gradient, output),
+            Some(output) => relu_gradient(gradient, output),
             None => packed(gradient),
         };
         if let Some(node) = bias_node {

@@ -1,8 +1,8 @@
-//! The recurrence on the CPU: matrix products by the backend, everything between them in one pass over the gates.
+//! The LSTM recurrence on the CPU: the backend computes matrix products, everything else takes one pass over the gates.
 //!
 //! Composed of tensor operations, a step of a small LSTM spends most of its time in scalar `exp` and `tanh` calls and in
-//! temporaries. Here activations are polynomials that compilers vectorise, and the backward pass (the chain rule through
-//! Hochreiter & Schmidhuber's equations) is written out.
+//! temporaries. Here activations are polynomials that the compiler vectorises, and the backward pass (the chain rule through
+//! Hochreiter & Schmidhuber's equations) is written by hand.
 
 use super::{Tracked, contiguous, tensor};
 use crate::config::GATES;
@@ -16,7 +16,7 @@ use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{Tensor, TensorData};
 
-/// The recurrence, if the tensors live on the CPU; see `Lstm::forward`.
+/// Runs the recurrence; `None` if the tensors are not on the CPU. For the arguments see [`crate::lstm::sequence`].
 pub fn sequence(
     gates: &Tensor<3>,
     recurrent: &Tensor<3>,
@@ -48,7 +48,7 @@ pub fn sequence(
     Some((Tensor::from_primitive::<Tracked>(output), state))
 }
 
-/// The operation whose backward pass is registered.
+/// The operation with its backward pass.
 #[derive(Debug)]
 struct Recurrence;
 
@@ -78,18 +78,18 @@ struct Shape {
 }
 
 impl Shape {
-    /// Values of one member's states at one step.
+    /// Number of values of one member's hidden or cell states at one step.
     fn state(self) -> usize {
         self.batch * self.size
     }
 
-    /// Where `member`'s states begin at `step`.
+    /// Index at which `member`'s states begin at `step`.
     fn at(self, member: usize, step: usize) -> usize {
         (member * self.steps + step) * self.state()
     }
 }
 
-/// What a sequence starts from.
+/// State before the first step, and the `keep` factors of all steps.
 #[derive(Debug, Clone)]
 struct Start {
     hidden: Vec<f32>,
@@ -97,7 +97,7 @@ struct Start {
     keep: Vec<f32>,
 }
 
-/// A sequence that was run, with what its backward pass needs.
+/// A finished forward pass with the values that its backward pass needs.
 #[derive(Debug, Clone)]
 struct Run {
     shape: Shape,
@@ -123,7 +123,7 @@ impl Run {
         (0..members).map(last).collect::<Vec<_>>().concat()
     }
 
-    /// Hidden or cell states that `step` started from, before `keep`.
+    /// Hidden or cell states before `step`, not yet multiplied by `keep`.
     fn before<'a>(&'a self, states: &'a [f32], start: &'a [f32], member: usize, step: usize) -> &'a [f32] {
         match step.checked_sub(1) {
             Some(previous) => &states[self.shape.at(member, previous)..][..self.shape.state()],
@@ -131,7 +131,7 @@ impl Run {
         }
     }
 
-    /// The hidden states that `step` multiplied by the recurrent weights.
+    /// The hidden states before `step` times `keep`: the factor of the recurrent weights.
     fn kept_hidden(&self, member: usize, step: usize) -> Vec<f32> {
         let keep = &self.start.keep[step * self.shape.batch..][..self.shape.batch];
         let mut kept = self.before(&self.hiddens, &self.start.hidden, member, step).to_vec();
@@ -173,7 +173,7 @@ fn forward(gates: &FlexTensor, recurrent: &FlexTensor, shape: Shape, start: Star
     run
 }
 
-/// One row of one step: activates its gates in place and writes its new states.
+/// Computes one row of one step: activates its gates in place and writes its new states.
 fn step_row(gates: &mut [f32], products: &[f32], before: &[f32], keep: f32, cell: &mut [f32], hidden: &mut [f32]) {
     let size = before.len();
     for (gate, product) in gates.iter_mut().zip(products) {
@@ -217,7 +217,7 @@ fn backward(run: &Run, recurrent: &FlexTensor, output_gradient: &FlexTensor) -> 
                 .zip(hidden_gradient.chunks_exact(size).zip(cell_gradient.chunks_exact_mut(size)))
                 .zip(keep);
             for ((((gates, into), (before, cell)), (hidden_gradient, cell_gradient)), &keep) in rows {
-                back_row(gates, before, cell, keep, hidden_gradient, cell_gradient, into);
+                backward_row(gates, before, cell, keep, hidden_gradient, cell_gradient, into);
             }
             if step > 0 {
                 let gradient = gate_gradient[at * GATES..][..shape.state() * GATES].to_vec();
@@ -232,8 +232,8 @@ fn backward(run: &Run, recurrent: &FlexTensor, output_gradient: &FlexTensor) -> 
     tensor(gate_gradient, [members, steps * batch, GATES * size])
 }
 
-/// The chain rule through one row of one step; `cell_gradient` becomes that of the cell state before it.
-fn back_row(
+/// Applies the chain rule to one row of one step and replaces `cell_gradient` by the gradient of the previous cell state.
+fn backward_row(
     gates: &[f32],
     before: &[f32],
     cell: &[f32],
@@ -260,7 +260,7 @@ fn back_row(
     }
 }
 
-/// Gradient of the recurrent weights, `[members, size, 4 size]`: hidden states before each step times its gates' gradient.
+/// Gradient of the recurrent weights, `[members, size, 4 size]`: hidden states before each step times the step's gate gradients.
 fn recurrent_gradient(run: &Run, gate_gradient: &FlexTensor) -> FlexTensor {
     let Shape { members, steps, batch, size } = run.shape;
     let mut kept = Vec::with_capacity(members * steps * run.shape.state());
@@ -273,12 +273,12 @@ fn recurrent_gradient(run: &Run, gate_gradient: &FlexTensor) -> FlexTensor {
     Flex::float_matmul(kept, gate_gradient.clone())
 }
 
-/// e^x to within 2e-7 of itself for |x| up to 80, beyond which it is held: 2^n times a polynomial for 2^f, f in [-1/2, 1/2].
+/// e^x with a relative error below 2e-7, `x` clamped to [-80, 80]: 2^n times a polynomial for 2^f, f in [-1/2, 1/2].
 #[inline]
 fn exp(x: f32) -> f32 {
-    /// Adding and subtracting 1.5 * 2^23 rounds to an integer.
+    /// Adding and then subtracting 1.5 * 2^23 rounds to an integer.
     const ROUND: f32 = 12_582_912.0;
-    /// Powers of ln 2 over factorials: the Taylor series of 2^f without its 1.
+    /// Coefficients of the Taylor series of 2^f from degree 1 on: powers of ln 2 over factorials.
     const TAYLOR: [f32; 7] = {
         let mut terms = [std::f32::consts::LN_2; 7];
         let mut idx = 1;

@@ -1,5 +1,5 @@
-//! Fast paths for the CPU backend: operations that do several steps in one pass over memory, with their backward passes
-//! written out. Each returns `None` where its tensors live elsewhere; tests compare each with tensor operations.
+//! Fast paths for the CPU backend: fused operations with handwritten backward passes. Each returns `None` if its tensors are
+//! on another device. Tests compare each with the equivalent tensor operations.
 
 pub mod dense;
 pub mod lstm;
@@ -10,31 +10,31 @@ use burn::backend::flex::FlexTensor;
 use burn::backend::{Autodiff, Flex};
 use burn::tensor::TensorData;
 
-/// The CPU backend with gradients.
+/// The CPU backend with automatic differentiation.
 type Tracked = Autodiff<Flex, NoCheckpointing>;
 
 fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> FlexTensor {
     FlexTensor::from_data(TensorData::new(values, shape))
 }
 
-/// Values in row-major order.
+/// Copies a tensor's values in row-major order.
 fn contiguous(tensor: &FlexTensor) -> Vec<f32> {
     tensor.clone().into_data().try_into_vec().expect("f32 tensors")
 }
 
-/// The same tensor in row-major order from the beginning of its storage, so that its storage is its values.
+/// The same tensor in row-major order from the beginning of its storage, so that the storage can be read as its values.
 fn packed(tensor: FlexTensor) -> FlexTensor {
     if tensor.is_contiguous() && tensor.layout().start_offset() == 0 { tensor } else { tensor.to_contiguous() }
 }
 
-/// Sizes of a tensor of three dimensions.
+/// Shape of a three-dimensional tensor.
 fn dims(tensor: &FlexTensor) -> [usize; 3] {
     let shape = tensor.layout().shape();
     [shape[0], shape[1], shape[2]]
 }
 
-/// Adds biases `[members, 1, width]` onto `[members, rows, width]` and, if `relu`, cuts off below 0.
-fn finish(mut outputs: FlexTensor, bias: &FlexTensor, relu: bool) -> FlexTensor {
+/// Adds biases `[members, 1, width]` to outputs `[members, rows, width]` and, if `relu`, applies ReLU.
+fn add_bias(mut outputs: FlexTensor, bias: &FlexTensor, relu: bool) -> FlexTensor {
     let [_, rows, width] = dims(&outputs);
     let bias = packed(bias.clone());
     let floor = if relu { 0.0 } else { f32::NEG_INFINITY };
@@ -49,12 +49,12 @@ fn finish(mut outputs: FlexTensor, bias: &FlexTensor, relu: bool) -> FlexTensor 
     outputs
 }
 
-/// Gradient before the cut-off at 0: none where the output is 0.
-fn through_relu(gradient: FlexTensor, output: &FlexTensor) -> FlexTensor {
+/// Gradient of a ReLU's input: 0 where the output is 0.
+fn relu_gradient(gradient: FlexTensor, output: &FlexTensor) -> FlexTensor {
     let mut gradient = packed(gradient);
     let output: &[f32] = output.storage();
     for (value, output) in gradient.storage_mut::<f32>().iter_mut().zip(output) {
-        // A choice, not a branch: this way it is done for many at once.
+        // A select instead of a branch, so that the loop is vectorised.
         *value = if *output > 0.0 { *value } else { 0.0 };
     }
     gradient

@@ -1,9 +1,9 @@
-//! The ray encoder, which knows that most of its inputs are zeros.
+//! The ray encoder, optimized for inputs that are mostly zeros.
 //!
-//! A ray's first value, its proximity, is rarely zero; those that show a hazard or a device nearly always are. The first
-//! block goes through a matrix product, the rest value by value: four fifths of the layer's work are left out.
+//! A ray's first value, its proximity, is rarely zero; the values that show hazards or devices nearly always are. The
+//! proximities go through a matrix product, the other values are added one by one. That saves four fifths of the layer's work.
 
-use super::{Tracked, dims, finish, packed, sum_rows, tensor, through_relu};
+use super::{Tracked, add_bias, dims, packed, relu_gradient, sum_rows, tensor};
 use crate::config::RAY_LEN;
 use burn::backend::Flex;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
@@ -16,9 +16,10 @@ use burn::tensor::Tensor;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::RAY_COUNT;
 
-/// Rays of observations `[rows, OBSERVATION_LEN]` through `weight` `[members, RAY_LEN, out]` and `bias`
-/// `[members, 1, out]`, cut off below 0: `[members, rows, out]`; `None` if the tensors do not live on the CPU. No gradient
-/// reaches the observations.
+/// Encodes the rays of observations with ReLU; `None` if the tensors are not on the CPU. Observations get no gradient.
+///
+/// `observations` are `[rows, OBSERVATION_LEN]`, `weight` is `[members, RAY_LEN, out]`, `bias` `[members, 1, out]`, the result
+/// `[members, rows, out]`.
 pub fn layer(observations: &Tensor<2>, weight: &Tensor<3>, bias: &Tensor<3>) -> Option<Tensor<3>> {
     if let Ok(observations) = observations.clone().try_into_primitive::<Flex>() {
         let weight = weight.clone().try_into_primitive::<Flex>().ok()?;
@@ -38,14 +39,14 @@ pub fn layer(observations: &Tensor<2>, weight: &Tensor<3>, bias: &Tensor<3>) -> 
     Some(Tensor::from_primitive::<Tracked>(output))
 }
 
-/// Proximities, `[1, rows, RAY_COUNT]`.
+/// The proximities of all rays, `[1, rows, RAY_COUNT]`.
 fn proximities(observations: &FlexTensor) -> FlexTensor {
     let rows = observations.layout().shape()[0];
     observations.narrow(1, 0, RAY_COUNT).to_contiguous().reshape([1, rows, RAY_COUNT].into())
 }
 
-/// Row, input and value of every other value of a ray that is not zero.
-fn others(observations: &FlexTensor) -> Vec<(usize, usize, f32)> {
+/// Row, input index and value of every nonzero ray value other than proximities.
+fn nonzero_others(observations: &FlexTensor) -> Vec<(usize, usize, f32)> {
     let mut found = Vec::new();
     for (row, values) in observations.storage::<f32>().chunks_exact(OBSERVATION_LEN).enumerate() {
         let others = values[..RAY_LEN].iter().enumerate().skip(RAY_COUNT);
@@ -58,7 +59,7 @@ fn forward(observations: &FlexTensor, weight: &FlexTensor, bias: &FlexTensor) ->
     let mut outputs = Flex::float_matmul(proximities(observations), weight.narrow(1, 0, RAY_COUNT));
     let [_, rows, width] = dims(&outputs);
     let weight = packed(weight.clone());
-    let others = others(observations);
+    let others = nonzero_others(observations);
     let blocks = outputs.storage_mut::<f32>().chunks_exact_mut(rows * width);
     for (block, weight) in blocks.zip(weight.storage::<f32>().chunks_exact(RAY_LEN * width)) {
         for &(row, input, value) in &others {
@@ -68,10 +69,10 @@ fn forward(observations: &FlexTensor, weight: &FlexTensor, bias: &FlexTensor) ->
             }
         }
     }
-    finish(outputs, bias, true)
+    add_bias(outputs, bias, true)
 }
 
-/// The operation whose backward pass is registered.
+/// The operation with its backward pass.
 #[derive(Debug)]
 struct Rays;
 
@@ -81,7 +82,7 @@ impl Backward<Flex, 2> for Rays {
     fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
         let [weight_node, bias_node] = ops.parents;
         let (observations, output) = ops.state;
-        let gradient = through_relu(grads.consume::<Flex>(&ops.node), &output);
+        let gradient = relu_gradient(grads.consume::<Flex>(&ops.node), &output);
         if let Some(node) = weight_node {
             grads.register::<Flex>(node.id, weight_gradient(&observations, &gradient));
         }
@@ -91,12 +92,12 @@ impl Backward<Flex, 2> for Rays {
     }
 }
 
-/// Inputs times gradients, `[members, RAY_LEN, out]`.
+/// Gradient of the weights, `[members, RAY_LEN, out]`: inputs times output gradients.
 fn weight_gradient(observations: &FlexTensor, gradient: &FlexTensor) -> FlexTensor {
     let [members, rows, width] = dims(gradient);
     let dense = Flex::float_matmul(proximities(observations).transpose(1, 2), gradient.clone());
     let (dense, gradient): (&[f32], &[f32]) = (dense.storage(), gradient.storage());
-    let others = others(observations);
+    let others = nonzero_others(observations);
     let mut sums = vec![0.0; members * RAY_LEN * width];
     for (member, sums) in sums.chunks_exact_mut(RAY_LEN * width).enumerate() {
         let block = RAY_COUNT * width;

@@ -1,4 +1,4 @@
-//! Weights for other programs: ONNX out, safetensors in and out.
+//! Exchange of weights with other programs: ONNX export, safetensors export and import.
 
 mod onnx;
 mod safetensors;
@@ -11,14 +11,14 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 use std::collections::BTreeMap;
 
-/// One parameter as plain numbers.
+/// One parameter as a shape and its values in row-major order.
 #[derive(Debug, Clone, PartialEq)]
 struct Weights {
     shape: Vec<usize>,
     values: Vec<f32>,
 }
 
-/// Every parameter of an actor by its path, such as `trunk.rays.weight`; matrices are `[input, output]`.
+/// All parameters of an actor by path, such as `trunk.rays.weight`; matrices are `[input, output]`.
 fn named_weights(actor: &Actor) -> BTreeMap<String, Weights> {
     let mut names = Names::default();
     actor.visit(&mut names);
@@ -34,7 +34,7 @@ struct Names {
 impl ModuleVisitor for Names {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let data = param.val().into_data();
-        // An actor is one member; a bias's row dimension goes too.
+        // An actor has one member, so the first dimension is dropped; so is a bias's row dimension.
         let mut shape = data.shape().iter().copied().skip(1).collect::<Vec<usize>>();
         if self.path.last().is_some_and(|name| name == "bias") {
             shape.remove(0);

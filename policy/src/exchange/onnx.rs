@@ -1,15 +1,15 @@
-//! An actor as an ONNX model, for engines that bring a runtime of their own.
+//! An actor as an ONNX model, for engines with an ONNX runtime.
 //!
-//! Only common operators of opset 13 are used (`MatMul`, `Add`, `Relu`, `Sigmoid`, `Tanh`, `Mul`, `Slice`, `Concat`,
-//! `Clip`), and any number of rows goes in:
+//! The model uses only common operators of opset 13 (`MatMul`, `Add`, `Relu`, `Sigmoid`, `Tanh`, `Mul`, `Slice`, `Concat`,
+//! `Clip`, `Identity`) and takes any number of rows:
 //!
 //! | tensor | shape | meaning |
 //! |---|---|---|
-//! | in `observations` | rows, 355 | rows as laid out in `surefoot_world::sense` |
-//! | in `hidden_in`, `cell_in` | rows, memory | recurrent agents: zeros at first, then what came out |
+//! | in `observations` | rows, 355 | observations with the layout of `surefoot_world::sense` |
+//! | in `hidden_in`, `cell_in` | rows, memory | recurrent agents: zeros at first, then the previous `hidden_out`, `cell_out` |
 //! | out `action` | rows, 4 | the most likely action: forward, strafe, turn, jump in \[-1, 1\] |
 //! | out `mean`, `log_std` | rows, 4 | the Gaussian before tanh, for acting with noise |
-//! | out `hidden_out`, `cell_out` | rows, memory | recurrent agents: to be given back at the next decision |
+//! | out `hidden_out`, `cell_out` | rows, memory | recurrent agents: inputs of the next decision |
 
 use super::{Weights, named_weights};
 use crate::actor::LOG_STD_RANGE;
@@ -26,7 +26,7 @@ const FLOAT: i32 = 1;
 const INT64: i32 = 7;
 const ATTRIBUTE_INT: i32 = 2;
 
-/// The model as the bytes of an `.onnx` file.
+/// Encodes an actor as the contents of an `.onnx` file.
 pub fn to_onnx(actor: &Actor, manifest: &Manifest) -> Vec<u8> {
     let mut graph = Builder { weights: named_weights(actor), graph: GraphProto::default() };
     graph.graph.name = manifest.name.clone();
@@ -72,7 +72,7 @@ pub fn to_onnx(actor: &Actor, manifest: &Manifest) -> Vec<u8> {
     model.encode_to_vec()
 }
 
-/// A graph under construction; values are known by name.
+/// A graph under construction, in which names identify values.
 struct Builder {
     weights: BTreeMap<String, Weights>,
     graph: GraphProto,
@@ -83,7 +83,7 @@ impl Builder {
         self.graph.input.push(ValueInfoProto::rows(name, width));
     }
 
-    /// Gives a value a name outside.
+    /// Exposes a value as an output of the model.
     fn output(&mut self, name: &str, value: &str, width: usize) {
         let node = NodeProto {
             input: vec![value.to_owned()],
@@ -137,13 +137,13 @@ impl Builder {
         self.constant(tensor)
     }
 
-    /// Columns `from..to`.
+    /// Slices columns `from..to`.
     fn slice(&mut self, value: &str, from: usize, to: usize) -> String {
         let (from, to, axis) = (self.index(from), self.index(to), self.index(1));
         self.node("Slice", &[value, &from, &to, &axis], &[])
     }
 
-    /// Columns side by side.
+    /// Concatenates columns.
     fn concat(&mut self, values: &[&str]) -> String {
         let axis = AttributeProto { name: "axis".to_owned(), i: 1, r#type: ATTRIBUTE_INT };
         self.node("Concat", values, &[axis])
@@ -155,7 +155,7 @@ impl Builder {
         self.node("Add", &[&product, &bias], &[])
     }
 
-    /// One step of the memory, with its state as inputs and outputs; the hidden state.
+    /// Adds one step of the LSTM, with its state as inputs and outputs of the model, and returns the hidden state.
     fn lstm_step(&mut self, sensed: &str, size: usize) -> String {
         self.input("hidden_in", size);
         self.input("cell_in", size);
@@ -181,7 +181,7 @@ impl Builder {
 }
 
 impl ValueInfoProto {
-    /// Any number of rows of `width` floats.
+    /// A tensor of any number of rows with `width` floats each.
     fn rows(name: &str, width: usize) -> Self {
         let rows = DimensionProto { dim_value: None, dim_param: Some("rows".to_owned()) };
         let columns = DimensionProto { dim_value: Some(width as i64), dim_param: None };

@@ -1,4 +1,4 @@
-//! Weights as safetensors: every parameter by its path, matrices `[input, output]`, with the manifest as metadata.
+//! Weights as safetensors: every parameter by path, matrices as `[input, output]`, and the manifest as metadata.
 
 use super::{Weights, named_weights};
 use crate::{Actor, ActorConfig, CheckpointError, Manifest};
@@ -15,10 +15,10 @@ use surefoot_world::sense::OBSERVATION_VERSION;
 /// Key of the manifest in the file's metadata.
 const MANIFEST_KEY: &str = "surefoot_manifest";
 
-/// The actor as the bytes of a `.safetensors` file.
+/// Encodes an actor as the contents of a `.safetensors` file.
 ///
 /// # Errors
-/// If the library cannot encode it.
+/// If the safetensors library cannot encode the weights.
 pub fn to_safetensors(actor: &Actor, manifest: &Manifest) -> Result<Vec<u8>, CheckpointError> {
     let decode = |error: &dyn std::fmt::Display| CheckpointError::Decode(error.to_string());
     let weights: Vec<(String, Vec<usize>, Vec<u8>)> = named_weights(actor)
@@ -36,11 +36,12 @@ pub fn to_safetensors(actor: &Actor, manifest: &Manifest) -> Result<Vec<u8>, Che
     safetensors::serialize(views, Some(metadata)).map_err(|error| decode(&error))
 }
 
-/// Reads an actor from the bytes of a `.safetensors` file; its sizes follow from the shapes. The manifest is the one in the
-/// file's metadata, where there is one.
+/// Decodes an actor from the contents of a `.safetensors` file. Its sizes follow from the shapes. The manifest is the one in
+/// the file's metadata, if any.
 ///
 /// # Errors
-/// Names the parameter that is missing, superfluous, or of another shape or type than this program's network has.
+/// If the bytes are not safetensors, the manifest is for another observation, or a parameter is missing, unknown, or of a
+/// shape or type that this program's network does not have. The error names the parameter.
 pub fn from_safetensors(bytes: &[u8]) -> Result<(Actor, ActorConfig, Option<Manifest>), CheckpointError> {
     let decode = |error: &dyn std::fmt::Display| CheckpointError::Decode(error.to_string());
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|error| decode(&error))?;
@@ -81,7 +82,7 @@ fn mismatch(found: String, expected: String) -> CheckpointError {
     CheckpointError::Mismatch { field: "a parameter", found, expected }
 }
 
-/// The layer sizes that the shapes tell.
+/// Infers the layer sizes from the shapes.
 fn sizes(found: &BTreeMap<String, Weights>) -> Result<ActorConfig, CheckpointError> {
     let width = |name: &str| match found.get(name).map(|weights| weights.shape.as_slice()) {
         Some(&[_, width]) => Ok(width),
@@ -97,8 +98,8 @@ fn sizes(found: &BTreeMap<String, Weights>) -> Result<ActorConfig, CheckpointErr
     if config.is_sound() { Ok(config) } else { Err(CheckpointError::Sizes(config)) }
 }
 
-/// Whether there are as many values as a network of these sizes has, before room is made for it: a few bytes of shapes
-/// can call for gigabytes. Names come first, as a missing parameter is the likelier fault.
+/// Checks that the file has at least as many values as a network of these sizes, before memory is allocated: a few bytes of
+/// shapes can imply gigabytes. Names are checked first, because a missing parameter is the likelier fault.
 fn check_count(config: &ActorConfig, found: &BTreeMap<String, Weights>) -> Result<(), CheckpointError> {
     let smallest = ActorConfig { ray_features: 1, hidden: 1, memory: config.memory.and(Some(NonZeroUsize::MIN)) };
     let named = named_weights(&Actor::new(&smallest, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(0)));
@@ -113,7 +114,7 @@ fn check_count(config: &ActorConfig, found: &BTreeMap<String, Weights>) -> Resul
     Ok(())
 }
 
-/// Whether names and shapes are those of `expected`.
+/// Checks that names and shapes are those of `expected`.
 fn check(expected: &BTreeMap<String, Weights>, found: &BTreeMap<String, Weights>) -> Result<(), CheckpointError> {
     for (name, weights) in expected {
         match found.get(name) {
@@ -130,7 +131,7 @@ fn check(expected: &BTreeMap<String, Weights>, found: &BTreeMap<String, Weights>
     }
 }
 
-/// Puts values into a module by path.
+/// Replaces a module's parameters by the values of the same path.
 struct Fill {
     path: Vec<String>,
     found: BTreeMap<String, Weights>,

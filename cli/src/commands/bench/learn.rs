@@ -14,14 +14,14 @@ use surefoot_policy::{Manifest, Policy};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
 
-/// Rows that inference is timed at, with the names of the figures for either agent.
+/// Batch sizes at which inference is timed, with the names of the figures for the reactive and the recurrent agent.
 const INFERENCE: [(usize, &str, &str); 3] = [
     (64, "infer_64_us", "infer_lstm_64_us"),
     (256, "infer_256_us", "infer_lstm_256_us"),
     (512, "infer_512_us", "infer_lstm_512_us"),
 ];
 
-/// All figures of learning.
+/// All figures of `bench learn`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let (reactive, recurrent) = (TrainConfig::default(), TrainConfig::recurrent());
     let mut figures = vec![
@@ -38,7 +38,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// Fresh weights: speed does not depend on what was learned.
+/// A policy with fresh weights: speed does not depend on training.
 fn untrained(config: &TrainConfig) -> Policy {
     let learner = Learner::new(config.sac.clone(), ChaCha8Rng::seed_from_u64(0));
     Policy::new(learner.actor(), Manifest::new("untrained", config.sac.network, &[], serde_json::Value::Null))
@@ -52,7 +52,7 @@ fn inference_us(policy: &Policy, rows: usize) -> f64 {
     median(times.collect()) * 1.0e6
 }
 
-/// Decisions a second of the whole training pipeline, after it has warmed up.
+/// Decisions per second of the whole training pipeline, after its warm-up.
 fn train_decisions_per_second() -> anyhow::Result<f64> {
     let mut run = Run::new(TrainConfig::default())?;
     while run.updates() == 0 {
@@ -67,7 +67,7 @@ fn train_decisions_per_second() -> anyhow::Result<f64> {
     Ok((run.decisions() - before) as f64 / seconds)
 }
 
-/// SAC updates a second on random batches of the shape that `config` draws.
+/// SAC updates per second on random batches of the shape that `config` gives.
 fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (size, learned) = (config.batch, config.batch * config.learn);
@@ -87,12 +87,12 @@ fn updates_per_second(config: &TrainConfig, count: usize) -> f64 {
     };
     let mut learner = Learner::new(config.sac.clone(), ChaCha8Rng::seed_from_u64(0));
     let updates: Vec<f64> = (0..count).map(|_| timed(|| _ = black_box(learner.update(&batch)))).collect();
-    // Actor and temperature learn at every second update: pairs of updates are the unit.
+    // Actor and temperature are updated at every second update, so pairs of updates are timed.
     let pairs = updates.chunks_exact(2).skip(2).map(|pair| pair[0] + pair[1]).collect();
     2.0 / median(pairs)
 }
 
-/// Rows as NPCs see them on their first map: the share of zeros matters to the ray encoder.
+/// Observation rows of NPCs on a generated map: the speed of the ray encoder depends on the share of zeros.
 fn observations(rows: usize) -> Vec<f32> {
     let profile = CharacterProfile::default();
     let map = Arc::new(Map::generate(&MapSpec::new(0)));

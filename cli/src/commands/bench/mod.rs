@@ -1,4 +1,4 @@
-//! `surefoot bench`: speed figures of this machine, as one JSON document.
+//! `surefoot bench`: speed measurements on this machine, as one JSON document.
 
 mod learn;
 mod plan;
@@ -20,13 +20,13 @@ pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load
     #[arg(value_parser = ["world", "learn", "plan", "serve"])]
     what: String,
-    /// serve: NPCs that are watched, on 8 worlds
+    /// serve: Number of NPCs, on 8 worlds
     #[arg(long, default_value_t = 1024, value_name = "N")]
     npcs: usize,
-    /// serve: for how long
+    /// serve: Duration of the measurement
     #[arg(long, default_value_t = 10.0, value_name = "MINUTES")]
     minutes: f64,
-    /// serve: folder for the curve of tick time against NPCs
+    /// serve: Folder for the plot of tick time over the number of NPCs
     #[arg(long, value_name = "FOLDER")]
     out: Option<std::path::PathBuf>,
     /// Print one JSON document
@@ -34,7 +34,7 @@ pub struct Args {
     json: bool,
 }
 
-/// One figure, in the form that all benches share.
+/// One measured figure. All benches share this form.
 #[derive(Serialize)]
 struct Figure {
     name: &'static str,
@@ -55,16 +55,16 @@ impl Figure {
         Self { target: Some(target), ..self }
     }
 
-    /// The same, where the other system is part of this build.
-    fn beside(self, name: &'static str, reference: Option<f64>, higher_is_better: bool) -> Self {
+    /// Like [`with_reference`](Self::with_reference), if this build includes the other system.
+    fn with_optional_reference(self, name: &'static str, reference: Option<f64>, higher_is_better: bool) -> Self {
         match reference {
-            Some(reference) => self.against(name, reference, higher_is_better),
+            Some(reference) => self.with_reference(name, reference, higher_is_better),
             None => self,
         }
     }
 
-    /// What another system needs for the same, measured in this run; the ratio says how many times better ours is.
-    fn against(self, name: &'static str, reference: f64, higher_is_better: bool) -> Self {
+    /// Adds the figure of another system, measured in the same run. The ratio says how many times better ours is.
+    fn with_reference(self, name: &'static str, reference: f64, higher_is_better: bool) -> Self {
         let ratio = if higher_is_better { self.value / reference } else { reference / self.value };
         Self { reference: Some(reference), reference_name: Some(name), ratio: Some(ratio), ..self }
     }

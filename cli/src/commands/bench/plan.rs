@@ -1,4 +1,4 @@
-//! The planner: builds, plans in this process and over gRPC, beside petgraph's searches.
+//! The planner: builds, and plans in this process and over gRPC, compared with petgraph's searches.
 
 use super::{Figure, median, timed};
 use crate::commands::core_count;
@@ -27,23 +27,24 @@ use surefoot_rollout::graphs;
 use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
 use tonic::transport::Channel;
 
-/// Queries that are timed one by one.
+/// Number of queries that are timed one by one.
 const QUERIES: usize = 4000;
-/// Times that every plan is timed.
+/// How often each query is timed.
 const PASSES: usize = 5;
-/// Of those, how many the references answer too.
+/// How many of the queries petgraph's searches answer as well.
 const REFERENCE_QUERIES: usize = 500;
-/// Plans of the batch.
+/// Number of plans in the in-process batch.
 const BATCH: usize = 200_000;
-/// Clients of the service, and requests a second that they send together.
+/// Number of clients of the service.
 const CLIENTS: usize = 64;
+/// Requests per second that all clients send together.
 const REQUESTS_PER_S: u32 = 2000;
-/// How long they send, s.
+/// How long the clients send requests, s.
 const LOAD_S: u32 = 10;
-/// Queries of one batch over gRPC.
+/// Number of queries in one batch over gRPC.
 const WIRE_BATCH: usize = 2000;
 
-/// All figures of the planner.
+/// All figures of `bench plan`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let settings = BuildSettings::default().with(|it| {
         it.vertices = 800;
@@ -71,7 +72,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     ];
     let mut router = None;
     let fill = timed(|| router = Some(Router::new(big.graph.clone(), DEFAULT_TABLE_LIMIT, core_count())));
-    let router = router.expect("it has run");
+    let router = router.expect("the closure has run");
     figures.push(Figure::new("plan_table_s", fill, "s"));
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let points = navigable::sample_many(&context.map, &context.profile, 2000, &mut rng)?;
@@ -94,7 +95,7 @@ fn micros(work: impl FnMut()) -> f64 {
     timed(work) * 1.0e6
 }
 
-/// Plans one by one, beside petgraph's searches between the same vertices.
+/// Times plans one by one and compares them with petgraph's searches between the same vertices.
 fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure> {
     let plans: Vec<_> = queries.iter().map(|query| router.find_path(query)).collect();
     let passes = (0..PASSES).flat_map(|_| queries);
@@ -109,7 +110,7 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
     let node = |vertex: VertexId| NodeIndex::new(vertex.idx());
     let petgraph = graph.as_petgraph();
     let cost = |edge: petgraph::graph::EdgeReference<'_, surefoot_planner::Edge>| edge.weight().evidence.cost();
-    // The rate that makes straight-line distance a lower bound of what is left.
+    // The rate, in metres per unit of cost, that makes straight-line distance a lower bound of the remaining cost.
     let rate = graph
         .edges()
         .map(|edge| {
@@ -121,8 +122,8 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
     let by_dijkstra = median(by_dijkstra.collect());
     let by_astar = ends.iter().map(|&(from, to)| {
         let goal = graph.position(to);
-        let left = |at: NodeIndex| f64::from(petgraph[at].distance(goal)) / rate;
-        micros(|| drop(black_box(astar(petgraph, node(from), |at| at == node(to), cost, left))))
+        let remaining = |at: NodeIndex| f64::from(petgraph[at].distance(goal)) / rate;
+        micros(|| drop(black_box(astar(petgraph, node(from), |at| at == node(to), cost, remaining))))
     });
     let by_astar = median(by_astar.collect());
     let our_search =
@@ -130,18 +131,18 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
     let look_up = median(ends.iter().map(|&(from, to)| micros(|| drop(black_box(router.look_up(from, to))))).collect());
     let lengths = median(plans.iter().map(|plan| plan.legs.len() as f64).collect());
     vec![
-        Figure::new("plan_us_median", ours, "us").target(5.0).against(
+        Figure::new("plan_us_median", ours, "us").target(5.0).with_reference(
             "petgraph's A* between two vertices",
             by_astar,
             false,
         ),
         Figure::new("plan_legs_median", lengths, "legs"),
-        Figure::new("look_up_us_median", look_up, "us").against("petgraph's Dijkstra", by_dijkstra, false),
-        Figure::new("search_us_median", our_search, "us").against("petgraph's A*", by_astar, false),
+        Figure::new("look_up_us_median", look_up, "us").with_reference("petgraph's Dijkstra", by_dijkstra, false),
+        Figure::new("search_us_median", our_search, "us").with_reference("petgraph's A*", by_astar, false),
     ]
 }
 
-/// Plans on all cores.
+/// Plans per second on all cores.
 fn batch(router: &Router, queries: &[Query]) -> Figure {
     let threads = core_count();
     let seconds = timed(|| {
@@ -158,7 +159,7 @@ fn batch(router: &Router, queries: &[Query]) -> Figure {
     Figure::new("plan_batch_s", BATCH as f64 / seconds, "plans/s").target(200_000.0)
 }
 
-/// Plans over loopback, client and server sharing the cores.
+/// Times plans over loopback gRPC; clients and server share the cores.
 async fn over_grpc(
     policy: Policy,
     store: DiskStore,
@@ -209,7 +210,7 @@ async fn over_grpc(
             let count = LOAD_S * REQUESTS_PER_S / CLIENTS as u32;
             let mut times = Vec::with_capacity(count as usize);
             for turn in 0..count {
-                // Clients are spread over the period, each keeps its own schedule.
+                // The clients' requests are spread over the period, and each client keeps its own schedule.
                 tokio::time::sleep_until(begin + period * turn + period * idx as u32 / CLIENTS as u32).await;
                 let query = queries[(turn as usize * CLIENTS + idx) % queries.len()].clone();
                 let request = wire::FindPathRequest { graph_id: graph_id.clone(), query: Some(query) };

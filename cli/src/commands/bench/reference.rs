@@ -1,8 +1,8 @@
-//! What rapier3d and parry3d cost on our maps: the reference that our own simulation is compared to.
+//! The cost of rapier3d and parry3d on our maps: the reference for our own simulation.
 //!
-//! One [`TriMesh`] of the map's solid triangles serves all three: rays (parry), rapier's kinematic character
-//! controller and rapier's dynamic bodies. Wherever there is a choice, the reference gets the cheaper side: no
-//! autostep, no continuous collision detection, no contacts between NPCs, vertices merged.
+//! One [`TriMesh`] of the map's solid triangles serves all three measurements: parry's rays, rapier's kinematic character
+//! controller and rapier's dynamic bodies. Wherever there is a choice, the reference gets the cheaper option: no autostep, no
+//! continuous collision detection, no contacts between NPCs, merged vertices.
 
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Capsule, SharedShape, TriMesh, TriMeshFlags};
@@ -17,48 +17,48 @@ use std::time::{Duration, Instant};
 use surefoot_world::sense::{RAY_COUNT, RAY_RANGE_M, RayCone};
 use surefoot_world::{CharacterProfile, Map, TICK_SECONDS, TICKS_PER_DECISION, Vec3};
 
-/// Height of the eye above the feet, m: where an NPC's rays start.
+/// Height above the feet from which an NPC's rays start, m.
 const EYE_M: f32 = 1.53;
-/// Rounds of rays from every start.
+/// Number of rounds; each casts the rays of every start once.
 const RAY_ROUNDS: usize = 31;
-/// NPCs that run about, by either kind of motion.
+/// Number of running NPCs, for either kind of motion.
 const NPCS: usize = 256;
-/// Ticks before the timed ones: caches are warm and the NPCs run.
+/// Ticks before the timed ones, after which caches are warm and the NPCs are running.
 const WARM_UP_TICKS: usize = 15;
-/// Ticks that are timed.
+/// Number of timed ticks.
 const TICKS: usize = 240;
-/// Most that an NPC's heading changes in one tick, rad.
+/// Largest change of an NPC's heading in one tick, rad.
 const SWERVE: f32 = 0.1;
-/// Chance of a jump in one tick on the ground.
+/// Probability of a jump in one tick on the ground.
 const JUMP_CHANCE: f64 = 1.0 / 60.0;
-/// Height at which an NPC is put down, m: just out of contact with the ground.
+/// Height above the ground at which an NPC starts, m: just out of contact.
 const LIFT_M: f32 = 0.05;
-/// A dynamic body that rises or falls slower than this may jump, m/s: rapier does not say what it stands on.
+/// Vertical speed below which a dynamic body may jump, m/s: rapier does not report whether it stands on something.
 const STANDING_SPEED: f32 = 1.0;
 
-/// Mean cost in microseconds of each reference on `map`.
+/// Cost of each reference on one map.
 ///
-/// Each figure is the median over rounds or ticks of the mean in one round or tick.
+/// Each time is the median over rounds or ticks of the mean in one round or tick, in microseconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
-    /// One ray of parry's triangle mesh, among the rays that an NPC sees by.
+    /// One ray against parry's triangle mesh, in the directions of an NPC's rays.
     pub ray_us: f64,
     /// One tick of one running NPC moved by rapier's kinematic character controller.
     pub kinematic_move_us: f64,
-    /// One tick of one running NPC that is a dynamic body of rapier's, with its rotations locked.
+    /// One tick of one running NPC that is a dynamic rapier body with locked rotations.
     pub dynamic_move_us: f64,
-    /// Decisions (ten kinematic moves and 64 rays each) in one second on one core.
+    /// Decisions per second on one core; each is ten kinematic moves and 64 rays.
     pub decisions_per_s: f64,
 }
 
 /// Measures rapier and parry on the solid triangles of `map`, with NPCs that run from `starts`.
 ///
-/// Takes a few seconds on one core. Sends rays from every one of the starts; the NPCs share them in turn.
+/// Takes a few seconds on one core. Casts rays from every start; the NPCs are distributed over the starts.
 ///
 /// # Panics
-/// If there are no starts, or no solid triangle.
+/// If `starts` is empty or the map has no solid triangle.
 pub fn measure(map: &Map, profile: &CharacterProfile, starts: &[Vec3], rng: &mut impl Rng) -> Reference {
-    assert!(!starts.is_empty(), "the reference needs places to start from");
+    assert!(!starts.is_empty(), "the reference needs at least one start");
     let mesh = solid_mesh(map);
     let ray_us = ray_us(&mesh, starts, rng);
     let ground = SharedShape::new(mesh);
@@ -110,7 +110,7 @@ fn kinematic_move_us(
 ) -> f64 {
     let mut world = PhysicsWorld::new();
     world.insert_collider(ColliderBuilder::new(ground), None);
-    // Queries see the ground once it is in the broad phase.
+    // Queries find the ground only once it is in the broad phase.
     world.detect_collisions(&(), &());
     let queries = world.query_pipeline();
     let controller = KinematicCharacterController {
@@ -157,7 +157,7 @@ fn dynamic_move_us(
     let mut world = PhysicsWorld::new();
     world.gravity = Vec3::Y * -profile.gravity;
     world.integration_parameters.dt = TICK_SECONDS;
-    // Rapier sweeps all that runs this fast, which costs half as much again; nothing falls through without it.
+    // Rapier would sweep bodies at this speed, which costs 50 % more; no body falls through the ground without it.
     world.integration_parameters.max_ccd_substeps = 0;
     world.insert_collider(
         ColliderBuilder::new(ground).collision_groups(InteractionGroups::new(GROUND, NPC, InteractionTestMode::And)),
@@ -195,7 +195,7 @@ fn dynamic_move_us(
     median(ticks.skip(WARM_UP_TICKS).collect())
 }
 
-/// What one NPC does: it runs ahead, swerves a little and jumps now and then.
+/// An NPC that runs ahead, swerves a little and sometimes jumps.
 struct Walker {
     start: Vec3,
     yaw: f32,
@@ -214,7 +214,7 @@ impl Walker {
     }
 }
 
-/// The vertical half of a kinematic NPC's motion, which rapier leaves to its caller.
+/// The vertical motion of a kinematic NPC, which rapier leaves to its caller.
 #[derive(Clone, Default)]
 struct Support {
     rise: f32,
@@ -230,7 +230,7 @@ fn random_yaw(rng: &mut impl Rng) -> f32 {
     rng.random_range(-std::f32::consts::PI..std::f32::consts::PI)
 }
 
-/// Half of the straight part of the capsule, m.
+/// Half the length of the capsule's straight part, m.
 fn half_length(profile: &CharacterProfile) -> f32 {
     0.5 * profile.height - profile.radius
 }

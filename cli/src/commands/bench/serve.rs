@@ -1,4 +1,5 @@
-//! The world server under load: separate processes for server, planner and two workers, realtime worlds, a crowd that is never done.
+//! The world server under load: server, planner and two workers in separate processes, realtime worlds, and a crowd that never
+//! stops seeking goals.
 
 use super::{Args, Figure};
 use anyhow::{Context, bail};
@@ -21,34 +22,35 @@ use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
 
-/// Worlds, on maps that are in none of the splits.
+/// Number of worlds, on maps that are in none of the splits.
 const WORLDS: u64 = 8;
 const FIRST_SEED: u64 = 6000;
 const WORKERS: usize = 2;
-/// What must hold.
+/// Limits within which a number of NPCs counts as sustained: 99th percentile of the tick time in ms, share of late ticks, and
+/// share of decisions answered in time.
 const TARGET_P99_MS: f64 = 12.0;
 const TARGET_LATE_SHARE: f64 = 0.001;
 const TARGET_ON_TIME: f64 = 0.999;
-/// Counts that the search tries, one after the other until one does not hold.
+/// Numbers of NPCs that are tried in turn until one is not sustained.
 const LADDER: [usize; 8] = [256, 512, 1024, 1536, 2048, 2560, 3072, 4096];
-/// How long each of them runs, after a warm-up.
+/// Measurement of each number of NPCs, after the warm-up.
 const RUNG: Duration = Duration::from_secs(20);
 const WARM_UP: Duration = Duration::from_secs(10);
-/// Stalls that are injected into one world, ms.
+/// Durations of the stalls injected into one world, ms.
 const STALLS_MS: [u32; 3] = [5, 50, 500];
 const STALLS_EACH: usize = 20;
-/// Readers that never read.
+/// Number of readers that never read.
 const SLOW_READERS: usize = 50;
-/// NPCs of the lockstep figures, and steps timed.
+/// Number of NPCs and of timed steps of the lockstep figures.
 const ENV_NPCS: usize = 256;
 const ENV_STEPS: usize = 100;
 
-/// A service in a process of its own, ended when dropped.
+/// A service in its own process, killed on drop.
 struct Process(Child);
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended already.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -58,7 +60,7 @@ fn start(args: &[&str]) -> anyhow::Result<Process> {
     let program = std::env::current_exe()?;
     let child = Command::new(program)
         .args(args)
-        // Workers complain when the server of a scene goes; that is no news.
+        // Workers warn when the server of a scene stops, which is expected here.
         .env("RUST_LOG", "error")
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -68,7 +70,7 @@ fn start(args: &[&str]) -> anyhow::Result<Process> {
     Ok(Process(child))
 }
 
-/// A port that was free a moment ago.
+/// An address with a port that was free a moment ago.
 fn free_address() -> anyhow::Result<SocketAddr> {
     Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?)
 }
@@ -87,9 +89,9 @@ async fn connect(uri: &str) -> anyhow::Result<Channel> {
     }
 }
 
-/// All processes, and the crowds on the worlds.
+/// All processes of one measurement, and the crowds on its worlds.
 struct Scene {
-    /// The server first.
+    /// The server is the first.
     processes: Vec<Process>,
     server_uri: String,
     channel: Channel,
@@ -111,17 +113,17 @@ impl Drop for Watched {
 impl Drop for Scene {
     fn drop(&mut self) {
         self.worlds.clear();
-        // Workers before what they work for.
+        // Workers end before the services that they connect to.
         while self.processes.pop().is_some() {}
     }
 }
 
 impl Scene {
-    /// Starts server, planner and workers, and `npcs` NPCs in all; waits until every world has its graph.
+    /// Starts server, planner and workers with `npcs` NPCs in total, and waits until every world has its graph.
     async fn start(npcs: usize, cache: &Path) -> anyhow::Result<Self> {
         let (server, planner) = (free_address()?.to_string(), free_address()?.to_string());
         let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
-        let folder = cache.to_str().context("the cache folder has a name that is not UTF-8")?;
+        let folder = cache.to_str().context("the name of the cache folder is not UTF-8")?;
         let limit = npcs.to_string();
         let mut processes = vec![
             start(&["serve", "--listen", &server, "--max-npcs-per-client", &limit])?,
@@ -168,10 +170,11 @@ impl Scene {
         Ok(())
     }
 
-    /// Memory of the server's process, MiB.
+    /// Resident memory of the server process, MiB.
     fn server_mib(&self) -> anyhow::Result<f64> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.processes[0].0.id()))?;
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).context("the system tells no VmRSS")?;
+        let line =
+            status.lines().find_map(|line| line.strip_prefix("VmRSS:")).context("the system does not report VmRSS")?;
         Ok(line.trim().trim_end_matches(" kB").parse::<f64>()? / 1024.0)
     }
 
@@ -179,7 +182,7 @@ impl Scene {
         self.worlds.iter().map(|world| world.latest.borrow().stats.clone().unwrap_or_default()).collect()
     }
 
-    /// What happens in `span`.
+    /// Measures all worlds for `span`.
     async fn measure(&self, span: Duration) -> anyhow::Result<Measured> {
         let before = self.stats();
         tokio::time::sleep(span).await;
@@ -190,7 +193,7 @@ impl Scene {
     }
 }
 
-/// Figures of all worlds over some time.
+/// Figures of all worlds over a span of time.
 #[derive(Debug, Default, Clone)]
 struct Measured {
     times: Vec<TickTimes>,
@@ -219,7 +222,7 @@ impl Measured {
         self.times.iter().map(TickTimes::count).sum()
     }
 
-    /// The worst of the worlds.
+    /// The 99th percentile of the worst world, ms.
     fn p99_ms(&self) -> f64 {
         self.times.iter().map(|times| f64::from(times.quantile_us(0.99))).fold(0.0, f64::max) / 1000.0
     }
@@ -228,7 +231,7 @@ impl Measured {
         self.times.iter().map(|times| f64::from(times.quantile_us(0.5))).fold(0.0, f64::max) / 1000.0
     }
 
-    /// Dropped ticks were late too.
+    /// Share of ticks that were late, dropped ones included.
     fn late_share(&self) -> f64 {
         (self.late + self.dropped) as f64 / (self.ticks() + self.dropped).max(1) as f64
     }
@@ -237,7 +240,7 @@ impl Measured {
         self.answered as f64 / (self.answered + self.missed).max(1) as f64
     }
 
-    fn holds(&self) -> bool {
+    fn is_sustained(&self) -> bool {
         self.ticks() > 0
             && self.answered > 0
             && self.p99_ms() <= TARGET_P99_MS
@@ -255,7 +258,7 @@ impl Measured {
             self.dropped,
             100.0 * self.on_time_share(),
             self.answered + self.missed,
-            if self.holds() { "holds" } else { "does not hold" }
+            if self.is_sustained() { "sustained" } else { "not sustained" }
         );
     }
 }
@@ -267,20 +270,20 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
         let mut figures = lockstep().await?;
         let scene = Scene::start(args.npcs, &cache).await?;
         scene.measure(WARM_UP).await?;
-        let held = scene.measure(Duration::from_secs_f64(args.minutes * 60.0)).await?;
-        held.print(args.npcs);
+        let measured = scene.measure(Duration::from_secs_f64(args.minutes * 60.0)).await?;
+        measured.print(args.npcs);
         figures.extend([
-            Figure::new("tick_p50_ms", held.p50_ms(), "ms"),
-            Figure::new("tick_p99_ms", held.p99_ms(), "ms").target(TARGET_P99_MS),
-            Figure::new("ticks_late_share", held.late_share(), "").target(TARGET_LATE_SHARE),
-            Figure::new("decisions_on_time_share", held.on_time_share(), "").target(TARGET_ON_TIME),
-            Figure::new("decisions_s", held.answered as f64 / (args.minutes * 60.0), "decisions/s"),
+            Figure::new("tick_p50_ms", measured.p50_ms(), "ms"),
+            Figure::new("tick_p99_ms", measured.p99_ms(), "ms").target(TARGET_P99_MS),
+            Figure::new("ticks_late_share", measured.late_share(), "").target(TARGET_LATE_SHARE),
+            Figure::new("decisions_on_time_share", measured.on_time_share(), "").target(TARGET_ON_TIME),
+            Figure::new("decisions_s", measured.answered as f64 / (args.minutes * 60.0), "decisions/s"),
         ]);
         figures.extend(overruns(&scene).await?);
         figures.extend(slow_readers(&scene).await?);
         drop(scene);
         let curve = ladder(&cache).await?;
-        let most = curve.iter().take_while(|(_, measured)| measured.holds()).last().map_or(0, |(npcs, _)| *npcs);
+        let most = curve.iter().take_while(|(_, measured)| measured.is_sustained()).last().map_or(0, |(npcs, _)| *npcs);
         figures.push(Figure::new("npcs_held", most as f64, "NPCs").target(4096.0));
         if let Some(folder) = &args.out {
             let lines = vec![
@@ -294,7 +297,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
     })
 }
 
-/// Stalls one world and looks at it and at the others.
+/// Stalls one world, and measures its dropped ticks and the tick times of the others.
 async fn overruns(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
     let mut client = WorldServiceClient::new(scene.channel.clone());
     let span = Duration::from_secs(20);
@@ -335,7 +338,7 @@ async fn overruns(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// Readers that ask for everything and read nothing: what they cost the server, and the worlds.
+/// The cost in memory and tick time of readers that watch everything and read nothing.
 async fn slow_readers(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
     let span = Duration::from_secs(20);
     let calm = scene.measure(span).await?;
@@ -360,7 +363,7 @@ async fn slow_readers(scene: &Scene) -> anyhow::Result<Vec<Figure>> {
     ])
 }
 
-/// More and more NPCs until they do not hold.
+/// Increases the number of NPCs until it is not sustained.
 async fn ladder(cache: &Path) -> anyhow::Result<Vec<(usize, Measured)>> {
     let mut curve = Vec::new();
     for npcs in LADDER {
@@ -368,16 +371,16 @@ async fn ladder(cache: &Path) -> anyhow::Result<Vec<(usize, Measured)>> {
         scene.measure(WARM_UP).await?;
         let measured = scene.measure(RUNG).await?;
         measured.print(npcs);
-        let holds = measured.holds();
+        let is_sustained = measured.is_sustained();
         curve.push((npcs, measured));
-        if !holds {
+        if !is_sustained {
             break;
         }
     }
     Ok(curve)
 }
 
-/// A remote trainer's decisions a second, by call and by stream, beside the same environment in process.
+/// Decisions per second of a remote trainer by call and by stream, compared with the same environment in process.
 async fn lockstep() -> anyhow::Result<Vec<Figure>> {
     let address = free_address()?.to_string();
     let _server = start(&["serve", "--listen", &address])?;
@@ -392,7 +395,7 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
         ..Default::default()
     };
     let env_id = client.create_env(request).await?.into_inner().env_id;
-    // A trainer's actions, changing from step to step.
+    // Actions that change from step to step.
     let values = |step: usize| (0..ENV_NPCS * ACTION_LEN).map(move |idx| ((idx * 7 + step * 13) as f32 * 0.37).sin());
     let actions = |step: usize| Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)) });
     let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
@@ -419,9 +422,9 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
         results.message().await?.context("the server ended the stream")?;
     }
     let by_stream = rate(started);
-    let beside = |figure: Figure| figure.against("in process", in_process, true);
+    let compared = |figure: Figure| figure.with_reference("in process", in_process, true);
     Ok(vec![
-        beside(Figure::new("lockstep_decisions_s", by_stream, "decisions/s").target(0.5 * in_process)),
-        beside(Figure::new("lockstep_unary_decisions_s", by_call, "decisions/s")),
+        compared(Figure::new("lockstep_decisions_s", by_stream, "decisions/s").target(0.5 * in_process)),
+        compared(Figure::new("lockstep_unary_decisions_s", by_call, "decisions/s")),
     ])
 }

@@ -1,4 +1,4 @@
-//! The world: decisions, rays, moves, and generating, holding and loading maps, beside rapier and parry.
+//! The world: decisions, rays, moves, and the generation, memory and loading of maps, compared with rapier and parry.
 
 use super::{Figure, median, timed};
 use rand::rngs::ChaCha8Rng;
@@ -12,12 +12,12 @@ use surefoot_world::{
     CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, exchange, navigable,
 };
 
-/// NPCs of the benchmark world.
+/// Number of NPCs in the benchmark world.
 const NPCS: usize = 256;
-/// Decisions of each that are timed.
+/// Number of timed decisions of each NPC.
 const DECISIONS: usize = 300;
 
-/// All figures of the world.
+/// All figures of `bench world`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let mut figures = large_map()?;
     let generate = median((0..5).map(|_| timed(|| drop(black_box(Map::generate(&MapSpec::new(0)))))).collect());
@@ -26,33 +26,33 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let load = median((0..5).map(|_| timed(|| drop(black_box(exchange::decode(&saved))))).collect());
     figures.extend([
         Figure::new("generate_250_s", generate, "s").target(2.0),
-        Figure::new("load_250_s", load, "s").target(0.1 * generate).against("generating it", generate, false),
+        Figure::new("load_250_s", load, "s").target(0.1 * generate).with_reference("generating it", generate, false),
         Figure::new("map_250_mb", map.memory_bytes() as f64 / 1.0e6, "MB").target(150.0),
     ]);
     figures.splice(0..0, simulation(&map)?);
     Ok(figures)
 }
 
-/// The largest map, generated before anything else, so that the peak of memory is its own.
+/// The largest map, generated before anything else so that the peak memory is its own.
 fn large_map() -> anyhow::Result<Vec<Figure>> {
     let size = MapSize { width: 1000, height: 200, depth: 1000 };
     let spec = MapSpec::new(3000).with(|it| it.size = size)?;
     let mut map = None;
     let generate = timed(|| map = Some(Map::generate(&spec)));
-    let map = map.expect("it has run");
+    let map = map.expect("the closure has run");
     let peak_mb = peak_memory_mb();
     let saved = exchange::encode(&map);
     let load = timed(|| drop(black_box(exchange::decode(&saved))));
     let mut figures = vec![
         Figure::new("generate_1000_s", generate, "s").target(30.0),
-        Figure::new("load_1000_s", load, "s").target(0.1 * generate).against("generating it", generate, false),
+        Figure::new("load_1000_s", load, "s").target(0.1 * generate).with_reference("generating it", generate, false),
         Figure::new("map_1000_mb", map.memory_bytes() as f64 / 1.0e6, "MB").target(1500.0),
     ];
     figures.extend(peak_mb.map(|peak| Figure::new("generate_1000_peak_mb", peak, "MB").target(1500.0)));
     Ok(figures)
 }
 
-/// The most memory that this process has held, where the system tells.
+/// Peak memory of this process in MB, if the system reports it.
 fn peak_memory_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -60,7 +60,7 @@ fn peak_memory_mb() -> Option<f64> {
     Some(kib * 1024.0 / 1.0e6)
 }
 
-/// Decisions, rays and moves of a crowd that runs about, on one core.
+/// Decisions, rays and moves of a running crowd, on one core.
 fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
     let profile = CharacterProfile::default();
     let mut rng = ChaCha8Rng::seed_from_u64(0);
@@ -101,31 +101,29 @@ fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
         .collect();
     let ray_us = median(rays) / (bodies.len() * RAY_COUNT) as f64 * 1.0e6;
     let starts: Vec<_> = points.iter().copied().take(NPCS).collect();
-    let peer = peer(map, &profile, &starts);
+    let reference = reference(map, &profile, &starts);
     let move_us = move_s * 1.0e6 / 10.0;
     Ok(vec![
-        Figure::new("decisions_per_core_s", 1.0 / (observe_s + move_s), "1/s").target(20_000.0).beside(
-            "rapier's kinematic controller and parry's rays",
-            peer.decisions_per_s,
-            true,
-        ),
-        Figure::new("ray_us", ray_us, "us").beside("parry's triangle mesh", peer.ray_us, false),
-        Figure::new("move_us", move_us, "us per NPC and tick").beside(
+        Figure::new("decisions_per_core_s", 1.0 / (observe_s + move_s), "1/s")
+            .target(20_000.0)
+            .with_optional_reference("rapier's kinematic controller and parry's rays", reference.decisions_per_s, true),
+        Figure::new("ray_us", ray_us, "us").with_optional_reference("parry's triangle mesh", reference.ray_us, false),
+        Figure::new("move_us", move_us, "us per NPC and tick").with_optional_reference(
             "rapier's kinematic controller",
-            peer.kinematic_move_us,
+            reference.kinematic_move_us,
             false,
         ),
-        Figure::new("move_us_dynamic", move_us, "us per NPC and tick").beside(
+        Figure::new("move_us_dynamic", move_us, "us per NPC and tick").with_optional_reference(
             "rapier's dynamic capsules",
-            peer.dynamic_move_us,
+            reference.dynamic_move_us,
             false,
         ),
     ])
 }
 
-/// What rapier and parry need for the same; nothing in builds without them.
+/// The same figures for rapier and parry; `None` in builds without them.
 #[derive(Default)]
-struct Peer {
+struct Reference {
     decisions_per_s: Option<f64>,
     ray_us: Option<f64>,
     kinematic_move_us: Option<f64>,
@@ -133,9 +131,9 @@ struct Peer {
 }
 
 #[cfg(feature = "reference")]
-fn peer(map: &Arc<Map>, profile: &CharacterProfile, starts: &[Vec3]) -> Peer {
+fn reference(map: &Arc<Map>, profile: &CharacterProfile, starts: &[Vec3]) -> Reference {
     let measured = super::reference::measure(map, profile, starts, &mut ChaCha8Rng::seed_from_u64(0));
-    Peer {
+    Reference {
         decisions_per_s: Some(measured.decisions_per_s),
         ray_us: Some(measured.ray_us),
         kinematic_move_us: Some(measured.kinematic_move_us),
@@ -144,7 +142,7 @@ fn peer(map: &Arc<Map>, profile: &CharacterProfile, starts: &[Vec3]) -> Peer {
 }
 
 #[cfg(not(feature = "reference"))]
-fn peer(_: &Arc<Map>, _: &CharacterProfile, _: &[Vec3]) -> Peer {
-    eprintln!("rapier and parry are not part of this build: build with --features reference to measure them beside");
-    Peer::default()
+fn reference(_: &Arc<Map>, _: &CharacterProfile, _: &[Vec3]) -> Reference {
+    eprintln!("rapier and parry are not part of this build: build with --features reference to compare with them");
+    Reference::default()
 }

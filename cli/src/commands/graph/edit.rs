@@ -10,39 +10,39 @@ use surefoot_world::Vec3;
 /// Change a graph by hand, in named layers that outlive rebuilds.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Places are X,Y,Z in metres; the nearest vertex within 3 m is meant.\n\nExamples:\n  surefoot graph edit 2000 --layer night --forbid 31,12,40:45,12,38\n  surefoot graph edit 2000 --layer night --price 31,12,40:45,12,38=4 --add 60,14.5,52\n  surefoot graph edit 2000 --layer night --undo 1\n  surefoot graph edit 2000 --layer night --export night.json\n  surefoot graph edit 2000 --import night.json"
+    after_help = "Places are X,Y,Z in metres and refer to the nearest vertex within 3 m.\n\nExamples:\n  surefoot graph edit 2000 --layer night --forbid 31,12,40:45,12,38\n  surefoot graph edit 2000 --layer night --price 31,12,40:45,12,38=4 --add 60,14.5,52\n  surefoot graph edit 2000 --layer night --undo 1\n  surefoot graph edit 2000 --layer night --export night.json\n  surefoot graph edit 2000 --import night.json"
 )]
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// Layer to change; without changes, all layers are listed
+    /// Layer to change; without changes, list all layers
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Take an edge out
+    /// Forbid an edge
     #[arg(long, value_name = "FROM:TO", requires = "layer")]
     forbid: Vec<String>,
-    /// Put an edge in that takes so many seconds, or as many as it looks like
+    /// Add an edge that takes SECONDS; default: an estimate from its geometry
     #[arg(long, value_name = "FROM:TO[=SECONDS]", requires = "layer")]
     force: Vec<String>,
-    /// Multiply the price of an edge, 0.1 to 1000
+    /// Multiply the cost of an edge by FACTOR, 0.1 to 1000
     #[arg(long, value_name = "FROM:TO=FACTOR", requires = "layer")]
     price: Vec<String>,
-    /// Put a vertex in
+    /// Add a vertex
     #[arg(long, value_name = "AT", requires = "layer")]
     add: Vec<String>,
     /// Move a vertex
     #[arg(long = "move", value_name = "FROM:TO", requires = "layer")]
     moves: Vec<String>,
-    /// Take a vertex out
+    /// Remove a vertex
     #[arg(long, value_name = "AT", requires = "layer")]
     remove: Vec<String>,
-    /// Take back the last edits of the layer, before any new ones
+    /// Undo the last N edits of the layer before adding new ones
     #[arg(long, default_value_t = 0, value_name = "N", requires = "layer")]
     undo: usize,
     /// Write the layer as JSON
     #[arg(long, value_name = "FILE", requires = "layer")]
     export: Option<PathBuf>,
-    /// Put a layer in place that was exported
+    /// Import an exported layer; it replaces the layer of its name
     #[arg(long, value_name = "FILE", conflicts_with = "layer")]
     import: Option<PathBuf>,
 }
@@ -86,13 +86,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     let loaded = args.target.load(None)?;
-    super::print_unfit(&loaded.unapplied);
+    super::print_unapplied(&loaded.unapplied);
     println!("{} vertices, {} edges with all layers", loaded.graph.vertex_count(), loaded.graph.edge_count());
     Ok(())
 }
 
 impl Args {
-    /// The edits that the options ask for, kind by kind.
+    /// The edits given as flags, kind by kind.
     fn new_edits(&self) -> anyhow::Result<Vec<Edit>> {
         let mut edits = Vec::new();
         for text in &self.forbid {

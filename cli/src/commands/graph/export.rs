@@ -16,16 +16,16 @@ use surefoot_world::reach::Reach;
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// graphml, dot, json (node-link, for networkx and `graph diff`) or detour (off-mesh links)
+    /// Format: graphml, dot, json (node-link, for networkx and `graph diff`) or detour (off-mesh links)
     #[arg(long, value_name = "NAME", value_parser = parse_format)]
     format: Format,
-    /// With detour: leave out links that others, or the NavMesh alone, replace in at most so many times the time
+    /// With detour: omit links that other links, or the NavMesh alone, replace in at most RATIO times their time
     #[arg(long, value_name = "RATIO", default_value_t = DEFAULT_MAX_DETOUR, value_parser = parse_ratio)]
     max_detour: f64,
-    /// With detour: write every edge that takes more than walking
+    /// With detour: write every edge that needs more than walking
     #[arg(long, conflicts_with = "max_detour")]
     all_links: bool,
-    /// Where to write it; default: standard output
+    /// File to write; default: standard output
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -37,13 +37,13 @@ fn parse_format(name: &str) -> Result<Format, String> {
 
 fn parse_ratio(text: &str) -> Result<f64, String> {
     let ratio = text.parse::<f64>().ok().filter(|ratio| *ratio > 1.0 && ratio.is_finite());
-    ratio.ok_or_else(|| "it is a number above 1".to_owned())
+    ratio.ok_or_else(|| "must be a number above 1".to_owned())
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let (graph, profile) = (&loaded.graph, loaded.context.profile);
-    // Only links ask what is connected on foot.
+    // Only off-mesh links depend on what is connected on foot.
     let survey = (args.format == Format::Detour).then(|| Reach::survey(&loaded.context.map, &profile, core_count()));
     let island = |vertex| Some(survey.as_ref()?.ground.at(graph.position(vertex))?.island);
     let islands: Vec<Option<u32>> = graph.vertices().map(island).collect();

@@ -21,16 +21,16 @@ use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
 use surefoot_world::{CharacterProfile, Map};
 
-/// Build, look at, check, edit and export graphs.
+/// Build, show, check, edit and export graphs.
 #[derive(clap::Subcommand)]
 pub enum Command {
-    /// Build the graph of a map into the cache, or find it there, and describe or draw it
+    /// Build the graph of a map, or take it from the cache, and describe or draw it
     Build(show::Args),
     /// The same as build
     Show(show::Args),
     /// Write a graph for other programs: GraphML, DOT, JSON or Detour's off-mesh links
     Export(export::Args),
-    /// Check which places no character reaches: islands, one-way traps, what each ability opens up
+    /// Find places that no character reaches: islands, one-way traps, what depends on each ability
     Reach(reach::Args),
     /// Compare what is reachable in two versions of a level
     Diff(reach::DiffArgs),
@@ -48,7 +48,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
     }
 }
 
-/// Which graph.
+/// Selects a graph.
 #[derive(clap::Args, Clone)]
 pub struct Target {
     #[command(flatten)]
@@ -60,12 +60,12 @@ pub struct Target {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
-    /// Leave out the layers of edits of the graph
+    /// Ignore the edits of the level
     #[arg(long)]
     without_edits: bool,
 }
 
-/// A graph with all that it came from.
+/// A graph with the inputs of its build.
 struct Loaded {
     context: ProbeContext,
     id: GraphId,
@@ -74,7 +74,7 @@ struct Loaded {
     stats: BuildStats,
     cached: bool,
     unapplied: Vec<Unapplied>,
-    /// Candidates that a change of the map had tried again.
+    /// Candidates that were probed again after a change of the map; `None` unless the graph was updated.
     retried: Option<u64>,
 }
 
@@ -91,7 +91,7 @@ impl Target {
         })
     }
 
-    /// What layers belong to: a generated map's spec, or the name of a file, which outlives changes of the level.
+    /// The level that layers belong to: a generated map's spec, or the name of a file, which outlives changes of the level.
     fn level(&self, map: &Map) -> LevelId {
         match map.spec() {
             Some(spec) => LevelId::of_spec(spec),
@@ -102,8 +102,8 @@ impl Target {
         }
     }
 
-    /// Takes the graph from the cache or builds it, from that of an earlier version of the map if one is given, and applies
-    /// the level's edits to it.
+    /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is given,
+    /// and applies the level's edits.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
         let settings = self.settings()?;
         let context = self.context()?;
@@ -155,7 +155,7 @@ fn build_with_bar(context: &ProbeContext, settings: &BuildSettings) -> anyhow::R
     with_bar(|progress| graphs::build(context, settings, core_count(), progress))
 }
 
-/// Shows the progress of a build.
+/// Runs a build and shows its progress.
 fn with_bar<T: Send>(work: impl FnOnce(&Progress) -> Result<T, BuildError> + Send) -> anyhow::Result<T> {
     let progress = Progress::default();
     let bar = progress_bar(0, "probing");
@@ -172,9 +172,9 @@ fn with_bar<T: Send>(work: impl FnOnce(&Progress) -> Result<T, BuildError> + Sen
     Ok(result?)
 }
 
-fn print_unfit(unapplied: &[Unapplied]) {
+fn print_unapplied(unapplied: &[Unapplied]) {
     for unapplied in unapplied {
-        println!("edit {} of layer `{}` does not fit: {}", unapplied.index, unapplied.layer, unapplied.reason);
+        println!("edit {} of layer `{}` is unapplied: {}", unapplied.index, unapplied.layer, unapplied.reason);
     }
 }
 

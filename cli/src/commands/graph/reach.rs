@@ -15,10 +15,10 @@ use surefoot_report::render::Picture;
 use surefoot_world::Vec3;
 use surefoot_world::reach::{Means, Reach};
 
-/// Check which places no character reaches.
+/// Find places that no character reaches.
 ///
-/// Two readings stand side by side: geometry (a survey of every place to stand, with scripted leaps) and the graph
-/// (what the policy has proved).
+/// The report has two parts: geometry (a survey of every place to stand, with scripted leaps) and the graph (what the
+/// policy has proved).
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  surefoot graph reach 2000\n  surefoot graph reach level.sfmap --png reach.png\n  surefoot graph reach level.sfmap --min-reachable 0.98 --min-connected 0.95 --max-traps 0 --junit reach.xml"
@@ -26,22 +26,22 @@ use surefoot_world::reach::{Means, Reach};
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// Fail if less than this share of all places to stand can be reached from the largest region
+    /// Fail if a smaller share of all places to stand can be reached from the largest region
     #[arg(long, value_name = "SHARE")]
     min_reachable: Option<f64>,
-    /// Fail if less than this share of ordered vertex pairs has a path
+    /// Fail if a smaller share of ordered vertex pairs has a path
     #[arg(long, value_name = "SHARE")]
     min_connected: Option<f64>,
-    /// Fail if the graph has more one-way traps
+    /// Fail if the graph has more one-way traps than this
     #[arg(long, value_name = "N")]
     max_traps: Option<usize>,
     /// Write the checks as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Draw coverage from above: how far each place is from a vertex that is reached
+    /// Draw coverage from above: the distance of each place from the nearest reached vertex
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// Pixels per metre of the picture
+    /// Pixels per metre in the picture
     #[arg(long, default_value_t = 4.0)]
     scale: f32,
     /// Print one JSON document
@@ -49,9 +49,9 @@ pub struct Args {
     json: bool,
 }
 
-/// Regions of unreached ground that are listed.
+/// Most regions of unreached ground that are listed.
 const LISTED: usize = 20;
-/// Places below which an unreached region is not listed: 1.25 m x 1.25 m each.
+/// Smallest unreached region that is listed, in places of 1.25 m x 1.25 m.
 const LISTED_PLACES: u64 = 8;
 /// Distance from a vertex at which a place counts as not covered, m.
 const FAR_M: f32 = 20.0;
@@ -61,7 +61,7 @@ struct Report {
     map: String,
     /// Share of places to stand that can be reached from the largest region, by geometry.
     reachable: f64,
-    /// Share of ordered pairs of places that each means joins.
+    /// Share of ordered pairs of places that are connected only with each means.
     lost_without: BTreeMap<String, f64>,
     /// Ground that cannot be reached, the largest first.
     unreached: Vec<Unreached>,
@@ -147,14 +147,14 @@ impl Args {
         }
         if let Some(most) = self.max_traps {
             let traps = graph.islands.iter().filter(|island| island.is_trap()).count();
-            let message = format!("{traps} one-way traps, at most {most} may be");
+            let message = format!("{traps} one-way traps, at most {most} allowed");
             checks.push(Check { name: "traps", passed: traps <= most, message });
         }
         checks
     }
 }
 
-/// Regions that the largest does not lead to.
+/// Regions that cannot be reached from the largest one.
 fn unreached(survey: &Reach) -> Vec<Unreached> {
     let regions = survey.regions(|_| true);
     let reached = regions.reachable_from(regions.largest());
@@ -229,7 +229,7 @@ fn junit(report: &Report) -> String {
     xml + "</testsuite>\n"
 }
 
-/// Places by how near a vertex of the graph's main island is; red where geometry knows no way.
+/// Draws places by their distance to the nearest vertex reached from the main island; red where geometry finds no path.
 fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
     let Loaded { context, graph, .. } = loaded;
     let reached: Vec<Vec3> = graph
@@ -259,7 +259,7 @@ fn draw(loaded: &Loaded, survey: &Reach, scale: f32) -> Picture {
     let entries = [
         ([40, 200, 60], "at a reached vertex"),
         ([255, 140, 60], far.as_str()),
-        ([220, 20, 40], "no way, by geometry"),
+        ([220, 20, 40], "no path, by geometry"),
     ];
     picture.add_legend(&format!("map {}", loaded_name(loaded)), &entries);
     picture
@@ -277,10 +277,10 @@ fn loaded_name(loaded: &Loaded) -> String {
 pub struct DiffArgs {
     #[command(flatten)]
     before: Target,
-    /// The later version: a seed, the file of a map, or a graph exported as JSON, like the earlier one
+    /// The later version: a seed, the file of a map, or a graph exported as JSON, as for the earlier version
     #[arg(value_name = "SEED|FILE")]
     after: String,
-    /// Exit with an error if places can no longer be reached
+    /// Fail if places can no longer be reached
     #[arg(long)]
     fail_on_loss: bool,
     /// Print one JSON document

@@ -14,7 +14,7 @@ use surefoot_report::render::Picture;
 use surefoot_rollout::{Goal, Rollout};
 use surefoot_world::{Ability, CharacterProfile, End, Map, TaskConfig, Vec3, navigable};
 
-/// Build the graph of a map into the cache, or find it there, and describe or draw it.
+/// Build the graph of a map, or take it from the cache, and describe or draw it.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json\n  surefoot graph build changed.sfmap --changed-from level.sfmap"
@@ -22,16 +22,16 @@ use surefoot_world::{Ability, CharacterProfile, End, Map, TaskConfig, Vec3, navi
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// Start from the graph of this earlier version of the map: only what changed is tried again
+    /// Start from the graph of this earlier version of the map and probe only what changed
     #[arg(long, value_name = "SEED|FILE")]
     changed_from: Option<String>,
-    /// Draw map and graph from above into this file
+    /// Draw the map and the graph from above into this file
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// Also run so many NPCs to random goals by plan and draw their tracks
+    /// Also run N NPCs to random goals by plan and draw their tracks
     #[arg(long, default_value_t = 0, value_name = "N", requires = "png")]
     tracks: usize,
-    /// Pixels per metre of the picture
+    /// Pixels per metre in the picture
     #[arg(long, default_value_t = 4.0)]
     scale: f32,
     /// Print one JSON document
@@ -95,9 +95,9 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
         stats.probes, stats.candidates, stats.special, stats.seconds
     );
     if let Some(retried) = retried {
-        println!("{retried} candidates were tried again because of what changed");
+        println!("{retried} candidates were probed again because of changes");
     }
-    super::print_unfit(unapplied);
+    super::print_unapplied(unapplied);
     Ok(())
 }
 
@@ -123,7 +123,7 @@ fn draw_graph(picture: &mut Picture, graph: &NavGraph) {
     }
 }
 
-/// Runs NPCs to random goals by plan, draws where they went, and returns how many arrived.
+/// Runs NPCs to random goals by plan, draws their tracks, and returns how many arrived.
 fn draw_tracks(
     picture: &mut Picture,
     map: &Arc<Map>,
