@@ -1,10 +1,16 @@
 //! Studio: a page for browsers, built from `page/` and embedded here. It talks to the services over gRPC-Web; this crate only
 //! hands its files out and knows nothing of worlds or plans.
 
+mod policy;
+
+pub use policy::{Origin, PlannerAddress, Settings};
+
 use axum::Router;
-use axum::http::{HeaderName, StatusCode, Uri, header};
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, StatusCode, Uri, header};
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
+use std::sync::Arc;
 
 /// A file of the page.
 struct File {
@@ -14,24 +20,20 @@ struct File {
 
 include!(concat!(env!("OUT_DIR"), "/files.rs"));
 
-/// Nothing comes from anywhere else; the services may be anywhere.
-const POLICY: &str = "default-src 'self'; connect-src *; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
-                      worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
-
 /// Why this build has no page; `None` if it has one.
 pub fn missing() -> Option<&'static str> {
     FILES.is_empty().then_some(MISSING)
 }
 
-/// The page's files, and `studio.json`, which tells it where the planner is: a URL, or `:7601` for that port of the host that
-/// the page comes from. In a build without the page a text that says how to get it.
-pub fn pages(planner: &str) -> Router {
-    let settings = serde_json::json!({ "planner": planner }).to_string();
-    let settings = ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], settings);
-    Router::new().route("/studio.json", get(async move || settings)).fallback(file)
+/// The page's files, and `studio.json`, which tells the page where the planner is: a URL, or `:7601` for that port of the
+/// host that the page comes from. In a build without the page a text that says how to get it.
+pub fn pages(settings: Settings) -> Router {
+    let told = serde_json::json!({ "planner": settings.planner.to_string() }).to_string();
+    let told = ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], told);
+    Router::new().route("/studio.json", get(async move || told)).fallback(file).with_state(Arc::new(settings))
 }
 
-async fn file(uri: Uri) -> Response {
+async fn file(State(settings): State<Arc<Settings>>, uri: Uri, headers: HeaderMap) -> Response {
     let path = match uri.path().trim_start_matches('/') {
         "" => "index.html",
         path => path,
@@ -44,14 +46,24 @@ async fn file(uri: Uri) -> Response {
     };
     // Names of assets hold a hash of what is in them.
     let kept = if path.starts_with("assets/") { "public, max-age=31536000, immutable" } else { "no-cache" };
+    let policy = policy::policy(&settings, host_of(&uri, &headers).as_deref());
     let headers: [(HeaderName, &str); 5] = [
         (header::CONTENT_TYPE, kind_of(path)),
         (header::CACHE_CONTROL, kept),
-        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::CONTENT_SECURITY_POLICY, policy.as_str()),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::REFERRER_POLICY, "no-referrer"),
     ];
     (headers, file.content).into_response()
+}
+
+/// The host that the page is read from: part of the URI in HTTP/2, a header in HTTP/1.1.
+fn host_of(uri: &Uri, headers: &HeaderMap) -> Option<String> {
+    if let Some(host) = uri.host() {
+        return Some(host.to_owned());
+    }
+    let named: Uri = headers.get(header::HOST)?.to_str().ok()?.parse().ok()?;
+    named.host().map(str::to_owned)
 }
 
 fn without_page(path: &str, reason: &str) -> Response {
