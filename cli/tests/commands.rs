@@ -12,6 +12,17 @@ fn json(output: &Output) -> serde_json::Value {
 }
 
 #[test]
+fn addresses_that_the_page_could_not_be_allowed_to_call_are_refused() {
+    for (flag, value) in
+        [("--studio-connect", "https://user@plans.example"), ("--studio-planner", "plans.example:7601")]
+    {
+        let output = surefoot(&["serve", flag, value]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && said.contains(flag) && said.contains(value), "{said}");
+    }
+}
+
+#[test]
 fn eval_prints_the_agreed_document() {
     let report = json(&surefoot(&[
         "eval",

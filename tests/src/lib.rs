@@ -18,6 +18,7 @@ use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1 as world;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
+use surefoot_studio::{PlannerAddress, Settings};
 use tokio::task::JoinHandle;
 use tokio_stream::StreamExt;
 use tonic::transport::Channel;
@@ -61,7 +62,8 @@ pub fn start_server(config: ServerConfig) -> Running {
 /// Starts a world server with an endpoint configuration.
 pub fn start_server_at(endpoint: EndpointConfig, config: ServerConfig) -> Running {
     let (endpoint, shutdown) = (Endpoint::open(free_port(), endpoint).expect("a free port"), Shutdown::default());
-    let endpoint = endpoint.with_pages(surefoot_studio::pages(":7601"));
+    let studio = Settings { planner: PlannerAddress::Port(7601), connect: Vec::new(), is_local: true };
+    let endpoint = endpoint.with_pages(surefoot_studio::pages(studio));
     let (stop, uri) = (shutdown.clone(), endpoint.uri());
     let task =
         tokio::spawn(async move { surefoot_server::serve(endpoint, config, stop).await.expect("the server serves") });

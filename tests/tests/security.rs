@@ -460,6 +460,11 @@ async fn without_a_token_pages_are_read_and_methods_are_not() {
     };
     let page = http(&server, &get("/studio.json", "text/plain")).await;
     assert!(page.contains("{\"planner\":\":7601\"}"), "{page}");
+    if surefoot_studio::missing().is_none() {
+        let page = http(&server, &get("/", "text/plain")).await;
+        let named = "connect-src 'self' 127.0.0.1:7601 http://127.0.0.1:* http://localhost:*; ";
+        assert!(page.contains(named), "{page}");
+    }
     assert!(http(&server, &get("/nothing.js", "text/plain")).await.starts_with("HTTP/1.1 404"));
     for path in ["/surefoot.world.v1.WorldService/ListWorlds", "/surefoot.world.v1.MapService/ListMaps"] {
         let answer = http(&server, &get(path, "application/grpc")).await;

@@ -12,6 +12,7 @@ use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, Sett
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner_service::{self as planner, PlannerConfig};
 use surefoot_server::ServerConfig;
+use surefoot_studio::{Origin, PlannerAddress, Settings};
 use tracing::info;
 
 /// Run the world server until Ctrl-C or SIGTERM.
@@ -25,11 +26,30 @@ pub struct ServeArgs {
     listen: SocketAddr,
     /// Planner for Studio: a URL, or a port on the host that serves Studio's page
     #[arg(long, default_value = ":7601", value_name = "URL", env = "SUREFOOT_STUDIO_PLANNER")]
-    studio_planner: String,
+    studio_planner: PlannerAddress,
+    #[command(flatten)]
+    studio: StudioArgs,
     #[command(flatten)]
     limits: ServerLimits,
     #[command(flatten)]
     endpoint: EndpointArgs,
+}
+
+/// What Studio's page may call.
+#[derive(clap::Args)]
+pub struct StudioArgs {
+    /// Further origins that Studio's page may call once its user agrees, such as https://plans.example:7601; several are
+    /// divided by commas
+    #[arg(long, value_name = "ORIGIN", value_delimiter = ',')]
+    studio_connect: Vec<Origin>,
+}
+
+impl StudioArgs {
+    /// Settings of a page that is served at `listen`.
+    pub fn settings(&self, planner: PlannerAddress, listen: SocketAddr) -> Settings {
+        let is_local = listen.ip().to_canonical().is_loopback();
+        Settings { planner, connect: self.studio_connect.clone(), is_local }
+    }
 }
 
 /// Limits of a world server.
@@ -256,7 +276,7 @@ where
 pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     let config = args.endpoint.config()?;
     run_until_signal(|shutdown| async move {
-        let pages = surefoot_studio::pages(&args.studio_planner);
+        let pages = surefoot_studio::pages(args.studio.settings(args.studio_planner.clone(), args.listen));
         let endpoint = Endpoint::open(args.listen, config)?.with_pages(pages);
         info!(address = %endpoint.address(), "world server ready");
         Ok(surefoot_server::serve(endpoint, args.limits.config(), shutdown).await?)

@@ -1,7 +1,7 @@
 //! `surefoot up`: all services in one process, with a crowd to watch.
 
 use super::endpoint::{CredentialArgs, EndpointArgs};
-use super::services::{CacheArgs, GraphArgs, ServerLimits, run_until_signal};
+use super::services::{CacheArgs, GraphArgs, ServerLimits, StudioArgs, run_until_signal};
 use super::{core_count, load_policy};
 use crate::terminal::{is_interactive, print_json};
 use anyhow::{Context, bail};
@@ -15,6 +15,7 @@ use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_planner_service::{self as planner, PlannerConfig};
 use surefoot_proto::convert::map_spec_to_wire;
 use surefoot_proto::world::v1::{WatchStatsResponse, WorldStats};
+use surefoot_studio::PlannerAddress;
 use surefoot_world::MapSpec;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -52,6 +53,8 @@ pub struct Args {
     #[command(flatten)]
     graph: GraphArgs,
     #[command(flatten)]
+    studio: StudioArgs,
+    #[command(flatten)]
     limits: ServerLimits,
     /// Print the summary as one JSON document
     #[arg(long)]
@@ -84,7 +87,8 @@ async fn scene(
 ) -> anyhow::Result<()> {
     let started = Instant::now();
     let plans = Endpoint::open(args.planner_listen, endpoints.clone())?;
-    let pages = surefoot_studio::pages(&format!(":{}", plans.address().port()));
+    let planner_address = PlannerAddress::Port(plans.address().port());
+    let pages = surefoot_studio::pages(args.studio.settings(planner_address, args.listen));
     let server = Endpoint::open(args.listen, endpoints)?.with_pages(pages);
     let (server_uri, planner_uri) = (server.uri(), plans.uri());
     let policy = load_policy(args.model.as_deref())?;

@@ -64,6 +64,25 @@ test('the map is drawn, and can be looked into', async ({ page }) => {
   expect(errors).toEqual([])
 })
 
+test('a link to another planner reaches nobody unless the user agrees and the server allows it', async ({ page }) => {
+  const evil = 'https://evil.example'
+  const called: string[] = []
+  page.on('request', (request) => called.push(new URL(request.url()).origin))
+  const planner = () => ask(page, ({ state }) => new URL(state.context.planner.address).origin)
+  await page.goto(`${scene.studio}?planner=${evil}`)
+  const dialog = page.getByRole('dialog')
+  await expect(dialog).toContainText(evil)
+  await dialog.getByRole('button', { name: 'Do not connect' }).click()
+  await page.waitForFunction(() => 'surefootStudio' in window)
+  expect(await planner()).toBe(new URL(scene.planner).origin)
+  expect(called).not.toContain(evil)
+
+  await page.reload()
+  await dialog.getByRole('button', { name: 'Connect', exact: true }).click()
+  await expect(page.getByText(`--studio-connect ${evil}`).first()).toBeVisible()
+  expect(await planner()).toBe(evil)
+})
+
 /** A point of the map that a click at this place of the canvas meets, once it is known which. */
 async function clickMap(page: Page, x: number, y: number): Promise<void> {
   const box = await page.locator('canvas').first().boundingBox()

@@ -1,9 +1,11 @@
 import { effect } from '@preact/signals'
 import { render } from 'preact'
 import type { Context } from './data/context'
-import { plannerAddress, readPlannerName, worldAddress } from './data/net/address'
+import { readPlannerName } from './data/net/address'
+import { chooseAddresses, ConfirmedOrigins } from './data/net/consent'
+import { watchPolicy } from './data/net/policy'
 import { connectPlanner, connectWorld } from './data/net/services'
-import { Session } from './data/net/session'
+import { Sessions } from './data/net/session'
 import { Studio } from './data/studio'
 import { Toasts } from './data/toasts'
 import './styles-theme.css'
@@ -14,6 +16,7 @@ import './styles-dialogs.css'
 import './styles-stage.css'
 import './styles-layout.css'
 import { App } from './ui/app'
+import { askForConsent } from './ui/consent-prompt'
 import { listenToKeys } from './ui/keys'
 import type { Viewport } from './view/viewport.types'
 
@@ -40,17 +43,23 @@ function storage(kind: 'localStorage' | 'sessionStorage'): Storage | undefined {
 }
 
 async function begin(): Promise<void> {
+  const root = document.getElementById('app')
+  if (root === null) throw new Error('the page has no #app')
   const page = new URL(location.href)
-  const session = new Session(storage('sessionStorage'))
+  const store = storage('localStorage')
+  const addresses = await chooseAddresses(page, await readPlannerName(), new ConfirmedOrigins(store), (question) =>
+    askForConsent(root, question),
+  )
+  const sessions = new Sessions(storage('sessionStorage'), page.origin)
   const leaving = new AbortController()
   const context: Context = {
-    session,
-    world: connectWorld(worldAddress(page), session),
-    planner: connectPlanner(plannerAddress(await readPlannerName(), page), session),
+    world: connectWorld(addresses.world, sessions),
+    planner: connectPlanner(addresses.planner, sessions),
     toasts: new Toasts(),
-    store: storage('localStorage'),
+    store,
     signal: leaving.signal,
   }
+  watchPolicy(document, [context.world, context.planner])
   const studio = new Studio(context)
   window.surefootStudio = {
     get viewport() {
@@ -70,10 +79,9 @@ async function begin(): Promise<void> {
   })
   // No room for the panel beside the map: it is opened when it is wanted.
   studio.panelOpen.value = innerWidth > 820
-  const root = document.getElementById('app')
-  if (root === null) throw new Error('the page has no #app')
   listenToKeys(window, studio)
   render(<App studio={studio} />, root)
+  for (const refusal of addresses.refusals) context.toasts.say(refusal, 'bad')
   studio.start()
 }
 

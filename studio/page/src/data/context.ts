@@ -2,11 +2,9 @@
 
 import { failureOf, inWords } from './net/errors'
 import type { PlannerSide, WorldSide } from './net/services'
-import type { Session } from './net/session'
 import type { Toasts } from './toasts'
 
 export interface Context {
-  session: Session
   world: WorldSide
   planner: PlannerSide
   toasts: Toasts
@@ -27,5 +25,5 @@ export function report(context: Context, what: string, error: unknown): void {
 export function reportEdit(context: Context, what: string, error: unknown): void {
   if (failureOf(error) !== 'role') return report(context, what, error)
   context.toasts.say(`${what}: your token does not allow edits. A designer's token is needed.`, 'bad')
-  context.session.ask("Edits need a designer's token.")
+  context.planner.session.ask("Edits need a designer's token.")
 }

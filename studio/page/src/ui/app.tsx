@@ -22,7 +22,7 @@ export function App({ studio }: { studio: Studio }) {
       <Dashboard studio={studio} />
       <ToastList toasts={studio.context.toasts} />
       <Shortcuts studio={studio} />
-      <TokenPrompt session={studio.context.session} />
+      <TokenPrompt context={studio.context} />
     </div>
   )
 }

@@ -1,11 +1,13 @@
+import { blockedInWords } from '../data/net/policy'
+import type { PlannerSide, WorldSide } from '../data/net/services'
 import type { Studio } from '../data/studio'
 import { Icon } from './icons'
 
-/** Says which service is gone. What was seen last stays on the screen. */
+/** Says which service is gone or may not be called. What was seen last stays on the screen. */
 export function Banner({ studio: { context } }: { studio: Studio }) {
   const lines = [
-    context.world.link.state.value === 'lost' ? 'The world server is gone; trying again …' : '',
-    context.planner.link.state.value === 'lost' ? 'No planner answers; trying again …' : '',
+    lineFor('world server', context.world, 'The world server is gone; trying again …'),
+    lineFor('planner', context.planner, 'No planner answers; trying again …'),
   ].filter((line) => line !== '')
   return (
     <div class="banners" role="status" aria-live="polite">
@@ -17,4 +19,9 @@ export function Banner({ studio: { context } }: { studio: Studio }) {
       ))}
     </div>
   )
+}
+
+function lineFor(name: string, { link, session }: WorldSide | PlannerSide, gone: string): string {
+  if (link.blocked.value) return blockedInWords(name, session.origin)
+  return link.state.value === 'lost' ? gone : ''
 }

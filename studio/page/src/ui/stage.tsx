@@ -58,6 +58,7 @@ function mount(studio: Studio, container: HTMLElement): () => void {
 /** What stands in place of the map while there is none. */
 function Overlay({ studio }: { studio: Studio }) {
   const { worlds, level, context } = studio
+  const { session } = context.world
   if (studio.viewportFailure.value !== '') {
     return (
       <div class="overlay">
@@ -68,16 +69,16 @@ function Overlay({ studio }: { studio: Studio }) {
       </div>
     )
   }
-  if (worlds.state.value === 'loading' && context.session.refused.value) {
+  if (worlds.state.value === 'loading' && session.refused.value) {
     return (
       <div class="overlay">
-        <Empty title="This server asks for a token">
+        <Empty title={`${session.origin} asks for a token`}>
           <div class="row">
             <Button
               label="Enter a token"
               icon="key"
               tone="main"
-              onClick={() => context.session.ask('This server asks for a token.')}
+              onClick={() => session.ask(`${session.origin} asks for a token.`)}
             />
           </div>
         </Empty>

@@ -62,9 +62,9 @@ class Planner {
 }
 
 function contextFor({ transport }: Planner): Context {
-  const side = { address: '', link: new Link(), maps: createClient(MapService, transport) }
+  const session = new Session('http://127.0.0.1:7601', undefined)
+  const side = { address: '', isForeign: false, session, link: new Link(), maps: createClient(MapService, transport) }
   return {
-    session: new Session(undefined),
     world: { ...side, calls: createClient(WorldService, transport) },
     planner: { ...side, calls: createClient(PlannerService, transport) },
     toasts: new Toasts(),
@@ -188,7 +188,7 @@ describe('edits', () => {
   it("ask for a designer's token when the role is too low", async () => {
     planner.fault = new ConnectError('', Code.PermissionDenied)
     await layers.apply(one)
-    expect(context.session.wanted.value).toContain("designer's token")
+    expect(context.planner.session.wanted.value).toContain("designer's token")
   })
 })
 

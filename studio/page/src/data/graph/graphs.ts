@@ -95,10 +95,10 @@ export class Graphs {
 
   /** Keeps the list of graphs up to date, which also tells whether the planner is there. */
   async poll(): Promise<void> {
-    const { signal, session, planner } = this.context
+    const { signal, planner } = this.context
     while (!signal.aborted) {
       try {
-        const upkeep = { link: planner.link, session, signal }
+        const upkeep = { link: planner.link, session: planner.session, signal }
         const options = { signal, timeoutMs: TIMEOUT_MS }
         const answer = await keepAsking(upkeep, () => planner.calls.listGraphs({ pageSize: PAGE }, options))
         if (answer !== undefined) this.list.value = answer.graphs
@@ -154,8 +154,8 @@ export class Graphs {
   /** The graph that was chosen for this map, else the one used last (by workers, as a rule), else the default one. */
   private async find(world: World, signal: AbortSignal): Promise<string | undefined> {
     if (this.chosen?.mapHash === world.mapHash) return this.chosen.graphId
-    const { session, planner } = this.context
-    const upkeep = { link: planner.link, session, signal }
+    const { planner } = this.context
+    const upkeep = { link: planner.link, session: planner.session, signal }
     try {
       const answer = await keepAsking(upkeep, () =>
         planner.calls.listGraphs({ pageSize: PAGE }, { signal, timeoutMs: TIMEOUT_MS }),
@@ -170,9 +170,9 @@ export class Graphs {
   }
 
   private async build(world: World, signal: AbortSignal): Promise<string | undefined> {
-    const { session, planner } = this.context
+    const { planner } = this.context
     const stop = new AbortController()
-    const upkeep = { link: planner.link, session, signal: AbortSignal.any([signal, stop.signal]) }
+    const upkeep = { link: planner.link, session: planner.session, signal: AbortSignal.any([signal, stop.signal]) }
     let graphId: string | undefined
     const error = await keepDoing(
       upkeep,
@@ -195,7 +195,7 @@ export class Graphs {
       this.state.value = { kind: 'loading' }
       this.selection.value = undefined
     })
-    const { session, planner } = this.context
+    const { planner } = this.context
     this.following = signal
     await this.load(graphId, signal)
     let lastLoad = performance.now()
@@ -206,7 +206,7 @@ export class Graphs {
       this.load(graphId, signal).catch(() => undefined)
     }
     const error = await keepReading(
-      { link: planner.link, session, signal },
+      { link: planner.link, session: planner.session, signal },
       (signal) => planner.calls.watchGraph({ graphId }, { signal }),
       ({ summary, revision }) => {
         this.summary.value = summary ?? this.summary.value
@@ -228,8 +228,8 @@ export class Graphs {
 
   /** Loads a graph, again after it has changed. */
   private async load(graphId: string, signal: AbortSignal): Promise<void> {
-    const { session, planner } = this.context
-    const upkeep = { link: planner.link, session, signal }
+    const { planner } = this.context
+    const upkeep = { link: planner.link, session: planner.session, signal }
     const turn = ++this.loads
     const graph = await keepAsking(upkeep, (signal) => planner.calls.getGraph({ graphId }, { signal }))
     // One that was asked for later may have come first.

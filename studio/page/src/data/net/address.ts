@@ -1,18 +1,41 @@
-// Where the two services are.
+// Addresses of the two services: what counts as one, and what the server of the page says of them.
 
 /** Port of a planner that nobody has named. */
 export const DEFAULT_PLANNER = ':7601'
 
-/** The world server: it serves this page, unless `?server=` names another. */
-export function worldAddress(page: URL): string {
-  const named = page.searchParams.get('server')
-  return named ? withoutSlash(named) : page.origin
+/** An address of a service that a browser can call. */
+export interface Address {
+  /** Scheme, host, port and path, without a slash at the end. */
+  url: string
+  /** Scheme, host (in ASCII) and port. Tokens and the user's consent belong to this. */
+  origin: string
 }
 
-/** The planner: an absolute URL, or ":PORT" for the host and protocol of the page. */
-export function plannerAddress(named: string | undefined, page: URL): string {
-  const text = (page.searchParams.get('planner') ?? named ?? '').trim() || DEFAULT_PLANNER
-  return /^:\d+$/.test(text) ? `${page.protocol}//${page.hostname}${text}` : withoutSlash(text)
+/** Why a text cannot be used as an address, as the end of a sentence about it. */
+export class AddressError extends Error {}
+
+/**
+ * Reads an absolute URL, or ":PORT" for the host and scheme of the page.
+ * @throws AddressError if the text is neither, is not http or https, or holds a user name or password.
+ */
+export function parseAddress(text: string, page: URL): Address {
+  const trimmed = text.trim()
+  const url = urlOf(/^:\d+$/.test(trimmed) ? `${page.protocol}//${page.hostname}${trimmed}` : trimmed)
+  if (url.protocol !== 'http:' && url.protocol !== 'https:') {
+    throw new AddressError(`begins with "${url.protocol}"; only http: and https: addresses are used`)
+  }
+  if (url.username !== '' || url.password !== '') {
+    throw new AddressError('holds a user name or a password; such addresses are not used')
+  }
+  return { url: url.origin + url.pathname.replace(/\/+$/, ''), origin: url.origin }
+}
+
+function urlOf(text: string): URL {
+  try {
+    return new URL(text)
+  } catch {
+    throw new AddressError('is not a complete address such as https://plans.example:7601')
+  }
 }
 
 /** What studio.json says, if it says anything of use. */
@@ -29,8 +52,4 @@ export async function readPlannerName(): Promise<string | undefined> {
   } catch {
     return undefined
   }
-}
-
-function withoutSlash(address: string): string {
-  return address.replace(/\/+$/, '')
 }

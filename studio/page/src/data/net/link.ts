@@ -18,6 +18,8 @@ export class Link {
   readonly state = signal<LinkState>('connecting')
   /** Why it was lost, for people. */
   readonly reason = signal('')
+  /** Whether the page's Content-Security-Policy keeps the browser from calling it. */
+  readonly blocked = signal(false)
   private unanswered = 0
   private latest: unknown
 
@@ -25,6 +27,7 @@ export class Link {
     this.unanswered = 0
     this.state.value = 'live'
     this.reason.value = ''
+    this.blocked.value = false
   }
 
   /** Notes an error; one that the service itself gave shows that it is there. */

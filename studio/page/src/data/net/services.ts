@@ -1,50 +1,47 @@
 // The clients of both services.
 
-import { type Client, createClient, type Transport } from '@connectrpc/connect'
+import { type Client, createClient } from '@connectrpc/connect'
 import { createGrpcWebTransport } from '@connectrpc/connect-web'
 import { PlannerService } from '../../gen/surefoot/planner/v1/planner_pb'
 import { MapService } from '../../gen/surefoot/world/v1/maps_pb'
 import { WorldService } from '../../gen/surefoot/world/v1/world_pb'
+import type { ServiceAddress } from './consent'
 import { Link } from './link'
-import type { Session } from './session'
+import type { Session, Sessions } from './session'
 
 /** One service and the maps that it keeps. */
-export interface WorldSide {
+interface Side {
+  /** Its URL. */
   address: string
+  /** Whether only a link has named it. */
+  isForeign: boolean
   link: Link
+  /** The token of its origin. */
+  session: Session
+  maps: Client<typeof MapService>
+}
+
+export interface WorldSide extends Side {
   calls: Client<typeof WorldService>
-  maps: Client<typeof MapService>
 }
 
-export interface PlannerSide {
-  address: string
-  link: Link
+export interface PlannerSide extends Side {
   calls: Client<typeof PlannerService>
-  maps: Client<typeof MapService>
 }
 
-export function connectWorld(address: string, session: Session): WorldSide {
-  const link = new Link()
-  const transport = transportTo(address, session, link)
-  return {
-    address,
-    link,
-    calls: createClient(WorldService, transport),
-    maps: createClient(MapService, transport),
-  }
+export function connectWorld(address: ServiceAddress, sessions: Sessions): WorldSide {
+  const { side, transport } = connect(address, sessions)
+  return { ...side, calls: createClient(WorldService, transport) }
 }
 
-export function connectPlanner(address: string, session: Session): PlannerSide {
-  const link = new Link()
-  const transport = transportTo(address, session, link)
-  return {
-    address,
-    link,
-    calls: createClient(PlannerService, transport),
-    maps: createClient(MapService, transport),
-  }
+export function connectPlanner(address: ServiceAddress, sessions: Sessions): PlannerSide {
+  const { side, transport } = connect(address, sessions)
+  return { ...side, calls: createClient(PlannerService, transport) }
 }
 
-function transportTo(baseUrl: string, session: Session, link: Link): Transport {
-  return createGrpcWebTransport({ baseUrl, interceptors: [link.interceptor, session.interceptor] })
+function connect({ url, origin, isForeign }: ServiceAddress, sessions: Sessions) {
+  const [link, session] = [new Link(), sessions.at(origin)]
+  const transport = createGrpcWebTransport({ baseUrl: url, interceptors: [link.interceptor, session.interceptor] })
+  const side: Side = { address: url, isForeign, link, session, maps: createClient(MapService, transport) }
+  return { side, transport }
 }

@@ -49,8 +49,8 @@ export class Level {
 
   /** Loads the map of a world until the signal aborts. */
   async load(worldId: bigint, sink: LevelSink, signal: AbortSignal): Promise<void> {
-    const { session, world } = this.context
-    const upkeep = { link: world.link, session, signal }
+    const { world } = this.context
+    const upkeep = { link: world.link, session: world.session, signal }
     const began = performance.now()
     this.forget()
     sink.clear()
@@ -91,10 +91,10 @@ export class Level {
   }
 
   private async loadWhole(worldId: bigint, cellM: number, sink: LevelSink, signal: AbortSignal) {
-    const { session, world } = this.context
+    const { world } = this.context
     const stop = new AbortController()
     let tiles: number | undefined
-    const upkeep = { link: world.link, session, signal: AbortSignal.any([signal, stop.signal]) }
+    const upkeep = { link: world.link, session: world.session, signal: AbortSignal.any([signal, stop.signal]) }
     const error = await keepDoing(
       upkeep,
       async (gotSomething) => {

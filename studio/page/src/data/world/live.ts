@@ -58,9 +58,9 @@ export class Live {
     take: (message: T) => void,
     signal: AbortSignal,
   ): Promise<void> {
-    const { session, world } = this.context
+    const { world } = this.context
     while (!signal.aborted) {
-      const error = await keepReading({ link: world.link, session, signal }, open, take, IDLE_MS)
+      const error = await keepReading({ link: world.link, session: world.session, signal }, open, take, IDLE_MS)
       if (error === undefined) return
       if (failureOf(error) !== 'missing') return report(this.context, 'The world cannot be watched', error)
       // A server that began anew may be about to make it again. One that is gone for good is taken off the list by the poll.

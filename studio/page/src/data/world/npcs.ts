@@ -57,7 +57,7 @@ export class Npcs {
 
   /** Follows the doings of an NPC until the signal aborts. */
   async follow(id: bigint, signal: AbortSignal): Promise<void> {
-    const { session, world } = this.context
+    const { world } = this.context
     const nothing: Followed = {
       id,
       npc: undefined,
@@ -69,7 +69,7 @@ export class Npcs {
     }
     this.followed.value = nothing
     const error = await keepReading(
-      { link: world.link, session, signal },
+      { link: world.link, session: world.session, signal },
       (signal) => world.calls.followNpc({ npcId: id, rateHz: RATE_HZ, rays: true }, { signal }),
       (message) => {
         const known = this.followed.peek()

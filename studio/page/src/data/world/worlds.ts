@@ -29,10 +29,10 @@ export class Worlds {
 
   /** Keeps the list up to date until the page goes. */
   async poll(): Promise<void> {
-    const { signal, session, world } = this.context
+    const { signal, world } = this.context
     while (!signal.aborted) {
       try {
-        const answer = await keepAsking({ link: world.link, session, signal }, (signal) =>
+        const answer = await keepAsking({ link: world.link, session: world.session, signal }, (signal) =>
           world.calls.listWorlds({ pageSize: 1000 }, { signal, timeoutMs: TIMEOUT_MS }),
         )
         if (answer !== undefined) this.take(answer.worlds)

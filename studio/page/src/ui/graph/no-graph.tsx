@@ -1,5 +1,6 @@
 import { count } from '../../data/format'
 import { stageName } from '../../data/build/builds'
+import { blockedInWords } from '../../data/net/policy'
 import type { Studio } from '../../data/studio'
 import { Empty, Progress } from '../controls'
 
@@ -7,7 +8,15 @@ import { Empty, Progress } from '../controls'
 export function NoGraph({ studio: { graphs, worlds, context } }: { studio: Studio }) {
   const state = graphs.state.value
   if (worlds.chosen.value === undefined) return <Empty title="There is no world yet" />
-  if (context.planner.link.state.value === 'lost') {
+  const { link, session } = context.planner
+  if (link.blocked.value) {
+    return (
+      <Empty title="The planner may not be called">
+        <p>{blockedInWords('planner', session.origin)}</p>
+      </Empty>
+    )
+  }
+  if (link.state.value === 'lost') {
     return (
       <Empty title="No planner answers">
         <p>
