@@ -2,12 +2,14 @@
 //! that clients import.
 //!
 //! [`serving`] is the server's side of a connection, [`client`] the other end. [`status`] makes `google.rpc` details, [`paging`]
-//! cuts lists into pages, [`idempotency`] lets calls be repeated, [`levels`] keeps imported levels and answers `MapService`. No world
+//! cuts lists into pages, [`idempotency`] lets calls be repeated, [`durable`] writes files that survive a crash, [`memory`] is the budget that large requests are paid from, [`levels`] keeps imported levels and answers `MapService`. No world
 //! is stepped and no graph is built here.
 
 pub mod client;
+pub mod durable;
 pub mod idempotency;
 pub mod levels;
+pub mod memory;
 pub mod paging;
 pub mod secret;
 pub mod serving;

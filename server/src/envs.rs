@@ -3,12 +3,17 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+use surefoot_net::levels::{MapError, MapPool, MapSource, SharedMap};
+use surefoot_net::memory::{MemoryError, Reservation};
+use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env};
 use surefoot_world::navigable::NoGround;
-use surefoot_world::{Action, Map, MapSpec, Seed};
+use surefoot_world::{Action, MapSpec, Seed};
 
 /// After so long without a step an environment makes room for others.
 const IDLE_LIMIT: Duration = Duration::from_secs(600);
+/// Bytes of an NPC: its state, its observation, and a copy of that for whoever steps it.
+const NPC_BYTES: u64 = 4096;
 const POISON: &str = "no holder of this lock panics";
 
 /// Why there is no environment, or no step of it.
@@ -23,6 +28,15 @@ pub enum EnvError {
     /// Two steps of one environment overlap.
     #[error("another step of environment {0} is under way")]
     Busy(EnvId),
+    /// It belongs to another client.
+    #[error("environment {0} belongs to another client")]
+    NotOwner(EnvId),
+    /// There is no map for it.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// There is no memory for its NPCs.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] NoGround),
@@ -70,12 +84,15 @@ pub struct StepResults {
 struct Kept {
     env: Mutex<Env>,
     used: Mutex<Instant>,
+    owner: Arc<str>,
+    _memory: (Arc<SharedMap>, Reservation),
 }
 
 /// All environments; clones share them.
 #[derive(Debug, Clone)]
 pub struct Envs {
     limit: usize,
+    maps: MapPool,
     inner: Arc<Mutex<Inner>>,
 }
 
@@ -88,17 +105,20 @@ struct Inner {
 }
 
 impl Envs {
-    /// At most `limit` environments at a time.
-    pub fn new(limit: usize) -> Self {
-        Self { limit, inner: Arc::default() }
+    /// At most `limit` environments at a time, on maps of `maps`.
+    pub fn new(limit: usize, maps: MapPool) -> Self {
+        Self { limit, maps, inner: Arc::default() }
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().expect(POISON)
     }
 
-    fn find(&self, id: EnvId) -> Result<Arc<Kept>, EnvError> {
+    fn find(&self, caller: &Caller, id: EnvId) -> Result<Arc<Kept>, EnvError> {
         let kept = self.inner().by_id.get(&id).cloned().ok_or(EnvError::Unknown(id))?;
+        if !caller.may_change(&kept.owner) {
+            return Err(EnvError::NotOwner(id));
+        }
         *kept.used.lock().expect(POISON) = Instant::now();
         Ok(kept)
     }
@@ -106,9 +126,9 @@ impl Envs {
     /// NPCs of an environment.
     ///
     /// # Errors
-    /// If there is none of that id, or it is being stepped.
-    pub fn npc_count(&self, id: EnvId) -> Result<usize, EnvError> {
-        let kept = self.find(id)?;
+    /// If there is none of that id, it is somebody else's, or it is being stepped.
+    pub fn npc_count(&self, caller: &Caller, id: EnvId) -> Result<usize, EnvError> {
+        let kept = self.find(caller, id)?;
         let env = kept.env.try_lock().map_err(|_| EnvError::Busy(id))?;
         Ok(env.npc_count())
     }
@@ -117,16 +137,21 @@ impl Envs {
     ///
     /// # Errors
     /// If there are too many, or its map cannot be made.
-    pub async fn create(&self, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
+    pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
         let reserved = self.reserve()?;
-        let task = tokio::task::spawn_blocking(move || {
-            let EnvSettings { spec, npc_count, goal_band, seed } = settings;
-            let map = Arc::new(Map::generate(&spec));
-            Ok::<_, EnvError>(Env::new(map, npc_count, goal_band, seed.0)?)
-        });
-        let env = task.await??;
+        let EnvSettings { spec, npc_count, goal_band, seed } = settings;
+        let memory = self.maps.memory().reserve(&caller.name, npc_count as u64 * NPC_BYTES)?;
+        let shared = self.maps.get(&caller.name, &MapSource::Spec(spec)).await?;
+        let map = shared.map().clone();
+        let env = tokio::task::spawn_blocking(move || Env::new(map, npc_count, goal_band, seed.0)).await??;
         let observations = env.observations().to_vec();
-        Ok((reserved.fill(env), observations))
+        let kept = Kept {
+            env: Mutex::new(env),
+            used: Mutex::new(Instant::now()),
+            owner: caller.name.clone(),
+            _memory: (shared, memory),
+        };
+        Ok((reserved.fill(kept), observations))
     }
 
     /// Keeps a place for a new environment, forgetting those that nobody has used for long.
@@ -143,12 +168,12 @@ impl Envs {
     /// One decision of every NPC.
     ///
     /// # Errors
-    /// If there is no such environment, or it is being stepped.
+    /// If there is no such environment, it is somebody else's, or it is being stepped.
     ///
     /// # Panics
     /// If there is not one action for each NPC.
-    pub async fn step(&self, id: EnvId, actions: Vec<Action>) -> Result<StepResults, EnvError> {
-        let kept = self.find(id)?;
+    pub async fn step(&self, caller: &Caller, id: EnvId, actions: Vec<Action>) -> Result<StepResults, EnvError> {
+        let kept = self.find(caller, id)?;
         let task = tokio::task::spawn_blocking(move || {
             let mut env = kept.env.try_lock().map_err(|_| EnvError::Busy(id))?;
             let ended = env.step(&actions);
@@ -161,8 +186,9 @@ impl Envs {
     /// Ends an environment.
     ///
     /// # Errors
-    /// If there is none of that id.
-    pub fn close(&self, id: EnvId) -> Result<(), EnvError> {
+    /// If there is none of that id, or it is somebody else's.
+    pub fn close(&self, caller: &Caller, id: EnvId) -> Result<(), EnvError> {
+        self.find(caller, id)?;
         self.inner().by_id.remove(&id).map(drop).ok_or(EnvError::Unknown(id))
     }
 }
@@ -173,11 +199,11 @@ struct Reserved {
 }
 
 impl Reserved {
-    fn fill(self, env: Env) -> EnvId {
+    fn fill(self, kept: Kept) -> EnvId {
         let mut inner = self.envs.inner();
         inner.last_id += 1;
         let id = EnvId(inner.last_id);
-        inner.by_id.insert(id, Arc::new(Kept { env: Mutex::new(env), used: Mutex::new(Instant::now()) }));
+        inner.by_id.insert(id, Arc::new(kept));
         id
     }
 }

@@ -1,7 +1,9 @@
 //! `MapService`: decode, call, encode.
 
 use super::store::{Level, LevelError, LevelFormat, LevelStore, MapSource, read};
+use crate::memory::MemoryError;
 use crate::paging::{PageSize, page};
+use crate::serving::Caller;
 use crate::status;
 use std::sync::Arc;
 use surefoot_proto::convert;
@@ -18,10 +20,18 @@ impl From<LevelError> for Status {
     fn from(error: LevelError) -> Self {
         let message = error.to_string();
         match error {
+            LevelError::Memory(error) => error.into(),
+            LevelError::OtherName(_) => status::failure(Reason::NotOwner, message),
             LevelError::Full(_) => status::quota(Reason::TooManyMaps, "server", message),
             LevelError::Unknown(map_hash) => status::not_found(Reason::MapNotFound, "map", map_hash, message),
             LevelError::File(_) => status::invalid("file", message),
         }
+    }
+}
+
+impl From<MemoryError> for Status {
+    fn from(error: MemoryError) -> Self {
+        status::quota(Reason::OutOfMemory, "server", error.to_string())
     }
 }
 
@@ -62,17 +72,22 @@ impl MapService for LevelStore {
         &self,
         request: Request<wire::ImportMapRequest>,
     ) -> Result<Response<wire::ImportMapResponse>, Status> {
+        let caller = Caller::of(&request);
         let request = request.into_inner();
         convert::in_range(request.name.len() as f64, 1.0, MAX_NAME, "the length of name")?;
         let format = format(request.format())?;
         let wire::ImportMapRequest { name, file, sidecar, .. } = request;
+        let turn = self.turn().await;
+        let memory = self.reserve(&caller, file.len() + sidecar.len())?;
         let task = tokio::task::spawn_blocking(move || {
+            // The caller may be gone: turn and memory are released when the work is done.
+            let _held = (turn, memory);
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
             read(format, &file, sidecar)
         });
         let (map, warnings) =
             task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
-        let level = self.put(name, Arc::new(map))?;
+        let level = self.put(&caller, name, Arc::new(map))?;
         Ok(Response::new(wire::ImportMapResponse { map: Some(level_to_wire(&level)), warnings }))
     }
 

@@ -1,8 +1,11 @@
-//! Levels that services were given: the store that keeps them, and `MapService` in front of it.
+//! Maps that services use: imported levels that are kept, generated maps that are shared, and `MapService` in front of the former.
 //!
-//! `store` knows maps, names and a limit; `grpc` decodes, calls and encodes. Server and planner both have one.
+//! `store` knows levels, names and limits, `pool` generates and shares; `grpc` decodes, calls and encodes. Server and planner both
+//! have a store.
 
 pub mod grpc;
+pub mod pool;
 mod store;
 
+pub use pool::{MapError, MapPool, SharedMap};
 pub use store::{DEFAULT_MAX_MAPS, Level, LevelError, LevelStore, MapSource};

@@ -1,6 +1,6 @@
 //! What every request passes before a service sees it: who calls, may they, and by when must there be an answer.
 
-use super::access::{Access, access};
+use super::access::{Access, Role, access};
 use super::origin::Origins;
 use super::protocol::Connect;
 use super::tokens::Tokens;
@@ -13,16 +13,43 @@ use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_proto::reason::Reason;
+use tokio::sync::watch;
 use tonic::Status;
 use tonic::transport::server::{TcpConnectInfo, TlsConnectInfo};
 use tower_service::Service;
 use tracing::{Instrument, info_span};
 
 /// Who makes a request: an extension of every request.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Caller {
     /// Name of the token; without tokens the address of the peer, without its port.
     pub name: Arc<str>,
+    /// Role of the token; `None` on an endpoint without tokens, where everybody may do everything.
+    role: Option<Role>,
+}
+
+impl Caller {
+    /// The caller of a request that has passed the gate.
+    pub fn of<T>(request: &tonic::Request<T>) -> Self {
+        // Every request passes the gate; one that has not may do what a game may.
+        let unknown = || Self { name: "unknown".into(), role: Some(Role::Client) };
+        request.extensions().get::<Self>().cloned().unwrap_or_else(unknown)
+    }
+
+    /// The service itself, on behalf of a client: it restores what belongs to that one.
+    pub fn on_behalf_of(name: &str) -> Self {
+        Self { name: name.into(), role: None }
+    }
+
+    /// Whether the caller may change or remove what belongs to `owner`.
+    pub fn may_change(&self, owner: &str) -> bool {
+        matches!(self.role, None | Some(Role::Admin)) || *self.name == *owner
+    }
+
+    /// Whether the caller may add to what belongs to `owner`, as designers do to the worlds of games.
+    pub fn may_add_to(&self, owner: &str) -> bool {
+        self.may_change(owner) || self.role == Some(Role::Designer)
+    }
 }
 
 /// What the gate knows.
@@ -31,12 +58,17 @@ pub(super) struct Gate {
     pub tokens: Option<Tokens>,
     pub origins: Origins,
     pub default_deadline: Duration,
+    /// False while the service is starting.
+    pub ready: watch::Receiver<bool>,
 }
+
+/// When a caller is to try again while the service is starting.
+const START_TIME: Duration = Duration::from_secs(1);
 
 /// Lets a request through to its service, or answers it.
 pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
     let protocol = Protocol::of(&request);
-    let caller = match gate.admit(&request) {
+    let caller = match gate.admit(&request).and_then(|caller| gate.check_ready(&request).map(|()| caller)) {
         Ok(caller) => caller,
         Err(status) if request.uri().path() == "/metrics" => return refuse_page(&status),
         Err(status) => return protocol.refuse(status),
@@ -74,7 +106,7 @@ fn with_reason(mut response: Response) -> Response {
 impl Gate {
     fn admit(&self, request: &Request) -> Result<Caller, Status> {
         self.origins.check(request.uri(), request.headers())?;
-        let peer = || Caller { name: peer(request).into() };
+        let peer = || Caller { name: peer(request).into(), role: None };
         let Some(tokens) = &self.tokens else { return Ok(peer()) };
         let access = access(request.uri().path());
         // What is no method of a service is a page, or nothing.
@@ -94,8 +126,16 @@ impl Gate {
                 let (role, path) = (role.name(), request.uri().path());
                 Err(status::failure(Reason::RoleForbidden, format!("`{name}` is a {role} and may not call {path}")))
             }
-            _ => Ok(Caller { name }),
+            _ => Ok(Caller { name, role: Some(role) }),
         }
+    }
+
+    /// Refuses calls of services while they are starting.
+    fn check_ready(&self, request: &Request) -> Result<(), Status> {
+        if *self.ready.borrow() || !request.uri().path().starts_with("/surefoot.") {
+            return Ok(());
+        }
+        Err(status::retry(Reason::Starting, START_TIME, "the service is starting: try again in a second"))
     }
 }
 

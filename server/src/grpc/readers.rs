@@ -374,7 +374,11 @@ pub fn follow_npc(
             let look = match sim.call(move |state| Look::at(&state.world, npc, rays)).await {
                 Ok(Ok(look)) => look,
                 Ok(Err(error)) => return reader.close(error.into()),
-                Err(_) => return reader.close(NpcError::Unknown(npc).into()),
+                Err(SimError::Busy) => {
+                    tokio::time::sleep(BUSY_PAUSE).await;
+                    continue;
+                }
+                Err(SimError::Stopped) => return reader.close(NpcError::Unknown(npc).into()),
             };
             let message = look.to_wire(shown.as_ref());
             shown = Some(look);

@@ -43,6 +43,9 @@ pub enum NpcError {
     /// The NPC fell, burnt or drowned.
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
+    /// The NPC and its world belong to other clients.
+    #[error("npc {0} belongs to another client")]
+    NotOwner(NpcId),
     /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] navigable::NoGround),
@@ -151,6 +154,14 @@ impl HostedWorld {
         self.world.teleport(record.slot, position, yaw);
         self.tell(id, EventKind::Teleported { position });
         Ok(())
+    }
+
+    /// The client that spawned an NPC.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn owner_of(&self, id: NpcId) -> Result<&str, NpcError> {
+        self.records.get(&id).map(|record| record.ticket.client()).ok_or(NpcError::Unknown(id))
     }
 
     /// State of one NPC.

@@ -105,6 +105,10 @@ pub struct Counters {
     pub missed: u64,
     /// Answers that nobody waited for any more.
     pub stale: u64,
+    /// Actions, waypoints and plans that were ignored because a number made no sense.
+    pub invalid: u64,
+    /// Plans that planners failed to deliver to workers.
+    pub plans_failed: u64,
     /// Ticks left out because the world was too far behind.
     pub ticks_dropped: u64,
     /// Ticks that were done later than a period after they were due.
