@@ -18,7 +18,7 @@ use surefoot_proto::plans;
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
 use surefoot_server::hosted::{HostedWorld, NpcStatus, SavedMap, SavedWorld, TimeMode};
 use surefoot_server::ids::WorkerId;
-use surefoot_server::messages::{Answer, ToWorker};
+use surefoot_server::messages::{Answer, Decision, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_server::{NpcId, WorldId, wire as server_wire};
@@ -139,13 +139,13 @@ fn lockstep_world() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
 /// worker's NPC must continue. NPCs are numbered from [`FIRST_NPC`], and the third is the second worker's.
 pub fn answer(batch: &wire::ActionBatch) -> bool {
     let Some(checked) = accepted(server_wire::answer(batch.clone())) else { return false };
-    assert_eq!(checked.npcs.len(), checked.actions.len());
+    assert_eq!(checked.decisions.len(), batch.npc_ids.len());
     let (mut world, _queues) = lockstep_world();
     world.answer(WorkerId(1), checked);
     let other = NpcId(FIRST_NPC + 2);
-    let mut own = Answer { npcs: vec![other], ..Default::default() };
-    own.actions.push(surefoot_world::Action { forward: 1.0, ..Default::default() });
-    world.answer(WorkerId(2), own);
+    let action = Some(surefoot_world::Action { forward: 1.0, ..Default::default() });
+    let own = Decision { npc: other, attempt: 1, action };
+    world.answer(WorkerId(2), Answer { decisions: vec![own], ..Default::default() });
     let before = world.npc(other).expect("it was spawned");
     for _ in 0..10 {
         world.step();

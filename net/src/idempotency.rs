@@ -39,6 +39,14 @@ struct Entry<A> {
     answer: Arc<OnceCell<A>>,
 }
 
+impl<A> Kept<A> {
+    fn forget_oldest(&mut self) {
+        if let Some((_, oldest)) = self.order.pop_front() {
+            self.by_key.remove(&oldest);
+        }
+    }
+}
+
 impl<A> Clone for Answers<A> {
     fn clone(&self) -> Self {
         Self { kept: self.kept.clone() }
@@ -86,11 +94,9 @@ impl<A: Clone + Send + Sync + 'static> Answers<A> {
     fn cell(&self, key: Key, request: blake3::Hash) -> Result<Arc<OnceCell<A>>, Status> {
         let now = Instant::now();
         let mut kept = self.kept.lock().expect(POISON);
-        while kept.order.front().is_some_and(|(since, _)| now.duration_since(*since) >= KEPT_FOR)
-            || kept.order.len() >= MAX_KEPT
-        {
-            let Some((_, oldest)) = kept.order.pop_front() else { break };
-            kept.by_key.remove(&oldest);
+        let is_old = |since: &Instant| now.duration_since(*since) >= KEPT_FOR;
+        while kept.order.front().is_some_and(|(since, _)| is_old(since)) {
+            kept.forget_oldest();
         }
         if let Some(entry) = kept.by_key.get(&key) {
             return if entry.request == request {
@@ -99,6 +105,9 @@ impl<A: Clone + Send + Sync + 'static> Answers<A> {
                 let message = format!("request_id `{}` was used for a different request: choose another id", key.1);
                 Err(status::failure(Reason::RequestIdReused, message))
             };
+        }
+        while kept.order.len() >= MAX_KEPT {
+            kept.forget_oldest();
         }
         let answer = Arc::new(OnceCell::new());
         kept.by_key.insert(key.clone(), Entry { request, answer: answer.clone() });

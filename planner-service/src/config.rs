@@ -1,6 +1,7 @@
 //! Limits and sizes of a planner.
 
 use surefoot_net::levels::DEFAULT_MAX_MAPS;
+use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 
 /// Limits and sizes of a planner.
@@ -21,6 +22,8 @@ pub struct PlannerConfig {
     pub table_vertices: usize,
     /// Maximum number of imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
+    /// Most memory for imported maps, bytes (`--max-memory`, in MB).
+    pub max_memory_bytes: u64,
 }
 
 impl Default for PlannerConfig {
@@ -34,6 +37,7 @@ impl Default for PlannerConfig {
             threads,
             table_vertices: DEFAULT_TABLE_LIMIT,
             max_maps: DEFAULT_MAX_MAPS,
+            max_memory_bytes: DEFAULT_MAX_MEMORY_BYTES,
         }
     }
 }

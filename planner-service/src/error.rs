@@ -36,6 +36,18 @@ pub enum PlannerError {
     /// As many builds as allowed are running or waiting.
     #[error("{0} builds are already running or waiting, the maximum (--max-builds)")]
     TooManyBuilds(usize),
+    /// The caller requires another policy than the service proves edges with.
+    #[error(
+        "this planner proves edges with the policy {name} ({hash}), not with {wanted}: start the planner and the workers with the same --model"
+    )]
+    OtherPolicy {
+        /// Beginning of the hash that the caller requires.
+        wanted: String,
+        /// Name of the service's policy.
+        name: String,
+        /// Beginning of its hash.
+        hash: String,
+    },
     /// The graph cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),

@@ -14,6 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use surefoot_net::levels::LevelStore;
+use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::Shutdown;
 use surefoot_planner::live::{LiveEvidence, Traversal};
 use surefoot_planner::probe::{Outcome, Trial};
@@ -63,7 +64,7 @@ impl Planner {
             config,
             policy,
             store,
-            levels: LevelStore::new(config.max_maps),
+            levels: LevelStore::new(config.max_maps, MemoryBudget::new(config.max_memory_bytes)),
             ready: Mutex::default(),
             jobs: Jobs::default(),
             build_slot: Semaphore::new(1),
@@ -101,6 +102,22 @@ impl Planner {
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
              # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n"
         )
+    }
+
+    /// Checks that the service proves edges with the policy that a caller requires; an empty hash stands for any.
+    ///
+    /// # Errors
+    /// If it has another policy.
+    pub fn check_policy(&self, hash: &str) -> Result<(), PlannerError> {
+        let manifest = self.shared.policy.manifest();
+        if hash.is_empty() || hash == manifest.weights_hash {
+            return Ok(());
+        }
+        Err(PlannerError::OtherPolicy {
+            wanted: hash.chars().take(12).collect(),
+            name: manifest.name.clone(),
+            hash: manifest.weights_hash.chars().take(12).collect(),
+        })
     }
 
     // --- graphs in memory ---

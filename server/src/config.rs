@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 use surefoot_net::levels::DEFAULT_MAX_MAPS;
+use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 
 /// Configuration of a world server.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,7 +20,9 @@ pub struct ServerConfig {
     pub max_envs: usize,
     /// Most imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
-    /// How long a reader of a stream may leave all messages unread until it is cut off (`--reader-patience`).
+    /// Most memory for maps and environments, bytes (`--max-memory`, in MB).
+    pub max_memory_bytes: u64,
+    /// How long a reader of a stream may leave everything unread until it is cut off (`--reader-patience`).
     pub reader_patience: Duration,
     /// Folder where worlds are saved when the server stops, and restored from when it starts (`--state`); `None`: worlds end
     /// with the server.
@@ -37,6 +40,7 @@ impl Default for ServerConfig {
             max_npcs_per_client: 8192,
             max_envs: 16,
             max_maps: DEFAULT_MAX_MAPS,
+            max_memory_bytes: DEFAULT_MAX_MEMORY_BYTES,
             reader_patience: Duration::from_secs(5),
             state: None,
             save_every: Duration::from_secs(30),

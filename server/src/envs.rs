@@ -1,14 +1,19 @@
 //! Environments of remote trainers: creating, stepping and closing them, and removing idle ones.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use std::time::{Duration, Instant, SystemTime};
+use surefoot_net::levels::{MapError, MapPool, MapSource, SharedMap};
+use surefoot_net::memory::{MemoryError, Reservation};
+use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env};
 use surefoot_world::navigable::NoGround;
-use surefoot_world::{Action, Map, MapSpec, Seed};
+use surefoot_world::{Action, MapSpec, Seed};
 
 /// An environment that was unused for this long is removed when another is created.
 const IDLE_LIMIT: Duration = Duration::from_secs(600);
+/// Bytes of an NPC: its state, its observation, and a copy of that for whoever steps it.
+const NPC_BYTES: u64 = 4096;
 const POISON: &str = "no holder of this lock panics";
 
 /// Why an environment cannot be created, stepped or closed.
@@ -23,7 +28,19 @@ pub enum EnvError {
     /// Two steps of one environment overlap.
     #[error("another step of environment {0} is under way")]
     Busy(EnvId),
-    /// The map has no navigable ground.
+    /// It belongs to another client.
+    #[error("environment {0} belongs to another client")]
+    NotOwner(EnvId),
+    /// There is no map for it.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// There is no memory for its NPCs.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// A step of it has panicked.
+    #[error("environment {0} has failed: close it and create another")]
+    Failed(EnvId),
+    /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] NoGround),
     /// A background task ended without a result.
@@ -70,12 +87,25 @@ pub struct StepResults {
 struct Kept {
     env: Mutex<Env>,
     used: Mutex<Instant>,
+    owner: Arc<str>,
+    _memory: (Arc<SharedMap>, Reservation),
+}
+
+impl Kept {
+    /// The environment, unless it is being stepped or a step of it has panicked.
+    fn lock(&self, id: EnvId) -> Result<MutexGuard<'_, Env>, EnvError> {
+        self.env.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => EnvError::Busy(id),
+            TryLockError::Poisoned(_) => EnvError::Failed(id),
+        })
+    }
 }
 
 /// All environments; clones share them.
 #[derive(Debug, Clone)]
 pub struct Envs {
     limit: usize,
+    maps: MapPool,
     inner: Arc<Mutex<Inner>>,
 }
 
@@ -88,17 +118,20 @@ struct Inner {
 }
 
 impl Envs {
-    /// Allows at most `limit` environments at a time.
-    pub fn new(limit: usize) -> Self {
-        Self { limit, inner: Arc::default() }
+    /// At most `limit` environments at a time, on maps of `maps`.
+    pub fn new(limit: usize, maps: MapPool) -> Self {
+        Self { limit, maps, inner: Arc::default() }
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().expect(POISON)
     }
 
-    fn find(&self, id: EnvId) -> Result<Arc<Kept>, EnvError> {
+    fn find(&self, caller: &Caller, id: EnvId) -> Result<Arc<Kept>, EnvError> {
         let kept = self.inner().by_id.get(&id).cloned().ok_or(EnvError::Unknown(id))?;
+        if !caller.may_change(&kept.owner) {
+            return Err(EnvError::NotOwner(id));
+        }
         *kept.used.lock().expect(POISON) = Instant::now();
         Ok(kept)
     }
@@ -106,27 +139,31 @@ impl Envs {
     /// Returns the number of NPCs of an environment.
     ///
     /// # Errors
-    /// If no environment has this id, or it is being stepped.
-    pub fn npc_count(&self, id: EnvId) -> Result<usize, EnvError> {
-        let kept = self.find(id)?;
-        let env = kept.env.try_lock().map_err(|_| EnvError::Busy(id))?;
-        Ok(env.npc_count())
+    /// If there is none of that id, it is somebody else's, or it is being stepped.
+    pub fn npc_count(&self, caller: &Caller, id: EnvId) -> Result<usize, EnvError> {
+        let kept = self.find(caller, id)?;
+        Ok(kept.lock(id)?.npc_count())
     }
 
     /// Creates an environment; returns its id and the first observations of its NPCs.
     ///
     /// # Errors
-    /// If there are too many environments, or the map cannot be generated or has no navigable ground.
-    pub async fn create(&self, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
+    /// If there are too many, or its map cannot be made.
+    pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
         let reserved = self.reserve()?;
-        let task = tokio::task::spawn_blocking(move || {
-            let EnvSettings { spec, npc_count, goal_band, seed } = settings;
-            let map = Arc::new(Map::generate(&spec));
-            Ok::<_, EnvError>(Env::new(map, npc_count, goal_band, seed.0)?)
-        });
-        let env = task.await??;
+        let EnvSettings { spec, npc_count, goal_band, seed } = settings;
+        let memory = self.maps.memory().reserve(&caller.name, npc_count as u64 * NPC_BYTES)?;
+        let shared = self.maps.get(&caller.name, &MapSource::Spec(spec)).await?;
+        let map = shared.map().clone();
+        let env = tokio::task::spawn_blocking(move || Env::new(map, npc_count, goal_band, seed.0)).await??;
         let observations = env.observations().to_vec();
-        Ok((reserved.fill(env), observations))
+        let kept = Kept {
+            env: Mutex::new(env),
+            used: Mutex::new(Instant::now()),
+            owner: caller.name.clone(),
+            _memory: (shared, memory),
+        };
+        Ok((reserved.fill(kept), observations))
     }
 
     /// Reserves a place for a new environment, after removing idle ones.
@@ -143,11 +180,14 @@ impl Envs {
     /// Steps every NPC by one decision; `actions` holds one action for each NPC.
     ///
     /// # Errors
-    /// If no environment has this id, it is being stepped, or the number of actions is wrong ([`EnvError::Lost`]).
-    pub async fn step(&self, id: EnvId, actions: Vec<Action>) -> Result<StepResults, EnvError> {
-        let kept = self.find(id)?;
+    /// If there is no such environment, it is somebody else's, or it is being stepped.
+    ///
+    /// # Panics
+    /// If there is not one action for each NPC.
+    pub async fn step(&self, caller: &Caller, id: EnvId, actions: Vec<Action>) -> Result<StepResults, EnvError> {
+        let kept = self.find(caller, id)?;
         let task = tokio::task::spawn_blocking(move || {
-            let mut env = kept.env.try_lock().map_err(|_| EnvError::Busy(id))?;
+            let mut env = kept.lock(id)?;
             let ended = env.step(&actions);
             let (observations, rewards) = (env.observations().to_vec(), env.rewards().to_vec());
             Ok(StepResults { observations, rewards, ended })
@@ -158,8 +198,9 @@ impl Envs {
     /// Closes an environment.
     ///
     /// # Errors
-    /// If no environment has this id.
-    pub fn close(&self, id: EnvId) -> Result<(), EnvError> {
+    /// If there is none of that id, or it is somebody else's.
+    pub fn close(&self, caller: &Caller, id: EnvId) -> Result<(), EnvError> {
+        self.find(caller, id)?;
         self.inner().by_id.remove(&id).map(drop).ok_or(EnvError::Unknown(id))
     }
 }
@@ -170,11 +211,13 @@ struct Reserved {
 }
 
 impl Reserved {
-    fn fill(self, env: Env) -> EnvId {
+    fn fill(self, kept: Kept) -> EnvId {
         let mut inner = self.envs.inner();
-        inner.last_id += 1;
+        // Microseconds: no environment of an earlier run of the server had the id.
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_micros() as u64;
+        inner.last_id = now.max(inner.last_id + 1);
         let id = EnvId(inner.last_id);
-        inner.by_id.insert(id, Arc::new(Kept { env: Mutex::new(env), used: Mutex::new(Instant::now()) }));
+        inner.by_id.insert(id, Arc::new(kept));
         id
     }
 }

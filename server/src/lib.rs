@@ -12,6 +12,7 @@ pub mod geometry;
 pub mod grpc;
 pub mod hosted;
 pub mod ids;
+mod inbox;
 pub mod messages;
 pub mod metrics;
 pub mod quota;

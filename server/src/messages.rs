@@ -18,7 +18,9 @@ pub enum ToWorker {
     Ended(WorldId, Vec<AttemptEnd>),
     /// Observations to be answered.
     Observations(ObservationBatch),
-    /// The last message: why the stream ends.
+    /// A world that has ended: nothing more will come of it.
+    Over(WorldId),
+    /// The last message: why its stream ends.
     Goodbye(Goodbye),
 }
 
@@ -103,9 +105,6 @@ pub enum Goodbye {
     /// An answer is invalid: the field, and what is wrong with it.
     #[error("{1}")]
     BadAnswer(String, String),
-    /// A world is too busy for the worker's answer, or has stopped.
-    #[error(transparent)]
-    Sim(#[from] crate::errors::SimError),
 }
 
 /// The first message of a worker, checked.
@@ -124,14 +123,27 @@ pub struct Hello {
 pub struct Answer {
     /// Tick of the observations that this answers.
     pub tick: Tick,
-    /// NPCs that the worker has decided for.
-    pub npcs: Vec<NpcId>,
-    /// One action for each NPC, in the order of `npcs`.
-    pub actions: Vec<Action>,
-    /// New waypoints, m.
-    pub waypoints: Vec<(NpcId, Vec3)>,
-    /// NPCs whose attempt the worker gives up.
-    pub gave_up: Vec<NpcId>,
-    /// Plans that NPCs follow from now on.
-    pub plans: Vec<(NpcId, NpcPlan)>,
+    /// Decisions, each for another NPC.
+    pub decisions: Vec<Decision>,
+    /// New waypoints, m, with the attempts that they are for.
+    pub waypoints: Vec<(NpcId, u32, Vec3)>,
+    /// Attempts to be given up.
+    pub gave_up: Vec<(NpcId, u32)>,
+    /// New plans, with the attempts that they are for.
+    pub plans: Vec<(NpcId, u32, NpcPlan)>,
+    /// Plans that the planner has not delivered since the worker's last answer.
+    pub plans_failed: u32,
+    /// Actions, waypoints and plans among these that were left out because a number made no sense.
+    pub invalid: u64,
+}
+
+/// What a worker decided for one NPC.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Decision {
+    /// The NPC.
+    pub npc: NpcId,
+    /// The attempt that was observed.
+    pub attempt: u32,
+    /// The action; `None` if it is not finite.
+    pub action: Option<Action>,
 }

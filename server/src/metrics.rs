@@ -51,14 +51,27 @@ impl Text {
     }
 }
 
-/// Renders the metrics of all worlds and workers.
-pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad]) -> String {
+/// Figures that belong to no world.
+#[derive(Debug, Clone, Copy)]
+pub struct ProcessFigures {
+    /// Worlds that panicked since the start.
+    pub failed_worlds: u64,
+    /// Memory in use for maps and environments.
+    pub memory_bytes: u64,
+}
+
+/// Renders all figures.
+pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad], process: ProcessFigures) -> String {
     let mut text = Text::default();
     render_workers(&mut text, workers);
     let per_world = |value: fn(&WorldFigures) -> f64| {
         worlds.iter().map(move |world| (format!("{{world=\"{}\"}}", world.id), value(world)))
     };
     text.family("worlds", "gauge", "Running worlds.", [(String::new(), worlds.len() as f64)]);
+    let failed = process.failed_worlds as f64;
+    text.family("worlds_failed_total", "counter", "Worlds that panicked.", [(String::new(), failed)]);
+    let memory = process.memory_bytes as f64;
+    text.family("memory_budget_bytes", "gauge", "Memory in use for maps and environments.", [(String::new(), memory)]);
     let by_state = worlds.iter().flat_map(|world| {
         let Tally { idle, seeking, down, .. } = world.tally;
         [("idle", idle), ("seeking", seeking), ("down", down)]
@@ -81,7 +94,11 @@ pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad]) -> String {
     let missed = per_world(|world| world.counters.missed as f64);
     text.family("decisions_missed_total", "counter", "Decisions not answered in time.", missed);
     let stale = per_world(|world| world.counters.stale as f64);
-    text.family("answers_stale_total", "counter", "Answers for decisions that were no longer pending.", stale);
+    text.family("answers_stale_total", "counter", "Answers that nobody waited for any more.", stale);
+    let invalid = per_world(|world| world.counters.invalid as f64);
+    text.family("answers_invalid_total", "counter", "Actions, waypoints and plans ignored for a bad number.", invalid);
+    let unplanned = per_world(|world| world.counters.plans_failed as f64);
+    text.family("plans_failed_total", "counter", "Plans that planners failed to deliver to workers.", unplanned);
     let ends = worlds.iter().flat_map(|world| {
         let counts = End::ALL.iter().zip(world.counters.ends);
         counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.id, end.name()), count as f64))

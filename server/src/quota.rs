@@ -46,17 +46,21 @@ impl Quota {
     /// # Errors
     /// If the client has reached its quota.
     pub fn acquire(self: &Arc<Self>, client: &str) -> Result<Ticket, QuotaError> {
-        let has = self.held.lock().expect(POISON).get(client).copied().unwrap_or(0);
-        if has >= self.limit {
+        let mut held = self.held.lock().expect(POISON);
+        if held.get(client).is_some_and(|count| *count >= self.limit) || self.limit == 0 {
             return Err(QuotaError { client: client.to_owned(), limit: self.limit, what: self.what });
         }
-        Ok(self.grant(client))
+        Ok(self.add(&mut held, client))
     }
 
     /// Acquires a place for `client` even beyond its quota, as for restored worlds.
     pub fn grant(self: &Arc<Self>, client: &str) -> Ticket {
+        self.add(&mut self.held.lock().expect(POISON), client)
+    }
+
+    fn add(self: &Arc<Self>, held: &mut BTreeMap<Arc<str>, usize>, client: &str) -> Ticket {
         let client: Arc<str> = client.into();
-        *self.held.lock().expect(POISON).entry(client.clone()).or_default() += 1;
+        *held.entry(client.clone()).or_default() += 1;
         Ticket { quota: self.clone(), client }
     }
 }
@@ -81,3 +85,24 @@ impl Drop for Ticket {
 }
 
 const POISON: &str = "no holder of this lock panics";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parallel_calls_of_one_client_do_not_exceed_its_quota() {
+        let quota = Quota::new(1000, "things");
+        let acquire = |_| {
+            std::thread::spawn({
+                let quota = quota.clone();
+                move || (0..500).filter_map(|_| quota.acquire("client").ok()).collect::<Vec<_>>()
+            })
+        };
+        let threads: Vec<_> = (0..8).map(acquire).collect();
+        let held: Vec<Vec<Ticket>> = threads.into_iter().map(|thread| thread.join().unwrap()).collect();
+        assert_eq!(held.iter().map(Vec::len).sum::<usize>(), 1000);
+        drop(held);
+        assert!(quota.acquire("client").is_ok());
+    }
+}

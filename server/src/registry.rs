@@ -4,9 +4,13 @@ use crate::ids::WorkerId;
 use crate::messages::ToWorker;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use tokio::sync::mpsc::Sender;
 use tracing::warn;
+
+/// How long a worker that left observations unanswered gets NPCs only if nobody else has room.
+const DISTRUST: Duration = Duration::from_secs(30);
 
 /// A worker that has just joined.
 #[derive(Debug)]
@@ -42,9 +46,15 @@ struct Entry {
     npc_count: u32,
     queue: Sender<ToWorker>,
     cut: Arc<Notify>,
+    /// Until then it gets NPCs only if nobody else has room: it has left observations unanswered.
+    distrusted_until: Option<Instant>,
 }
 
 impl Entry {
+    fn is_distrusted(&self) -> bool {
+        self.distrusted_until.is_some_and(|until| Instant::now() < until)
+    }
+
     /// Share of the capacity that `npc_count` NPCs take.
     fn share(&self, npc_count: u32) -> f64 {
         f64::from(npc_count) / f64::from(self.capacity)
@@ -66,9 +76,11 @@ struct Inner {
 impl Inner {
     /// Returns the worker with room whose share would be the smallest with one more NPC, and that share.
     fn least_loaded(&self) -> Option<(WorkerId, f64)> {
-        let with_one_more = |entry: &Entry| entry.share(entry.npc_count + 1);
+        let with_one_more = |entry: &Entry| (entry.is_distrusted(), entry.share(entry.npc_count + 1));
         let open = self.workers.iter().filter(|(_, entry)| entry.npc_count < entry.capacity);
-        open.map(|(&id, entry)| (id, with_one_more(entry))).min_by(|a, b| a.1.total_cmp(&b.1))
+        let open = open.map(|(&id, entry)| (id, with_one_more(entry)));
+        let (id, (_, share)) = open.min_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
+        Some((id, share))
     }
 }
 
@@ -82,7 +94,10 @@ impl Registry {
         let mut inner = self.inner();
         inner.last_id += 1;
         let (id, cut) = (WorkerId(inner.last_id), Arc::new(Notify::new()));
-        inner.workers.insert(id, Entry { name, policy, capacity, npc_count: 0, queue, cut: cut.clone() });
+        inner.workers.insert(
+            id,
+            Entry { name, policy, capacity, npc_count: 0, queue, cut: cut.clone(), distrusted_until: None },
+        );
         Joined { id, cut }
     }
 
@@ -102,7 +117,7 @@ impl Registry {
     /// Moves the place of an NPC of `from` to another worker, if that worker is then loaded no more than `from` without the NPC.
     pub fn relieve(&self, from: WorkerId) -> Option<WorkerId> {
         let mut inner = self.inner();
-        let (to, share) = inner.least_loaded()?;
+        let (to, share) = inner.least_loaded().filter(|(to, _)| !inner.workers[to].is_distrusted())?;
         let entry = inner.workers.get_mut(&from)?;
         if to == from || share > entry.share(entry.npc_count.saturating_sub(1)) {
             return None;
@@ -112,7 +127,25 @@ impl Registry {
         Some(to)
     }
 
-    /// Restores the place of an NPC that stays with `id` although [`relieve`](Self::relieve) had moved its place.
+    /// For a while gives NPCs to `id` only if no other worker has room: it does not answer.
+    pub fn distrust(&self, id: WorkerId) {
+        if let Some(entry) = self.inner().workers.get_mut(&id) {
+            entry.distrusted_until = Some(Instant::now() + DISTRUST);
+        }
+    }
+
+    /// Moves a place from a worker that does not answer to one that does and has room.
+    pub fn replace(&self, silent: WorkerId) -> Option<WorkerId> {
+        let mut inner = self.inner();
+        let (next, _) = inner.least_loaded().filter(|(next, _)| !inner.workers[next].is_distrusted())?;
+        inner.workers.get_mut(&next)?.npc_count += 1;
+        if let Some(entry) = inner.workers.get_mut(&silent) {
+            entry.npc_count = entry.npc_count.saturating_sub(1);
+        }
+        Some(next)
+    }
+
+    /// Takes a place again for an NPC that `id` was to be relieved of and is not.
     pub fn keep(&self, id: WorkerId) {
         if let Some(entry) = self.inner().workers.get_mut(&id) {
             entry.npc_count += 1;

@@ -6,23 +6,28 @@ use crate::grpc::WorldApi;
 use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
 use crate::worlds::Worlds;
+use std::time::Duration;
 use surefoot_net::idempotency::Answers;
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 use surefoot_proto::world::v1::world_service_server::{SERVICE_NAME as WORLD_SERVICE, WorldServiceServer};
+use tokio::sync::watch;
 use tonic::service::RoutesBuilder;
 
-/// Serves worlds on `endpoint` until `shutdown`, then saves them.
+/// Time for saving all worlds at a shutdown. With the drain of the endpoint it makes less than ten seconds.
+const LAST_SAVE: Duration = Duration::from_secs(4);
+
+/// Serves worlds on `endpoint` until `shutdown`, then saves them. Saved worlds are restored in the background; until then health checks
+/// report NOT_SERVING.
 ///
 /// # Errors
 /// If the transport fails, or the folder for saved worlds cannot be used.
 pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown) -> Result<(), ServerError> {
     let worlds = Worlds::new(config, shutdown.clone());
-    worlds.restore_all().await?;
-    if worlds.config().state.is_some() {
-        tokio::spawn(worlds.clone().keep_saving());
-    }
+    worlds.open_state()?;
+    let (ready, is_ready) = watch::channel(false);
+    let restoring = tokio::spawn(restore(worlds.clone(), ready, shutdown.clone()));
     let metrics = {
         let worlds = worlds.clone();
         move || {
@@ -30,18 +35,43 @@ pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown)
             async move { worlds.metrics().await }
         }
     };
+    let endpoint = endpoint.with_readiness(is_ready);
     let routes = routes(&endpoint, &worlds, &shutdown);
-    let result = endpoint.serve(routes, &[WORLD_SERVICE, ENV_SERVICE, MAP_SERVICE], metrics, shutdown).await;
-    let saved = worlds.save_all(true).await;
+    let result = endpoint.serve(routes, &[WORLD_SERVICE, ENV_SERVICE, MAP_SERVICE], metrics, shutdown.clone()).await;
+    // Also if the transport failed.
+    shutdown.trigger();
+    let saved = worlds.save_all(true, LAST_SAVE).await;
     worlds.stop();
     result?;
+    if let Ok(restored) = restoring.await {
+        restored?;
+    }
     Ok(saved?)
+}
+
+/// Restores saved worlds, then saves all worlds now and then.
+async fn restore(worlds: Worlds, ready: watch::Sender<bool>, shutdown: Shutdown) -> Result<(), SavedError> {
+    if let Err(error) = worlds.restore_all().await {
+        // A server that cannot read its worlds must not run without them.
+        shutdown.trigger();
+        return Err(error);
+    }
+    ready.send_replace(true);
+    if worlds.config().state.is_some() {
+        tokio::spawn(worlds.keep_saving());
+    }
+    // Keeps the sender.
+    shutdown.wait().await;
+    Ok(())
 }
 
 fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBuilder {
     let limits = endpoint.limits();
-    let envs =
-        EnvApi { envs: Envs::new(worlds.config().max_envs), shutdown: shutdown.clone(), created: Answers::default() };
+    let envs = EnvApi {
+        envs: Envs::new(worlds.config().max_envs, worlds.maps().clone()),
+        shutdown: shutdown.clone(),
+        created: Answers::default(),
+    };
     let envs = EnvServiceServer::new(envs)
         .max_decoding_message_size(limits.max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);

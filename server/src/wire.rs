@@ -6,7 +6,7 @@ use crate::hosted::{
     EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, Support, TimeMode, WorldStats,
 };
 use crate::ids::{NpcId, WorldId};
-use crate::messages::{Answer, Assignment, Hello, ObservationBatch, ToWorker};
+use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToWorker};
 use crate::view::{Region, Shown};
 use crate::worlds::WorldSummary;
 use std::collections::BTreeSet;
@@ -74,7 +74,8 @@ pub fn finite(value: f32, field: &'static str) -> Result<f32, FieldError> {
 /// Reads a worker's answer.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if an array has the wrong length, a number is not finite, or an NPC is named twice.
+/// INVALID_ARGUMENT if an array has the wrong length or an NPC is named twice. A number that makes no sense concerns its NPC alone:
+/// it is left out and counted.
 pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
     let count = batch.npc_ids.len();
     let values = convert::unpack(&batch.actions, count * ACTION_LEN, "actions.actions")?;
@@ -84,22 +85,31 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
         let message = format!("actions.npc_ids names npc {} twice", pair[0]);
         return Err(status::invalid("actions.npc_ids", message));
     }
-    let actions =
-        actions_of(&values, |idx| batch.npc_ids[idx]).map_err(|message| status::invalid("actions.actions", message))?;
-    let waypoints = batch.waypoints.iter().map(|waypoint| {
-        let position = convert::point(waypoint.position.as_ref(), "actions.waypoints.position")?;
-        Ok((NpcId(waypoint.npc_id), position))
-    });
-    let waypoints = waypoints.collect::<Result<_, FieldError>>()?;
-    let plans = batch.plans.into_iter().map(|entry| Ok((NpcId(entry.npc_id), npc_plan(entry.plan)?)));
-    Ok(Answer {
-        tick: Tick(batch.tick),
-        actions,
-        waypoints,
-        plans: plans.collect::<Result<_, FieldError>>()?,
-        npcs: batch.npc_ids.into_iter().map(NpcId).collect(),
-        gave_up: batch.gave_up.into_iter().map(NpcId).collect(),
-    })
+    if batch.attempts.len() != count {
+        let message = format!("actions.attempts has {} values for {count} NPCs", batch.attempts.len());
+        return Err(status::invalid("actions.attempts", message));
+    }
+    let mut answer = Answer { tick: Tick(batch.tick), plans_failed: batch.plans_failed, ..Answer::default() };
+    for (idx, (npc, attempt)) in batch.npc_ids.into_iter().zip(batch.attempts).enumerate() {
+        let row = std::array::from_fn(|at| values[idx * ACTION_LEN + at]);
+        let action = Action::from_array(row).ok();
+        answer.invalid += u64::from(action.is_none());
+        answer.decisions.push(Decision { npc: NpcId(npc), attempt, action });
+    }
+    for wire::Waypoint { npc_id, position, attempt } in batch.waypoints {
+        match convert::point(position.as_ref(), "actions.waypoints.position") {
+            Ok(position) => answer.waypoints.push((NpcId(npc_id), attempt, position)),
+            Err(_) => answer.invalid += 1,
+        }
+    }
+    for wire::CarriedPlan { npc_id, plan, attempt } in batch.plans {
+        match npc_plan(plan) {
+            Ok(plan) => answer.plans.push((NpcId(npc_id), attempt, plan)),
+            Err(_) => answer.invalid += 1,
+        }
+    }
+    answer.gave_up = batch.gave_up.into_iter().map(|it| (NpcId(it.npc_id), it.attempt)).collect();
+    Ok(answer)
 }
 
 fn npc_plan(plan: Option<wire::NpcPlan>) -> Result<NpcPlan, FieldError> {
@@ -326,6 +336,8 @@ pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
         ticks_late: counters.ticks_late,
         tick_histogram: times.counts().to_vec(),
         answers_stale: counters.stale,
+        answers_invalid: counters.invalid,
+        plans_failed: counters.plans_failed,
         npcs_without_worker: *without_worker,
     }
 }
@@ -393,6 +405,7 @@ pub fn to_worker(message: ToWorker) -> Result<wire::WorkResponse, Status> {
             attempts: ended.iter().map(|ended| ended.attempt).collect(),
             outcomes: ended.iter().map(|ended| convert::outcome(Some(ended.end)).into()).collect(),
         }),
+        ToWorker::Over(WorldId(world_id)) => Message::Over(wire::WorldOver { world_id }),
         ToWorker::Observations(batch) => Message::Observations(observations_to_wire(batch)),
         ToWorker::Goodbye(goodbye) => return Err(goodbye.into()),
     };

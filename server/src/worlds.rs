@@ -2,25 +2,29 @@
 
 use crate::ServerConfig;
 use crate::errors::SimError;
-use crate::hosted::{HostedWorld, NpcError, SavedError, SavedMap, SavedWorld, SpawnOrder, TimeMode};
+use crate::hosted::{HostedWorld, NpcError, SavedError, SavedMap, SavedWorld, SpawnOrder, StateFolder, TimeMode};
 use crate::ids::{ID_PERIOD, NpcId, WorkerId, WorldId};
 use crate::messages::{Answer, Hello, ToWorker};
-use crate::metrics::{self, WorldFigures};
+use crate::metrics::{self, ProcessFigures, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry};
 use crate::sim::{SimHandle, SimState};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, RwLock};
-use std::time::SystemTime;
-use surefoot_net::levels::{LevelStore, MapSource};
-use surefoot_net::serving::Shutdown;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock, RwLock};
+use std::time::{Duration, SystemTime};
+use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
+use surefoot_net::memory::MemoryBudget;
+use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_world::{Map, Seed, Tick, Vec3};
 use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::Instant;
 use tracing::{info, warn};
 
-/// Phase between two worlds with consecutive ids, as a fraction of a period: the fractional parts of multiples of the golden
-/// ratio are spread evenly for any number of worlds.
+/// How long saving all worlds may take while the server runs.
+const SAVE_LIMIT: Duration = Duration::from_secs(60);
+/// Fractions of a period between worlds: consecutive multiples of the golden ratio spread evenly however many there are.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// Why the server cannot do what a client requests.
@@ -41,7 +45,10 @@ pub enum WorldsError {
     /// The client has as many NPCs as allowed.
     #[error("{0}")]
     NpcQuota(QuotaError),
-    /// The world refuses the call.
+    /// The world belongs to another client.
+    #[error("world {0} belongs to another client")]
+    NotOwner(WorldId),
+    /// The world refuses.
     #[error(transparent)]
     Npc(#[from] NpcError),
     /// The world's thread does not accept the call.
@@ -50,7 +57,13 @@ pub enum WorldsError {
     /// An item of a batch is invalid: the field, and what is wrong with it.
     #[error("{1}")]
     BadItem(String, String),
-    /// A background task ended without a result: what it was, and why it ended.
+    /// There is no map for it.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// A saved world cannot be changed.
+    #[error(transparent)]
+    Saved(#[from] SavedError),
+    /// Work in the background ended without a result.
     #[error("{0} failed: {1}")]
     Lost(&'static str, tokio::task::JoinError),
 }
@@ -66,6 +79,19 @@ pub struct WorldHandle {
     pub mode: TimeMode,
     /// The world's place in its client's quota.
     ticket: Arc<Ticket>,
+    /// What the map takes of the memory budget.
+    _memory: Arc<SharedMap>,
+    /// Nothing of it is to be saved any more.
+    is_dropped: Arc<AtomicBool>,
+}
+
+/// What a caller wants of an NPC.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NpcAccess {
+    /// Its state: anybody may.
+    Read,
+    /// To change it: whoever spawned it, the owner of its world, or an admin may.
+    Change,
 }
 
 /// Description of a world at one moment.
@@ -99,9 +125,14 @@ struct Shared {
     world_quota: Arc<Quota>,
     npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
+    maps: MapPool,
     levels: LevelStore,
     /// Held while saving: two saves at a time would write the same files.
     saving: tokio::sync::Mutex<()>,
+    /// The folder for saved worlds, locked against other processes.
+    state: OnceLock<StateFolder>,
+    /// Worlds that panicked.
+    failed_count: AtomicU64,
     shutdown: Shutdown,
 }
 
@@ -110,16 +141,23 @@ const POISON: &str = "no holder of this lock panics";
 impl Worlds {
     /// Creates a server without worlds.
     pub fn new(config: ServerConfig, shutdown: Shutdown) -> Self {
+        let memory = MemoryBudget::new(config.max_memory_bytes);
         let shared = Shared {
-            world_quota: Quota::new(config.max_worlds_per_client, "worlds, the most allowed (--max-worlds-per-client)"),
-            npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most allowed (--max-npcs-per-client)"),
-            levels: LevelStore::new(config.max_maps),
+            world_quota: Quota::new(
+                config.max_worlds_per_client,
+                "worlds, the most it may have (--max-worlds-per-client)",
+            ),
+            npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most it may have (--max-npcs-per-client)"),
+            maps: MapPool::new(memory.clone()),
+            levels: LevelStore::new(config.max_maps, memory),
             config,
             worlds: RwLock::default(),
             last_world: AtomicU64::new(0),
             epoch: WorldId::at(SystemTime::now()),
             registry: Arc::default(),
             saving: tokio::sync::Mutex::default(),
+            state: OnceLock::new(),
+            failed_count: AtomicU64::new(0),
             shutdown,
         };
         Self { shared: Arc::new(shared) }
@@ -130,7 +168,12 @@ impl Worlds {
         &self.shared.config
     }
 
-    /// Returns the store of imported levels.
+    /// Maps in use, and the memory that they take.
+    pub fn maps(&self) -> &MapPool {
+        &self.shared.maps
+    }
+
+    /// Maps that clients imported.
     pub fn levels(&self) -> &LevelStore {
         &self.shared.levels
     }
@@ -145,21 +188,25 @@ impl Worlds {
     /// Creates a world for `client` and starts it.
     ///
     /// # Errors
-    /// If the server or the client has too many worlds, the map cannot be generated, or the world's thread cannot be started
-    /// or does not answer.
-    pub async fn create(&self, client: &str, source: MapSource, mode: TimeMode) -> Result<WorldSummary, WorldsError> {
+    /// If there are too many, or its map cannot be made.
+    pub async fn create(
+        &self,
+        caller: &Caller,
+        source: MapSource,
+        mode: TimeMode,
+    ) -> Result<WorldSummary, WorldsError> {
         let limit = self.shared.config.max_worlds;
         if self.shared.worlds.read().expect(POISON).len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
-        let ticket = self.shared.world_quota.acquire(client).map_err(WorldsError::WorldQuota)?;
-        let map = in_background("map generation", move || source.map()).await?;
+        let ticket = self.shared.world_quota.acquire(&caller.name).map_err(WorldsError::WorldQuota)?;
+        let map = self.shared.maps.get(&caller.name, &source).await?;
         let id = self.next_id().await;
-        let map_hash = map.hash();
-        let world = HostedWorld::new(id, map.clone(), mode, self.shared.registry.clone());
+        let map_hash = map.map().hash();
+        let world = HostedWorld::new(id, map.map().clone(), mode, self.shared.registry.clone());
         self.start(id, world, map, ticket)?;
-        info!(world_id = id.0, map = %map_hash, ?mode, client, "world created");
-        self.describe(id).await
+        info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
+        self.describe(caller, id).await
     }
 
     /// Returns an id that no world of this or an earlier epoch has had.
@@ -181,8 +228,8 @@ impl Worlds {
         self.shared.epoch.0
     }
 
-    /// Starts a world's thread and registers the world.
-    fn start(&self, id: WorldId, world: HostedWorld, map: Arc<Map>, ticket: Ticket) -> Result<(), WorldsError> {
+    /// Starts a world's thread and lists it.
+    fn start(&self, id: WorldId, world: HostedWorld, map: Arc<SharedMap>, ticket: Ticket) -> Result<(), WorldsError> {
         let limit = self.shared.config.max_worlds;
         let mode = world.mode();
         let mut worlds = self.shared.worlds.write().expect(POISON);
@@ -190,8 +237,27 @@ impl Worlds {
             return Err(WorldsError::TooManyWorlds(limit));
         }
         let phase = (id.0 as f64 * GOLDEN).fract();
-        let sim = SimHandle::start(format!("world-{id}"), world, phase).map_err(WorldsError::NoThread)?;
-        worlds.insert(id, WorldHandle { sim, map, mode, ticket: Arc::new(ticket) });
+        let failed = {
+            let shared = Arc::downgrade(&self.shared);
+            move || {
+                let Some(shared) = shared.upgrade() else { return };
+                shared.failed_count.fetch_add(1, Ordering::Relaxed);
+                // What was saved of it stays: it is restored when the server starts the next time.
+                shared.worlds.write().expect(POISON).remove(&id);
+            }
+        };
+        let sim = SimHandle::start(format!("world-{id}"), world, phase, failed).map_err(WorldsError::NoThread)?;
+        worlds.insert(
+            id,
+            WorldHandle {
+                sim,
+                map: map.map().clone(),
+                _memory: map,
+                mode,
+                ticket: Arc::new(ticket),
+                is_dropped: Arc::default(),
+            },
+        );
         Ok(())
     }
 
@@ -204,12 +270,21 @@ impl Worlds {
         worlds.get(&id).cloned().ok_or(WorldsError::UnknownWorld(id))
     }
 
-    /// Describes one world.
+    /// A running world, with the caller's lane to its thread.
     ///
     /// # Errors
-    /// If no world has this id, or its thread does not answer.
-    pub async fn describe(&self, id: WorldId) -> Result<WorldSummary, WorldsError> {
-        let WorldHandle { sim, map, mode, .. } = self.handle(id)?;
+    /// If there is none of that id.
+    pub fn handle_for(&self, caller: &Caller, id: WorldId) -> Result<WorldHandle, WorldsError> {
+        let handle = self.handle(id)?;
+        Ok(WorldHandle { sim: handle.sim.for_client(&caller.name), ..handle })
+    }
+
+    /// One world.
+    ///
+    /// # Errors
+    /// If there is none of that id, or its thread does not answer.
+    pub async fn describe(&self, caller: &Caller, id: WorldId) -> Result<WorldSummary, WorldsError> {
+        let WorldHandle { sim, map, mode, .. } = self.handle_for(caller, id)?;
         let (npc_count, tick) = sim.call(|state| (state.world.npc_count(), state.world.tick())).await?;
         Ok(WorldSummary { id, map, mode, npc_count, tick })
     }
@@ -219,19 +294,27 @@ impl Worlds {
         self.shared.worlds.read().expect(POISON).keys().copied().collect()
     }
 
-    /// Ends a world and removes its file, if it was saved.
+    /// Ends a world and deletes what was saved of it, also if its thread is busy.
     ///
     /// # Errors
-    /// If no world has this id, or its thread does not answer.
-    pub async fn drop_world(&self, id: WorldId) -> Result<(), WorldsError> {
+    /// If there is none of that id, it belongs to somebody else, or its file cannot be deleted; then the world goes on.
+    pub async fn drop_world(&self, caller: &Caller, id: WorldId) -> Result<(), WorldsError> {
+        let handle = self.handle(id)?;
+        if !caller.may_change(handle.ticket.client()) {
+            return Err(WorldsError::NotOwner(id));
+        }
+        // Whoever is saving it just now deletes the file again.
+        handle.is_dropped.store(true, Ordering::SeqCst);
+        if let Some(folder) = self.shared.state.get()
+            && let Err(error) = folder.forget(id)
+        {
+            handle.is_dropped.store(false, Ordering::SeqCst);
+            return Err(error.into());
+        }
         let dropped = self.shared.worlds.write().expect(POISON).remove(&id);
         let handle = dropped.ok_or(WorldsError::UnknownWorld(id))?;
-        handle.sim.call(|state| state.is_over = true).await?;
-        if let Some(folder) = &self.shared.config.state
-            && let Err(error) = SavedWorld::forget(folder, id)
-        {
-            warn!(world_id = id.0, %error, "the file of a dropped world cannot be removed: a restart would restore the world");
-        }
+        // A thread that takes no more calls ends with the last handle.
+        let _ = handle.sim.cast(|state| state.is_over = true);
         info!(world_id = id.0, "world dropped");
         Ok(())
     }
@@ -256,34 +339,40 @@ impl Worlds {
             // A world that does not answer is left out.
             worlds.extend(sim.call(|state| WorldFigures::of(state)).await);
         }
-        metrics::render(&worlds, &self.shared.registry.load())
+        let process = ProcessFigures {
+            failed_worlds: self.shared.failed_count.load(Ordering::Relaxed),
+            memory_bytes: self.shared.maps.memory().used_bytes(),
+        };
+        metrics::render(&worlds, &self.shared.registry.load(), process)
     }
 
     // --- NPCs ---
 
-    /// Adds an NPC for `client`.
+    /// Adds an NPC for the caller.
     ///
     /// # Errors
-    /// If there is no such world, its thread does not answer, the world or the client has too many NPCs, or the position or
-    /// the goal lies outside the map.
-    pub async fn spawn(&self, client: &str, world: WorldId, order: SpawnOrder) -> Result<NpcId, WorldsError> {
-        self.spawn_many(client, world, vec![Ok(order)]).await?.pop().expect("one result for one order")
+    /// If there are too many, or the position lies outside the map.
+    pub async fn spawn(&self, caller: &Caller, world: WorldId, order: SpawnOrder) -> Result<NpcId, WorldsError> {
+        self.spawn_many(caller, world, vec![Ok(order)]).await?.pop().expect("one result for one order")
     }
 
-    /// Adds NPCs for `client`; each has its own result, in the order of `orders`.
+    /// Adds NPCs for the caller, each with a result of its own.
     ///
     /// # Errors
-    /// If there is no such world, or its thread does not answer.
+    /// If there is no such world, it belongs to somebody else, or its thread does not answer.
     pub async fn spawn_many(
         &self,
-        client: &str,
+        caller: &Caller,
         world: WorldId,
         orders: Vec<Result<SpawnOrder, WorldsError>>,
     ) -> Result<Vec<Result<NpcId, WorldsError>>, WorldsError> {
-        let handle = self.handle(world)?;
+        let handle = self.handle_for(caller, world)?;
+        if !caller.may_add_to(handle.ticket.client()) {
+            return Err(WorldsError::NotOwner(world));
+        }
         let limit = self.shared.config.max_npcs_per_world;
-        let acquire = |order| Ok((order?, self.shared.npc_quota.acquire(client).map_err(WorldsError::NpcQuota)?));
-        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(acquire).collect();
+        let take = |order| Ok((order?, self.shared.npc_quota.acquire(&caller.name).map_err(WorldsError::NpcQuota)?));
+        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();
         let results = handle.sim.call(move |state| {
             let mut spawn = |(order, ticket)| Ok(state.world.spawn_to(order, limit, ticket)?);
             orders.into_iter().map(|order| order.and_then(&mut spawn)).collect()
@@ -291,10 +380,12 @@ impl Worlds {
         Ok(results.await?)
     }
 
-    /// Runs `call` for each item on the world that its NPC belongs to, and returns the results in the order of `items`. All items
-    /// of a world run between two of its ticks.
+    /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of one world are
+    /// handled between two of its ticks.
     pub async fn with_npcs<T: Send + 'static, R: Send + 'static>(
         &self,
+        caller: &Caller,
+        access: NpcAccess,
         items: Vec<Result<(NpcId, T), WorldsError>>,
         call: impl Fn(&mut HostedWorld, NpcId, T) -> Result<R, NpcError> + Clone + Send + 'static,
     ) -> Vec<Result<R, WorldsError>> {
@@ -309,10 +400,19 @@ impl Worlds {
         for (world, items) in by_world {
             let places: Vec<(usize, NpcId)> = items.iter().map(|(idx, npc, _)| (*idx, *npc)).collect();
             let call = call.clone();
-            let done = match self.handle(world) {
+            let done = match self.handle_for(caller, world) {
                 Ok(handle) => {
+                    let may_change_all = access == NpcAccess::Read || caller.may_change(handle.ticket.client());
+                    let caller = caller.clone();
                     let work = move |state: &mut SimState| -> Vec<_> {
-                        items.into_iter().map(|(_, npc, item)| call(&mut state.world, npc, item)).collect()
+                        let world = &mut state.world;
+                        let one = |(_, npc, item)| {
+                            if !may_change_all && !caller.may_change(world.owner_of(npc)?) {
+                                return Err(NpcError::NotOwner(npc));
+                            }
+                            call(world, npc, item)
+                        };
+                        items.into_iter().map(one).collect()
                     };
                     handle.sim.call(work).await
                 }
@@ -336,11 +436,13 @@ impl Worlds {
     /// If there is no such NPC, its world's thread does not answer, or `call` fails.
     pub async fn with_npc<R: Send + 'static>(
         &self,
+        caller: &Caller,
+        access: NpcAccess,
         npc: NpcId,
-        call: impl FnOnce(&mut HostedWorld) -> Result<R, NpcError> + Send + 'static,
+        call: impl Fn(&mut HostedWorld) -> Result<R, NpcError> + Clone + Send + 'static,
     ) -> Result<R, WorldsError> {
-        let handle = self.handle(npc.world()).map_err(|_| NpcError::Unknown(npc))?;
-        Ok(handle.sim.call(move |state| call(&mut state.world)).await??)
+        let call = move |world: &mut HostedWorld, _, ()| call(world);
+        self.with_npcs(caller, access, vec![Ok((npc, ()))], call).await.pop().expect("one result for one item")
     }
 
     /// Draws `count` random places of a world where a character can stand.
@@ -371,14 +473,14 @@ impl Worlds {
         self.cast_all(move |world| world.lose_worker(worker));
     }
 
-    /// Passes a worker's answer to a world.
-    ///
-    /// # Errors
-    /// If the world's thread does not accept the call.
-    pub fn answer(&self, worker: WorkerId, world: WorldId, answer: Answer) -> Result<(), SimError> {
-        // A world that has just been dropped needs no answers.
-        let Ok(handle) = self.handle(world) else { return Ok(()) };
-        handle.sim.cast(move |state| state.world.answer(worker, answer))
+    /// Hands a worker's answer to its world. A world that cannot take it counts the decisions as missed; other worlds of the worker
+    /// are not affected.
+    pub fn answer(&self, worker: WorkerId, world: WorldId, answer: Answer) {
+        // A world that has just been dropped needs no answers any more.
+        let Ok(handle) = self.handle(world) else { return };
+        if let Err(error) = handle.sim.cast(move |state| state.world.answer(worker, answer)) {
+            warn!(worker = worker.0, world_id = world.0, %error, "an answer is lost");
+        }
     }
 
     /// Runs `call` on every world except those that are too busy.
@@ -393,22 +495,37 @@ impl Worlds {
 
     // --- what outlives the process ---
 
-    /// Restores all saved worlds. A world that cannot be restored is logged, and its file is kept.
+    /// Locks the folder for saved worlds, where the configuration names one.
+    ///
+    /// # Errors
+    /// If it cannot be created, or another process uses it.
+    pub fn open_state(&self) -> Result<(), SavedError> {
+        if let Some(path) = &self.shared.config.state {
+            let folder = StateFolder::open(path)?;
+            // Opened once, at the start.
+            let _ = self.shared.state.set(folder);
+        }
+        Ok(())
+    }
+
+    /// Restores saved worlds, until the server shuts down. A file that cannot be used is named and left where it is; its id is not
+    /// given to another world.
     ///
     /// # Errors
     /// If the folder cannot be read.
     pub async fn restore_all(&self) -> Result<(), SavedError> {
-        let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
-        for saved in SavedWorld::read_all(&folder)? {
-            let restored = saved.and_then(|saved| {
-                // The id of a world that cannot be restored now is not reused either.
-                self.shared.last_world.fetch_max(saved.id().0, Ordering::Relaxed);
-                let map = saved.map()?;
-                Ok((saved, map))
-            });
+        let Some(folder) = self.shared.state.get() else { return Ok(()) };
+        for (id, path) in folder.list()? {
+            self.shared.last_world.fetch_max(id.0, Ordering::Relaxed);
+            let read = move || SavedWorld::read(&path).and_then(|saved| Ok((saved.map()?, saved)));
+            let restored = tokio::select! {
+                restored = tokio::task::spawn_blocking(read) => restored,
+                () = self.shared.shutdown.wait() => return Ok(()),
+            };
             match restored {
-                Ok((saved, map)) => self.restore(&saved, map),
-                Err(error) => warn!(%error, "a saved world cannot be restored"),
+                Ok(Ok((map, saved))) => self.restore(&saved, map),
+                Ok(Err(error)) => warn!(world_id = id.0, %error, "a saved world is not restored; its file stays"),
+                Err(error) => warn!(world_id = id.0, %error, "a saved world is not restored; its file stays"),
             }
         }
         Ok(())
@@ -420,48 +537,48 @@ impl Worlds {
         info!(world_id, npcs = world.npc_count(), tick = world.tick().0, "world restored");
         let ticket = self.shared.world_quota.grant(saved.owner());
         if map.spec().is_none()
-            && let Err(error) = self.shared.levels.put(saved.level().to_owned(), map.clone())
+            && let Err(error) =
+                self.shared.levels.put(&Caller::on_behalf_of(saved.owner()), saved.level().to_owned(), map.clone())
         {
             warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
         }
-        if let Err(error) = self.start(saved.id(), world, map, ticket) {
-            warn!(world_id, %error, "a saved world cannot be restored");
+        if let Err(error) = self.start(saved.id(), world, self.shared.maps.adopt(saved.owner(), map), ticket) {
+            warn!(world_id, %error, "a saved world is not restored");
         }
     }
 
-    /// Saves all worlds, if a folder is configured; with `is_last` the worlds end.
+    /// Saves all worlds, where the configuration says so; with `is_last` they end. What cannot be saved within `limit` stays as it
+    /// was saved before.
     ///
     /// # Errors
-    /// If a file cannot be written.
-    pub async fn save_all(&self, is_last: bool) -> Result<(), SavedError> {
-        let Some(folder) = self.shared.config.state.clone() else { return Ok(()) };
-        let _saving = self.shared.saving.lock().await;
+    /// The first error; the other worlds are saved all the same.
+    pub async fn save_all(&self, is_last: bool, limit: Duration) -> Result<(), SavedError> {
+        let Some(folder) = self.shared.state.get() else { return Ok(()) };
+        let deadline = Instant::now() + limit;
+        let Ok(_saving) = tokio::time::timeout_at(deadline, self.shared.saving.lock()).await else {
+            return Err(SavedError::TooSlow(limit));
+        };
         let worlds = self.shared.worlds.read().expect(POISON).clone();
-        let mut all = Vec::new();
-        for WorldHandle { sim, ticket, map, .. } in worlds.into_values() {
-            let level = self.shared.levels.name_of(map.hash()).unwrap_or_default();
-            let source = tokio::task::spawn_blocking(move || SavedMap::of(&map, level));
-            let Ok(source) = source.await else { continue };
-            let saved = sim.call(move |state| {
-                state.is_over |= is_last;
-                state.world.save(ticket.client(), source)
-            });
-            // A world that does not answer was just dropped or is too busy; then its earlier save stays.
-            all.extend(saved.await.ok());
+        let mut saving = JoinSet::new();
+        for handle in worlds.into_values() {
+            saving.spawn(save(handle, self.shared.levels.clone(), folder.clone(), is_last));
         }
-        let worlds = self.clone();
-        let task = tokio::task::spawn_blocking(move || {
-            std::fs::create_dir_all(&folder).map_err(|error| SavedError::Io(folder.clone(), error))?;
-            for saved in &all {
-                saved.write(&folder)?;
-                // The world may have been dropped meanwhile.
-                if worlds.handle(saved.id()).is_err() {
-                    SavedWorld::forget(&folder, saved.id())?;
+        let mut first_error = None;
+        loop {
+            match tokio::time::timeout_at(deadline, saving.join_next()).await {
+                Ok(None) => break,
+                Ok(Some(Ok(Ok(())) | Err(_))) => {}
+                Ok(Some(Ok(Err(error)))) => {
+                    warn!(%error, "a world is not saved");
+                    first_error.get_or_insert(error);
+                }
+                Err(_) => {
+                    first_error.get_or_insert(SavedError::TooSlow(limit));
+                    break;
                 }
             }
-            Ok(())
-        });
-        task.await.unwrap_or(Ok(()))
+        }
+        first_error.map_or(Ok(()), Err)
     }
 
     /// Saves all worlds periodically until the shutdown.
@@ -477,14 +594,30 @@ impl Worlds {
                 _ = due.tick() => {}
                 () = &mut stopping => return,
             }
-            if let Err(error) = self.save_all(false).await {
-                warn!(%error, "worlds cannot be saved");
-            }
+            // Each failure has been logged.
+            let _ = self.save_all(false, SAVE_LIMIT).await;
         }
     }
 }
 
-/// Runs CPU work on a blocking thread; `what` names it in errors.
+/// Saves one world. A world that does not answer, because it was just dropped, stays as it was saved before.
+async fn save(handle: WorldHandle, levels: LevelStore, folder: StateFolder, is_last: bool) -> Result<(), SavedError> {
+    let WorldHandle { sim, ticket, map, is_dropped, .. } = handle;
+    let level = levels.name_of(map.hash()).unwrap_or_default();
+    let Ok(source) = tokio::task::spawn_blocking(move || SavedMap::of(&map, level)).await else { return Ok(()) };
+    let saved = sim.call(move |state| {
+        state.is_over |= is_last;
+        state.world.save(ticket.client(), source)
+    });
+    let Ok(saved) = saved.await else { return Ok(()) };
+    let write = move || {
+        folder.write(&saved)?;
+        if is_dropped.load(Ordering::SeqCst) { folder.forget(saved.id()) } else { Ok(()) }
+    };
+    tokio::task::spawn_blocking(write).await.unwrap_or(Ok(()))
+}
+
+/// Runs CPU work on a thread of its own.
 async fn in_background<T: Send + 'static>(
     what: &'static str,
     work: impl FnOnce() -> T + Send + 'static,

@@ -1,9 +1,10 @@
 //! Ticks of a hosted world, hand-overs and late answers, without sockets: workers are queues.
 
 use std::sync::Arc;
+use std::time::Duration;
 use surefoot_server::hosted::{HostedWorld, NpcError, NpcStatus, TimeMode};
 use surefoot_server::ids::{NpcId, WorkerId, WorldId};
-use surefoot_server::messages::{Answer, ObservationBatch, ToWorker};
+use surefoot_server::messages::{Answer, Decision, ObservationBatch, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_world::map::{MapSize, Placed};
@@ -73,7 +74,15 @@ impl Worker {
 
 fn forward_to(batch: &ObservationBatch) -> Answer {
     let action = Action { forward: 1.0, ..Action::default() };
-    Answer { tick: batch.tick, npcs: batch.npcs.clone(), actions: vec![action; batch.npcs.len()], ..Answer::default() }
+    let decide = |(&npc, &attempt)| Decision { npc, attempt, action: Some(action) };
+    let decisions = batch.npcs.iter().zip(&batch.attempts).map(decide).collect();
+    Answer { tick: batch.tick, decisions, ..Answer::default() }
+}
+
+/// An answer about one of the NPCs of a batch.
+fn rest(batch: &ObservationBatch, npc: NpcId) -> Answer {
+    let decision = Decision { npc, attempt: 1, action: Some(Action::default()) };
+    Answer { decisions: vec![decision], ..forward_to(batch) }
 }
 
 #[test]
@@ -104,11 +113,9 @@ fn a_lockstep_world_waits_for_every_answer() {
     assert!(!stage.world.is_ready(), "nobody has answered");
     let batch = worker.batches().pop().unwrap();
     assert_eq!(batch.npcs, npcs);
-    let half = Answer { npcs: vec![npcs[0]], actions: vec![Action::default()], ..forward_to(&batch) };
-    stage.world.answer(worker.id, half);
+    stage.world.answer(worker.id, rest(&batch, npcs[0]));
     assert!(!stage.world.is_ready(), "one has not answered");
-    let rest = Answer { npcs: vec![npcs[1]], actions: vec![Action::default()], ..forward_to(&batch) };
-    stage.world.answer(worker.id, rest);
+    stage.world.answer(worker.id, rest(&batch, npcs[1]));
     assert!(stage.world.is_ready());
     stage.world.step();
     assert_eq!(stage.world.tick(), Tick(1));
@@ -175,8 +182,8 @@ fn answers_of_a_worker_that_the_npc_is_not_assigned_to_are_ignored() {
     stage.world.is_ready();
     let batch = worker.batches().pop().unwrap();
     let mut forged = forward_to(&batch);
-    forged.waypoints.push((npc, Vec3::new(1.0, 1.0, 1.0)));
-    forged.gave_up.push(npc);
+    forged.waypoints.push((npc, 1, Vec3::new(1.0, 1.0, 1.0)));
+    forged.gave_up.push((npc, 1));
     stage.world.answer(WorkerId(99), forged);
     let state = stage.world.npc(npc).unwrap();
     assert_eq!((state.status, state.waypoint, state.last_outcome), (NpcStatus::Seeking, None, None));
@@ -207,4 +214,121 @@ fn an_attempt_ends_once_and_its_worker_is_notified() {
     assert_eq!(stage.world.history(npc).unwrap().len(), 1);
     assert_eq!(stage.world.npc(npc).unwrap().status, NpcStatus::Idle);
     assert!(matches!(stage.world.set_goal(NpcId(77), GOAL), Err(NpcError::Unknown(NpcId(77)))));
+}
+
+#[test]
+fn a_worker_that_does_not_answer_loses_its_npcs_within_two_seconds_and_gets_no_new_ones() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut silent = stage.join(10, 4096);
+    let npcs: Vec<NpcId> = (0..6).map(|idx| stage.spawn_at(2.0 + 2.0 * idx as f32)).collect();
+    let mut other = stage.join(10, 4096);
+    let mut asked_of_other = Vec::new();
+    for _ in 0..12 * TICKS_PER_DECISION {
+        stage.world.step();
+        for batch in other.batches() {
+            asked_of_other.extend(batch.npcs.iter().copied());
+            stage.world.answer(other.id, forward_to(&batch));
+        }
+    }
+    asked_of_other.sort_unstable();
+    asked_of_other.dedup();
+    assert_eq!(asked_of_other, npcs, "the worker that answers decides for all");
+    assert!(npcs.iter().all(|&npc| stage.world.npc(npc).unwrap().worker == Some(other.id)));
+    let released = silent.messages().into_iter().filter_map(|message| match message {
+        ToWorker::Release(_, npcs) => Some(npcs.len()),
+        _ => None,
+    });
+    assert!(released.sum::<usize>() >= 3, "it was notified");
+    let late = stage.spawn_at(30.0);
+    assert_eq!(stage.world.npc(late).unwrap().worker, Some(other.id), "it is not trusted with new NPCs");
+}
+
+#[test]
+fn a_worker_without_an_alternative_keeps_its_npcs_and_answers_count_again() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut worker = stage.join(10, 4096);
+    let npc = stage.spawn_at(5.0);
+    (0..20).for_each(|_| stage.step_decision());
+    assert_eq!(stage.world.npc(npc).unwrap().worker, Some(worker.id), "there is nobody else");
+    worker.messages();
+    stage.step_decision();
+    let batch = worker.batches().pop().unwrap();
+    stage.world.answer(worker.id, forward_to(&batch));
+    assert_eq!(stage.world.counters().answered, 1);
+}
+
+#[test]
+fn a_lockstep_world_gives_the_npcs_of_a_silent_worker_to_another_after_half_a_minute() {
+    let mut stage = Stage::new(TimeMode::Lockstep);
+    let _silent = stage.join(1, 16);
+    let npc = stage.spawn_at(5.0);
+    let mut other = stage.join(1, 16);
+    assert!(!stage.world.is_ready());
+    stage.world.note_waiting(Duration::from_secs(29));
+    assert!(!stage.world.is_ready() && other.batches().is_empty(), "a worker may take its time");
+    stage.world.note_waiting(Duration::from_secs(2));
+    assert!(!stage.world.is_ready());
+    let batch = other.batches().pop().expect("the other worker is asked now");
+    assert_eq!(batch.npcs, [npc]);
+    stage.world.answer(other.id, forward_to(&batch));
+    assert!(stage.world.is_ready());
+}
+
+#[test]
+fn what_is_about_an_earlier_attempt_changes_nothing() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut worker = stage.join(8, 256);
+    let npc = stage.spawn_at(5.0);
+    worker.messages();
+    stage.step_decision();
+    let first = worker.batches().pop().unwrap();
+    // The client changes its mind before the worker's answer arrives.
+    assert_eq!(stage.world.set_goal(npc, Vec3::new(20.0, 1.0, 5.0)).unwrap(), 2);
+    let mut late = forward_to(&first);
+    late.gave_up.push((npc, 1));
+    late.waypoints.push((npc, 1, Vec3::new(1.0, 1.0, 1.0)));
+    stage.world.answer(worker.id, late);
+    let state = stage.world.npc(npc).unwrap();
+    assert_eq!((state.status, state.waypoint, state.last_outcome), (NpcStatus::Seeking, None, None));
+    assert_eq!(state.attempts_begun, 2);
+    assert_eq!((stage.world.counters().stale, stage.world.counters().answered), (1, 0));
+    // What is about the present attempt counts.
+    stage.world.answer(worker.id, Answer { gave_up: vec![(npc, 2)], ..Answer::default() });
+    assert_eq!(stage.world.npc(npc).unwrap().last_outcome, Some(End::NoProgress));
+}
+
+#[test]
+fn a_decision_that_is_not_finite_stops_its_npc_and_no_other() {
+    let mut stage = Stage::new(TimeMode::Lockstep);
+    let mut worker = stage.join(8, 16);
+    let npcs = [stage.spawn_at(5.0), stage.spawn_at(8.0)];
+    stage.world.is_ready();
+    let batch = worker.batches().pop().unwrap();
+    let mut answer = forward_to(&batch);
+    answer.decisions[0].action = None;
+    answer.invalid = 1;
+    stage.world.answer(worker.id, answer);
+    assert!(stage.world.is_ready(), "the world goes on");
+    (0..TICKS_PER_DECISION).for_each(|_| stage.world.step());
+    let moved = |npc, x: f32| (stage.world.npc(npc).unwrap().position - Vec3::new(x, 1.0, 10.0)).length() > 0.1;
+    assert!(!moved(npcs[0], 5.0) && moved(npcs[1], 8.0));
+    assert_eq!(stage.world.counters().invalid, 1);
+}
+
+#[test]
+fn every_worker_that_knew_a_world_learns_of_its_end() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut first = stage.join(1, 64);
+    stage.spawn_at(5.0);
+    stage.world.flush();
+    let mut second = stage.join(10, 64);
+    stage.spawn_at(8.0);
+    stage.world.flush();
+    let mut idle = stage.join(10, 64);
+    stage.world.release_all();
+    let is_over = |message: &ToWorker| matches!(message, ToWorker::Over(WorldId(1)));
+    assert!(first.messages().last().is_some_and(is_over));
+    assert!(second.messages().last().is_some_and(is_over));
+    assert!(!idle.messages().iter().any(is_over), "it never heard of the world");
+    assert!(stage.registry.load().iter().all(|worker| worker.npc_count == 0));
 }

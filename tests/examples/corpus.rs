@@ -81,8 +81,9 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         tick: 0,
         npc_ids: npc_ids.clone(),
         actions: convert::pack(actions),
-        waypoints: vec![wire::Waypoint { npc_id: npc_ids[0], position: at(12.0, 1.0, 3.0) }],
-        gave_up: vec![npc_ids[1]],
+        waypoints: vec![wire::Waypoint { npc_id: npc_ids[0], position: at(12.0, 1.0, 3.0), attempt: 1 }],
+        gave_up: vec![wire::GivenUp { npc_id: npc_ids[1], attempt: 1 }],
+        attempts: vec![1, 1],
         ..Default::default()
     };
     let observations = wire::ObservationBatch {

@@ -2,7 +2,7 @@
 
 use e2e::{
     LIMIT, build_to_end, ground, planner_client, set_goal, small_graph, small_map, spawn, start_planner,
-    start_planner_at, start_server, start_worker, watch_until, world_client,
+    start_planner_at, start_server, start_server_at, start_worker, watch_until, world_client,
 };
 use surefoot_net::serving::{EndpointConfig, Limits};
 use surefoot_planner_service::PlannerConfig;
@@ -27,7 +27,22 @@ async fn maps(uri: &str) -> MapServiceClient<Channel> {
 }
 
 fn import(format: wire::MapFormat, file: Vec<u8>) -> wire::ImportMapRequest {
-    wire::ImportMapRequest { name: "arena.glb".to_owned(), format: format.into(), file, sidecar: String::new() }
+    wire::ImportMapRequest { name: "arena.glb".to_owned(), format: format.into(), file, ..Default::default() }
+}
+
+/// A kept map as a file.
+async fn download(client: &mut MapServiceClient<Channel>, map_hash: &str) -> Vec<u8> {
+    let request = wire::GetMapRequest { map_hash: map_hash.to_owned() };
+    let mut messages = client.get_map(request).await.unwrap().into_inner();
+    let first = messages.message().await.unwrap().unwrap();
+    let (map, file_bytes, mut file) = (first.map.unwrap(), first.file_bytes, first.chunk);
+    assert_eq!(map.map_hash, map_hash);
+    while let Some(wire::GetMapResponse { chunk, .. }) = messages.message().await.unwrap() {
+        assert!(chunk.len() <= 1 << 20);
+        file.extend(chunk);
+    }
+    assert_eq!(file.len() as u64, file_bytes);
+    file
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -78,7 +93,7 @@ async fn edits_of_a_level_outlive_its_changes() {
         let request = import(wire::MapFormat::Saved, exchange::encode(&map));
         let kept = maps(&planner.uri).await.import_map(request).await;
         let map_hash = kept.unwrap().into_inner().map.unwrap().map_hash;
-        let request = plan::StartBuildRequest { map_hash, settings: Some(small_graph()), map: None };
+        let request = plan::StartBuildRequest { map_hash, settings: Some(small_graph()), ..Default::default() };
         let build = build_to_end(&mut client, request).await;
         let last = (build.graph_id, build.summary.unwrap());
         if graphs.is_empty() {
@@ -135,15 +150,16 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
         let refusal = client.import_map(request).await.unwrap_err();
         assert!(refusal.code() == code && refusal.message().contains(words), "{refusal}");
     }
-    let back = client.get_map(wire::GetMapRequest { map_hash: kept.map_hash.clone() }).await.unwrap().into_inner();
-    assert_eq!(exchange::decode(&back.file).unwrap().hash().to_hex(), kept.map_hash);
+    let back = download(&mut client, &kept.map_hash).await;
+    assert_eq!(exchange::decode(&back).unwrap().hash().to_hex(), kept.map_hash);
     let unknown = client.get_map(wire::GetMapRequest { map_hash: "0".repeat(64) }).await.unwrap_err();
     assert!(unknown.code() == Code::NotFound && unknown.message().contains("ImportMap"), "{unknown}");
 
     let mut graphs = planner_client(&planner).await;
-    let both = plan::StartBuildRequest { map: Some(small_map(1)), map_hash: kept.map_hash.clone(), settings: None };
+    let both =
+        plan::StartBuildRequest { map: Some(small_map(1)), map_hash: kept.map_hash.clone(), ..Default::default() };
     assert!(graphs.start_build(both).await.unwrap_err().message().contains("both set"));
-    let neither = plan::StartBuildRequest { map: None, map_hash: String::new(), settings: None };
+    let neither = plan::StartBuildRequest::default();
     assert!(graphs.start_build(neither).await.unwrap_err().message().contains("map is missing"));
 
     // There is room for one map. No world uses the first, so it is evicted.
@@ -151,4 +167,39 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
     client.import_map(import(wire::MapFormat::Saved, other)).await.unwrap();
     assert_eq!(client.list_maps(wire::ListMapsRequest::default()).await.unwrap().into_inner().maps.len(), 1);
     planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_level_larger_than_a_message_arrives_in_chunks_and_leaves_in_chunks() {
+    let limits = Limits { max_import_bytes: 64 << 10, ..Limits::default() };
+    let server = start_server_at(EndpointConfig { limits, ..EndpointConfig::default() }, ServerConfig::default());
+    let mut client = maps(&server.uri).await;
+    let map = Map::generate(&map_spec(Some(&small_map(1000))).unwrap());
+    let file = exchange::encode(&map);
+    assert!(file.len() > 4 * limits.max_import_bytes, "{} bytes", file.len());
+    let too_large = client.import_map(import(wire::MapFormat::Saved, file.clone())).await.unwrap_err();
+    assert_eq!(too_large.code(), Code::OutOfRange);
+    let part = |offset: usize, data: &[u8]| wire::UploadChunkRequest {
+        upload_id: "level".to_owned(),
+        offset: offset as u64,
+        data: data.to_vec(),
+    };
+    let mut sent = 0;
+    for chunk in file.chunks(limits.max_import_bytes / 2) {
+        // A client that got no answer sends the part again.
+        for _ in 0..2 {
+            let received = client.upload_chunk(part(sent, chunk)).await.unwrap().into_inner().received;
+            assert_eq!(received as usize, sent + chunk.len());
+        }
+        sent += chunk.len();
+    }
+    let gap = client.upload_chunk(part(sent + 1, b"x")).await.unwrap_err();
+    assert!(gap.code() == Code::OutOfRange && gap.message().contains(&sent.to_string()), "{gap}");
+    let whole = wire::ImportMapRequest { upload_id: "level".to_owned(), ..import(wire::MapFormat::Saved, Vec::new()) };
+    let kept = client.import_map(whole.clone()).await.unwrap().into_inner().map.unwrap();
+    assert_eq!(kept.map_hash, map.hash().to_hex());
+    assert_eq!(download(&mut client, &kept.map_hash).await, file);
+    let again = client.import_map(whole).await.unwrap_err();
+    assert!(again.code() == Code::NotFound && again.message().contains("level"), "an upload is imported once: {again}");
+    server.stop().await;
 }

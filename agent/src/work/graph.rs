@@ -1,14 +1,21 @@
-//! The planner's graph of a world's map: requests its build, and again when the planner has lost it.
+//! The planner's graphs of the worlds' maps: requests their builds, and again when the planner has lost one.
+//!
+//! Worlds on equal maps share a graph. Streams have a connection of their own, and only so many are open at a time, so that
+//! queries never wait behind them.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
+use super::session::is_other_policy;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, Weak};
 use std::time::Duration;
-use surefoot_net::client::Link;
+use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as planner, BuildStage};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
+use tokio::time::Instant;
 use tokio_stream::StreamExt;
 use tonic::{Code, Status};
 use tracing::{info, warn};
@@ -16,9 +23,116 @@ use tracing::{info, warn};
 /// Longest wait for an imported map to be fetched or imported.
 const IMPORT_LIMIT: Duration = Duration::from_secs(60);
 
+/// Builds of which the progress is watched at a time; further ones wait.
+const WATCHED_BUILDS: usize = 50;
+/// Graphs of which the edits are watched at a time; the workers of others learn of edits from the answers to their queries. With the
+/// builds this stays below the streams that a planner allows on a connection (128).
+const WATCHED_GRAPHS: usize = 50;
+/// Pauses after a planner that did not answer: the first, doubled up to the last.
+const PLANNER_PAUSES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
+const POISON: &str = "no holder of this lock panics";
+
 /// Converts a revision from the wire, where 0 means none.
 pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
     (revision != 0).then_some(revision)
+}
+
+/// What distinguishes the graphs of worlds: the map.
+#[derive(Debug, Clone)]
+pub(super) struct GraphKey {
+    map: Option<wire::MapSpec>,
+    map_hash: String,
+}
+
+impl GraphKey {
+    /// The key of an assignment's map.
+    pub fn of(assignment: &wire::Assignment) -> Self {
+        Self { map: assignment.map, map_hash: assignment.map_hash.clone() }
+    }
+}
+
+/// The graphs of one planner, shared by all worlds of a worker.
+pub(super) struct Graphs {
+    queries: PlannerServiceClient<Link>,
+    streams: Link,
+    settings: planner::BuildSettings,
+    policy_hash: String,
+    by_map: Mutex<BTreeMap<String, Weak<Graph>>>,
+    watched_builds: Arc<Semaphore>,
+    watched_graphs: Arc<Semaphore>,
+    other_policy: watch::Sender<Option<Status>>,
+}
+
+impl Graphs {
+    /// Graphs of the planner behind `planner`, proved with the policy of that hash.
+    pub fn new(planner: &Dialer, settings: planner::BuildSettings, policy_hash: String) -> Self {
+        let client = PlannerServiceClient::new(planner.connect_lazy()).max_decoding_message_size(MAX_MESSAGE_BYTES);
+        Self {
+            queries: client,
+            streams: planner.connect_lazy(),
+            settings,
+            policy_hash,
+            by_map: Mutex::default(),
+            watched_builds: Arc::new(Semaphore::new(WATCHED_BUILDS)),
+            watched_graphs: Arc::new(Semaphore::new(WATCHED_GRAPHS)),
+            other_policy: watch::Sender::new(None),
+        }
+    }
+
+    /// The graph of a map, which is requested from the planner unless some world uses it already. An imported map is fetched from
+    /// `server`.
+    pub fn of(&self, key: GraphKey, server: Link) -> Arc<Graph> {
+        let mut by_map = self.by_map.lock().expect(POISON);
+        by_map.retain(|_, graph| graph.strong_count() > 0);
+        if let Some(graph) = by_map.get(&key.map_hash).and_then(Weak::upgrade) {
+            return graph;
+        }
+        let map_hash = key.map_hash.clone();
+        let graph = Arc::new(self.start(key, server));
+        by_map.insert(map_hash, Arc::downgrade(&graph));
+        graph
+    }
+
+    /// Resolves when the planner has refused to prove edges with this worker's policy.
+    pub async fn other_policy(&self) -> Status {
+        let mut refused = self.other_policy.subscribe();
+        // The sender is part of this.
+        let refused = refused.wait_for(Option::is_some).await;
+        refused.ok().and_then(|status| status.clone()).unwrap_or_else(|| Status::internal("the planner is gone"))
+    }
+
+    fn start(&self, key: GraphKey, server: Link) -> Graph {
+        let (ready, id) = watch::channel(String::new());
+        let (edited, revision) = watch::channel(None);
+        let maps = |link| {
+            MapServiceClient::new(link)
+                .max_decoding_message_size(MAX_MESSAGE_BYTES)
+                .max_encoding_message_size(MAX_MESSAGE_BYTES)
+        };
+        let is_imported = key.map.is_none();
+        let builder = Builder {
+            client: PlannerServiceClient::new(self.streams.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES),
+            request: planner::StartBuildRequest {
+                map: key.map,
+                map_hash: if is_imported { key.map_hash } else { String::new() },
+                settings: Some(self.settings),
+                policy_hash: self.policy_hash.clone(),
+            },
+            server_maps: maps(server),
+            planner_maps: maps(self.streams.clone()),
+            watched_builds: self.watched_builds.clone(),
+            watched_graphs: self.watched_graphs.clone(),
+            other_policy: self.other_policy.clone(),
+        };
+        Graph {
+            client: self.queries.clone(),
+            id,
+            ready: ready.clone(),
+            revision,
+            resting: Mutex::default(),
+            build: tokio::spawn(builder.run(ready, edited)),
+        }
+    }
 }
 
 /// The planner's graph of one map.
@@ -30,32 +144,30 @@ pub(super) struct Graph {
     pub ready: watch::Sender<String>,
     /// Revision of designers' edits; `None` while unknown.
     pub revision: watch::Receiver<Option<u64>>,
+    /// Until when the planner is left alone because it did not answer, and the pause after the next failure.
+    resting: Mutex<Option<(Instant, Duration)>>,
     build: tokio::task::JoinHandle<()>,
 }
 
 impl Graph {
-    /// Starts a task that has `planner` build the graph of an assignment's map. An imported map is fetched from `server`.
-    pub fn start(server: Link, planner: Link, assignment: &wire::Assignment, settings: planner::BuildSettings) -> Self {
-        let client = PlannerServiceClient::new(planner.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
-        let (ready, id) = watch::channel(String::new());
-        let (edited, revision) = watch::channel(None);
-        let maps = |link| {
-            MapServiceClient::new(link)
-                .max_decoding_message_size(MAX_MESSAGE_BYTES)
-                .max_encoding_message_size(MAX_MESSAGE_BYTES)
+    /// Whether the planner is left alone for now, because it did not answer.
+    pub fn is_resting(&self) -> bool {
+        self.resting.lock().expect(POISON).is_some_and(|(until, _)| Instant::now() < until)
+    }
+
+    /// Notes whether the planner answered a query. After a failure it is left alone, longer from failure to failure.
+    pub fn note_answer(&self, answered: bool) {
+        let [first, longest] = PLANNER_PAUSES;
+        let mut resting = self.resting.lock().expect(POISON);
+        *resting = match *resting {
+            _ if answered => None,
+            // Queries that were sent together fail together.
+            Some((until, pause)) if Instant::now() < until => Some((until, pause)),
+            former => {
+                let pause = former.map_or(first, |(_, pause)| pause);
+                Some((Instant::now() + pause, (pause * 2).min(longest)))
+            }
         };
-        let is_imported = assignment.map.is_none();
-        let builder = Builder {
-            client: client.clone(),
-            request: planner::StartBuildRequest {
-                map: assignment.map,
-                map_hash: if is_imported { assignment.map_hash.clone() } else { String::new() },
-                settings: Some(settings),
-            },
-            server_maps: maps(server),
-            planner_maps: maps(planner),
-        };
-        Self { client, id, ready: ready.clone(), revision, build: tokio::spawn(builder.run(ready, edited)) }
     }
 }
 
@@ -70,6 +182,9 @@ struct Builder {
     request: planner::StartBuildRequest,
     server_maps: MapServiceClient<Link>,
     planner_maps: MapServiceClient<Link>,
+    watched_builds: Arc<Semaphore>,
+    watched_graphs: Arc<Semaphore>,
+    other_policy: watch::Sender<Option<Status>>,
 }
 
 impl Builder {
@@ -94,6 +209,10 @@ impl Builder {
                     pause = MIN_PAUSE;
                 }
                 Err(status) => {
+                    if is_other_policy(&status) {
+                        self.other_policy.send_replace(Some(status));
+                        return;
+                    }
                     warn!(%status, "no graph yet: NPCs head straight for their goals");
                     tokio::time::sleep(pause).await;
                     pause = (pause * 2).min(MAX_PAUSE);
@@ -104,6 +223,7 @@ impl Builder {
 
     /// Watches the edits of a graph; never returns.
     async fn watch(&self, graph_id: &str, edited: &watch::Sender<Option<u64>>) {
+        let Ok(_turn) = self.watched_graphs.acquire().await else { return std::future::pending().await };
         let mut client = self.client.clone();
         loop {
             let request = planner::WatchGraphRequest { graph_id: graph_id.to_owned() };
@@ -131,6 +251,9 @@ impl Builder {
     }
 
     async fn build(&mut self) -> Result<String, Status> {
+        let turns = self.watched_builds.clone();
+        // Never closed.
+        let _turn = turns.acquire().await.map_err(|_| Status::unavailable("shutting down"))?;
         match self.build_known().await {
             Err(status) if status.code() == Code::NotFound && !self.request.map_hash.is_empty() => {
                 self.forward_map().await?;
@@ -156,19 +279,33 @@ impl Builder {
         Err(Status::unavailable("the planner ended the build without a graph"))
     }
 
-    /// Imports the server's map into the planner.
+    /// Imports the server's map into the planner, chunk by chunk.
     async fn forward_map(&mut self) -> Result<(), Status> {
-        let mut get = tonic::Request::new(wire::GetMapRequest { map_hash: self.request.map_hash.clone() });
-        get.set_timeout(IMPORT_LIMIT);
-        let wire::GetMapResponse { map, file } = self.server_maps.get_map(get).await?.into_inner();
-        let import = wire::ImportMapRequest {
-            name: map.unwrap_or_default().name,
-            format: wire::MapFormat::Saved.into(),
-            file,
-            sidecar: String::new(),
+        let map_hash = self.request.map_hash.clone();
+        let upload_id = format!("worker-{}", map_hash.get(..32).unwrap_or_default());
+        let forward = async {
+            let get = wire::GetMapRequest { map_hash };
+            let mut chunks = self.server_maps.get_map(get).await?.into_inner();
+            let (mut name, mut offset) = (String::new(), 0);
+            while let Some(message) = chunks.next().await {
+                let wire::GetMapResponse { map, chunk, .. } = message?;
+                if let Some(map) = map {
+                    name = map.name;
+                }
+                let chunk_len = chunk.len() as u64;
+                let part = wire::UploadChunkRequest { upload_id: upload_id.clone(), offset, data: chunk };
+                self.planner_maps.upload_chunk(part).await?;
+                offset += chunk_len;
+            }
+            let import = wire::ImportMapRequest {
+                name,
+                format: wire::MapFormat::Saved.into(),
+                upload_id: upload_id.clone(),
+                ..wire::ImportMapRequest::default()
+            };
+            self.planner_maps.import_map(import).await.map(drop)
         };
-        let mut import = tonic::Request::new(import);
-        import.set_timeout(IMPORT_LIMIT);
-        self.planner_maps.import_map(import).await.map(drop)
+        let timeout = |_| Status::deadline_exceeded("the planner did not import the map within a minute");
+        tokio::time::timeout(IMPORT_LIMIT, forward).await.map_err(timeout)?
     }
 }

@@ -12,10 +12,12 @@ mod world;
 pub use config::WorkConfig;
 
 use config::{MAX_PAUSE, MIN_PAUSE};
-use session::Session;
+use graph::Graphs;
+use session::{Session, SessionEnd};
 use surefoot_net::client::LinkError;
 use surefoot_net::serving::Shutdown;
 use surefoot_policy::Policy;
+use surefoot_proto::plans::settings_to_wire;
 use tonic::{Code, Status};
 use tracing::warn;
 
@@ -28,6 +30,9 @@ pub enum WorkError {
     /// The server refuses this worker, and would refuse it again.
     #[error("the server refuses this worker: {0}")]
     Refused(Status),
+    /// The planner proves edges with another policy than this worker's.
+    #[error("the planner cannot plan for this worker: {}", .0.message())]
+    OtherPolicy(Status),
 }
 
 /// Decides for NPCs until `shutdown`, reconnecting as often as needed.
@@ -37,21 +42,25 @@ pub enum WorkError {
 pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Result<(), WorkError> {
     let server = config.credentials.dial(&config.server)?;
     let planner = config.planner.as_ref().map(|uri| config.credentials.dial(uri)).transpose()?;
-    let planner = planner.map(|dialer| dialer.connect_lazy());
+    let policy_hash = &policy.manifest().weights_hash;
+    let graphs = planner.map(|planner| Graphs::new(&planner, settings_to_wire(&config.graph), policy_hash.clone()));
     let mut pause = MIN_PAUSE;
     while !shutdown.is_triggered() {
-        let session = Session { config: &config, policy: &policy, planner: planner.clone() };
-        let result = tokio::select! {
-            result = session.run(&server) => result,
+        let session = Session { config: &config, policy: &policy, graphs: graphs.as_ref() };
+        let end = tokio::select! {
+            end = session.run(&server) => end,
             () = shutdown.wait() => return Ok(()),
         };
-        match result {
-            Ok(()) => pause = MIN_PAUSE,
-            Err(status) if is_final(status.code()) => return Err(WorkError::Refused(status)),
-            Err(status) => {
-                warn!(server = config.server, %status, pause_ms = pause.as_millis(), "no connection to the server: trying again")
+        let status = match end {
+            SessionEnd::OtherPolicy(status) => return Err(WorkError::OtherPolicy(status)),
+            SessionEnd::Refused(status) if is_final(status.code()) => return Err(WorkError::Refused(status)),
+            SessionEnd::Refused(status) => status,
+            SessionEnd::Lost(status) => {
+                pause = MIN_PAUSE;
+                status
             }
-        }
+        };
+        warn!(server = config.server, %status, pause_ms = pause.as_millis(), "no connection to the server: trying again");
         tokio::select! {
             () = tokio::time::sleep(pause) => {}
             () = shutdown.wait() => {}

@@ -1,18 +1,22 @@
 //! One connection to the server: sends hello, then dispatches messages to the tasks of the worlds.
 
 use super::config::WorkConfig;
-use super::graph::Graph;
-use super::world::{WorldMessage, WorldTask};
+use super::graph::{Graph, GraphKey, Graphs};
+use super::world::{WorldError, WorldMessage, WorldTask};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_policy::Policy;
-use surefoot_proto::plans::settings_to_wire;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::work_response::Message;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::OBSERVATION_VERSION;
 use tokio::sync::mpsc;
+use tokio::sync::mpsc::error::TrySendError;
+use tokio::task::JoinSet;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
@@ -20,19 +24,102 @@ use tracing::{info, warn};
 
 /// Most answers waiting to be sent; when full, worlds wait.
 const OUT_QUEUE: usize = 256;
-/// Most messages waiting for a world's task; further ones are dropped. The server's own queue fills up first.
+/// Most messages waiting for a world's task. When full, observations are dropped, and the server counts missed decisions.
 const WORLD_QUEUE: usize = 256;
 
 /// One connection to the server.
 pub(super) struct Session<'a> {
     pub config: &'a WorkConfig,
     pub policy: &'a Policy,
-    pub planner: Option<Link>,
+    /// The planner's graphs; none without a planner.
+    pub graphs: Option<&'a Graphs>,
+}
+
+/// How a connection ended.
+#[derive(Debug)]
+pub(super) enum SessionEnd {
+    /// The server refused this worker before it accepted a hello.
+    Refused(Status),
+    /// The connection was lost, or is of no use any more; another one may be.
+    Lost(Status),
+    /// The planner proves edges with another policy.
+    OtherPolicy(Status),
+}
+
+/// Tasks of worlds, by id. They end with the session.
+struct Worlds {
+    queues: BTreeMap<u64, mpsc::Sender<WorldMessage>>,
+    tasks: JoinSet<Result<(), WorldError>>,
 }
 
 impl Session<'_> {
     /// Decides for NPCs until the connection is lost.
-    pub async fn run(&self, server: &Dialer) -> Result<(), Status> {
+    pub async fn run(&self, server: &Dialer) -> SessionEnd {
+        let (channel, mut responses, out) = match self.connect(server).await {
+            Ok(connected) => connected,
+            Err(status) => return SessionEnd::Refused(status),
+        };
+        let mut is_welcome = false;
+        let mut worlds = Worlds { queues: BTreeMap::new(), tasks: JoinSet::new() };
+        let other_policy = async {
+            match self.graphs {
+                Some(graphs) => graphs.other_policy().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::pin!(other_policy);
+        loop {
+            let response = tokio::select! {
+                response = responses.next() => response,
+                status = &mut other_policy => return SessionEnd::OtherPolicy(status),
+                Some(ended) = worlds.tasks.join_next() => match ended {
+                    // The server ended the world.
+                    Ok(Ok(())) => continue,
+                    // The server assigns the NPCs anew once this connection is gone.
+                    Ok(Err(error)) => return SessionEnd::Lost(Status::internal(error.to_string())),
+                    Err(error) => return SessionEnd::Lost(Status::internal(format!("a world's task failed: {error}"))),
+                },
+            };
+            let message = match response {
+                Some(Ok(response)) => response.message,
+                Some(Err(status)) if !is_welcome => return SessionEnd::Refused(status),
+                Some(Err(status)) => return SessionEnd::Lost(status),
+                None => return SessionEnd::Lost(Status::unavailable("the server ended the stream")),
+            };
+            let passed = match message {
+                Some(Message::Welcome(welcome)) => {
+                    is_welcome = true;
+                    info!(worker = welcome.worker_id, server = self.config.server, "deciding for NPCs");
+                    Ok(())
+                }
+                Some(Message::Assignment(assignment)) => {
+                    if !worlds.queues.contains_key(&assignment.world_id) {
+                        self.start_world(&mut worlds, channel.clone(), &assignment, out.clone());
+                    }
+                    Ok(())
+                }
+                Some(Message::Release(release)) => {
+                    worlds.pass(release.world_id, WorldMessage::Release(release.npc_ids))
+                }
+                Some(Message::Ended(ended)) => worlds.pass(ended.world_id, WorldMessage::Ended(ended)),
+                Some(Message::Observations(batch)) => worlds.pass(batch.world_id, WorldMessage::Observations(batch)),
+                Some(Message::Over(over)) => {
+                    // Its task ends with the queue.
+                    worlds.queues.remove(&over.world_id);
+                    Ok(())
+                }
+                None => Ok(()),
+            };
+            if let Err(status) = passed {
+                return SessionEnd::Lost(status);
+            }
+        }
+    }
+
+    async fn connect(
+        &self,
+        server: &Dialer,
+    ) -> Result<(Link, tonic::Streaming<wire::WorkResponse>, mpsc::Sender<wire::WorkRequest>), Status> {
         let channel = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
         let mut client = WorldServiceClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (out, requests) = mpsc::channel(OUT_QUEUE);
@@ -45,60 +132,46 @@ impl Session<'_> {
         };
         let hello = wire::WorkRequest { message: Some(wire::work_request::Message::Hello(hello)) };
         out.send(hello).await.map_err(|_| Status::internal("the request stream closed"))?;
-        let mut responses = client.work(ReceiverStream::new(requests)).await?.into_inner();
-        let mut worlds: BTreeMap<u64, mpsc::Sender<WorldMessage>> = BTreeMap::new();
-        while let Some(response) = responses.next().await {
-            match response?.message {
-                Some(wire::work_response::Message::Welcome(welcome)) => {
-                    info!(worker = welcome.worker_id, server = self.config.server, "deciding for NPCs");
-                }
-                Some(wire::work_response::Message::Assignment(assignment)) => {
-                    worlds
-                        .entry(assignment.world_id)
-                        .or_insert_with(|| self.start_world(channel.clone(), &assignment, out.clone()));
-                }
-                Some(wire::work_response::Message::Release(release)) => {
-                    if let Some(world) = worlds.get(&release.world_id) {
-                        forward(world, WorldMessage::Release(release.npc_ids));
-                    }
-                }
-                Some(wire::work_response::Message::Ended(ended)) => {
-                    if let Some(world) = worlds.get(&ended.world_id) {
-                        forward(world, WorldMessage::Ended(ended));
-                    }
-                }
-                Some(wire::work_response::Message::Observations(batch)) => {
-                    if let Some(world) = worlds.get(&batch.world_id) {
-                        forward(world, WorldMessage::Observations(batch));
-                    }
-                }
-                None => {}
-            }
-        }
-        Ok(())
+        let responses = client.work(ReceiverStream::new(requests)).await?.into_inner();
+        Ok((channel, responses, out))
     }
 
     fn start_world(
         &self,
+        worlds: &mut Worlds,
         server: Link,
         assignment: &wire::Assignment,
         out: mpsc::Sender<wire::WorkRequest>,
-    ) -> mpsc::Sender<WorldMessage> {
+    ) {
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
-        let graph = self
-            .planner
-            .clone()
-            .map(|planner| Graph::start(server, planner, assignment, settings_to_wire(&self.config.graph)));
+        let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(GraphKey::of(assignment), server));
         let world = WorldTask::new(assignment, self.policy.clone(), self.config.noise_share, graph, out);
-        tokio::spawn(world.run(messages));
-        sender
+        worlds.tasks.spawn(world.run(messages));
+        worlds.queues.insert(assignment.world_id, sender);
     }
 }
 
-/// Passes a message to a world's task. A full queue means that this worker is far too slow: the message is dropped, and the
-/// server counts missed decisions.
-fn forward(world: &mpsc::Sender<WorldMessage>, message: WorldMessage) {
-    if world.try_send(message).is_err() {
-        warn!("a world's queue is full: dropping a message");
+impl Worlds {
+    /// Passes a message to a world's task. Observations that find a full queue are dropped; any other message must not be lost, so
+    /// the session ends and the server assigns its NPCs anew.
+    fn pass(&self, world_id: u64, message: WorldMessage) -> Result<(), Status> {
+        // The server may have had a message under way when the world ended.
+        let Some(queue) = self.queues.get(&world_id) else { return Ok(()) };
+        match queue.try_send(message) {
+            Ok(()) => Ok(()),
+            Err(TrySendError::Full(WorldMessage::Observations(_))) => {
+                warn!(world_id, "this worker is too slow: a batch of observations is dropped");
+                Ok(())
+            }
+            Err(TrySendError::Full(_)) => {
+                Err(Status::resource_exhausted("this worker is too slow: a world's queue is full"))
+            }
+            Err(TrySendError::Closed(_)) => Err(Status::internal("a world's task has ended")),
+        }
     }
+}
+
+/// Whether an error says that the planner has another policy.
+pub(super) fn is_other_policy(status: &Status) -> bool {
+    Reason::of(status) == Some(Reason::PolicyMismatch)
 }

@@ -1,22 +1,22 @@
 //! A worker's NPCs of one world: plans, waypoints and decisions.
 
 use super::graph::{Graph, revision_from_wire};
+use prost::Message;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
-use surefoot_net::client::Link;
 use surefoot_planner::Plan;
 use surefoot_planner::live::Traversal;
 use surefoot_policy::Policy;
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1 as planner;
-use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::plans::{self, npc_plan_to_wire, query_to_wire, traversal_to_wire};
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_world::{OBSERVATION_LEN, Vec3};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 use tonic::Code;
 use tracing::warn;
 
@@ -26,8 +26,26 @@ const PLAN_QUEUE: usize = 256;
 const REPORT_LEN: usize = 64;
 /// Most queries in one batch; planners allow more.
 const MAX_QUERIES: usize = 1024;
+/// Longest wait of a lockstep world for the graph of its map. After that its NPCs go on without plans until there is one.
+const GRAPH_LIMIT: Duration = Duration::from_secs(20);
+/// Largest answer in one message, bytes; servers accept 1 MiB unless configured.
+const MAX_ANSWER_BYTES: usize = 512 * 1024;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
+
+/// Bytes of a field's tag and length, at most.
+const FIELD_BYTES: usize = 6;
+
+/// Why a world's task cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum WorldError {
+    /// The server sent a batch of another shape.
+    #[error("the server sent a malformed batch")]
+    Malformed,
+    /// Evaluating the policy panicked.
+    #[error("the policy failed: {0}")]
+    Policy(#[from] tokio::task::JoinError),
+}
 
 /// Messages to a world's task.
 pub(super) enum WorldMessage {
@@ -68,7 +86,11 @@ pub(super) struct WorldTask {
     is_lockstep: bool,
     policy: Policy,
     noise_share: f32,
-    graph: Option<Graph>,
+    graph: Option<Arc<Graph>>,
+    /// Whether a lockstep world has waited for the graph, in vain.
+    has_waited: bool,
+    /// Plans that failed since the last answer.
+    plans_failed: u32,
     npcs: BTreeMap<u64, Npc>,
     planned: mpsc::Sender<PlanBatch>,
     plans: mpsc::Receiver<PlanBatch>,
@@ -83,7 +105,7 @@ impl WorldTask {
         assignment: &wire::Assignment,
         policy: Policy,
         noise_share: f32,
-        graph: Option<Graph>,
+        graph: Option<Arc<Graph>>,
         out: mpsc::Sender<wire::WorkRequest>,
     ) -> Self {
         let (planned, plans) = mpsc::channel(PLAN_QUEUE);
@@ -93,6 +115,8 @@ impl WorldTask {
             policy,
             noise_share,
             graph,
+            has_waited: false,
+            plans_failed: 0,
             npcs: BTreeMap::new(),
             planned,
             plans,
@@ -101,8 +125,8 @@ impl WorldTask {
         }
     }
 
-    /// Handles messages until the channel closes.
-    pub async fn run(mut self, mut messages: mpsc::Receiver<WorldMessage>) {
+    /// Handles messages until the channel closes, or the session ends.
+    pub async fn run(mut self, mut messages: mpsc::Receiver<WorldMessage>) -> Result<(), WorldError> {
         while let Some(message) = messages.recv().await {
             match message {
                 WorldMessage::Release(npc_ids) => {
@@ -112,18 +136,20 @@ impl WorldTask {
                 }
                 WorldMessage::Ended(ended) => self.note_ends(&ended),
                 WorldMessage::Observations(batch) => {
-                    let Some(answer) = self.decide(batch).await else { return };
-                    let request = wire::WorkRequest { message: Some(wire::work_request::Message::Actions(answer)) };
-                    if self.out.send(request).await.is_err() {
-                        return;
+                    for answer in split(self.decide(batch).await?, MAX_ANSWER_BYTES) {
+                        let request = wire::WorkRequest { message: Some(wire::work_request::Message::Actions(answer)) };
+                        if self.out.send(request).await.is_err() {
+                            return Ok(());
+                        }
                     }
                 }
             }
         }
+        Ok(())
     }
 
-    /// Answers one batch; `None` if the batch is malformed.
-    async fn decide(&mut self, batch: wire::ObservationBatch) -> Option<wire::ActionBatch> {
+    /// Answers one batch.
+    async fn decide(&mut self, batch: wire::ObservationBatch) -> Result<wire::ActionBatch, WorldError> {
         let count = batch.npc_ids.len();
         let vectors = |bytes: &[u8], field| convert::unpack(bytes, count * 3, field);
         let (observations, positions, goals) = match (
@@ -132,13 +158,11 @@ impl WorldTask {
             vectors(&batch.goals, "goals"),
         ) {
             (Ok(observations), Ok(positions), Ok(goals)) => (observations, positions, goals),
-            _ => {
-                warn!(world = self.world_id, "the server sent a malformed batch");
-                return None;
-            }
+            _ => return Err(WorldError::Malformed),
         };
         let at = |values: &[f32], idx: usize| Vec3::new(values[3 * idx], values[3 * idx + 1], values[3 * idx + 2]);
         self.apply_received();
+        let mut attempts = Vec::with_capacity(count);
         let mut gave_up = Vec::new();
         let mut queries = Vec::new();
         for (idx, &id) in batch.npc_ids.iter().enumerate() {
@@ -150,25 +174,28 @@ impl WorldTask {
                 Step::Keep => {}
                 Step::Head(waypoint) => self.npc(id).new_waypoint = Some(waypoint),
                 Step::Plan => queries.push((id, attempt, feet)),
-                Step::GiveUp => gave_up.push(id),
+                Step::GiveUp => gave_up.push(wire::GivenUp { npc_id: id, attempt }),
             }
+            attempts.push(attempt);
         }
         self.report();
         for queries in queries.chunks(MAX_QUERIES) {
             self.request_plans(queries).await;
         }
         let waypoints = batch.npc_ids.iter().filter_map(|&id| {
-            let position = self.npcs.get_mut(&id)?.new_waypoint.take()?;
-            Some(wire::Waypoint { npc_id: id, position: Some(convert::to_wire(position)) })
+            let npc = self.npcs.get_mut(&id)?;
+            let position = Some(convert::to_wire(npc.new_waypoint.take()?));
+            Some(wire::Waypoint { npc_id: id, position, attempt: npc.attempt })
         });
         let waypoints = waypoints.collect();
         let plans = batch.npc_ids.iter().filter_map(|&id| {
-            let plan = self.npcs.get_mut(&id)?.new_plan.take()?;
-            Some(wire::CarriedPlan { npc_id: id, plan: Some(plan) })
+            let npc = self.npcs.get_mut(&id)?;
+            let plan = Some(npc.new_plan.take()?);
+            Some(wire::CarriedPlan { npc_id: id, plan, attempt: npc.attempt })
         });
         let plans = plans.collect();
         let actions = self.act(&batch.npc_ids, observations, batch.tick).await?;
-        Some(wire::ActionBatch {
+        Ok(wire::ActionBatch {
             world_id: self.world_id,
             tick: batch.tick,
             npc_ids: batch.npc_ids,
@@ -176,6 +203,8 @@ impl WorldTask {
             waypoints,
             gave_up,
             plans,
+            attempts,
+            plans_failed: std::mem::take(&mut self.plans_failed),
         })
     }
 
@@ -253,30 +282,38 @@ impl WorldTask {
         });
     }
 
-    /// Requests plans. In lockstep waits for the answer, otherwise the plans apply from a later decision on.
+    /// Requests plans. In lockstep waits for the answer, otherwise the plans apply from a later decision on. Without an answer NPCs go
+    /// on without a plan, which is counted.
     async fn request_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
-        let Some(graph) = &mut self.graph else { return };
-        if self.is_lockstep && graph.id.wait_for(|id| !id.is_empty()).await.is_err() {
+        let Some(graph) = self.graph.clone() else { return };
+        let mut id = graph.id.clone();
+        if self.is_lockstep && !self.has_waited {
+            let ready = tokio::time::timeout(GRAPH_LIMIT, id.wait_for(|id| !id.is_empty())).await;
+            if ready.is_err() {
+                warn!(world = self.world_id, "no graph within {} s: NPCs go on without plans", GRAPH_LIMIT.as_secs());
+                self.has_waited = true;
+            }
+        }
+        let graph_id = id.borrow().clone();
+        if graph_id.is_empty() || graph.is_resting() {
+            self.plans_failed = self.plans_failed.saturating_add(queries.len() as u32);
             return;
         }
-        let graph_id = graph.id.borrow().clone();
-        if graph_id.is_empty() {
-            return;
-        }
+        self.has_waited = false;
         let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()) };
         for &(id, _, feet) in queries {
             let npc = self.npcs.get_mut(&id).expect("noted in this batch");
             npc.is_planning = true;
             request.queries.push(query_to_wire(&npc.follower.query(feet)));
         }
-        let (client, ready, planned) = (graph.client.clone(), graph.ready.clone(), self.planned.clone());
         let requested: Vec<(u64, u32)> = queries.iter().map(|&(id, attempt, _)| (id, attempt)).collect();
         if self.is_lockstep {
-            let plans = find_paths(client, request, requested, &ready).await;
+            let plans = find_paths(&graph, request, requested).await;
             self.apply(plans);
         } else {
+            let planned = self.planned.clone();
             tokio::spawn(async move {
-                let plans = find_paths(client, request, requested, &ready).await;
+                let plans = find_paths(&graph, request, requested).await;
                 // The receiver is gone if the world's task has ended.
                 let _ = planned.send(plans).await;
             });
@@ -293,6 +330,7 @@ impl WorldTask {
         for (id, attempt, plan) in planned.plans {
             let Some(npc) = self.npcs.get_mut(&id).filter(|npc| npc.attempt == attempt) else { continue };
             npc.is_planning = false;
+            self.plans_failed = self.plans_failed.saturating_add(u32::from(plan.is_none()));
             if let Some(plan) = plan {
                 npc.revision = planned.revision;
                 npc.new_plan = Some(npc_plan_to_wire(&plan));
@@ -302,7 +340,7 @@ impl WorldTask {
     }
 
     /// Evaluates the policy for these NPCs on a blocking thread and returns packed actions.
-    async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>, tick: u64) -> Option<Vec<u8>> {
+    async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>, tick: u64) -> Result<Vec<u8>, WorldError> {
         let (policy, noise_share, world_id) = (self.policy.clone(), self.noise_share, self.world_id);
         let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).memory.clone()).collect();
         let task = tokio::task::spawn_blocking(move || {
@@ -312,32 +350,36 @@ impl WorldTask {
             policy.act(&observations, &mut memory, noise_share, &mut rng, &mut actions);
             (memory, convert::pack(actions.iter().flat_map(|action| action.to_array())))
         });
-        let (memory, actions) = task.await.ok()?;
+        let (memory, actions) = task.await?;
         for (&id, row) in npc_ids.iter().zip(memory.chunks_exact(self.policy.memory_len().max(1))) {
             self.npc(id).memory.copy_from_slice(row);
         }
-        Some(actions)
+        Ok(actions)
     }
 }
 
-async fn find_paths(
-    mut client: PlannerServiceClient<Link>,
-    request: planner::FindPathsRequest,
-    requested: Vec<(u64, u32)>,
-    graph_ready: &watch::Sender<String>,
-) -> PlanBatch {
+async fn find_paths(graph: &Graph, request: planner::FindPathsRequest, requested: Vec<(u64, u32)>) -> PlanBatch {
+    let mut client = graph.client.clone();
     let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
     let planner::FindPathsResponse { plans, revision } = match answer {
-        Ok(Ok(response)) => response.into_inner(),
+        Ok(Ok(response)) => {
+            graph.note_answer(true);
+            response.into_inner()
+        }
+        Ok(Err(status)) if status.code() == Code::NotFound => {
+            // It is alive, but has evicted the graph.
+            warn!(%status, "the planner has lost the graph");
+            graph.ready.send_replace(String::new());
+            Default::default()
+        }
         Ok(Err(status)) => {
             warn!(%status, "the planner did not answer");
-            if status.code() == Code::NotFound {
-                graph_ready.send_replace(String::new());
-            }
+            graph.note_answer(false);
             Default::default()
         }
         Err(_) => {
-            warn!("the planner did not answer in time");
+            warn!("the planner did not answer within {} s", PLAN_LIMIT.as_secs());
+            graph.note_answer(false);
             Default::default()
         }
     };
@@ -345,4 +387,85 @@ async fn find_paths(
     let mut next = move || plans::plan(&plans.next()?).ok();
     let plans = requested.into_iter().map(|(id, attempt)| (id, attempt, next())).collect();
     PlanBatch { plans, revision: revision_from_wire(revision) }
+}
+
+/// Splits an answer into messages of at most about `limit` bytes each. A single plan is never larger than that.
+fn split(mut answer: wire::ActionBatch, limit: usize) -> Vec<wire::ActionBatch> {
+    if answer.encoded_len() <= limit {
+        return vec![answer];
+    }
+    let empty = || wire::ActionBatch { world_id: answer.world_id, tick: answer.tick, ..wire::ActionBatch::default() };
+    let mut parts = Vec::new();
+    let mut part = empty();
+    let mut part_len = 0;
+    let mut make_room = |part: &mut wire::ActionBatch, part_len: &mut usize, len: usize| {
+        if *part_len + len > limit && *part_len > 0 {
+            parts.push(std::mem::replace(part, empty()));
+            *part_len = 0;
+        }
+        *part_len += len;
+    };
+    for plan in std::mem::take(&mut answer.plans) {
+        make_room(&mut part, &mut part_len, plan.encoded_len() + FIELD_BYTES);
+        part.plans.push(plan);
+    }
+    for waypoint in std::mem::take(&mut answer.waypoints) {
+        make_room(&mut part, &mut part_len, waypoint.encoded_len() + FIELD_BYTES);
+        part.waypoints.push(waypoint);
+    }
+    for given_up in std::mem::take(&mut answer.gave_up) {
+        make_room(&mut part, &mut part_len, given_up.encoded_len() + FIELD_BYTES);
+        part.gave_up.push(given_up);
+    }
+    let action_bytes = answer.actions.len() / answer.npc_ids.len().max(1);
+    for (idx, (&npc_id, &attempt)) in answer.npc_ids.iter().zip(&answer.attempts).enumerate() {
+        // An id takes at most ten bytes, an attempt five.
+        make_room(&mut part, &mut part_len, action_bytes + 15);
+        part.npc_ids.push(npc_id);
+        part.attempts.push(attempt);
+        part.actions.extend_from_slice(&answer.actions[idx * action_bytes..][..action_bytes]);
+    }
+    part.plans_failed = answer.plans_failed;
+    parts.push(part);
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_large_answer_is_split_and_nothing_is_lost() {
+        let count = 4096_u64;
+        let plan = wire::NpcPlan { waypoints: vec![wire::Vec3 { x: 1.0, y: 2.0, z: 3.0 }; 40], ..Default::default() };
+        let answer = wire::ActionBatch {
+            world_id: 7,
+            tick: 9,
+            npc_ids: (0..count).map(|id| u64::MAX - id).collect(),
+            actions: (0..count * 16).map(|byte| byte as u8).collect(),
+            attempts: (0..count as u32).collect(),
+            waypoints: (0..count).map(|npc_id| wire::Waypoint { npc_id, position: None, attempt: 1 }).collect(),
+            plans: (0..count)
+                .map(|npc_id| wire::CarriedPlan { npc_id, plan: Some(plan.clone()), attempt: 1 })
+                .collect(),
+            gave_up: vec![wire::GivenUp { npc_id: 1, attempt: 1 }],
+            plans_failed: 3,
+        };
+        assert!(answer.encoded_len() > 3 << 20);
+        let parts = split(answer.clone(), MAX_ANSWER_BYTES);
+        assert!(parts.len() > 3 && parts.iter().all(|part| part.encoded_len() <= MAX_ANSWER_BYTES));
+        let mut whole = parts[0].clone();
+        for part in &parts[1..] {
+            assert_eq!((part.world_id, part.tick), (7, 9));
+            whole.npc_ids.extend(&part.npc_ids);
+            whole.actions.extend(&part.actions);
+            whole.attempts.extend(&part.attempts);
+            whole.waypoints.extend(part.waypoints.iter().cloned());
+            whole.plans.extend(part.plans.iter().cloned());
+            whole.gave_up.extend(part.gave_up.iter().cloned());
+            whole.plans_failed += part.plans_failed;
+        }
+        assert_eq!(whole, answer);
+        assert_eq!(split(parts[0].clone(), MAX_ANSWER_BYTES), [parts[0].clone()], "a small one stays whole");
+    }
 }

@@ -73,6 +73,9 @@ pub struct ServerLimits {
     /// Most imported maps to keep
     #[arg(long, default_value_t = ServerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
+    /// Memory budget for maps and environments, in MB; requests beyond it are refused
+    #[arg(long, default_value_t = ServerConfig::default().max_memory_bytes / MB, value_name = "MB")]
+    max_memory: u64,
     /// Cut off a reader that reads nothing from its stream for this long
     #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
     reader_patience: f64,
@@ -83,6 +86,9 @@ pub struct ServerLimits {
     #[arg(long, default_value_t = ServerConfig::default().save_every.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
     save_every: f64,
 }
+
+/// Bytes.
+const MB: u64 = 1_000_000;
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
@@ -98,6 +104,7 @@ impl ServerLimits {
             max_npcs_per_client: self.max_npcs_per_client,
             max_envs: self.max_envs,
             max_maps: self.max_maps,
+            max_memory_bytes: self.max_memory.saturating_mul(MB),
             reader_patience: std::time::Duration::from_secs_f64(self.reader_patience),
             state: self.state.clone(),
             save_every: std::time::Duration::from_secs_f64(self.save_every),
@@ -140,6 +147,9 @@ pub struct PlanArgs {
     /// Most imported maps to keep
     #[arg(long, default_value_t = PlannerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
+    /// Memory budget for imported maps, in MB; imports beyond it are refused
+    #[arg(long, default_value_t = PlannerConfig::default().max_memory_bytes / MB, value_name = "MB")]
+    max_memory: u64,
     #[command(flatten)]
     endpoint: EndpointArgs,
 }
@@ -305,6 +315,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         threads: args.threads.unwrap_or_else(core_count),
         table_vertices: args.table_vertices,
         max_maps: args.max_maps,
+        max_memory_bytes: args.max_memory.saturating_mul(MB),
     };
     run_until_signal(|shutdown| async move {
         let endpoint = Endpoint::open(args.listen, endpoint_config)?;

@@ -1,23 +1,32 @@
 //! `MapService`: decode, call, encode.
 
 use super::store::{Level, LevelError, LevelFormat, LevelStore, MapSource, read};
+use super::uploads::UploadError;
+use crate::memory::MemoryError;
 use crate::paging::{PageSize, page};
+use crate::serving::Caller;
 use crate::status;
+use std::pin::Pin;
 use std::sync::Arc;
 use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_server::MapService;
 use surefoot_world::exchange;
+use tokio_stream::Stream;
 use tonic::{Request, Response, Status};
 
 /// Longest name of a level, bytes.
 const MAX_NAME: f64 = 128.0;
+/// Largest chunk of a file that is sent, bytes.
+const CHUNK_BYTES: usize = 1 << 20;
 
 impl From<LevelError> for Status {
     fn from(error: LevelError) -> Self {
         let message = error.to_string();
         match error {
+            LevelError::Memory(error) => error.into(),
+            LevelError::OtherName(_) => status::failure(Reason::NotOwner, message),
             LevelError::Full(_) => status::quota(Reason::TooManyMaps, "server", message),
             LevelError::Unknown(map_hash) => status::not_found(Reason::MapNotFound, "map", map_hash, message),
             LevelError::File(_) => status::invalid("file", message),
@@ -25,7 +34,27 @@ impl From<LevelError> for Status {
     }
 }
 
-/// Returns the source of the map that a request names, by spec or by the hash of a kept map.
+impl From<MemoryError> for Status {
+    fn from(error: MemoryError) -> Self {
+        status::quota(Reason::OutOfMemory, "server", error.to_string())
+    }
+}
+
+impl From<UploadError> for Status {
+    fn from(error: UploadError) -> Self {
+        let message = error.to_string();
+        match error {
+            UploadError::Id(_) => status::invalid("upload_id", message),
+            UploadError::Offset { .. } => status::too_large("offset", message),
+            UploadError::TooLarge => status::too_large("data", message),
+            UploadError::TooMany => status::quota(Reason::TooManyMaps, "server", message),
+            UploadError::Memory(error) => error.into(),
+            UploadError::Unknown(id) => status::not_found(Reason::UploadNotFound, "upload", id, message),
+        }
+    }
+}
+
+/// The map that a request names: by spec or by the hash of a kept one.
 ///
 /// # Errors
 /// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that hash is kept.
@@ -62,28 +91,61 @@ impl MapService for LevelStore {
         &self,
         request: Request<wire::ImportMapRequest>,
     ) -> Result<Response<wire::ImportMapResponse>, Status> {
+        let caller = Caller::of(&request);
         let request = request.into_inner();
         convert::in_range(request.name.len() as f64, 1.0, MAX_NAME, "the length of name")?;
         let format = format(request.format())?;
-        let wire::ImportMapRequest { name, file, sidecar, .. } = request;
+        let wire::ImportMapRequest { name, file, sidecar, upload_id, .. } = request;
+        let file = match upload_id.as_str() {
+            "" => file,
+            _ if !file.is_empty() => {
+                return Err(status::invalid(
+                    "upload_id",
+                    "file and upload_id are both set: one of them holds the level",
+                ));
+            }
+            id => self.uploads().take(&caller.name, id)?,
+        };
+        let turn = self.turn().await;
+        let memory = self.reserve(&caller, file.len() + sidecar.len())?;
         let task = tokio::task::spawn_blocking(move || {
+            // The caller may be gone: turn and memory are released when the work is done.
+            let _held = (turn, memory);
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
             read(format, &file, sidecar)
         });
         let (map, warnings) =
             task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
-        let level = self.put(name, Arc::new(map))?;
+        let level = self.put(&caller, name, Arc::new(map))?;
         Ok(Response::new(wire::ImportMapResponse { map: Some(level_to_wire(&level)), warnings }))
     }
 
-    async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Result<Response<wire::GetMapResponse>, Status> {
+    async fn upload_chunk(
+        &self,
+        request: Request<wire::UploadChunkRequest>,
+    ) -> Result<Response<wire::UploadChunkResponse>, Status> {
+        let caller = Caller::of(&request);
+        let wire::UploadChunkRequest { upload_id, offset, data } = request.into_inner();
+        let received = self.uploads().append(&caller.name, &upload_id, offset, &data)?;
+        Ok(Response::new(wire::UploadChunkResponse { received }))
+    }
+
+    type GetMapStream = Pin<Box<dyn Stream<Item = Result<wire::GetMapResponse, Status>> + Send>>;
+
+    async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Result<Response<Self::GetMapStream>, Status> {
         let level = self.get(&request.into_inner().map_hash)?;
-        let map = Some(level_to_wire(&level));
+        let map = level_to_wire(&level);
         let task = tokio::task::spawn_blocking(move || exchange::encode(&level.map));
         let file = task
             .await
             .map_err(|error| status::failure(Reason::Internal, format!("the map cannot be saved: {error}")))?;
-        Ok(Response::new(wire::GetMapResponse { map, file }))
+        let file_bytes = file.len() as u64;
+        let chunks: Vec<Vec<u8>> = file.chunks(CHUNK_BYTES).map(<[u8]>::to_vec).collect();
+        let messages = chunks.into_iter().enumerate().map(move |(idx, chunk)| {
+            let (map, file_bytes) = if idx == 0 { (Some(map.clone()), file_bytes) } else { (None, 0) };
+            Ok(wire::GetMapResponse { map, chunk, file_bytes })
+        });
+        Ok(Response::new(Box::pin(tokio_stream::iter(messages))))
     }
 
     async fn list_maps(

@@ -1,20 +1,31 @@
 //! The levels that a service keeps, and the sources of maps.
 
+use super::uploads::Uploads;
+use crate::memory::{MemoryBudget, MemoryError, Reservation};
+use crate::serving::Caller;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::{Map, MapHash, MapSpec};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 /// Most imported maps that a service keeps by default.
 pub const DEFAULT_MAX_MAPS: usize = 16;
 
-/// An imported map with the name of its level.
+/// Bytes that reading a file takes at most for each byte of it, the index aside.
+const PARSE_FACTOR: u64 = 8;
+
+/// A map made elsewhere, with the name of its level.
 #[derive(Debug)]
 pub struct Level {
     /// Name of the level; edits belong to it.
     pub name: String,
     /// The imported map.
     pub map: Arc<Map>,
+    /// The client that imported it.
+    pub owner: Arc<str>,
+    /// What it takes of the memory budget.
+    _memory: Reservation,
 }
 
 /// Source of a map.
@@ -50,7 +61,15 @@ pub enum LevelError {
     /// The store is full, and all its maps are in use; holds the limit.
     #[error("all {0} maps that may be kept are in use (--max-maps)")]
     Full(usize),
-    /// No map with this hash is kept.
+    /// There is no memory for it.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// Somebody else imported this very map under another name.
+    #[error(
+        "this map was imported as level `{0}` by another client: import it under that name, or ask its owner to rename it"
+    )]
+    OtherName(String),
+    /// No such map is kept.
     #[error("map {0} is not kept here: call ImportMap first")]
     Unknown(String),
     /// The file holds no valid map; says why.
@@ -62,6 +81,10 @@ pub enum LevelError {
 #[derive(Debug, Clone)]
 pub struct LevelStore {
     limit: usize,
+    memory: MemoryBudget,
+    uploads: Uploads,
+    /// One import at a time: what it needs is known only when it has been read.
+    importing: Arc<Semaphore>,
     kept: Arc<Mutex<Kept>>,
 }
 
@@ -73,30 +96,67 @@ struct Kept {
 }
 
 impl LevelStore {
-    /// Creates a store for at most `limit` maps.
-    pub fn new(limit: usize) -> Self {
-        Self { limit, kept: Arc::default() }
+    /// Keeps at most `limit` maps, which are paid for from `memory`.
+    pub fn new(limit: usize, memory: MemoryBudget) -> Self {
+        Self {
+            limit,
+            uploads: Uploads::new(memory.clone()),
+            memory,
+            importing: Arc::new(Semaphore::new(1)),
+            kept: Arc::default(),
+        }
+    }
+
+    /// Files that arrive in parts.
+    pub(super) fn uploads(&self) -> &Uploads {
+        &self.uploads
+    }
+
+    /// The turn of an import, to be held until it is done.
+    pub(super) async fn turn(&self) -> Option<OwnedSemaphorePermit> {
+        // Never closed.
+        self.importing.clone().acquire_owned().await.ok()
+    }
+
+    /// Memory for reading a file of a client.
+    ///
+    /// # Errors
+    /// If there is not enough left.
+    pub(super) fn reserve(&self, caller: &Caller, file_bytes: usize) -> Result<Reservation, MemoryError> {
+        self.memory.reserve(&caller.name, PARSE_FACTOR * file_bytes as u64)
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
         self.kept.lock().expect("no holder of this lock panics")
     }
 
-    /// Adds a level; if there is no room, it replaces the one that was unused for longest.
+    /// Keeps a level, in place of the longest unused ones if there is no room.
     ///
     /// # Errors
-    /// [`LevelError::Full`] if all kept maps are in use.
-    pub fn put(&self, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
+    /// If all kept maps are in use, or somebody else has named the level otherwise.
+    pub fn put(&self, caller: &Caller, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
         let mut kept = self.kept();
         kept.uses += 1;
         let (uses, hash) = (kept.uses, map.hash().to_hex());
-        if kept.levels.len() >= self.limit && !kept.levels.contains_key(&hash) {
-            let is_idle = |level: &Arc<Level>| Arc::strong_count(level) == 1 && Arc::strong_count(&level.map) == 1;
-            let idle = kept.levels.iter().filter(|(_, (_, level))| is_idle(level));
-            let oldest = idle.min_by_key(|(_, (used, _))| *used).map(|(hash, _)| hash.clone());
-            kept.levels.remove(&oldest.ok_or(LevelError::Full(self.limit))?);
+        if let Some((used, level)) = kept.levels.get_mut(&hash) {
+            if level.name == name {
+                *used = uses;
+                return Ok(level.clone());
+            }
+            if !caller.may_change(&level.owner) {
+                return Err(LevelError::OtherName(level.name.clone()));
+            }
+        } else if kept.levels.len() >= self.limit {
+            kept.forget_oldest().ok_or(LevelError::Full(self.limit))?;
         }
-        let level = Arc::new(Level { name, map });
+        let bytes = map.memory_bytes() as u64;
+        let memory = loop {
+            match self.memory.reserve(&caller.name, bytes) {
+                Ok(memory) => break memory,
+                Err(error) => kept.forget_oldest().ok_or(error)?,
+            }
+        };
+        let level = Arc::new(Level { name, map, owner: caller.name.clone(), _memory: memory });
         kept.levels.insert(hash, (uses, level.clone()));
         Ok(level)
     }
@@ -127,7 +187,18 @@ impl LevelStore {
     }
 }
 
-/// Format of a level's file.
+impl Kept {
+    /// Forgets the longest unused level that nobody uses now; `None` if all are in use.
+    fn forget_oldest(&mut self) -> Option<()> {
+        let is_idle = |level: &Arc<Level>| Arc::strong_count(level) == 1 && Arc::strong_count(&level.map) == 1;
+        let idle = self.levels.iter().filter(|(_, (_, level))| is_idle(level));
+        let oldest = idle.min_by_key(|(_, (used, _))| *used).map(|(hash, _)| hash.clone())?;
+        self.levels.remove(&oldest);
+        Some(())
+    }
+}
+
+/// What a file may hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum LevelFormat {
     /// A saved map (`.sfmap`).

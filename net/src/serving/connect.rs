@@ -10,12 +10,13 @@ use super::protocol::{Codec, Connect, END, FRAME, framed};
 use crate::status;
 use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Response, StatusCode, Version, header};
+use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, Version, header};
 use axum::middleware::Next;
 use http_body_util::{BodyExt, Limited};
 use prost::Message as _;
 use prost_reflect::{DescriptorPool, DynamicMessage, MessageDescriptor, MethodDescriptor};
 use std::sync::LazyLock;
+use std::time::Duration;
 use surefoot_proto::reason::Reason;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -40,6 +41,8 @@ struct Call {
     connect: Connect,
     method: MethodDescriptor,
     grpc: Request,
+    /// Time until the answer must begin.
+    deadline: Option<Duration>,
 }
 
 impl Call {
@@ -78,15 +81,21 @@ impl Call {
         let headers = grpc.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/grpc"));
         headers.insert(header::TE, HeaderValue::from_static("trailers"));
-        if let Some(limit) = timeout(&parts.headers)? {
-            headers.insert(HeaderName::from_static("grpc-timeout"), limit);
-        }
-        Ok(Self { connect, method, grpc })
+        Ok(Self { connect, method, grpc, deadline: timeout(&parts.headers)? })
     }
 
     async fn run(self, next: Next) -> Response<Body> {
-        let Self { connect, method, grpc } = self;
-        let response = next.run(grpc).await;
+        let Self { connect, method, grpc, deadline } = self;
+        let response = match deadline {
+            None => next.run(grpc).await,
+            Some(limit) => match tokio::time::timeout(limit, next.run(grpc)).await {
+                Ok(response) => response,
+                Err(_) => {
+                    let message = format!("no answer within {} ms (connect-timeout-ms)", limit.as_millis());
+                    return connect.refuse(&status::failure(Reason::DeadlineExceeded, message));
+                }
+            },
+        };
         // An answer without messages has its status in the headers.
         if let Some(status) = failure_in(response.headers()) {
             return connect.refuse(&status);
@@ -105,14 +114,14 @@ fn method_of(path: &str) -> Result<MethodDescriptor, Status> {
     found.ok_or_else(|| status::failure(Reason::UnknownMethod, format!("{path} is not a method of this service")))
 }
 
-/// Returns the deadline of a call as a `grpc-timeout` header.
-fn timeout(headers: &HeaderMap) -> Result<Option<HeaderValue>, Status> {
+/// Returns the time that a call may take.
+fn timeout(headers: &HeaderMap) -> Result<Option<Duration>, Status> {
     let Some(limit) = headers.get("connect-timeout-ms") else { return Ok(None) };
     let milliseconds = limit.to_str().ok().and_then(|text| text.parse::<u64>().ok());
     let milliseconds = milliseconds.filter(|limit| *limit < 100_000_000).ok_or_else(|| {
         status::failure(Reason::MalformedRequest, "connect-timeout-ms is not a number of milliseconds")
     })?;
-    Ok(HeaderValue::try_from(format!("{milliseconds}m")).ok())
+    Ok(Some(Duration::from_millis(milliseconds)))
 }
 
 fn from_json(descriptor: MessageDescriptor, body: &[u8]) -> Result<Vec<u8>, Status> {

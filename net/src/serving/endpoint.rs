@@ -15,6 +15,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::net::TcpListener;
+use tokio::sync::watch;
 use tokio::time::sleep;
 use tonic::service::RoutesBuilder;
 use tonic::transport::Server;
@@ -68,6 +69,7 @@ pub struct Endpoint {
     address: SocketAddr,
     config: EndpointConfig,
     pages: Option<axum::Router>,
+    ready: watch::Receiver<bool>,
 }
 
 impl Endpoint {
@@ -94,7 +96,7 @@ impl Endpoint {
         listener.set_nonblocking(true).map_err(fail)?;
         let listener = TcpListener::from_std(listener).map_err(fail)?;
         let address = listener.local_addr().map_err(fail)?;
-        Ok(Self { listener, address, config, pages: None })
+        Ok(Self { listener, address, config, pages: None, ready: watch::channel(true).1 })
     }
 
     /// Also serves web pages: `pages` answers every GET and HEAD request that no service handles. Pages need no token.
@@ -102,7 +104,12 @@ impl Endpoint {
         Self { pages: Some(pages), ..self }
     }
 
-    /// Returns the bound address.
+    /// While `ready` is false, health checks report NOT_SERVING and calls are refused with UNAVAILABLE.
+    pub fn with_readiness(self, ready: watch::Receiver<bool>) -> Self {
+        Self { ready, ..self }
+    }
+
+    /// The address that is bound.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -139,13 +146,14 @@ impl Endpoint {
         M: Fn() -> F + Clone + Send + Sync + 'static,
         F: Future<Output = String> + Send,
     {
-        let Self { listener, address, config: EndpointConfig { limits, security }, pages } = self;
+        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready } = self;
         let (mut health, health_service) = tonic_health::server::health_reporter();
         let served: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
         // The empty name stands for all services.
         let names: Vec<&str> = names.iter().copied().chain([""]).collect();
+        let first = if *ready.borrow() { ServingStatus::Serving } else { ServingStatus::NotServing };
         for name in &names {
-            health.set_service_status(*name, ServingStatus::Serving).await;
+            health.set_service_status(*name, first).await;
         }
         let reflection = tonic_reflection::server::Builder::configure()
             .register_encoded_file_descriptor_set(surefoot_proto::FILE_DESCRIPTOR_SET)
@@ -163,7 +171,8 @@ impl Endpoint {
         let guarded = security.tls.is_some() || security.tokens.is_some();
         let origins = Origins { named: security.origins.into(), guarded };
         let cors = origins.layer();
-        let gate = Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline };
+        let gate =
+            Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline, ready: ready.clone() };
         let contracts = {
             // Built on the first request.
             let (document, names) = (Arc::<OnceLock<Bytes>>::default(), served);
@@ -198,7 +207,22 @@ impl Endpoint {
         let incoming = Incoming::new(listener, limits, counters, cut.clone());
         let reporter = health.clone();
         let noticed = async {
-            shutdown.wait().await;
+            let mut ready = ready;
+            let started = async {
+                // A sender that is gone without a word says nothing more: the services stay as they are.
+                if ready.wait_for(|ready| *ready).await.is_err() {
+                    std::future::pending::<()>().await;
+                }
+            };
+            tokio::select! {
+                () = shutdown.wait() => {}
+                () = started => {
+                    for name in &names {
+                        reporter.set_service_status(*name, ServingStatus::Serving).await;
+                    }
+                    shutdown.wait().await;
+                }
+            }
             for name in &names {
                 reporter.set_service_status(*name, ServingStatus::NotServing).await;
             }

@@ -1,6 +1,7 @@
 //! Checks every request before a service sees it: who calls, whether they may, and by when the answer is due.
 
-use super::access::{Access, access};
+use super::access::{Access, Role, access};
+use super::incoming::ConnectionInfo;
 use super::origin::Origins;
 use super::protocol::Connect;
 use super::tokens::Tokens;
@@ -13,16 +14,43 @@ use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_proto::reason::Reason;
+use tokio::sync::watch;
 use tonic::Status;
-use tonic::transport::server::{TcpConnectInfo, TlsConnectInfo};
+use tonic::transport::server::TlsConnectInfo;
 use tower_service::Service;
 use tracing::{Instrument, info_span};
 
-/// The caller of a request, which every request has as an extension.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// Who makes a request: an extension of every request.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Caller {
     /// Name of the token; without tokens, the peer's IP address.
     pub name: Arc<str>,
+    /// Role of the token; `None` on an endpoint without tokens, where everybody may do everything.
+    role: Option<Role>,
+}
+
+impl Caller {
+    /// The caller of a request that has passed the gate.
+    pub fn of<T>(request: &tonic::Request<T>) -> Self {
+        // Every request passes the gate; one that has not may do what a game may.
+        let unknown = || Self { name: "unknown".into(), role: Some(Role::Client) };
+        request.extensions().get::<Self>().cloned().unwrap_or_else(unknown)
+    }
+
+    /// The service itself, on behalf of a client: it restores what belongs to that one.
+    pub fn on_behalf_of(name: &str) -> Self {
+        Self { name: name.into(), role: None }
+    }
+
+    /// Whether the caller may change or remove what belongs to `owner`.
+    pub fn may_change(&self, owner: &str) -> bool {
+        matches!(self.role, None | Some(Role::Admin)) || *self.name == *owner
+    }
+
+    /// Whether the caller may add to what belongs to `owner`, as designers do to the worlds of games.
+    pub fn may_add_to(&self, owner: &str) -> bool {
+        self.may_change(owner) || self.role == Some(Role::Designer)
+    }
 }
 
 /// What requests are checked with.
@@ -31,12 +59,17 @@ pub(super) struct Gate {
     pub tokens: Option<Tokens>,
     pub origins: Origins,
     pub default_deadline: Duration,
+    /// False while the service is starting.
+    pub ready: watch::Receiver<bool>,
 }
 
-/// Passes a request on to its service, or refuses it.
+/// When a caller is to try again while the service is starting.
+const START_TIME: Duration = Duration::from_secs(1);
+
+/// Lets a request through to its service, or answers it.
 pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
     let protocol = Protocol::of(&request);
-    let caller = match gate.admit(&request) {
+    let caller = match gate.admit(&request).and_then(|caller| gate.check_ready(&request).map(|()| caller)) {
         Ok(caller) => caller,
         Err(status) if request.uri().path() == "/metrics" => return refuse_page(&status),
         Err(status) => return protocol.refuse(status),
@@ -74,8 +107,12 @@ fn with_reason(mut response: Response) -> Response {
 impl Gate {
     fn admit(&self, request: &Request) -> Result<Caller, Status> {
         self.origins.check(request.uri(), request.headers())?;
-        let peer = || Caller { name: peer(request).into() };
-        let Some(tokens) = &self.tokens else { return Ok(peer()) };
+        let peer = || Caller { name: peer(request).into(), role: None };
+        let note_authorized = || connection(request).into_iter().for_each(ConnectionInfo::note_authorized);
+        let Some(tokens) = &self.tokens else {
+            note_authorized();
+            return Ok(peer());
+        };
         let access = access(request.uri().path());
         // A path outside the services is a page, or does not exist.
         let is_service = ["/surefoot.", "/grpc."].iter().any(|start| request.uri().path().starts_with(start));
@@ -94,8 +131,19 @@ impl Gate {
                 let (role, path) = (role.name(), request.uri().path());
                 Err(status::failure(Reason::RoleForbidden, format!("`{name}` is a {role} and may not call {path}")))
             }
-            _ => Ok(Caller { name }),
+            _ => {
+                note_authorized();
+                Ok(Caller { name, role: Some(role) })
+            }
         }
+    }
+
+    /// Refuses calls of services while they are starting.
+    fn check_ready(&self, request: &Request) -> Result<(), Status> {
+        if *self.ready.borrow() || !request.uri().path().starts_with("/surefoot.") {
+            return Ok(());
+        }
+        Err(status::retry(Reason::Starting, START_TIME, "the service is starting: try again in a second"))
     }
 }
 
@@ -122,11 +170,16 @@ fn bearer(request: &Request) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then(|| secret.trim())
 }
 
-fn peer(request: &Request) -> String {
+/// What is known of a request's connection.
+fn connection(request: &Request) -> Option<&ConnectionInfo> {
     let extensions = request.extensions();
-    let plain = extensions.get::<TcpConnectInfo>().and_then(TcpConnectInfo::remote_addr);
-    let secured = || extensions.get::<TlsConnectInfo<TcpConnectInfo>>()?.get_ref().remote_addr();
-    plain.or_else(secured).map_or_else(|| "unknown".to_owned(), |address| address.ip().to_canonical().to_string())
+    let secured = || Some(extensions.get::<TlsConnectInfo<ConnectionInfo>>()?.get_ref());
+    extensions.get::<ConnectionInfo>().or_else(secured)
+}
+
+fn peer(request: &Request) -> String {
+    let address = connection(request).and_then(|connection| connection.peer);
+    address.map_or_else(|| "unknown".to_owned(), |address| address.ip().to_canonical().to_string())
 }
 
 /// Protocol of a caller, which determines how a refusal is encoded.

@@ -4,11 +4,13 @@
 
 use super::limits::Limits;
 use super::shutdown::Shutdown;
+use std::collections::VecDeque;
 use std::future::Future;
 use std::io::{Error, ErrorKind, IoSlice, Result};
+use std::net::SocketAddr;
 use std::pin::Pin;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, Weak};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -16,7 +18,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, Sleep, sleep};
 use tokio_stream::Stream;
-use tonic::transport::server::{Connected, TcpConnectInfo};
+use tonic::transport::server::Connected;
 use tracing::{debug, warn};
 
 /// Length of the HTTP/2 preface, bytes. No useful HTTP/1 request is shorter.
@@ -49,6 +51,31 @@ impl Counters {
     }
 }
 
+/// A connection as the gate and the listener see it.
+#[derive(Debug)]
+struct Guest {
+    /// Whether a request of the connection was authorized.
+    is_known: AtomicBool,
+    /// Taken away when another connection gets the place.
+    permit: Mutex<Option<OwnedSemaphorePermit>>,
+    evicted: Shutdown,
+}
+
+/// What a request knows of its connection.
+#[derive(Debug, Clone)]
+pub(super) struct ConnectionInfo {
+    /// Address of the peer, if the system tells.
+    pub peer: Option<SocketAddr>,
+    guest: Arc<Guest>,
+}
+
+impl ConnectionInfo {
+    /// Notes that a request of the connection was authorized: it keeps its place.
+    pub fn note_authorized(&self) {
+        self.guest.is_known.store(true, Ordering::Relaxed);
+    }
+}
+
 /// An endless stream of accepted connections.
 pub(super) struct Incoming {
     listener: TcpListener,
@@ -57,17 +84,19 @@ pub(super) struct Incoming {
     counters: Arc<Counters>,
     cut: Shutdown,
     pause: Option<Pin<Box<Sleep>>>,
+    /// Connections in the order in which they were accepted.
+    guests: VecDeque<Weak<Guest>>,
 }
 
 impl Incoming {
     /// Accepts connections from `listener`; `cut` breaks all that are still open.
     pub fn new(listener: TcpListener, limits: Limits, counters: Arc<Counters>, cut: Shutdown) -> Self {
         let permits = Arc::new(Semaphore::new(limits.max_connections));
-        Self { listener, limits, permits, counters, cut, pause: None }
+        Self { listener, limits, permits, counters, cut, pause: None, guests: VecDeque::new() }
     }
 
-    fn admit(&self, stream: TcpStream) -> Option<Connection> {
-        let Ok(permit) = self.permits.clone().try_acquire_owned() else {
+    fn admit(&mut self, stream: TcpStream) -> Option<Connection> {
+        let Some(permit) = self.permits.clone().try_acquire_owned().ok().or_else(|| self.evict()) else {
             self.counters.refused.fetch_add(1, Ordering::Relaxed);
             debug!("connection refused: there are too many");
             return None;
@@ -75,7 +104,29 @@ impl Incoming {
         if let Err(error) = stream.set_nodelay(true) {
             debug!(%error, "cannot set TCP_NODELAY: small messages may be delayed");
         }
-        Some(Connection::new(stream, self.limits, permit, self.counters.clone(), &self.cut))
+        let guest =
+            Guest { is_known: AtomicBool::new(false), permit: Mutex::new(Some(permit)), evicted: Shutdown::default() };
+        let guest = Arc::new(guest);
+        if self.guests.len() >= 2 * self.limits.max_connections {
+            self.guests.retain(|guest| guest.strong_count() > 0);
+        }
+        self.guests.push_back(Arc::downgrade(&guest));
+        Some(Connection::new(stream, self.limits, guest, self.counters.clone(), &self.cut))
+    }
+
+    /// Cuts off the oldest connection without an authorized request, and returns its place.
+    fn evict(&mut self) -> Option<OwnedSemaphorePermit> {
+        self.guests.retain(|guest| guest.strong_count() > 0);
+        let is_unknown = |guest: &Arc<Guest>| !guest.is_known.load(Ordering::Relaxed);
+        let guest = self.guests.iter().filter_map(Weak::upgrade).filter(is_unknown).find_map(|guest| {
+            let permit = guest.permit.lock().expect("no holder of this lock panics").take()?;
+            Some((guest, permit))
+        });
+        let (guest, permit) = guest?;
+        guest.evicted.trigger();
+        self.counters.cut.fetch_add(1, Ordering::Relaxed);
+        debug!("a connection without an authorized request is cut off: there are too many");
+        Some(permit)
     }
 }
 
@@ -115,18 +166,13 @@ pub(super) struct Connection {
     /// Bytes of the preface that have not been read yet; until all are, `alarm` is not postponed.
     preface_left: usize,
     cut: Pin<Box<dyn Future<Output = ()> + Send>>,
+    evicted: Pin<Box<dyn Future<Output = ()> + Send>>,
     counters: Arc<Counters>,
-    _permit: OwnedSemaphorePermit,
+    guest: Arc<Guest>,
 }
 
 impl Connection {
-    fn new(
-        stream: TcpStream,
-        limits: Limits,
-        permit: OwnedSemaphorePermit,
-        counters: Arc<Counters>,
-        cut: &Shutdown,
-    ) -> Self {
+    fn new(stream: TcpStream, limits: Limits, guest: Arc<Guest>, counters: Arc<Counters>, cut: &Shutdown) -> Self {
         counters.open.fetch_add(1, Ordering::Relaxed);
         Self {
             stream,
@@ -135,8 +181,9 @@ impl Connection {
             idle_timeout: limits.idle_timeout,
             preface_left: PREFACE_LEN,
             cut: Box::pin(cut.wait()),
+            evicted: Box::pin(guest.evicted.wait()),
             counters,
-            _permit: permit,
+            guest,
         }
     }
 
@@ -161,6 +208,9 @@ impl Connection {
         if self.cut.as_mut().poll(cx).is_ready() {
             return Poll::Ready(Err(Error::new(ErrorKind::ConnectionAborted, "the endpoint has stopped")));
         }
+        if self.evicted.as_mut().poll(cx).is_ready() {
+            return Poll::Ready(Err(Error::new(ErrorKind::ConnectionAborted, "another connection got the place")));
+        }
         loop {
             ready!(self.alarm.as_mut().poll(cx));
             let due = self.last_byte + self.idle_timeout;
@@ -180,10 +230,10 @@ impl Drop for Connection {
 }
 
 impl Connected for Connection {
-    type ConnectInfo = TcpConnectInfo;
+    type ConnectInfo = ConnectionInfo;
 
-    fn connect_info(&self) -> TcpConnectInfo {
-        self.stream.connect_info()
+    fn connect_info(&self) -> ConnectionInfo {
+        ConnectionInfo { peer: self.stream.peer_addr().ok(), guest: self.guest.clone() }
     }
 }
 

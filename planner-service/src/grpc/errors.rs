@@ -24,6 +24,7 @@ impl From<PlannerError> for Status {
             }
             PlannerError::UnknownLayer(name) => status::not_found(Reason::LayerNotFound, "layer", name, message),
             PlannerError::TooManyBuilds(_) => status::retry(Reason::TooManyBuilds, BUILD_TIME, message),
+            PlannerError::OtherPolicy { .. } => status::failure(Reason::PolicyMismatch, message),
             PlannerError::Build(error) => build_status(&error),
             PlannerError::Level(error) => error.into(),
             PlannerError::Layer(_) => status::invalid("layer", message),

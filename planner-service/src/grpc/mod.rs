@@ -72,6 +72,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::StartBuildRequest>,
     ) -> Result<Response<wire::StartBuildResponse>, Status> {
         let request = request.into_inner();
+        self.planner.check_policy(&request.policy_hash)?;
         let source = levels::source(self.planner.levels(), request.map.as_ref(), &request.map_hash)?;
         let settings = settings_from_wire(request.settings.as_ref(), self.planner.config())?;
         let job = self.planner.start_build(source, settings)?;

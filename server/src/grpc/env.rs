@@ -1,11 +1,10 @@
 //! `EnvService`: decode, call, encode.
 
-use super::client_of;
 use crate::envs::{EnvId, Envs};
 use crate::wire::{env_actions, env_settings, results_to_wire};
 use std::pin::Pin;
 use surefoot_net::idempotency::Answers;
-use surefoot_net::serving::{Shutdown, going_away};
+use surefoot_net::serving::{Caller, Shutdown, going_away};
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_server::EnvService;
@@ -32,9 +31,14 @@ pub struct EnvApi {
 }
 
 impl EnvApi {
-    async fn step(&self, id: EnvId, actions: Option<wire::EnvActions>) -> Result<wire::EnvResults, Status> {
-        let actions = env_actions(actions, self.envs.npc_count(id)?)?;
-        Ok(results_to_wire(self.envs.step(id, actions).await?))
+    async fn step(
+        &self,
+        caller: &Caller,
+        id: EnvId,
+        actions: Option<wire::EnvActions>,
+    ) -> Result<wire::EnvResults, Status> {
+        let actions = env_actions(actions, self.envs.npc_count(caller, id)?)?;
+        Ok(results_to_wire(self.envs.step(caller, id, actions).await?))
     }
 }
 
@@ -46,12 +50,12 @@ impl EnvService for EnvApi {
         &self,
         request: Request<wire::CreateEnvRequest>,
     ) -> Result<Response<wire::CreateEnvResponse>, Status> {
-        let client = client_of(&request);
+        let caller = Caller::of(&request);
         let request = request.into_inner();
         let settings = env_settings(&request)?;
-        let envs = self.envs.clone();
-        let create = async move { Ok(envs.create(settings).await?) };
-        let (env_id, observations) = self.created.once(&client, &request.request_id, &request, create).await?;
+        let (envs, owner) = (self.envs.clone(), caller.clone());
+        let create = async move { Ok(envs.create(&owner, settings).await?) };
+        let (env_id, observations) = self.created.once(&caller.name, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateEnvResponse {
             env_id: env_id.0,
             observation_len: OBSERVATION_LEN as u32,
@@ -65,8 +69,9 @@ impl EnvService for EnvApi {
         &self,
         request: Request<wire::StepEnvRequest>,
     ) -> Result<Response<wire::StepEnvResponse>, Status> {
+        let caller = Caller::of(&request);
         let wire::StepEnvRequest { env_id, actions } = request.into_inner();
-        Ok(Response::new(wire::StepEnvResponse { results: Some(self.step(EnvId(env_id), actions).await?) }))
+        Ok(Response::new(wire::StepEnvResponse { results: Some(self.step(&caller, EnvId(env_id), actions).await?) }))
     }
 
     type StreamEnvStream = BoxStream<wire::StreamEnvResponse>;
@@ -75,6 +80,7 @@ impl EnvService for EnvApi {
         &self,
         request: Request<Streaming<wire::StreamEnvRequest>>,
     ) -> Result<Response<Self::StreamEnvStream>, Status> {
+        let caller = Caller::of(&request);
         let mut requests = request.into_inner();
         let (queue, results) = mpsc::channel(QUEUE);
         let api = self.clone();
@@ -90,7 +96,9 @@ impl EnvService for EnvApi {
                 let result = match request {
                     None => return,
                     Some(Err(status)) => Err(status),
-                    Some(Ok(wire::StreamEnvRequest { env_id, actions })) => api.step(EnvId(env_id), actions).await,
+                    Some(Ok(wire::StreamEnvRequest { env_id, actions })) => {
+                        api.step(&caller, EnvId(env_id), actions).await
+                    }
                 };
                 let is_over = result.is_err();
                 let message = result.map(|results| wire::StreamEnvResponse { results: Some(results) });
@@ -106,7 +114,8 @@ impl EnvService for EnvApi {
         &self,
         request: Request<wire::CloseEnvRequest>,
     ) -> Result<Response<wire::CloseEnvResponse>, Status> {
-        self.envs.close(EnvId(request.into_inner().env_id))?;
+        let caller = Caller::of(&request);
+        self.envs.close(&caller, EnvId(request.into_inner().env_id))?;
         Ok(Response::new(wire::CloseEnvResponse {}))
     }
 }

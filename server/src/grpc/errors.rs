@@ -6,6 +6,7 @@ use crate::hosted::{EventsLost, NpcError};
 use crate::messages::Goodbye;
 use crate::worlds::WorldsError;
 use std::time::Duration;
+use surefoot_net::levels::MapError;
 use surefoot_net::status;
 use surefoot_proto::reason::Reason;
 use tonic::Status;
@@ -22,6 +23,7 @@ impl From<NpcError> for Status {
                 status::quota(Reason::TooManyNpcs, format!("world:{world}"), message)
             }
             NpcError::Outside { field, .. } => status::invalid(field, message),
+            NpcError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             NpcError::Down(_) => status::failure(Reason::NpcDown, message),
             NpcError::NoGround(_) => status::failure(Reason::NoGround, message),
         }
@@ -49,6 +51,9 @@ impl From<WorldsError> for Status {
             }
             WorldsError::WorldQuota(error) => status::quota(Reason::TooManyWorlds, error.subject(), message),
             WorldsError::NpcQuota(error) => status::quota(Reason::TooManyNpcs, error.subject(), message),
+            WorldsError::Map(error) => map_error(error),
+            WorldsError::NotOwner(_) => status::failure(Reason::NotOwner, message),
+            WorldsError::Saved(_) => status::failure(Reason::Internal, message),
             WorldsError::Npc(error) => error.into(),
             WorldsError::Sim(error) => error.into(),
             WorldsError::BadItem(field, _) => status::invalid(field, message),
@@ -63,15 +68,25 @@ impl From<EventsLost> for Status {
     }
 }
 
+fn map_error(error: MapError) -> Status {
+    match error {
+        MapError::Memory(error) => error.into(),
+        MapError::Lost(_) => status::failure(Reason::Internal, error.to_string()),
+    }
+}
+
 impl From<EnvError> for Status {
     fn from(error: EnvError) -> Self {
         let message = error.to_string();
         match error {
             EnvError::Unknown(env) => status::not_found(Reason::EnvNotFound, "environment", env.to_string(), message),
+            EnvError::Map(error) => map_error(error),
+            EnvError::Memory(error) => error.into(),
+            EnvError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             EnvError::TooMany(_) => status::quota(Reason::TooManyEnvs, "server", message),
             EnvError::Busy(_) => status::failure(Reason::StepInProgress, message),
             EnvError::NoGround(_) => status::failure(Reason::NoGround, message),
-            EnvError::Lost(_) => status::failure(Reason::Internal, message),
+            EnvError::Lost(_) | EnvError::Failed(_) => status::failure(Reason::Internal, message),
         }
     }
 }
@@ -84,7 +99,6 @@ impl From<Goodbye> for Status {
             Goodbye::NotReading => status::failure(Reason::ReaderTooSlow, message),
             Goodbye::Unexpected => status::failure(Reason::MalformedRequest, message),
             Goodbye::BadAnswer(field, _) => status::invalid(field, message),
-            Goodbye::Sim(error) => error.into(),
         }
     }
 }

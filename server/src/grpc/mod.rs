@@ -14,7 +14,7 @@ use crate::hosted::HostedWorld;
 use crate::ids::{NpcId, WorldId};
 use crate::view::View;
 use crate::wire::{features_to_wire, npc_to_wire, region as convert_region, time_mode, world_to_wire};
-use crate::worlds::{WorldSummary, Worlds};
+use crate::worlds::{NpcAccess, WorldSummary, Worlds};
 use readers::ReaderStream;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -66,11 +66,6 @@ impl WorldApi {
     }
 }
 
-/// Name of the caller, by which quotas and request ids are kept.
-fn client_of<T>(request: &Request<T>) -> Arc<str> {
-    request.extensions().get::<Caller>().map_or_else(|| "unknown".into(), |caller| caller.name.clone())
-}
-
 #[tonic::async_trait]
 impl WorldService for WorldApi {
     async fn get_server(
@@ -95,13 +90,13 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::CreateWorldRequest>,
     ) -> Result<Response<wire::CreateWorldResponse>, Status> {
-        let client = client_of(&request);
+        let caller = Caller::of(&request);
         let request = request.into_inner();
         let source = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
         let mode = time_mode(request.mode)?;
-        let (worlds, owner) = (self.worlds.clone(), client.clone());
+        let (worlds, owner) = (self.worlds.clone(), caller.clone());
         let create = async move { Ok(worlds.create(&owner, source, mode).await?) };
-        let world = self.created_worlds.once(&client, &request.request_id, &request, create).await?;
+        let world = self.created_worlds.once(&caller.name, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateWorldResponse { world: Some(world_to_wire(&world)) }))
     }
 
@@ -109,7 +104,8 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::GetWorldRequest>,
     ) -> Result<Response<wire::GetWorldResponse>, Status> {
-        let world = self.worlds.describe(WorldId(request.into_inner().world_id)).await?;
+        let caller = Caller::of(&request);
+        let world = self.worlds.describe(&caller, WorldId(request.into_inner().world_id)).await?;
         Ok(Response::new(wire::GetWorldResponse { world: Some(world_to_wire(&world)) }))
     }
 
@@ -117,12 +113,13 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::ListWorldsRequest>,
     ) -> Result<Response<wire::ListWorldsResponse>, Status> {
+        let caller = Caller::of(&request);
         let wire::ListWorldsRequest { page_size, page_token } = request.into_inner();
         let page = page_by_id(self.worlds.ids(), |id| id.0, PageSize::USUAL, page_size, &page_token)?;
         let mut worlds = Vec::with_capacity(page.items.len());
         for id in page.items {
             // A world may have been dropped since the ids were read.
-            worlds.extend(self.worlds.describe(id).await.ok().as_ref().map(world_to_wire));
+            worlds.extend(self.worlds.describe(&caller, id).await.ok().as_ref().map(world_to_wire));
         }
         Ok(Response::new(wire::ListWorldsResponse { worlds, next_page_token: page.next_token }))
     }
@@ -131,7 +128,8 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::DropWorldRequest>,
     ) -> Result<Response<wire::DropWorldResponse>, Status> {
-        self.worlds.drop_world(WorldId(request.into_inner().world_id)).await?;
+        let caller = Caller::of(&request);
+        self.worlds.drop_world(&caller, WorldId(request.into_inner().world_id)).await?;
         Ok(Response::new(wire::DropWorldResponse {}))
     }
 
@@ -151,14 +149,14 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::SpawnNpcRequest>,
     ) -> Result<Response<wire::SpawnNpcResponse>, Status> {
-        let client = client_of(&request);
+        let caller = Caller::of(&request);
         let request = request.into_inner();
         let world = WorldId(request.world_id);
         self.worlds.handle(world)?;
         let order = batches::spawn(request.position.as_ref(), request.yaw, None)?;
-        let (worlds, owner) = (self.worlds.clone(), client.clone());
+        let (worlds, owner) = (self.worlds.clone(), caller.clone());
         let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
-        let npc = self.spawned.once(&client, &request.request_id, &request, spawn).await?;
+        let npc = self.spawned.once(&caller.name, &request.request_id, &request, spawn).await?;
         Ok(Response::new(wire::SpawnNpcResponse { npc_id: npc.0 }))
     }
 
@@ -167,12 +165,12 @@ impl WorldService for WorldApi {
         request: Request<wire::BatchSpawnNpcsRequest>,
     ) -> Result<Response<wire::BatchSpawnNpcsResponse>, Status> {
         use wire::spawn_result::Result as Kind;
-        let client = client_of(&request);
+        let caller = Caller::of(&request);
         let request = request.into_inner();
         batches::check_count(request.spawns.len(), "spawns")?;
         let order = |it: &wire::Spawn| Ok(batches::spawn(it.position.as_ref(), it.yaw, it.goal.as_ref())?);
         let orders = request.spawns.iter().map(order).collect();
-        let (worlds, owner, world) = (self.worlds.clone(), client.clone(), WorldId(request.world_id));
+        let (worlds, owner, world) = (self.worlds.clone(), caller.clone(), WorldId(request.world_id));
         let spawn = async move {
             let results = worlds.spawn_many(&owner, world, orders).await?.into_iter();
             let results = results.map(|result| match result {
@@ -181,7 +179,7 @@ impl WorldService for WorldApi {
             });
             Ok(wire::BatchSpawnNpcsResponse { results: results.collect() })
         };
-        let response = self.spawned_batches.once(&client, &request.request_id, &request, spawn).await?;
+        let response = self.spawned_batches.once(&caller.name, &request.request_id, &request, spawn).await?;
         Ok(Response::new(response))
     }
 
@@ -189,8 +187,9 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::DespawnNpcRequest>,
     ) -> Result<Response<wire::DespawnNpcResponse>, Status> {
+        let caller = Caller::of(&request);
         let npc = NpcId(request.into_inner().npc_id);
-        self.worlds.with_npc(npc, move |world| world.despawn(npc)).await?;
+        self.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.despawn(npc)).await?;
         Ok(Response::new(wire::DespawnNpcResponse {}))
     }
 
@@ -198,10 +197,12 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::BatchDespawnNpcsRequest>,
     ) -> Result<Response<wire::BatchDespawnNpcsResponse>, Status> {
+        let caller = Caller::of(&request);
         let ids = request.into_inner().npc_ids;
         batches::check_count(ids.len(), "npc_ids")?;
         let items = ids.into_iter().map(|id| Ok((NpcId(id), ()))).collect();
-        let results = self.worlds.with_npcs(items, |world, npc, ()| world.despawn(npc)).await;
+        let results =
+            self.worlds.with_npcs(&caller, NpcAccess::Change, items, |world, npc, ()| world.despawn(npc)).await;
         let results = results.into_iter().map(batches::item_result).collect();
         Ok(Response::new(wire::BatchDespawnNpcsResponse { results }))
     }
@@ -210,8 +211,10 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::SetGoalRequest>,
     ) -> Result<Response<wire::SetGoalResponse>, Status> {
+        let caller = Caller::of(&request);
         let (npc, goal) = batches::goal(&request.into_inner())?;
-        let attempt = self.worlds.with_npc(npc, move |world| world.set_goal(npc, goal)).await?;
+        let attempt =
+            self.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.set_goal(npc, goal)).await?;
         Ok(Response::new(wire::SetGoalResponse { attempt }))
     }
 
@@ -219,14 +222,18 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::BatchSetGoalsRequest>,
     ) -> Result<Response<wire::BatchSetGoalsResponse>, Status> {
+        let caller = Caller::of(&request);
         use wire::set_goal_result::Result as Kind;
         let goals = request.into_inner().goals;
         batches::check_count(goals.len(), "goals")?;
         let items = goals.iter().map(|goal| Ok(batches::goal(goal)?)).collect();
-        let results = self.worlds.with_npcs(items, HostedWorld::set_goal).await.into_iter().map(|result| {
-            let result = result.map_or_else(|error| Kind::Error(batches::item_error(error)), Kind::Attempt);
-            wire::SetGoalResult { result: Some(result) }
-        });
+        let results =
+            self.worlds.with_npcs(&caller, NpcAccess::Change, items, HostedWorld::set_goal).await.into_iter().map(
+                |result| {
+                    let result = result.map_or_else(|error| Kind::Error(batches::item_error(error)), Kind::Attempt);
+                    wire::SetGoalResult { result: Some(result) }
+                },
+            );
         Ok(Response::new(wire::BatchSetGoalsResponse { results: results.collect() }))
     }
 
@@ -234,8 +241,9 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::TeleportNpcRequest>,
     ) -> Result<Response<wire::TeleportNpcResponse>, Status> {
+        let caller = Caller::of(&request);
         let (npc, (position, yaw)) = batches::teleport(&request.into_inner())?;
-        self.worlds.with_npc(npc, move |world| world.teleport(npc, position, yaw)).await?;
+        self.worlds.with_npc(&caller, NpcAccess::Change, npc, move |world| world.teleport(npc, position, yaw)).await?;
         Ok(Response::new(wire::TeleportNpcResponse {}))
     }
 
@@ -243,18 +251,20 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::BatchTeleportNpcsRequest>,
     ) -> Result<Response<wire::BatchTeleportNpcsResponse>, Status> {
+        let caller = Caller::of(&request);
         let teleports = request.into_inner().teleports;
         batches::check_count(teleports.len(), "teleports")?;
         let items = teleports.iter().map(|teleport| Ok(batches::teleport(teleport)?)).collect();
         let teleport = |world: &mut HostedWorld, npc, (position, yaw)| world.teleport(npc, position, yaw);
-        let results = self.worlds.with_npcs(items, teleport).await;
+        let results = self.worlds.with_npcs(&caller, NpcAccess::Change, items, teleport).await;
         let results = results.into_iter().map(batches::item_result).collect();
         Ok(Response::new(wire::BatchTeleportNpcsResponse { results }))
     }
 
     async fn get_npc(&self, request: Request<wire::GetNpcRequest>) -> Result<Response<wire::GetNpcResponse>, Status> {
+        let caller = Caller::of(&request);
         let npc = NpcId(request.into_inner().npc_id);
-        let state = self.worlds.with_npc(npc, move |world| world.npc(npc)).await?;
+        let state = self.worlds.with_npc(&caller, NpcAccess::Read, npc, move |world| world.npc(npc)).await?;
         Ok(Response::new(wire::GetNpcResponse { npc: Some(npc_to_wire(&state)) }))
     }
 
@@ -262,14 +272,22 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::BatchGetNpcsRequest>,
     ) -> Result<Response<wire::BatchGetNpcsResponse>, Status> {
+        let caller = Caller::of(&request);
         use wire::get_npc_result::Result as Kind;
         let ids = request.into_inner().npc_ids;
         batches::check_count(ids.len(), "npc_ids")?;
         let items = ids.into_iter().map(|id| Ok((NpcId(id), ()))).collect();
-        let results = self.worlds.with_npcs(items, |world, npc, ()| world.npc(npc)).await.into_iter().map(|result| {
-            let result = result.map(|npc| Kind::Npc(npc_to_wire(&npc)));
-            wire::GetNpcResult { result: Some(result.unwrap_or_else(|error| Kind::Error(batches::item_error(error)))) }
-        });
+        let results = self
+            .worlds
+            .with_npcs(&caller, NpcAccess::Read, items, |world, npc, ()| world.npc(npc))
+            .await
+            .into_iter()
+            .map(|result| {
+                let result = result.map(|npc| Kind::Npc(npc_to_wire(&npc)));
+                wire::GetNpcResult {
+                    result: Some(result.unwrap_or_else(|error| Kind::Error(batches::item_error(error)))),
+                }
+            });
         Ok(Response::new(wire::BatchGetNpcsResponse { results: results.collect() }))
     }
 
@@ -277,8 +295,9 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::ListNpcsRequest>,
     ) -> Result<Response<wire::ListNpcsResponse>, Status> {
+        let caller = Caller::of(&request);
         let wire::ListNpcsRequest { world_id, region, page_size, page_token } = request.into_inner();
-        let handle = self.worlds.handle(WorldId(world_id))?;
+        let handle = self.worlds.handle_for(&caller, WorldId(world_id))?;
         let region = convert_region(region.as_ref())?;
         let (tick, npcs) =
             handle.sim.call(|state| (state.world.tick(), state.world.npcs().collect::<Vec<_>>())).await?;
@@ -294,9 +313,10 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::WatchWorldRequest>,
     ) -> Result<Response<Self::WatchWorldStream>, Status> {
+        let caller = Caller::of(&request);
         let wire::WatchWorldRequest { world_id, rate_hz, region, delta } = request.into_inner();
         let world = WorldId(world_id);
-        let handle = self.worlds.handle(world)?;
+        let handle = self.worlds.handle_for(&caller, world)?;
         let pause = readers::pause_of(rate_hz)?;
         let view = View::new(convert_region(region.as_ref())?, delta);
         let subscribed = handle.sim.call(|state| {
@@ -320,10 +340,11 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::WatchEventsRequest>,
     ) -> Result<Response<Self::WatchEventsStream>, Status> {
+        let caller = Caller::of(&request);
         let wire::WatchEventsRequest { world_id, after, npc_ids } = request.into_inner();
         batches::check_count(npc_ids.len(), "npc_ids")?;
         let (world, epoch) = (WorldId(world_id), self.worlds.epoch());
-        let handle = self.worlds.handle(world)?;
+        let handle = self.worlds.handle_for(&caller, world)?;
         if let Some(after) = after.filter(|after| after.epoch != epoch && after.sequence != 0) {
             let message =
                 format!("after.epoch is {}, this server's epoch is {epoch}: it has restarted since", after.epoch);
@@ -354,9 +375,10 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::WatchStatsRequest>,
     ) -> Result<Response<Self::WatchStatsStream>, Status> {
+        let caller = Caller::of(&request);
         let wire::WatchStatsRequest { world_id, period_s } = request.into_inner();
         let world = WorldId(world_id);
-        let sim = self.worlds.handle(world)?.sim;
+        let sim = self.worlds.handle_for(&caller, world)?.sim;
         let pause = readers::period_of(period_s)?;
         Ok(Response::new(readers::watch_stats(world, sim, pause, self.patience(), self.worlds.shutdown())))
     }
@@ -367,13 +389,14 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::FollowNpcRequest>,
     ) -> Result<Response<Self::FollowNpcStream>, Status> {
+        let caller = Caller::of(&request);
         let wire::FollowNpcRequest { npc_id, rate_hz, rays } = request.into_inner();
         let npc = NpcId(npc_id);
-        let requested = readers::pause_of(rate_hz)?;
-        // Rays are cast on the world's thread, so the default rate is their limit.
-        let pause = if rays { requested.max(readers::pause_of(0.0)?) } else { requested };
-        self.worlds.with_npc(npc, move |world| world.npc(npc)).await?;
-        let sim = self.worlds.handle(npc.world())?.sim;
+        let asked = readers::pause_of(rate_hz)?;
+        // Rays are cast on the world's own thread.
+        let pause = if rays { asked.max(readers::pause_of(0.0)?) } else { asked };
+        self.worlds.with_npc(&caller, NpcAccess::Read, npc, move |world| world.npc(npc)).await?;
+        let sim = self.worlds.handle_for(&caller, npc.world())?.sim;
         Ok(Response::new(readers::follow_npc(npc, sim, rays, pause, self.patience(), self.worlds.shutdown())))
     }
 
@@ -403,8 +426,9 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::StallWorldRequest>,
     ) -> Result<Response<wire::StallWorldResponse>, Status> {
+        let caller = Caller::of(&request);
         let wire::StallWorldRequest { world_id, milliseconds } = request.into_inner();
-        let handle = self.worlds.handle(WorldId(world_id))?;
+        let handle = self.worlds.handle_for(&caller, WorldId(world_id))?;
         let stall = convert::in_range(f64::from(milliseconds), 1.0, 1000.0, "milliseconds")?;
         handle.sim.call(move |_| std::thread::sleep(Duration::from_secs_f64(stall / 1000.0))).await?;
         Ok(Response::new(wire::StallWorldResponse {}))

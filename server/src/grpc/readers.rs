@@ -143,7 +143,11 @@ pub fn watch_world(
                 Some(still) => reader = still,
                 None => return,
             }
-            tokio::time::sleep(pause).await;
+            tokio::select! {
+                () = tokio::time::sleep(pause) => {}
+                () = &mut stopping => return reader.close(going_away()),
+                () = reader.queue.closed() => return,
+            }
         }
     });
     stream
@@ -374,7 +378,11 @@ pub fn follow_npc(
             let current = match sim.call(move |state| FollowState::at(&state.world, npc, rays)).await {
                 Ok(Ok(current)) => current,
                 Ok(Err(error)) => return reader.close(error.into()),
-                Err(_) => return reader.close(NpcError::Unknown(npc).into()),
+                Err(SimError::Busy) => {
+                    tokio::time::sleep(BUSY_PAUSE).await;
+                    continue;
+                }
+                Err(SimError::Stopped) => return reader.close(NpcError::Unknown(npc).into()),
             };
             let message = current.to_wire(shown.as_ref());
             shown = Some(current);

@@ -65,7 +65,7 @@ async fn read_answers(
             Some(Ok(wire::WorkRequest { message: Some(wire::work_request::Message::Actions(batch)) })) => {
                 let world = WorldId(batch.world_id);
                 let answer = convert_worker::answer(batch).map_err(|status| bad_answer(&status));
-                answer.and_then(|answer| Ok(worlds.answer(worker, world, answer)?))
+                answer.map(|answer| worlds.answer(worker, world, answer))
             }
             Some(Ok(_)) => Err(Goodbye::Unexpected),
         };

@@ -43,7 +43,10 @@ pub enum NpcError {
     /// The NPC is down: it fell, burnt or drowned.
     #[error("npc {0} is down: teleport it first")]
     Down(NpcId),
-    /// The map has no navigable ground.
+    /// The NPC and its world belong to other clients.
+    #[error("npc {0} belongs to another client")]
+    NotOwner(NpcId),
+    /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] navigable::NoGround),
 }
@@ -153,7 +156,15 @@ impl HostedWorld {
         Ok(())
     }
 
-    /// Returns the state of one NPC.
+    /// The client that spawned an NPC.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn owner_of(&self, id: NpcId) -> Result<&str, NpcError> {
+        self.records.get(&id).map(|record| record.ticket.client()).ok_or(NpcError::Unknown(id))
+    }
+
+    /// State of one NPC.
     ///
     /// # Errors
     /// If the NPC does not exist.

@@ -19,7 +19,7 @@ mod world;
 pub use commands::{NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
 pub use mode::TimeMode;
-pub use saved::{SavedError, SavedMap, SavedWorld};
+pub use saved::{SavedError, SavedMap, SavedWorld, StateFolder};
 pub use snapshot::{
     Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Support, Tally, WorldStats,
 };

@@ -7,18 +7,24 @@ use crate::ids::{NpcId, WorldId};
 use crate::quota::Quota;
 use crate::registry::Registry;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
+use surefoot_net::durable;
 use surefoot_world::exchange;
 use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState};
+use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
-/// Version of the file format; it changes whenever [`SavedWorld`] or anything inside it changes.
-const VERSION: u32 = 2;
+/// Changed whenever [`SavedWorld`] or anything inside it is.
+const VERSION: u32 = 3;
 const SUFFIX: &str = "world";
-/// Numbers that are skipped when a world is restored, because NPCs may have got them after the last save.
+/// Locked by the server that uses the folder.
+const LOCK_FILE: &str = "lock";
+/// Numbers that NPCs may have been given after the world was saved for the last time: no other NPC gets them.
 const UNSAVED_SERIALS: u32 = 1 << 16;
 
 /// A world as it was when it was saved.
@@ -69,7 +75,13 @@ pub enum SavedError {
     /// The file cannot be read or written.
     #[error("{0}: {1}")]
     Io(PathBuf, std::io::Error),
-    /// The file was written by another version.
+    /// Another process has locked the folder.
+    #[error("{} is used by another server: give each its own folder (--state)", .0.display())]
+    InUse(PathBuf),
+    /// Not all worlds could be saved in time.
+    #[error("saving took longer than {} s: some worlds stay as they were saved before", .0.as_secs_f32())]
+    TooSlow(Duration),
+    /// It was written by another version.
     #[error("{0} has version {1}, this program reads version {VERSION}")]
     Version(PathBuf, u32),
     /// The file is no saved world, or it is truncated or corrupted.
@@ -138,18 +150,11 @@ impl SavedWorld {
         if saved.is_consistent() { Ok(saved) } else { Err(SealError::Damaged) }
     }
 
-    /// Writes the world into `folder`, atomically replacing an earlier save of it.
+    /// Reads a file.
     ///
     /// # Errors
-    /// If the file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), SavedError> {
-        let path = Self::path(folder, self.id);
-        let temporary = path.with_extension("tmp");
-        let written = std::fs::write(&temporary, self.encode()).and_then(|()| std::fs::rename(&temporary, &path));
-        written.map_err(|error| SavedError::Io(path, error))
-    }
-
-    fn read(path: &Path) -> Result<Self, SavedError> {
+    /// If it cannot be read, or [`decode`](Self::decode) refuses it.
+    pub fn read(path: &Path) -> Result<Self, SavedError> {
         let bytes = std::fs::read(path).map_err(|error| SavedError::Io(path.to_owned(), error))?;
         Self::decode(&bytes).map_err(|error| match error {
             SealError::Version(version) => SavedError::Version(path.to_owned(), version),
@@ -167,46 +172,74 @@ impl SavedWorld {
             // Rides on zip lines are checked in `map`, which knows the number of lines.
             && self.state.fits(1, usize::MAX)
     }
+}
 
-    /// Reads all worlds in `folder`, ordered by id; each is a world or the error of its file. A folder that does not exist has
-    /// no worlds.
+/// The folder for saved worlds, locked against other processes while any clone of this exists.
+#[derive(Debug, Clone)]
+pub struct StateFolder {
+    path: PathBuf,
+    _lock: Arc<File>,
+}
+
+impl StateFolder {
+    /// Creates the folder if it does not exist, and locks it.
+    ///
+    /// # Errors
+    /// If that fails, or another process has locked it.
+    pub fn open(path: &Path) -> Result<Self, SavedError> {
+        let fail = |error| SavedError::Io(path.to_owned(), error);
+        std::fs::create_dir_all(path).map_err(fail)?;
+        let lock = File::create(path.join(LOCK_FILE)).map_err(fail)?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { path: path.to_owned(), _lock: Arc::new(lock) }),
+            Err(TryLockError::WouldBlock) => Err(SavedError::InUse(path.to_owned())),
+            Err(TryLockError::Error(error)) => Err(fail(error)),
+        }
+    }
+
+    /// The worlds that it holds by the names of the files, in the order of their ids. Files may be damaged.
     ///
     /// # Errors
     /// If the folder cannot be read.
-    pub fn read_all(folder: &Path) -> Result<Vec<Result<Self, SavedError>>, SavedError> {
-        let fail = |error| SavedError::Io(folder.to_owned(), error);
-        let entries = match std::fs::read_dir(folder) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-            Err(error) => return Err(fail(error)),
-        };
-        let mut paths = BTreeSet::new();
-        for entry in entries {
-            paths.insert(entry.map_err(fail)?.path());
+    pub fn list(&self) -> Result<BTreeMap<WorldId, PathBuf>, SavedError> {
+        let fail = |error| SavedError::Io(self.path.clone(), error);
+        let mut found = BTreeMap::new();
+        for entry in std::fs::read_dir(&self.path).map_err(fail)? {
+            let path = entry.map_err(fail)?.path();
+            if path.extension().is_none_or(|suffix| suffix != SUFFIX) {
+                continue;
+            }
+            match path.file_stem().and_then(|stem| stem.to_str()?.parse().ok()) {
+                Some(id) => _ = found.insert(WorldId(id), path),
+                None => warn!(path = %path.display(), "not the file of a world: its name is no id"),
+            }
         }
-        let mut worlds: Vec<_> = paths
-            .iter()
-            .filter(|path| path.extension().is_some_and(|suffix| suffix == SUFFIX))
-            .map(|path| Self::read(path))
-            .collect();
-        worlds.sort_by_key(|world| world.as_ref().map_or(WorldId(u64::MAX), |world| world.id));
-        Ok(worlds)
+        Ok(found)
     }
 
-    /// Removes the file of a dropped world from `folder`, if there is one.
+    /// Writes a world in place of what was saved of it before: whole or not at all, and durable when this returns.
+    ///
+    /// # Errors
+    /// If it cannot be written; what was saved before is kept.
+    pub fn write(&self, saved: &SavedWorld) -> Result<(), SavedError> {
+        let path = self.file_of(saved.id);
+        durable::replace(&path, &saved.encode()).map_err(|error| SavedError::Io(path, error))
+    }
+
+    /// Deletes what was saved of a world.
     ///
     /// # Errors
     /// If the file cannot be removed.
-    pub fn forget(folder: &Path, id: WorldId) -> Result<(), SavedError> {
-        let path = Self::path(folder, id);
-        match std::fs::remove_file(&path) {
+    pub fn forget(&self, id: WorldId) -> Result<(), SavedError> {
+        let path = self.file_of(id);
+        match durable::remove(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(SavedError::Io(path, error)),
             _ => Ok(()),
         }
     }
 
-    fn path(folder: &Path, id: WorldId) -> PathBuf {
-        folder.join(format!("{id}.{SUFFIX}"))
+    fn file_of(&self, id: WorldId) -> PathBuf {
+        self.path.join(format!("{id}.{SUFFIX}"))
     }
 }
 

@@ -105,7 +105,11 @@ pub struct Counters {
     pub missed: u64,
     /// Answers that came for decisions that were no longer pending.
     pub stale: u64,
-    /// Ticks dropped because the world was too far behind.
+    /// Actions, waypoints and plans that were ignored because a number made no sense.
+    pub invalid: u64,
+    /// Plans that planners failed to deliver to workers.
+    pub plans_failed: u64,
+    /// Ticks left out because the world was too far behind.
     pub ticks_dropped: u64,
     /// Ticks that were done later than a period after they were due.
     pub ticks_late: u64,

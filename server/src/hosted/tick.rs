@@ -2,13 +2,13 @@
 
 use super::events::EventKind;
 use super::mode::TimeMode;
-use super::workers::hand_over;
+use super::workers::{ASSIGN_EVERY, hand_over};
 use super::world::{HostedWorld, Record};
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
-use crate::messages::{Answer, AttemptEnd, ObservationBatch, ToWorker};
+use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 use surefoot_world::{Action, End, TICKS_PER_DECISION};
 
 /// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
@@ -33,8 +33,13 @@ impl HostedWorld {
     /// Steps the world by one tick. For lockstep worlds, [`HostedWorld::is_ready`] has requested the decisions already.
     pub fn step(&mut self) {
         if self.mode == TimeMode::Realtime {
+            if self.tick().0.is_multiple_of(ASSIGN_EVERY) {
+                self.assign_workers();
+                self.leave_silent_workers();
+            }
             self.request_decisions();
         }
+        self.waited = Duration::ZERO;
         self.world.tick();
         self.note_motion();
         self.settle();
@@ -88,6 +93,7 @@ impl HostedWorld {
             batch.waypoint_reached.push(touched);
             batch.grounded.push(npc.body.is_grounded());
             record.awaiting = Some(tick);
+            self.unanswered_since.entry(worker).or_insert(tick);
             self.counters.asked += 1;
         }
         // A worker must receive assignments before the observations of the assigned NPCs.
@@ -97,33 +103,42 @@ impl HostedWorld {
         }
     }
 
-    /// Applies a worker's answer. Actions for decisions that are no longer pending are counted as stale and ignored.
+    /// Applies a worker's answers. Answers that are late, or about an attempt that is over, are counted and ignored.
     pub fn answer(&mut self, worker: WorkerId, answer: Answer) {
-        for (&id, &action) in answer.npcs.iter().zip(&answer.actions) {
-            let awaited = self.records.get_mut(&id);
-            let awaited = awaited.filter(|it| it.worker == Some(worker) && it.awaiting == Some(answer.tick));
-            let Some(record) = awaited else {
+        self.counters.plans_failed += u64::from(answer.plans_failed);
+        self.counters.invalid += answer.invalid;
+        if self.tick().since(answer.tick) <= u64::from(TICKS_PER_DECISION) {
+            self.unanswered_since.remove(&worker);
+        }
+        for Decision { npc, attempt, action } in answer.decisions {
+            let awaited = self.records.get_mut(&npc).filter(|it| it.is_sought_by(worker, attempt));
+            let Some(record) = awaited.filter(|it| it.awaiting == Some(answer.tick)) else {
                 self.counters.stale += 1;
                 continue;
             };
             record.awaiting = None;
             record.misses = 0;
+            let Some(action) = action else {
+                // The NPC comes to rest; others of the same answer go on.
+                self.world.decide(record.slot, Action::default());
+                continue;
+            };
             self.counters.answered += 1;
             self.world.decide(record.slot, action);
         }
-        for (id, plan) in answer.plans {
-            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_seeking_with(worker)) {
+        for (id, attempt, plan) in answer.plans {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {
                 record.plan = Some(Arc::new(plan));
             }
         }
-        for (id, position) in answer.waypoints {
-            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_seeking_with(worker)) {
+        for (id, attempt, position) in answer.waypoints {
+            if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {
                 record.waypoint = Some(position);
                 self.world.set_goal(record.slot, position);
             }
         }
-        for id in answer.gave_up {
-            if self.records.get(&id).is_some_and(|it| it.is_seeking_with(worker)) {
+        for (id, attempt) in answer.gave_up {
+            if self.records.get(&id).is_some_and(|it| it.is_sought_by(worker, attempt)) {
                 self.end_attempt(id, End::NoProgress);
             }
         }
@@ -172,8 +187,8 @@ impl HostedWorld {
 }
 
 impl Record {
-    /// Whether the NPC has a goal and `worker` decides for it.
-    fn is_seeking_with(&self, worker: WorkerId) -> bool {
-        self.worker == Some(worker) && self.goal.is_some()
+    /// Whether `worker` decides for this attempt, and it is under way.
+    fn is_sought_by(&self, worker: WorkerId, attempt: u32) -> bool {
+        self.worker == Some(worker) && self.goal.is_some() && self.attempts == attempt
     }
 }

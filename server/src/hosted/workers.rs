@@ -5,7 +5,17 @@ use super::world::HostedWorld;
 use crate::ids::NpcId;
 use crate::ids::WorkerId;
 use crate::messages::{Assignment, ToWorker};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+use surefoot_world::TICKS_PER_SECOND;
+use tracing::warn;
+
+/// Ticks from one look for NPCs without a worker, and for silent workers, to the next.
+pub(super) const ASSIGN_EVERY: u64 = 30;
+/// Ticks without an answer after which a worker's NPCs go to another.
+const SILENCE_LIMIT: u64 = TICKS_PER_SECOND as u64;
+/// The same for lockstep worlds, which wait longer: a worker may wait for plans itself.
+const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(30);
 
 impl HostedWorld {
     /// Assigns every NPC without a worker to one with room.
@@ -20,7 +30,55 @@ impl HostedWorld {
         }
     }
 
-    /// Hands NPCs over to less loaded workers, each at its next decision, so that no decision is missed.
+    /// Hands the NPCs of workers that have not answered for a second to others that have room.
+    pub(super) fn leave_silent_workers(&mut self) {
+        let tick = self.tick();
+        let silent: Vec<WorkerId> = self
+            .unanswered_since
+            .iter()
+            .filter(|(_, since)| tick.since(**since) >= SILENCE_LIMIT)
+            .map(|(worker, _)| *worker)
+            .collect();
+        silent.into_iter().for_each(|worker| self.leave_silent_worker(worker));
+    }
+
+    /// Counts time for which a lockstep world has waited for answers. After too much of it the NPCs that wait go to other workers.
+    pub fn note_waiting(&mut self, time: Duration) {
+        self.waited += time;
+        if self.waited < LOCKSTEP_PATIENCE {
+            return;
+        }
+        self.waited = Duration::ZERO;
+        let waiting = self.records.values().filter(|record| record.awaiting.is_some());
+        let silent: BTreeSet<WorkerId> = waiting.filter_map(|record| record.worker).collect();
+        silent.into_iter().for_each(|worker| self.leave_silent_worker(worker));
+        self.requested_tick = None;
+    }
+
+    fn leave_silent_worker(&mut self, silent: WorkerId) {
+        self.unanswered_since.remove(&silent);
+        self.registry.distrust(silent);
+        let mut moved_count = 0;
+        for (&id, record) in self.records.iter_mut().filter(|(_, record)| record.worker == Some(silent)) {
+            // A place with the next worker is taken already if there is one.
+            let Some(next) = record.next_worker.take().or_else(|| self.registry.replace(silent)) else { continue };
+            record.worker = Some(next);
+            record.awaiting = None;
+            self.outbox.entry(silent).or_default().released.push(id);
+            self.outbox.entry(next).or_default().assigned.push(id);
+            moved_count += 1;
+        }
+        if moved_count > 0 {
+            warn!(
+                world_id = self.id.0,
+                worker = silent.0,
+                moved_count,
+                "a worker does not answer: its NPCs go to others"
+            );
+        }
+    }
+
+    /// Lets less loaded workers take NPCs over, each at its next decision, so that none misses one.
     pub fn rebalance(&mut self) {
         self.assign_workers();
         for (&id, record) in &mut self.records {
@@ -50,6 +108,8 @@ impl HostedWorld {
             }
         }
         self.outbox.remove(&lost);
+        self.unanswered_since.remove(&lost);
+        self.notified.remove(&lost);
         self.requested_tick = None;
         self.assign_workers();
     }
@@ -62,6 +122,9 @@ impl HostedWorld {
             let _ = self.despawn(id);
         }
         self.flush();
+        for worker in std::mem::take(&mut self.notified) {
+            self.registry.send(worker, ToWorker::Over(self.id));
+        }
     }
 
     /// Sends the pending messages to workers.
@@ -71,6 +134,7 @@ impl HostedWorld {
                 self.registry.send(worker, ToWorker::Release(self.id, released));
             }
             if !assigned.is_empty() {
+                self.notified.insert(worker);
                 let map = self.world.map();
                 let assignment = Assignment {
                     world: self.id,

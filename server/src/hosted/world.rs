@@ -11,7 +11,7 @@ use crate::messages::ObservationBatch;
 use crate::quota::Ticket;
 use crate::registry::Registry;
 use crate::times::TickTimes;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_world::{
@@ -114,8 +114,14 @@ pub struct HostedWorld {
     pub(super) outbox: BTreeMap<WorkerId, Outbox>,
     pub(super) batches: BTreeMap<WorkerId, ObservationBatch>,
     pub(super) row: Vec<f32>,
-    /// Lockstep: the last tick whose decisions have been requested.
+    /// The tick that has been asked for but not stepped yet (lockstep).
     pub(super) requested_tick: Option<Tick>,
+    /// For workers that owe answers: the tick of the first observation since their last answer in time.
+    pub(super) unanswered_since: BTreeMap<WorkerId, Tick>,
+    /// Workers that know of this world, and must learn of its end.
+    pub(super) notified: BTreeSet<WorkerId>,
+    /// Time for which the step has waited for answers (lockstep).
+    pub(super) waited: Duration,
 }
 
 impl HostedWorld {
@@ -135,6 +141,9 @@ impl HostedWorld {
             batches: BTreeMap::new(),
             row: vec![0.0; OBSERVATION_LEN],
             requested_tick: None,
+            unanswered_since: BTreeMap::new(),
+            notified: BTreeSet::new(),
+            waited: Duration::ZERO,
         }
     }
 

@@ -5,9 +5,9 @@ use crate::map::zones::CELL_M as ZONE_CELL_M;
 use crate::map::{MapSize, Placed};
 use crate::mesh::Triangle;
 
-/// Most cells of the mesh's grid that triangles may touch, counted by their bounding boxes: about 2 GB of index.
-const MAX_TOUCHED_CELLS: f64 = 4.0e8;
-/// Side of the counted cells, m: finer than the grid's own, so that the estimate errs high.
+/// Most cells of the mesh's index that triangles may touch, counted by their bounding boxes: about 1 GB of index.
+const MAX_TOUCHED_CELLS: f64 = 2.0e8;
+/// Side of the cells counted, m: finer than the index's own, so the estimate errs high.
 const INDEX_CELL_M: f32 = 1.25;
 /// Most pools and devices of a map together.
 const MAX_FEATURES: usize = 20_000;

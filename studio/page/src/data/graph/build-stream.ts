@@ -41,7 +41,20 @@ async function startBuild(
   }
 }
 
+/** Largest part of a file in one request: below what services accept in a message. */
+const CHUNK_BYTES = 512 * 1024
+
 async function handMapOn(context: Context, mapHash: string, signal: AbortSignal): Promise<void> {
-  const { map, file } = await context.world.maps.getMap({ mapHash }, { signal })
-  await context.planner.maps.importMap({ name: map?.name ?? '', format: MapFormat.SAVED, file }, { signal })
+  let name = ''
+  let offset = 0n
+  const uploadId = `studio-${mapHash.slice(0, 32)}`
+  for await (const { map, chunk } of context.world.maps.getMap({ mapHash }, { signal })) {
+    name = map?.name ?? name
+    for (let begin = 0; begin < chunk.length; begin += CHUNK_BYTES) {
+      const data = chunk.subarray(begin, begin + CHUNK_BYTES)
+      await context.planner.maps.uploadChunk({ uploadId, offset, data }, { signal })
+      offset += BigInt(data.length)
+    }
+  }
+  await context.planner.maps.importMap({ name, format: MapFormat.SAVED, uploadId }, { signal })
 }

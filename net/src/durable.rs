@@ -1,0 +1,43 @@
+//! Files that survive a crash: whole or not at all, and on the disk when the call returns.
+
+use std::fs::File;
+use std::io::{Result, Write};
+use std::path::Path;
+
+/// Writes `bytes` to `path` in place of what was there. After a crash the file is the old one or the new one, never a part.
+///
+/// # Errors
+/// If it cannot be written; the old file is kept then.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    let beside = path.with_extension("tmp");
+    let written = File::create(&beside).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    let replaced = written.and_then(|()| std::fs::rename(&beside, path));
+    if replaced.is_err() {
+        // It would take room that a full disk needs.
+        let _ = std::fs::remove_file(&beside);
+    }
+    replaced?;
+    sync_folder_of(path)
+}
+
+/// Removes a file.
+///
+/// # Errors
+/// If it cannot be removed.
+pub fn remove(path: &Path) -> Result<()> {
+    std::fs::remove_file(path)?;
+    sync_folder_of(path)
+}
+
+/// Makes a change of a folder's entries durable.
+fn sync_folder_of(path: &Path) -> Result<()> {
+    // Folders cannot be opened as files on other systems.
+    if cfg!(unix) {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        File::open(folder)?.sync_all()?;
+    }
+    Ok(())
+}

@@ -1,0 +1,138 @@
+//! Files that arrive in parts, until they are imported.
+
+use crate::memory::{MemoryBudget, MemoryError, Reservation};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+/// Largest file, bytes.
+pub const MAX_FILE_BYTES: u64 = 256 << 20;
+/// Uploads that a client may have at a time.
+const MAX_UPLOADS: usize = 4;
+/// Time without a part after which an upload is dropped.
+const KEPT_FOR: Duration = Duration::from_secs(300);
+/// Longest id, bytes.
+const MAX_ID: usize = 64;
+
+/// Why a part is not accepted.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum UploadError {
+    /// The id is empty or too long.
+    #[error("upload_id has {0} bytes, but must have 1 to {MAX_ID}")]
+    Id(usize),
+    /// The part does not follow the previous one.
+    #[error("offset is {offset}, but {received} bytes have arrived: send the part that begins there")]
+    Offset {
+        /// Where the part begins.
+        offset: u64,
+        /// Bytes that have arrived.
+        received: u64,
+    },
+    /// The file is too large.
+    #[error("the file is larger than {MAX_FILE_BYTES} bytes: simplify the level or split it")]
+    TooLarge,
+    /// The client has too many uploads.
+    #[error("{MAX_UPLOADS} uploads are under way already: import them, or wait five minutes")]
+    TooMany,
+    /// There is no memory for the file.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// There is no such upload.
+    #[error("there is no upload `{0}`, or it was dropped after five minutes")]
+    Unknown(String),
+}
+
+#[derive(Debug)]
+struct Upload {
+    bytes: Vec<u8>,
+    memory: Reservation,
+    latest: Instant,
+}
+
+type Key = (Arc<str>, String);
+
+/// All uploads; clones share them.
+#[derive(Debug, Clone)]
+pub struct Uploads {
+    memory: MemoryBudget,
+    by_id: Arc<Mutex<BTreeMap<Key, Upload>>>,
+}
+
+impl Uploads {
+    /// No uploads yet; they are paid for from `memory`.
+    pub fn new(memory: MemoryBudget) -> Self {
+        Self { memory, by_id: Arc::default() }
+    }
+
+    fn by_id(&self) -> MutexGuard<'_, BTreeMap<Key, Upload>> {
+        let mut uploads = self.by_id.lock().expect("no holder of this lock panics");
+        uploads.retain(|_, upload| upload.latest.elapsed() < KEPT_FOR);
+        uploads
+    }
+
+    /// Adds a part and returns how many bytes have arrived. A part that has arrived already changes nothing.
+    ///
+    /// # Errors
+    /// If the part leaves a gap, or there is no room for it.
+    pub fn append(&self, client: &Arc<str>, id: &str, offset: u64, data: &[u8]) -> Result<u64, UploadError> {
+        if !(1..=MAX_ID).contains(&id.len()) {
+            return Err(UploadError::Id(id.len()));
+        }
+        let mut uploads = self.by_id();
+        let key = (client.clone(), id.to_owned());
+        if !uploads.contains_key(&key) {
+            if uploads.keys().filter(|(owner, _)| owner == client).count() >= MAX_UPLOADS {
+                return Err(UploadError::TooMany);
+            }
+            let memory = self.memory.reserve(client, 0)?;
+            uploads.insert(key.clone(), Upload { bytes: Vec::new(), memory, latest: Instant::now() });
+        }
+        let upload = uploads.get_mut(&key).expect("just inserted");
+        upload.latest = Instant::now();
+        let received = upload.bytes.len() as u64;
+        if offset > received {
+            return Err(UploadError::Offset { offset, received });
+        }
+        // The beginning may have arrived before.
+        let Some(new) = data.get((received - offset) as usize..) else { return Ok(received) };
+        let total = received + new.len() as u64;
+        if total > MAX_FILE_BYTES {
+            return Err(UploadError::TooLarge);
+        }
+        upload.memory.resize(total)?;
+        upload.bytes.extend_from_slice(new);
+        Ok(total)
+    }
+
+    /// Takes the file of an upload.
+    ///
+    /// # Errors
+    /// [`UploadError::Unknown`].
+    pub fn take(&self, client: &Arc<str>, id: &str) -> Result<Vec<u8>, UploadError> {
+        let found = self.by_id().remove(&(client.clone(), id.to_owned()));
+        found.map(|upload| upload.bytes).ok_or_else(|| UploadError::Unknown(id.to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_make_a_file_repeats_are_harmless_and_gaps_are_refused() {
+        let budget = MemoryBudget::new(1000);
+        let uploads = Uploads::new(budget.clone());
+        let (ann, bob): (Arc<str>, Arc<str>) = ("ann".into(), "bob".into());
+        assert_eq!(uploads.append(&ann, "a", 0, b"0123"), Ok(4));
+        assert_eq!(uploads.append(&ann, "a", 0, b"0123"), Ok(4), "sent again");
+        assert_eq!(uploads.append(&ann, "a", 2, b"2345"), Ok(6), "overlapping");
+        assert_eq!(uploads.append(&ann, "a", 9, b"9"), Err(UploadError::Offset { offset: 9, received: 6 }));
+        assert_eq!(uploads.take(&bob, "a"), Err(UploadError::Unknown("a".to_owned())), "somebody else's");
+        assert!(matches!(uploads.append(&bob, "b", 0, &[0; 2000]), Err(UploadError::Memory(_))));
+        assert_eq!(uploads.take(&ann, "a").unwrap(), b"012345");
+        assert_eq!(budget.used_bytes(), 0);
+        assert!(uploads.take(&ann, "a").is_err());
+        (0..4).for_each(|id| _ = uploads.append(&ann, &format!("many {id}"), 0, b"x").unwrap());
+        assert_eq!(uploads.append(&ann, "one more", 0, b"x"), Err(UploadError::TooMany));
+    }
+}

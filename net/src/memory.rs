@@ -1,0 +1,150 @@
+//! A service's memory budget: who holds how much, and what is refused before it is allocated.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+/// What fits a machine of 4 GB beside the rest of the process and one import at a time.
+pub const DEFAULT_MAX_MEMORY_BYTES: u64 = 2_000_000_000;
+const POISON: &str = "no holder of this lock panics";
+const MB: f64 = 1.0e6;
+
+/// The memory budget of a service; clones share it. It counts what grows with requests: maps and environments.
+#[derive(Debug, Clone)]
+pub struct MemoryBudget {
+    limit_bytes: u64,
+    used: Arc<Mutex<BTreeMap<Arc<str>, u64>>>,
+}
+
+/// Bytes that a client holds; returned when dropped.
+#[derive(Debug)]
+pub struct Reservation {
+    budget: MemoryBudget,
+    client: Arc<str>,
+    bytes: u64,
+}
+
+/// A request that does not fit into what is left of the budget.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "this needs about {:.0} MB, but {:.0} of {:.0} MB are in use ({}): drop worlds, close environments or raise --max-memory",
+    *needed as f64 / MB, *used as f64 / MB, *limit as f64 / MB, by_client(holders)
+)]
+pub struct MemoryError {
+    needed: u64,
+    used: u64,
+    limit: u64,
+    /// The largest first.
+    holders: Vec<(Arc<str>, u64)>,
+}
+
+/// Clients that an error names.
+const NAMED: usize = 4;
+
+fn by_client(holders: &[(Arc<str>, u64)]) -> String {
+    let mut parts: Vec<String> =
+        holders.iter().take(NAMED).map(|(client, bytes)| format!("{client}: {:.0} MB", *bytes as f64 / MB)).collect();
+    let rest: u64 = holders.iter().skip(NAMED).map(|(_, bytes)| bytes).sum();
+    if rest > 0 {
+        parts.push(format!("others: {:.0} MB", rest as f64 / MB));
+    }
+    if parts.is_empty() { "by nobody".to_owned() } else { parts.join(", ") }
+}
+
+impl MemoryBudget {
+    /// At most `limit_bytes` in all.
+    pub fn new(limit_bytes: u64) -> Self {
+        Self { limit_bytes, used: Arc::default() }
+    }
+
+    fn used(&self) -> MutexGuard<'_, BTreeMap<Arc<str>, u64>> {
+        self.used.lock().expect(POISON)
+    }
+
+    /// Bytes in use.
+    pub fn used_bytes(&self) -> u64 {
+        self.used().values().sum()
+    }
+
+    /// Reserves memory for a client.
+    ///
+    /// # Errors
+    /// If that much is not left.
+    pub fn reserve(&self, client: &str, bytes: u64) -> Result<Reservation, MemoryError> {
+        let mut used = self.used();
+        self.check(&used, bytes)?;
+        Ok(self.add(&mut used, client, bytes))
+    }
+
+    /// Reserves memory whether or not it is left, as for worlds that were there before the limit.
+    pub fn grant(&self, client: &str, bytes: u64) -> Reservation {
+        self.add(&mut self.used(), client, bytes)
+    }
+
+    fn check(&self, used: &BTreeMap<Arc<str>, u64>, needed: u64) -> Result<(), MemoryError> {
+        let total: u64 = used.values().sum();
+        if total.saturating_add(needed) <= self.limit_bytes {
+            return Ok(());
+        }
+        let mut holders: Vec<_> = used.iter().map(|(client, bytes)| (client.clone(), *bytes)).collect();
+        holders.sort_by_key(|(_, bytes)| std::cmp::Reverse(*bytes));
+        Err(MemoryError { needed, used: total, limit: self.limit_bytes, holders })
+    }
+
+    fn add(&self, used: &mut BTreeMap<Arc<str>, u64>, client: &str, bytes: u64) -> Reservation {
+        let client: Arc<str> = client.into();
+        *used.entry(client.clone()).or_default() += bytes;
+        Reservation { budget: self.clone(), client, bytes }
+    }
+}
+
+impl Reservation {
+    /// Replaces an estimate by what is really held.
+    ///
+    /// # Errors
+    /// If it is more, and that much is not left; the reservation stays as it was.
+    pub fn resize(&mut self, bytes: u64) -> Result<(), MemoryError> {
+        let mut used = self.budget.used();
+        self.budget.check(&used, bytes.saturating_sub(self.bytes))?;
+        if let Some(held) = used.get_mut(&self.client) {
+            *held = *held - self.bytes + bytes;
+        }
+        self.bytes = bytes;
+        Ok(())
+    }
+}
+
+impl Drop for Reservation {
+    fn drop(&mut self) {
+        let mut used = self.budget.used();
+        if let Some(held) = used.get_mut(&self.client) {
+            *held -= self.bytes;
+            if *held == 0 {
+                used.remove(&self.client);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_names_the_holders_and_what_is_dropped_makes_room() {
+        let budget = MemoryBudget::new(1_000_000_000);
+        let held = budget.reserve("studio", 700_000_000).unwrap();
+        let mut small = budget.reserve("game", 100_000_000).unwrap();
+        let refused = budget.reserve("game", 300_000_000).unwrap_err().to_string();
+        assert!(
+            refused.contains("about 300 MB, but 800 of 1000 MB are in use (studio: 700 MB, game: 100 MB)"),
+            "{refused}"
+        );
+        assert!(small.resize(400_000_000).is_err());
+        assert_eq!(budget.used_bytes(), 800_000_000, "a refusal changes nothing");
+        drop(held);
+        small.resize(400_000_000).unwrap();
+        assert_eq!(budget.used_bytes(), 400_000_000);
+        drop(small);
+        assert_eq!(budget.used_bytes(), 0);
+    }
+}
