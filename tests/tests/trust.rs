@@ -1,9 +1,9 @@
 //! What must not go wrong whoever calls: workers that fall silent, floods, full memory, others' property, files that are damaged.
 
 use e2e::{
-    LIMIT, Running, create_world, ground, metrics, set_goal, small_map, spawn, start_planner, start_server,
-    start_server_at, start_worker, start_worker_as, start_worker_with, stats_until, until_metrics_say, watch_until,
-    world_client,
+    LIMIT, Running, build_to_end, create_world, ground, metrics, planner_client, set_goal, small_map, spawn, start_of,
+    start_planner, start_server, start_server_at, start_worker, start_worker_as, start_worker_with, stats_until,
+    until_metrics_say, watch_until, world_client,
 };
 use std::time::Duration;
 use surefoot_agent::work::WorkError;
@@ -544,5 +544,121 @@ async fn a_worker_with_a_token_works_where_tokens_are_required() {
     };
     tokio::time::timeout(LIMIT, reached).await.expect("its goal is where it stands");
     worker.stop().await;
+    server.stop().await;
+}
+
+/// Everything that happens on four lockstep worlds with a real worker up to a tick, NPCs by the order in which they were spawned.
+async fn history_of_lockstep_worlds(until_tick: u64) -> Vec<Vec<(u64, u64, wire::npc_event::Event)>> {
+    let server = start_server(ServerConfig::default());
+    let worker = start_worker(&server, None, 64);
+    let mut client = world_client(&server).await;
+    let mut histories = Vec::new();
+    for seed in 1000..1004 {
+        let world_id = create_world(&mut client, seed, wire::TimeMode::Lockstep).await.world_id;
+        let points = ground(&mut client, world_id, 8).await;
+        let spawn = |pair: &[wire::Vec3]| wire::Spawn { position: Some(pair[0]), yaw: 0.0, goal: Some(pair[1]) };
+        let spawns = points.chunks_exact(2).map(spawn).collect();
+        let request = wire::BatchSpawnNpcsRequest { world_id, spawns, ..Default::default() };
+        client.batch_spawn_npcs(request).await.unwrap();
+        let after = Some(wire::EventCursor { epoch: 0, sequence: 0 });
+        let request = wire::WatchEventsRequest { world_id, after, ..Default::default() };
+        let mut events = client.watch_events(request).await.unwrap().into_inner();
+        let mut history = Vec::new();
+        let reading = async {
+            // A world without a goal stands still: the last attempt to end is the end.
+            let mut open = 4;
+            while let Some(message) = events.next().await {
+                let message = message.unwrap();
+                for event in message.events {
+                    let kind = event.event.unwrap();
+                    open -= u32::from(matches!(kind, wire::npc_event::Event::AttemptEnded(_)));
+                    history.push((message.tick, event.npc_id % (1 << 28), kind));
+                }
+                if message.tick >= until_tick || open == 0 {
+                    return;
+                }
+            }
+        };
+        tokio::time::timeout(LIMIT, reading).await.expect("in time");
+        histories.push(history.into_iter().filter(|(tick, ..)| *tick <= until_tick).collect());
+    }
+    worker.stop().await;
+    server.stop().await;
+    histories
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn lockstep_worlds_with_a_worker_repeat_themselves() {
+    let (first, second) = (history_of_lockstep_worlds(1200).await, history_of_lockstep_worlds(1200).await);
+    let events: usize = first.iter().map(Vec::len).sum();
+    assert!(events > 32, "something happens: {events} events");
+    assert_eq!(first, second);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_hundred_requests_for_a_graph_over_eight_connections_are_one_build() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut requests = tokio::task::JoinSet::new();
+    for _ in 0..8 {
+        let client = planner_client(&planner).await;
+        for _ in 0..25 {
+            let mut client = client.clone();
+            requests.spawn(async move { build_to_end(&mut client, start_of(1000)).await });
+        }
+    }
+    let mut ids = std::collections::BTreeSet::new();
+    let mut graphs = std::collections::BTreeSet::new();
+    while let Some(build) = requests.join_next().await {
+        let build = build.unwrap();
+        ids.insert(build.build_id);
+        graphs.insert(build.graph_id);
+    }
+    assert_eq!(graphs.len(), 1);
+    let builds = planner_client(&planner)
+        .await
+        .list_builds(surefoot_proto::planner::v1::ListBuildsRequest::default())
+        .await
+        .unwrap()
+        .into_inner()
+        .builds;
+    let probed = builds.iter().filter(|build| build.probes_done > 0).count();
+    assert_eq!(probed, 1, "one build ran probes; {} requests came after it and found the graph", ids.len() - 1);
+    planner.stop().await;
+}
+
+/// A frame of HTTP/2.
+fn frame(kind: u8, flags: u8, stream: u32, payload: &[u8]) -> Vec<u8> {
+    let len = (payload.len() as u32).to_be_bytes();
+    [&len[1..], &[kind, flags], &stream.to_be_bytes(), payload].concat()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_rapid_reset_of_streams_ends_its_own_connection_and_nobody_elses() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let world_id = create_world(&mut client, 1000, wire::TimeMode::Realtime).await.world_id;
+    let mut socket = tokio::net::TcpStream::connect(server.address()).await.unwrap();
+    socket.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n").await.unwrap();
+    socket.write_all(&frame(4, 0, 0, &[])).await.unwrap();
+    // `:method POST`, `:scheme http`, `:path /`, all from the static table.
+    let headers = [0x83, 0x86, 0x84];
+    let (mut reader, mut writer) = socket.into_split();
+    let flood = tokio::spawn(async move {
+        for idx in 0..100_000 {
+            let stream = 2 * idx + 1;
+            let both = [frame(1, 0x4, stream, &headers), frame(3, 0, stream, &8u32.to_be_bytes())].concat();
+            if writer.write_all(&both).await.is_err() {
+                return;
+            }
+        }
+        panic!("100,000 streams were reset, and the connection still stands");
+    });
+    let mut rest = Vec::new();
+    let closed = tokio::time::timeout(LIMIT, reader.read_to_end(&mut rest)).await.expect("the server closes it");
+    // Closed or reset: both are an end.
+    drop(closed);
+    flood.await.unwrap();
+    client.get_world(wire::GetWorldRequest { world_id }).await.expect("others go on");
     server.stop().await;
 }
