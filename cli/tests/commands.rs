@@ -111,6 +111,24 @@ fn a_scene_ends_with_arrivals_and_leaves_its_graphs_in_the_cache() {
     assert!(cache.path().join("graphs.redb").exists());
 }
 
+#[test]
+fn a_scene_with_saved_worlds_can_be_started_again_and_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cache, state) = (folder.path().join("cache"), folder.path().join("state"));
+    let scene = ["up", "--for", "2", "--maps", "1", "--npcs", "2", "--vertices", "10", "--neighbours", "2"];
+    let addresses = ["--listen", "127.0.0.1:0", "--planner-listen", "127.0.0.1:0"];
+    let folders = ["--cache", cache.to_str().unwrap(), "--state", state.to_str().unwrap()];
+    // There is room for the worlds of one scene only.
+    let limit = ["--max-worlds-per-client", "1"];
+    for start in 0..3 {
+        let output = surefoot(&[&scene[..], &addresses[..], &folders[..], &limit[..]].concat());
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        // So few NPCs may not arrive anywhere in two seconds; anything else is a failure.
+        assert!(output.status.success() || message.contains("no NPC arrived"), "start {start}: {message}");
+        assert!(message.contains("2 NPCs on 1 maps"), "start {start}: {message}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_server_ends_cleanly_on_sigterm() {

@@ -94,11 +94,16 @@ async fn a_stream_too_many_waits_and_other_connections_go_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_connection_too_many_is_closed_at_once_and_counted() {
+async fn a_connection_too_many_takes_an_unknown_ones_place_or_is_closed_at_once_and_counted() {
     let server = server_with(|limits| limits.max_connections = 2);
     let mut client = world_client(&server).await;
     client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
-    let second = connect(&server).await;
+    // A stranger takes the second slot, and loses it to a client.
+    let mut stranger = connect(&server).await;
+    let mut second = world_client(&server).await;
+    second.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();
+    closed(&mut stranger).await;
+    // Two known clients keep their slots.
     let mut third = connect(&server).await;
     closed(&mut third).await;
     client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap();

@@ -627,6 +627,29 @@ async fn two_hundred_requests_for_a_graph_over_eight_connections_are_one_build()
     planner.stop().await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lack_of_progress_has_no_reward_of_its_own() {
+    let server = start_server(ServerConfig::default());
+    let mut client = EnvServiceClient::connect(server.uri.clone()).await.unwrap();
+    let request =
+        wire::CreateEnvRequest { map: Some(small_map(1000)), npc_count: 1, goal_min_m: 20.0, ..Default::default() };
+    let env_id = client.create_env(request).await.unwrap().into_inner().env_id;
+    let stand_still = Some(wire::EnvActions { actions: vec![0; 16] });
+    for _ in 0..1000 {
+        let request = wire::StepEnvRequest { env_id, actions: stand_still.clone() };
+        let results = client.step_env(request).await.unwrap().into_inner().results.unwrap();
+        let reward = f32::from_le_bytes(results.rewards[..4].try_into().unwrap());
+        // Nothing but the penalty of a decision, and what little it may slide towards the goal.
+        assert!(reward > -0.1, "{reward}");
+        if let Some(end) = results.ends.first() {
+            assert_eq!(end.outcome(), wire::Outcome::NoProgress);
+            server.stop().await;
+            return;
+        }
+    }
+    panic!("it stands still for ever");
+}
+
 /// A frame of HTTP/2.
 fn frame(kind: u8, flags: u8, stream: u32, payload: &[u8]) -> Vec<u8> {
     let len = (payload.len() as u32).to_be_bytes();

@@ -104,6 +104,7 @@ impl Graphs {
     fn start(&self, key: GraphKey, server: Link) -> Graph {
         let (ready, id) = watch::channel(String::new());
         let (edited, revision) = watch::channel(None);
+        let (goes_on, progress) = watch::channel(Instant::now());
         let maps = |link| {
             MapServiceClient::new(link)
                 .max_decoding_message_size(MAX_MESSAGE_BYTES)
@@ -123,12 +124,14 @@ impl Graphs {
             watched_builds: self.watched_builds.clone(),
             watched_graphs: self.watched_graphs.clone(),
             other_policy: self.other_policy.clone(),
+            goes_on,
         };
         Graph {
             client: self.queries.clone(),
             id,
             ready: ready.clone(),
             revision,
+            progress,
             resting: Mutex::default(),
             build: tokio::spawn(builder.run(ready, edited)),
         }
@@ -144,12 +147,29 @@ pub(super) struct Graph {
     pub ready: watch::Sender<String>,
     /// Revision of designers' edits; `None` while unknown.
     pub revision: watch::Receiver<Option<u64>>,
+    /// When the planner last said that the build goes on.
+    progress: watch::Receiver<Instant>,
     /// Until when the planner is left alone because it did not answer, and the pause after the next failure.
     resting: Mutex<Option<(Instant, Duration)>>,
     build: tokio::task::JoinHandle<()>,
 }
 
 impl Graph {
+    /// Waits until the graph is ready: at most `limit`, and at most `silence` without a word from the planner. Returns whether it is.
+    pub async fn wait(&self, limit: Duration, silence: Duration) -> bool {
+        let (mut id, progress) = (self.id.clone(), self.progress.clone());
+        let started = Instant::now();
+        loop {
+            let heard = started.max(*progress.borrow());
+            let until = (heard + silence).min(started + limit);
+            match tokio::time::timeout_at(until, id.wait_for(|id| !id.is_empty())).await {
+                Ok(ready) => return ready.is_ok(),
+                Err(_) if started.max(*progress.borrow()) > heard && Instant::now() < started + limit => {}
+                Err(_) => return false,
+            }
+        }
+    }
+
     /// Whether the planner is left alone for now, because it did not answer.
     pub fn is_resting(&self) -> bool {
         self.resting.lock().expect(POISON).is_some_and(|(until, _)| Instant::now() < until)
@@ -185,6 +205,7 @@ struct Builder {
     watched_builds: Arc<Semaphore>,
     watched_graphs: Arc<Semaphore>,
     other_policy: watch::Sender<Option<Status>>,
+    goes_on: watch::Sender<Instant>,
 }
 
 impl Builder {
@@ -269,6 +290,7 @@ impl Builder {
         let mut progress = self.client.watch_build(planner::WatchBuildRequest { build_id }).await?.into_inner();
         while let Some(message) = progress.next().await {
             let build = message?.build.unwrap_or_default();
+            self.goes_on.send_replace(Instant::now());
             match (build.stage(), build.failure) {
                 (BuildStage::Done, _) => return Ok(build.graph_id),
                 (BuildStage::Cancelled, _) => return Err(Status::cancelled("the build was cancelled")),

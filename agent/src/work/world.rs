@@ -26,8 +26,10 @@ const PLAN_QUEUE: usize = 256;
 const REPORT_LEN: usize = 64;
 /// Most queries in one batch; planners allow more.
 const MAX_QUERIES: usize = 1024;
-/// Longest wait of a lockstep world for the graph of its map. After that its NPCs go on without plans until there is one.
-const GRAPH_LIMIT: Duration = Duration::from_secs(20);
+/// Longest wait of a lockstep world for the graph of its map, and for a sign of life of the planner that builds it. After that its
+/// NPCs go on without plans until there is a graph.
+const GRAPH_LIMIT: Duration = Duration::from_secs(120);
+const PLANNER_SILENCE: Duration = Duration::from_secs(15);
 /// Largest answer in one message, bytes; servers accept 1 MiB unless configured.
 const MAX_ANSWER_BYTES: usize = 512 * 1024;
 /// Longest wait for a batch of plans.
@@ -289,15 +291,11 @@ impl WorldTask {
     /// on without a plan, which is counted.
     async fn request_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
         let Some(graph) = self.graph.clone() else { return };
-        let mut id = graph.id.clone();
-        if self.is_lockstep && !self.has_waited {
-            let ready = tokio::time::timeout(GRAPH_LIMIT, id.wait_for(|id| !id.is_empty())).await;
-            if ready.is_err() {
-                warn!(world = self.world_id, "no graph within {} s: NPCs go on without plans", GRAPH_LIMIT.as_secs());
-                self.has_waited = true;
-            }
+        if self.is_lockstep && !self.has_waited && !graph.wait(GRAPH_LIMIT, PLANNER_SILENCE).await {
+            warn!(world = self.world_id, "no graph in time: NPCs go on without plans");
+            self.has_waited = true;
         }
-        let graph_id = id.borrow().clone();
+        let graph_id = graph.id.borrow().clone();
         if graph_id.is_empty() || graph.is_resting() {
             self.plans_failed = self.plans_failed.saturating_add(queries.len() as u32);
             return;

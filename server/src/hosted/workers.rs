@@ -15,7 +15,7 @@ pub(super) const ASSIGN_EVERY: u64 = 30;
 /// Ticks without an answer after which a worker's NPCs go to another.
 const SILENCE_LIMIT: u64 = TICKS_PER_SECOND as u64;
 /// The same for lockstep worlds, which wait longer: a worker may wait for plans itself.
-const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(30);
+const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(150);
 
 impl HostedWorld {
     /// Assigns every NPC without a worker to one with room.
