@@ -6,7 +6,7 @@ use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::live::{LiveEvidence, Traversal};
+use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::store::{GraphStore, LevelId, decode_layer, decode_live};
 use surefoot_planner::{BuildStats, GraphId};
 use surefoot_planner::{Built, Edge, EdgeKey, NavGraph};
@@ -31,6 +31,10 @@ fn built(vertices: u32) -> Built {
 
 fn id(number: u8) -> GraphId {
     GraphId([number; 32])
+}
+
+fn worker() -> Reporter {
+    Reporter { name: "worker".to_owned(), is_trusted: true }
 }
 
 fn open(folder: &Path) -> DiskStore {
@@ -111,7 +115,7 @@ fn layers_and_live_evidence_persist() {
     let layer = |name: &str| Layer { name: name.to_owned(), edits: vec![Edit::AddVertex { at: Vec3::ONE }] };
     let graph = built(5);
     let mut live = LiveEvidence::default();
-    live.note(&graph.graph, &Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
+    live.note(&graph.graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
     {
         let store = open(folder.path());
         store.put_layer(&level, &layer("night")).unwrap();
@@ -120,23 +124,24 @@ fn layers_and_live_evidence_persist() {
         store.put_live(&id(1), &live).unwrap();
     }
     let store = open(folder.path());
-    assert_eq!(store.layers(&level).unwrap(), [layer("day"), layer("night")]);
+    assert_eq!(store.layers(&level).unwrap().whole().unwrap(), [layer("day"), layer("night")]);
     assert_eq!(store.live(&id(1)).unwrap(), live);
     assert!(store.live(&id(2)).unwrap().is_empty());
     store.put_layer(&level, &Layer { edits: Vec::new(), ..layer("day") }).unwrap();
-    assert_eq!(store.layers(&level).unwrap(), [layer("night")]);
-    assert_eq!(store.layers(&LevelId::of(b"three")).unwrap(), []);
+    assert_eq!(store.layers(&level).unwrap().whole().unwrap(), [layer("night")]);
+    assert_eq!(store.layers(&LevelId::of(b"three")).unwrap().whole().unwrap(), []);
 }
 
 #[test]
 fn invalid_evidence_and_layers_count_as_damaged() {
     #[derive(serde::Serialize)]
-    struct Stored(BTreeMap<(u32, u32), Evidence>);
+    struct Stored(BTreeMap<(&'static str, bool), BTreeMap<(u32, u32), Evidence>>);
     let sealed = |content: Vec<u8>| [blake3::hash(&content).as_bytes().as_slice(), &content].concat();
     let entry = |change: fn(&mut Evidence)| {
         let mut evidence = Evidence::vouched(Decisions(7.0));
         change(&mut evidence);
-        sealed(postcard::to_stdvec(&Stored(BTreeMap::from([((0, 1), evidence)]))).unwrap())
+        let edges = BTreeMap::from([((0, 1), evidence)]);
+        sealed(postcard::to_stdvec(&Stored(BTreeMap::from([(("worker", true), edges)]))).unwrap())
     };
     // Regression: more tries than live evidence can hold overflowed when they were added to the probes.
     assert!(decode_live(&entry(|_| {})).is_ok());
@@ -157,6 +162,6 @@ fn live_evidence_adds_to_an_edge_with_the_maximum_number_of_tries() {
     (evidence.tries, evidence.successes) = (u32::MAX, u32::MAX);
     let graph = NavGraph::check(data).unwrap();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
+    live.note(&graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
     assert_eq!(live.apply_to(&graph).edge(EdgeKey::new(0, 1)).unwrap().evidence.tries, u32::MAX);
 }

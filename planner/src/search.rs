@@ -8,7 +8,7 @@
 
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::evidence::price;
-use crate::graph::NavGraph;
+use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::Bounds;
@@ -16,7 +16,7 @@ use crate::plan::{Leg, NoPath, Plan, Query};
 use crate::table::Table;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
-use surefoot_world::Vec3;
+use surefoot_world::{Ability, Vec3};
 
 /// Maximum number of vertices that a start or goal is attached to.
 const ATTACHMENTS: usize = 6;
@@ -41,6 +41,8 @@ pub struct Router {
     /// The greatest distance that any edge covers per decision of its cost, m.
     metres_per_cost: f32,
     bounds: Bounds,
+    /// Greatest length of the unproved leg from the last vertex to the goal, m.
+    reach_m: f32,
 }
 
 /// A spatial index of some of a graph's vertices.
@@ -85,6 +87,7 @@ impl Router {
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
             bounds: graph.legs().bounds(),
+            reach_m: reach(&graph),
             graph,
             adjacency,
             table,
@@ -152,9 +155,10 @@ impl Router {
     }
 
     /// Finds the cheapest vertices to walk to from the start (or, if `to_goal`, to walk from to the goal). Vertices without
-    /// outgoing (or incoming) edges are left out.
+    /// outgoing (or incoming) edges are left out, and those farther from the goal than any character is known to get on foot.
     fn attach(&self, query: &Query, to_goal: bool) -> Attached {
         let (index, point) = if to_goal { (&self.targets, query.goal) } else { (&self.sources, query.start) };
+        let reach_m = if to_goal { self.reach_m } else { f32::INFINITY };
         let is_barred = |vertex| {
             let vertex = Stop::Vertex(vertex);
             let leg = if to_goal { (vertex, Stop::Goal) } else { (Stop::Start, vertex) };
@@ -165,7 +169,7 @@ impl Router {
         let mut worst = f32::INFINITY;
         for ring in 0..=index.grid.ring_count() {
             let clearance = (ring - 1).max(0) as f32 * index.grid.cell_m();
-            if self.bounds.from_metres(clearance) > worst {
+            if clearance > reach_m || self.bounds.from_metres(clearance) > worst {
                 break;
             }
             index.grid.ring(point, ring, |range| {
@@ -174,7 +178,7 @@ impl Router {
                         continue;
                     }
                     let (from, to) = if to_goal { (at, point) } else { (point, at) };
-                    if is_barred(vertex) {
+                    if at.distance_squared(point) > reach_m * reach_m || is_barred(vertex) {
                         continue;
                     }
                     if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
@@ -353,6 +357,16 @@ impl Ord for HeapCost {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
     }
+}
+
+/// Returns the greatest length of an unproved leg to a goal, m: that of the longest edge that was proved on foot, without devices,
+/// but at least [`DIRECT_M`]. A goal farther than that from every vertex stands on ground that no vertex leads to, or on none.
+/// Without such edges the range of the leg model stands in for their lengths.
+fn reach(graph: &NavGraph) -> f32 {
+    let is_on_foot = |edge: &&Edge| edge.evidence.has_track() && edge.evidence.ability <= Ability::DoubleJump;
+    let length = |edge: &Edge| graph.position(edge.key.from).distance(graph.position(edge.key.to));
+    let longest = graph.edges().filter(is_on_foot).map(length).reduce(f32::max);
+    longest.unwrap_or_else(|| graph.legs().range_m() as f32).max(DIRECT_M)
 }
 
 /// Returns the distance between neighbouring vertices if all were spread evenly over their bounding rectangle, m.

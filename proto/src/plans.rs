@@ -94,7 +94,8 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
 /// Converts a plan from the wire.
 ///
 /// # Errors
-/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point is not finite.
+/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point or duration is
+/// not finite, or a duration is negative.
 pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
         return Err(FieldError::Length {
@@ -108,6 +109,10 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     let leg = |leg: &wire::Leg| {
         let from = stop(leg.from.as_ref(), "plan.legs.from")?;
         let to = stop(leg.to.as_ref(), "plan.legs.to")?;
+        if !(0.0..=f32::MAX).contains(&leg.seconds) {
+            let (value, max) = (f64::from(leg.seconds), f64::from(f32::MAX));
+            return Err(FieldError::Range { field: "plan.legs.seconds", value, min: 0.0, max });
+        }
         Ok(Leg {
             key: LegKey { from, to },
             seconds: Seconds(leg.seconds),
