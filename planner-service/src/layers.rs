@@ -54,6 +54,11 @@ impl LayerChange {
     /// Returns the changed layer, and all layers of the level with it.
     fn apply(&self, stored: &LevelLayers) -> Result<(Layer, LevelLayers), PlannerError> {
         let damaged = stored.damaged.iter().find(|layer| layer.name == self.name());
+        if damaged.is_none()
+            && let Some(other) = stored.damaged.first()
+        {
+            return Err(PlannerError::Store { what: "the layers cannot be changed", reason: other.to_string() });
+        }
         let find = |name: &str| match damaged {
             Some(damaged) => Err(PlannerError::LayersUnreadable(damaged.to_string())),
             None => Ok(stored.layers.iter().find(|layer| layer.name == name).cloned()),

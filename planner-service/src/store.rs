@@ -55,7 +55,7 @@ impl From<DatabaseError> for Refusal {
     fn from(error: DatabaseError) -> Self {
         let text = error.to_string();
         match error {
-            DatabaseError::DatabaseAlreadyOpen | DatabaseError::LockProtocolMismatch => Self::Other(
+            DatabaseError::DatabaseAlreadyOpen => Self::Other(
                 "another process has the file open: stop that process, or choose another cache folder".to_owned(),
             ),
             DatabaseError::UpgradeRequired(_) => Self::Other(format!(
