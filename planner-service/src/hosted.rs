@@ -12,9 +12,7 @@ use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
 use surefoot_planner::live::{LiveEvidence, Reported, Reporter, Traversal};
 use surefoot_planner::search::Repriced;
 use surefoot_planner::store::{LevelId, encode_layer};
-use surefoot_planner::{
-    BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, VertexId,
-};
+use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, VertexId};
 use surefoot_world::Vec3;
 use tokio::sync::watch;
 

@@ -106,7 +106,10 @@ impl LayerFiles {
 
 fn fail(path: &Path, what: &str) -> impl FnOnce(io::Error) -> StoreError {
     let (place, what) = (path.display().to_string(), what.to_owned());
-    move |error| StoreError { place, reason: format!("{what}: {error}; check its permissions and the space on its disk") }
+    move |error| StoreError {
+        place,
+        reason: format!("{what}: {error}; check its permissions and the space on its disk"),
+    }
 }
 
 /// Lists the files of layers in a folder, and nothing else.
@@ -140,7 +143,9 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// differ only in their case.
 fn escape(name: &[u8]) -> String {
     let is_plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"-_".contains(&byte);
-    name.iter().map(|&byte| if is_plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()
+    name.iter()
+        .map(|&byte| if is_plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") })
+        .collect()
 }
 
 /// Returns the name of the layer that a file is named after.
@@ -151,7 +156,7 @@ fn name_of(path: &Path) -> String {
     for part in parts {
         let code = part.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok());
         bytes.push(code.unwrap_or(b'%'));
-        bytes.extend(if code.is_some() { part[2..].as_bytes() } else { part.as_bytes() });
+        bytes.extend(&part.as_bytes()[if code.is_some() { 2 } else { 0 }..]);
     }
     String::from_utf8_lossy(&bytes).into_owned()
 }

@@ -169,8 +169,7 @@ impl Planner {
             };
             let cancel = CancelOnDrop(Arc::default());
             let (planner, progress) = (self.clone(), cancel.0.clone());
-            let task =
-                tokio::task::spawn_blocking(move || planner.change_now(hosted, if_revision, &change, &progress));
+            let task = tokio::task::spawn_blocking(move || planner.change_now(hosted, if_revision, &change, &progress));
             task.await.map_err(PlannerError::lost("the edit"))?
         };
         tokio::select! {
@@ -203,7 +202,8 @@ impl Planner {
             if progress.cancel.load(Ordering::Relaxed) {
                 return Err(PlannerError::ShuttingDown);
             }
-            let has_all = |now: &[Arc<Hosted>]| now.iter().all(|one| graphs.iter().any(|other| Arc::ptr_eq(one, other)));
+            let has_all =
+                |now: &[Arc<Hosted>]| now.iter().all(|one| graphs.iter().any(|other| Arc::ptr_eq(one, other)));
             if read()? != stored || !has_all(&self.graphs_of(&level, &hosted)) {
                 continue;
             }

@@ -94,7 +94,8 @@ impl DiskStore {
             Ok(database) => database,
             Err(Refusal::Other(reason)) => return Err(fail(reason)),
             Err(Refusal::Damaged(reason)) => {
-                let aside = set_aside(&path).map_err(|error| fail(format!("{reason}; it cannot be renamed: {error}")))?;
+                let aside =
+                    set_aside(&path).map_err(|error| fail(format!("{reason}; it cannot be renamed: {error}")))?;
                 warn!(path = %path.display(), aside = %aside.display(), reason, "graph cache is damaged; renamed it and started with an empty one");
                 open_file(&path).map_err(|(Refusal::Damaged(reason) | Refusal::Other(reason))| fail(reason))?
             }
@@ -125,7 +126,9 @@ impl DiskStore {
         for (key, bytes) in &entries {
             let (level, name) = key.split_first_chunk().ok_or_else(|| StoreError {
                 place: self.path.display().to_string(),
-                reason: "a layer of an earlier version belongs to no level: move the file away to begin with an empty cache".to_owned(),
+                reason:
+                    "a layer of an earlier version belongs to no level: move the file away to begin with an empty cache"
+                        .to_owned(),
             })?;
             self.layers.add(&LevelId(*level), name, bytes)?;
         }
@@ -284,7 +287,8 @@ fn open_file(path: &Path) -> Result<Database, Refusal> {
 fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
     let mut number = 1;
     loop {
-        let aside = path.with_extension(if number == 1 { "redb.damaged".to_owned() } else { format!("redb.damaged-{number}") });
+        let aside =
+            path.with_extension(if number == 1 { "redb.damaged".to_owned() } else { format!("redb.damaged-{number}") });
         // Reserve the name, so that the renaming overwrites only our own empty file.
         match std::fs::File::create_new(&aside) {
             Ok(_) => return std::fs::rename(path, &aside).map(|()| aside),

@@ -22,6 +22,8 @@ use surefoot_world::{Ability, Vec3};
 const ATTACHMENTS: usize = 6;
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
+/// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
+const LEAST_CLIMB_M: f32 = 5.0;
 /// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
 pub const DEFAULT_TABLE_LIMIT: usize = 4096;
 
@@ -41,8 +43,8 @@ pub struct Router {
     /// The greatest distance that any edge covers per decision of its cost, m.
     metres_per_cost: f32,
     bounds: Bounds,
-    /// Greatest length of the unproved leg from the last vertex to the goal, m.
-    reach_m: f32,
+    /// Limits of the unproved leg from the last vertex to the goal.
+    reach: Reach,
 }
 
 /// A spatial index of some of a graph's vertices.
@@ -87,7 +89,7 @@ impl Router {
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
             bounds: graph.legs().bounds(),
-            reach_m: reach(&graph),
+            reach: Reach::of(&graph),
             graph,
             adjacency,
             table,
@@ -158,7 +160,7 @@ impl Router {
     /// outgoing (or incoming) edges are left out, and those farther from the goal than any character is known to get on foot.
     fn attach(&self, query: &Query, to_goal: bool) -> Attached {
         let (index, point) = if to_goal { (&self.targets, query.goal) } else { (&self.sources, query.start) };
-        let reach_m = if to_goal { self.reach_m } else { f32::INFINITY };
+        let reach_m = if to_goal { self.reach.length_m } else { f32::INFINITY };
         let is_barred = |vertex| {
             let vertex = Stop::Vertex(vertex);
             let leg = if to_goal { (vertex, Stop::Goal) } else { (Stop::Start, vertex) };
@@ -178,7 +180,7 @@ impl Router {
                         continue;
                     }
                     let (from, to) = if to_goal { (at, point) } else { (point, at) };
-                    if at.distance_squared(point) > reach_m * reach_m || is_barred(vertex) {
+                    if is_barred(vertex) || to_goal && !self.reach.contains(point - at) {
                         continue;
                     }
                     if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
@@ -359,14 +361,34 @@ impl Ord for HeapCost {
     }
 }
 
-/// Returns the greatest length of an unproved leg to a goal, m: that of the longest edge that was proved on foot, without devices,
-/// but at least [`DIRECT_M`]. A goal farther than that from every vertex stands on ground that no vertex leads to, or on none.
-/// Without such edges the range of the leg model stands in for their lengths.
-fn reach(graph: &NavGraph) -> f32 {
-    let is_on_foot = |edge: &&Edge| edge.evidence.has_track() && edge.evidence.ability <= Ability::DoubleJump;
-    let length = |edge: &Edge| graph.position(edge.key.from).distance(graph.position(edge.key.to));
-    let longest = graph.edges().filter(is_on_foot).map(length).reduce(f32::max);
-    longest.unwrap_or_else(|| graph.legs().range_m() as f32).max(DIRECT_M)
+/// Limits of the unproved leg to a goal. A goal beyond them from every vertex stands on ground that no vertex leads to, or on none.
+#[derive(Debug, Clone, Copy)]
+struct Reach {
+    /// Greatest length, m.
+    length_m: f32,
+    /// Greatest climb, m.
+    climb_m: f32,
+}
+
+impl Reach {
+    /// The longest and the highest edge that was proved on foot, without devices, but at least [`DIRECT_M`] and [`LEAST_CLIMB_M`].
+    /// Without such edges, the range of the leg model stands in for both.
+    fn of(graph: &NavGraph) -> Self {
+        let range_m = graph.legs().range_m() as f32;
+        let is_on_foot = |edge: &&Edge| edge.evidence.has_track() && edge.evidence.ability <= Ability::DoubleJump;
+        let offset = |edge: &Edge| graph.position(edge.key.to) - graph.position(edge.key.from);
+        let longest =
+            |of: fn(Vec3) -> f32| graph.edges().filter(is_on_foot).map(|edge| of(offset(edge))).reduce(f32::max);
+        Self {
+            length_m: longest(Vec3::length).unwrap_or(range_m).max(DIRECT_M),
+            climb_m: longest(|offset| offset.y).unwrap_or(range_m).max(LEAST_CLIMB_M),
+        }
+    }
+
+    /// Returns whether a leg with this offset from start to end is within the limits.
+    fn contains(&self, offset: Vec3) -> bool {
+        offset.y <= self.climb_m && offset.length_squared() <= self.length_m * self.length_m
+    }
 }
 
 /// Returns the distance between neighbouring vertices if all were spread evenly over their bounding rectangle, m.

@@ -153,7 +153,8 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
         };
         assert_eq!(now.tries <= probed.tries + probed.tries / 2, dropped_by_cap, "{role:?}: {now:?}");
     }
-    let drop_of = |role: Role| plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: role.name().to_owned() };
+    let drop_of =
+        |role: Role| plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: role.name().to_owned() };
     let refused = planner_of(&planner, Role::Designer).await.drop_reports(drop_of(Role::Worker)).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
     let unnamed = plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: String::new() };

@@ -33,7 +33,9 @@ impl From<PlannerError> for Status {
             PlannerError::Overtaken => status::failure(Reason::LayersChanged, message),
             PlannerError::TooManyEdits { field, .. } => status::too_large(field, message),
             PlannerError::OutsideMap { field, .. } => status::invalid(field, message),
-            PlannerError::LayersUnreadable(_) | PlannerError::Store { .. } => status::failure(Reason::StoreFailed, message),
+            PlannerError::LayersUnreadable(_) | PlannerError::Store { .. } => {
+                status::failure(Reason::StoreFailed, message)
+            }
             PlannerError::Lost { .. } => status::failure(Reason::Internal, message),
             PlannerError::ShuttingDown => surefoot_net::serving::going_away(),
         }

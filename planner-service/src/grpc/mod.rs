@@ -12,7 +12,8 @@ use crate::layers::LayerChange;
 use crate::planner::Planner;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
-    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire, unapplied_to_wire,
+    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire,
+    unapplied_to_wire,
 };
 use std::pin::Pin;
 use surefoot_net::levels::grpc as levels;
