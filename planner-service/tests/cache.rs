@@ -224,8 +224,9 @@ fn layers_and_live_evidence_persist() {
 
 #[test]
 fn invalid_evidence_and_layers_count_as_damaged() {
+    type Edges = BTreeMap<(u32, u32), Evidence>;
     #[derive(serde::Serialize)]
-    struct Stored(BTreeMap<(&'static str, bool), BTreeMap<(u32, u32), Evidence>>);
+    struct Stored(BTreeMap<(&'static str, bool), Edges>);
     let sealed = |content: Vec<u8>| [blake3::hash(&content).as_bytes().as_slice(), &content].concat();
     let entry = |change: fn(&mut Evidence)| {
         let mut evidence = Evidence::vouched(Decisions(7.0));
