@@ -59,7 +59,14 @@ async fn connect(address: &str) -> WorldServiceClient<Channel> {
     let since = Instant::now();
     loop {
         match endpoint.connect().await {
-            Ok(channel) => return WorldServiceClient::new(channel),
+            Ok(channel) => {
+                let mut client = WorldServiceClient::new(channel);
+                // It may still be restoring its worlds.
+                match client.get_server(wire::GetServerRequest {}).await {
+                    Ok(_) => return client,
+                    Err(status) => assert!(since.elapsed() < LIMIT, "no server: {status}"),
+                }
+            }
             Err(error) => assert!(since.elapsed() < LIMIT, "no server: {error}"),
         }
     }

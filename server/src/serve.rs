@@ -26,7 +26,8 @@ const LAST_SAVE: Duration = Duration::from_secs(4);
 pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown) -> Result<(), ServerError> {
     let worlds = Worlds::new(config, shutdown.clone());
     worlds.open_state()?;
-    let (ready, is_ready) = watch::channel(false);
+    // Without saved worlds there is nothing to wait for.
+    let (ready, is_ready) = watch::channel(worlds.config().state.is_none());
     let restoring = tokio::spawn(restore(worlds.clone(), ready, shutdown.clone()));
     let metrics = {
         let worlds = worlds.clone();

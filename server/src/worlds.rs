@@ -22,6 +22,8 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tracing::{info, warn};
 
+/// Longest wait for the clock to reach a new id: far more than the ids that are created in a burst.
+const MAX_ID_WAIT: Duration = Duration::from_secs(1);
 /// How long saving all worlds may take while the server runs.
 const SAVE_LIMIT: Duration = Duration::from_secs(60);
 /// Fractions of a period between worlds: consecutive multiples of the golden ratio spread evenly however many there are.
@@ -216,8 +218,10 @@ impl Worlds {
         let next = |last: u64| earliest.max(last + 1);
         let before = last.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |last| Some(next(last)));
         let id = WorldId(next(before.unwrap_or_else(|last| last)));
-        // Ids must not run ahead of the clock, or the next epoch could use the same ones.
-        while WorldId::at(SystemTime::now()) < id {
+        // Ids must not run ahead of the clock, or the next epoch could assign the same ones. Those of restored worlds do, if the clock
+        // was set back: there is no waiting for these, because the next epoch restores them too.
+        let enough = Instant::now() + MAX_ID_WAIT;
+        while WorldId::at(SystemTime::now()) < id && Instant::now() < enough {
             tokio::time::sleep(ID_PERIOD).await;
         }
         id

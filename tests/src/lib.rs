@@ -15,6 +15,7 @@ use surefoot_planner_service::{self as planner_service, PlannerConfig};
 use surefoot_policy::Policy;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as world;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
@@ -174,9 +175,19 @@ pub fn small_map(seed: u64) -> world::MapSpec {
     world::MapSpec { seed, size: Some(world::MapSize { width: 100, height: 80, depth: 100 }), features: None }
 }
 
-/// A client of a world server.
+/// A client of a world server that has restored its worlds.
 pub async fn world_client(server: &Running) -> WorldServiceClient<Channel> {
-    WorldServiceClient::connect(server.uri.clone()).await.expect("the server accepts")
+    let mut client = WorldServiceClient::connect(server.uri.clone()).await.expect("the server accepts");
+    let starting = async {
+        while let Err(status) = client.get_server(world::GetServerRequest {}).await {
+            if Reason::of(&status) != Some(Reason::Starting) {
+                break;
+            }
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(LIMIT, starting).await.expect("the server starts");
+    client
 }
 
 /// A client of a planner.

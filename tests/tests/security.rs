@@ -1,6 +1,6 @@
 //! TLS, client certificates, tokens and roles, over real sockets.
 
-use e2e::{Running, metrics, start_planner_at, start_server_at, start_worker_as};
+use e2e::{LIMIT, Running, metrics, start_planner_at, start_server_at, start_worker_as};
 use prost::Message;
 use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
 use std::convert::Infallible;
@@ -94,6 +94,7 @@ fn every_method_has_its_row_in_the_table_of_roles() {
         ("surefoot.planner.v1.PlannerService/PutLayer", Role::Designer, Role::Client),
         ("surefoot.planner.v1.PlannerService/ListReports", Role::Client, Role::Worker),
         ("surefoot.planner.v1.PlannerService/DropReports", Role::Admin, Role::Designer),
+        ("surefoot.world.v1.WorldService/StallWorld", Role::Admin, Role::Client),
     ] {
         let roles = roles(method).unwrap();
         assert!(roles.contains(&allowed) && !roles.contains(&refused), "{method}: {roles:?}");
@@ -549,5 +550,35 @@ async fn without_a_token_pages_are_read_and_methods_are_not() {
         assert!(answer.contains("grpc-status: 16"), "{answer}");
     }
     assert!(http(&server, &get("/metrics", "text/plain")).await.starts_with("HTTP/1.1 401"));
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn tokens_are_reloaded_when_their_file_changes_and_kept_when_it_is_broken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tokens.toml");
+    let entry =
+        |name: &str| format!("[[token]]\nname = \"{name}\"\nrole = \"client\"\nsecret = \"the-secret-of-{name}\"\n");
+    std::fs::write(&path, entry("first-client")).unwrap();
+    let security = Security { tokens: Some(Tokens::load(&path).unwrap()), ..Default::default() };
+    let server = start_server_at(EndpointConfig { security, ..Default::default() }, ServerConfig::default());
+    let is_accepted = async |name: &str| {
+        let link = link(&server, &with_token(&format!("the-secret-of-{name}"))).await;
+        let result = WorldServiceClient::new(link).list_worlds(ListWorldsRequest::default()).await;
+        result.map(drop).map_err(|status| status.code())
+    };
+    assert_eq!(is_accepted("first-client").await, Ok(()));
+    assert_eq!(is_accepted("second-client").await, Err(Code::Unauthenticated));
+    // A broken file is named in the log; nobody loses access. (Whether it is ever read depends on when.)
+    std::fs::write(&path, "[[token]]\nname = \"first-client\"\n").unwrap();
+    assert_eq!(is_accepted("first-client").await, Ok(()));
+    std::fs::write(&path, entry("second-client")).unwrap();
+    let replaced = async {
+        while is_accepted("second-client").await.is_err() {
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(LIMIT, replaced).await.expect("the new token is accepted");
+    assert_eq!(is_accepted("first-client").await, Err(Code::Unauthenticated), "the old one is withdrawn");
     server.stop().await;
 }

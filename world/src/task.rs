@@ -60,9 +60,14 @@ impl End {
         }
     }
 
-    /// The paper's sparse reward: +1 when the task succeeds, -1 when it fails.
+    /// The sparse reward: +1 for the goal, -1 for harm. A lack of progress is a truncation, not a failure: learners bootstrap from the
+    /// state in which it was noticed, so a reward for it would be counted twice.
     pub fn reward(self) -> f32 {
-        if self == End::Reached { 1.0 } else { -1.0 }
+        match self {
+            End::Reached => 1.0,
+            End::Fell | End::Burnt | End::Drowned => -1.0,
+            End::NoProgress => 0.0,
+        }
     }
 }
 
@@ -103,7 +108,7 @@ impl Episode {
 
     /// Closes a decision: ends the episode if patience has run out, and returns the reward.
     ///
-    /// The reward is the paper's: progress / lambda, a constant penalty, and +1 or -1 for the end.
+    /// The reward is the paper's: progress / lambda, a constant penalty, and [`End::reward`].
     pub fn close_decision(&mut self, config: &TaskConfig) -> f32 {
         self.decisions += 1;
         if self.progress > 0.0 {

@@ -4,7 +4,6 @@
 //! queries never wait behind them.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
-use super::session::is_other_policy;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::Duration;
@@ -12,6 +11,7 @@ use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as planner, BuildStage};
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use tokio::sync::{Semaphore, watch};
@@ -209,7 +209,7 @@ impl Builder {
                     pause = MIN_PAUSE;
                 }
                 Err(status) => {
-                    if is_other_policy(&status) {
+                    if Reason::of(&status) == Some(Reason::PolicyMismatch) {
                         self.other_policy.send_replace(Some(status));
                         return;
                     }

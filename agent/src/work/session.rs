@@ -8,7 +8,6 @@ use std::sync::Arc;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_policy::Policy;
-use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::work_response::Message;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
@@ -169,9 +168,4 @@ impl Worlds {
             Err(TrySendError::Closed(_)) => Err(Status::internal("a world's task has ended")),
         }
     }
-}
-
-/// Whether an error says that the planner has another policy.
-pub(super) fn is_other_policy(status: &Status) -> bool {
-    Reason::of(status) == Some(Reason::PolicyMismatch)
 }

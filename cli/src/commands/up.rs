@@ -10,11 +10,13 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_agent::work::{WorkConfig, work};
-use surefoot_net::client::Credentials;
+use surefoot_net::client::{Credentials, Link};
 use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_planner_service::{self as planner, PlannerConfig};
 use surefoot_proto::convert::map_spec_to_wire;
-use surefoot_proto::world::v1::{WatchStatsResponse, WorldStats};
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_proto::world::v1::{self as wire, WatchStatsResponse, WorldStats};
 use surefoot_studio::PlannerAddress;
 use surefoot_world::MapSpec;
 use tokio::sync::watch;
@@ -22,6 +24,10 @@ use tokio::task::JoinSet;
 
 /// Seed of the scene's first map; none of the splits contains its maps.
 const FIRST_SEED: u64 = 5000;
+/// Seeds from [`FIRST_SEED`] on that belong to the scene.
+const MAX_SCENE_MAPS: u64 = 1000;
+/// Pause between two looks at a server that is starting.
+const START_PAUSE: Duration = Duration::from_millis(200);
 
 /// Run everything in one process: world server, planner, NPC workers and a crowd with random goals.
 #[derive(clap::Args)]
@@ -119,6 +125,7 @@ async fn scene(
         parts.spawn(async move { Ok(work(config, policy, stop).await?) });
     }
     let link = credentials.dial(&server_uri)?.connect().await.context("cannot connect to the world server")?;
+    drop_former_scene(&link).await.context("cannot prepare the world server")?;
     let mut watches = Vec::new();
     for idx in 0..args.maps {
         let share = args.npcs / args.maps as usize + usize::from((idx as usize) < args.npcs % args.maps as usize);
@@ -144,6 +151,32 @@ async fn scene(
     }
     failure?;
     summarise(args, started, &watches)
+}
+
+/// Waits until the server has restored saved worlds, then drops those of an earlier scene: they would pile up.
+async fn drop_former_scene(link: &Link) -> anyhow::Result<()> {
+    let mut client = WorldServiceClient::new(link.clone());
+    while let Err(status) = client.get_server(wire::GetServerRequest {}).await {
+        if Reason::of(&status) != Some(Reason::Starting) {
+            return Err(status.into());
+        }
+        tokio::time::sleep(START_PAUSE).await;
+    }
+    let mut page_token = String::new();
+    loop {
+        let request = wire::ListWorldsRequest { page_size: 0, page_token };
+        let wire::ListWorldsResponse { worlds, next_page_token } = client.list_worlds(request).await?.into_inner();
+        for world in worlds {
+            let seeds = FIRST_SEED..FIRST_SEED + MAX_SCENE_MAPS;
+            if world.map.is_some_and(|map| seeds.contains(&map.seed)) {
+                client.drop_world(wire::DropWorldRequest { world_id: world.world_id }).await?;
+            }
+        }
+        page_token = next_page_token;
+        if page_token.is_empty() {
+            return Ok(());
+        }
+    }
 }
 
 /// A world of the scene.

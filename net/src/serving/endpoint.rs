@@ -87,9 +87,17 @@ impl Endpoint {
     /// If the address is in use or not permitted, or if other machines can reach it and neither TLS nor `insecure` is
     /// configured.
     pub fn open(address: SocketAddr, config: EndpointConfig) -> Result<Self, ServeError> {
-        let Security { tls, insecure, .. } = &config.security;
+        let Security { tls, tokens, insecure, .. } = &config.security;
         if !address.ip().to_canonical().is_loopback() && tls.is_none() && !insecure {
             return Err(ServeError::Exposed(address));
+        }
+        if !address.ip().to_canonical().is_loopback() && (tls.is_none() || tokens.is_none()) {
+            let missing = match (tls, tokens) {
+                (None, None) => "TLS or tokens: give --tls-cert, --tls-key and --tokens",
+                (None, Some(_)) => "TLS, so tokens can be read on the way: give --tls-cert and --tls-key",
+                _ => "tokens, so everybody may do everything: give --tokens",
+            };
+            warn!(%address, "INSECURE: other machines can reach this address without {missing}");
         }
         let fail = |source| ServeError::Bind { address, source };
         let listener = std::net::TcpListener::bind(address).map_err(fail)?;
@@ -171,6 +179,14 @@ impl Endpoint {
         let guarded = security.tls.is_some() || security.tokens.is_some();
         let origins = Origins { named: security.origins.into(), guarded };
         let cors = origins.layer();
+        let reloading = security.tokens.clone();
+        let reloading = async move {
+            match reloading {
+                Some(tokens) => tokens.keep_loaded().await,
+                None => {}
+            }
+            std::future::pending::<()>().await
+        };
         let gate =
             Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline, ready: ready.clone() };
         let contracts = {
@@ -240,6 +256,7 @@ impl Endpoint {
         };
         tokio::select! {
             result = server => result?,
+            () = reloading => {}
             () = drained => warn!(%address, "some connections did not close in time and were cut"),
         }
         cut.trigger();

@@ -5,11 +5,16 @@ use super::files::{FileError, read};
 use crate::secret::Secret;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, RwLock};
+use std::time::{Duration, SystemTime};
 use toml::{Table, Value};
+use tracing::{info, warn};
 
 /// Least length of a secret, bytes.
 const MIN_SECRET_LEN: usize = 16;
+/// Time between two looks at the file of tokens.
+const RELOAD_PERIOD: Duration = Duration::from_secs(2);
+const POISON: &str = "no holder of this lock panics";
 
 /// Why a file of tokens cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -71,13 +76,17 @@ struct Token {
     hash: blake3::Hash,
 }
 
-/// The tokens that an endpoint accepts. Only hashes of the secrets are kept.
+/// The tokens that an endpoint accepts. Only hashes of the secrets are kept. Clones share them, also when they are reloaded.
 #[derive(Clone)]
-pub struct Tokens(Arc<[Token]>);
+pub struct Tokens {
+    accepted: Arc<RwLock<Arc<[Token]>>>,
+    /// The file that they were read from.
+    path: Option<Arc<Path>>,
+}
 
 impl fmt::Debug for Tokens {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_list().entries(self.0.iter().map(|token| (&token.name, token.role))).finish()
+        f.debug_list().entries(self.accepted().iter().map(|token| (&token.name, token.role))).finish()
     }
 }
 
@@ -88,7 +97,34 @@ impl Tokens {
     /// If the file cannot be read, or [`Tokens::parse`] refuses its content.
     pub fn load(path: &Path) -> Result<Self, TokenFileError> {
         let text = String::from_utf8_lossy(&read(path)?).into_owned();
-        Self::parse(&text).map_err(|reason| TokenFileError::Refused { path: path.to_owned(), reason })
+        let tokens = Self::parse(&text).map_err(|reason| TokenFileError::Refused { path: path.to_owned(), reason })?;
+        Ok(Self { path: Some(path.into()), ..tokens })
+    }
+
+    /// Reads the file again whenever it has changed; returns at once if there is none. A file that cannot be used is named, and the
+    /// tokens stay as they were.
+    pub(super) async fn keep_loaded(&self) {
+        let Some(path) = self.path.clone() else { return };
+        let mut known = stamp(&path);
+        loop {
+            tokio::time::sleep(RELOAD_PERIOD).await;
+            let now = stamp(&path);
+            if now == known {
+                continue;
+            }
+            known = now;
+            match Self::load(&path) {
+                Ok(tokens) => {
+                    *self.accepted.write().expect(POISON) = tokens.accepted();
+                    info!(path = %path.display(), ?tokens, "the tokens have been reloaded");
+                }
+                Err(error) => warn!(%error, "the tokens stay as they were"),
+            }
+        }
+    }
+
+    fn accepted(&self) -> Arc<[Token]> {
+        self.accepted.read().expect(POISON).clone()
     }
 
     /// Parses tokens: TOML with `[[token]]` entries of `name`, `role` and `secret`.
@@ -114,18 +150,29 @@ impl Tokens {
             }
             tokens.push(token);
         }
-        if tokens.is_empty() { Err(TokenError::Empty) } else { Ok(Self(tokens.into())) }
+        if tokens.is_empty() {
+            return Err(TokenError::Empty);
+        }
+        Ok(Self { accepted: Arc::new(RwLock::new(tokens.into())), path: None })
     }
 
     /// Returns the name and the role of the token with this secret. The time taken does not depend on whether there is one.
     pub(super) fn holder(&self, secret: &str) -> Option<(Arc<str>, Role)> {
         let hash = blake3::hash(secret.as_bytes());
         // All hashes are compared, each in constant time.
-        self.0.iter().fold(None, |found, token| if token.hash == hash { Some(token) } else { found }).map(|token| {
-            let Token { name, role, .. } = token;
-            (name.clone(), *role)
-        })
+        self.accepted().iter().fold(None, |found, token| if token.hash == hash { Some(token) } else { found }).map(
+            |token| {
+                let Token { name, role, .. } = token;
+                (name.clone(), *role)
+            },
+        )
     }
+}
+
+/// What changes when a file is written or replaced.
+fn stamp(path: &Path) -> Option<(SystemTime, u64)> {
+    let metadata = std::fs::metadata(path).ok()?;
+    Some((metadata.modified().ok()?, metadata.len()))
 }
 
 fn parse_token(entry: &Value, position: usize) -> Result<Token, TokenError> {

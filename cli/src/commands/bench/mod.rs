@@ -5,6 +5,7 @@ mod plan;
 #[cfg(feature = "reference")]
 mod reference;
 mod serve;
+mod soak;
 mod world;
 
 use crate::terminal::print_json;
@@ -14,17 +15,18 @@ use std::time::Instant;
 /// Measure speed.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1"
+    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3"
 )]
 pub struct Args {
-    /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load
-    #[arg(value_parser = ["world", "learn", "plan", "serve"])]
+    /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
+    /// soak: all services under a mixed load for long
+    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak"])]
     what: String,
-    /// serve: Number of NPCs, on 8 worlds
-    #[arg(long, default_value_t = 1024, value_name = "N")]
-    npcs: usize,
-    /// serve: Duration of the measurement
-    #[arg(long, default_value_t = 10.0, value_name = "MINUTES")]
+    /// serve, soak: Number of NPCs, on 8 worlds; default: 1024 and 256
+    #[arg(long, value_name = "N")]
+    npcs: Option<usize>,
+    /// serve, soak: Duration of the measurement, above 0
+    #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = parse_minutes)]
     minutes: f64,
     /// serve: Folder for the plot of tick time over the number of NPCs
     #[arg(long, value_name = "FOLDER")]
@@ -34,6 +36,11 @@ pub struct Args {
     json: bool,
 }
 
+fn parse_minutes(text: &str) -> Result<f64, String> {
+    let minutes: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if minutes > 0.0 && minutes <= 1.0e5 { Ok(minutes) } else { Err("must be above 0 and at most 100000".to_owned()) }
+}
+
 /// One measured figure. All benches share this form.
 #[derive(Serialize)]
 struct Figure {
@@ -41,6 +48,8 @@ struct Figure {
     value: f64,
     unit: &'static str,
     target: Option<f64>,
+    /// Whether the value meets the target.
+    met: Option<bool>,
     reference: Option<f64>,
     reference_name: Option<&'static str>,
     ratio: Option<f64>,
@@ -48,11 +57,17 @@ struct Figure {
 
 impl Figure {
     fn new(name: &'static str, value: f64, unit: &'static str) -> Self {
-        Self { name, value, unit, target: None, reference: None, reference_name: None, ratio: None }
+        Self { name, value, unit, target: None, met: None, reference: None, reference_name: None, ratio: None }
     }
 
-    fn target(self, target: f64) -> Self {
-        Self { target: Some(target), ..self }
+    /// Sets a target that the value must not exceed.
+    fn at_most(self, target: f64) -> Self {
+        Self { target: Some(target), met: Some(self.value <= target), ..self }
+    }
+
+    /// Sets a target that the value must reach.
+    fn at_least(self, target: f64) -> Self {
+        Self { target: Some(target), met: Some(self.value >= target), ..self }
     }
 
     /// Like [`with_reference`](Self::with_reference), if this build includes the other system.
@@ -75,20 +90,32 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "world" => world::figures()?,
         "learn" => learn::figures()?,
         "serve" => serve::figures(args)?,
+        "soak" => soak::figures(args)?,
         _ => plan::figures()?,
     };
     if args.json {
-        return print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }));
+        print_json(&serde_json::json!({ "bench": args.what, "machine": machine(), "figures": figures }))?;
+        return check_targets(args, &figures);
     }
     println!("{}", machine());
     for figure in &figures {
         let Figure { name, value, unit, .. } = figure;
-        let target = figure.target.map_or(String::new(), |target| format!("  target {target}"));
+        let missed = if figure.met == Some(false) { " MISSED" } else { "" };
+        let target = figure.target.map_or(String::new(), |target| format!("  target {target}{missed}"));
         let reference = match (figure.reference_name, figure.reference, figure.ratio) {
             (Some(name), Some(value), Some(ratio)) => format!("  {name} {value:.2}, ratio {ratio:.2}"),
             _ => String::new(),
         };
         println!("{name:<28}{value:>12.2} {unit}{target}{reference}");
+    }
+    check_targets(args, &figures)
+}
+
+/// Fails if a service missed a target. Speed depends on the machine, so the other benches only print.
+fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
+    let missed: Vec<&str> = figures.iter().filter(|it| it.met == Some(false)).map(|it| it.name).collect();
+    if !missed.is_empty() && ["serve", "soak"].contains(&args.what.as_str()) {
+        anyhow::bail!("targets missed: {}", missed.join(", "));
     }
     Ok(())
 }
