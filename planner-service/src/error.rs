@@ -1,9 +1,11 @@
 //! Errors of the planner.
 
+use crate::origin::MARGIN_M;
 use surefoot_net::levels::LevelError;
 use surefoot_planner::edits::LayerError;
 use surefoot_planner::store::StoreError;
 use surefoot_planner::{BuildError, VertexId};
+use surefoot_world::Vec3;
 
 /// Why a call of the planner failed. The error of a build is cloned for every client that waits for it.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -11,6 +13,12 @@ pub enum PlannerError {
     /// A graph id is malformed.
     #[error("graph_id is not 64 hexadecimal digits")]
     BadGraphId,
+    /// A build id is missing.
+    #[error("build_id is missing")]
+    NoBuildId,
+    /// The name of a reporter is missing.
+    #[error("reporter is missing")]
+    NoReporter,
     /// The graph is not in memory.
     #[error("graph {0} is not loaded: call StartBuild first (a cached graph loads at once)")]
     UnknownGraph(String),
@@ -60,7 +68,37 @@ pub enum PlannerError {
     /// The layers were changed since the revision that the caller knows.
     #[error("somebody else has changed the layers of this level: read them with GetLayers, then try again")]
     Overtaken,
-    /// Layers cannot be read or stored.
+    /// The change of layers asks for more than one call or level may have.
+    #[error("{field} has {found} {what}; at most {limit} are allowed in {scope}")]
+    TooManyEdits {
+        /// Field of the request.
+        field: &'static str,
+        /// Number that was found.
+        found: usize,
+        /// What was counted.
+        what: &'static str,
+        /// Maximum number.
+        limit: usize,
+        /// What the maximum applies to.
+        scope: &'static str,
+    },
+    /// A start or goal lies far outside the map.
+    #[error(
+        "{field} is ({:.1}, {:.1}, {:.1}), more than {MARGIN_M} m outside the map, which reaches from 0 to ({}, {}, {})",
+        point.x, point.y, point.z, extent.x, extent.y, extent.z
+    )]
+    OutsideMap {
+        /// Field of the request that names the point.
+        field: &'static str,
+        /// The point, m.
+        point: Vec3,
+        /// Size of the map, m.
+        extent: Vec3,
+    },
+    /// The level's layers cannot be read, and without them plans could use edges that designers forbid.
+    #[error("no plans are made on this level, because its layers cannot be read: {0}")]
+    LayersUnreadable(String),
+    /// Layers or reports cannot be read or stored.
     #[error("{what}: {reason}")]
     Store {
         /// What failed.

@@ -1,21 +1,18 @@
 //! One graph in memory: the proved graph, the layers and live evidence that apply to it, and the router that results.
 
+use crate::error::PlannerError;
 use crate::locks::POISON;
+use crate::origin::{MARGIN_M, Origin};
+use crate::proofs::Proofs;
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, OnceLock, RwLock};
-use surefoot_net::levels::MapSource;
-use surefoot_planner::candidates::Candidate;
-use surefoot_planner::edits::{Edited, Layer, MapTerrain, Terrain, Unapplied, apply_layers};
-use surefoot_planner::evidence::Evidence;
-use surefoot_planner::live::{LiveEvidence, Traversal};
+use std::sync::{Arc, Mutex, RwLock};
+use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
+use surefoot_planner::live::{LiveEvidence, Reported, Reporter, Traversal};
 use surefoot_planner::search::Repriced;
 use surefoot_planner::store::{LevelId, encode_layer};
-use surefoot_planner::{BuildSettings, BuildStats, EdgeKey, GraphId, NavGraph, Plan, Query, Router, VertexId};
-use surefoot_policy::Policy;
-use surefoot_rollout::graphs;
-use surefoot_rollout::probe::ProbeContext;
+use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, VertexId};
 use surefoot_world::Vec3;
 use tokio::sync::watch;
 
@@ -36,25 +33,6 @@ impl Revision {
     }
 }
 
-/// Where a graph comes from, and what editing and searching it needs.
-#[derive(Debug, Clone)]
-pub struct Origin {
-    /// Identity of the graph.
-    pub id: GraphId,
-    /// Source of the map.
-    pub source: MapSource,
-    /// Settings of the build.
-    pub settings: BuildSettings,
-    /// Content hash of the map, 64 hexadecimal digits.
-    pub map_hash: String,
-    /// Policy that proved the graph.
-    pub policy: Policy,
-    /// Number of threads.
-    pub thread_count: usize,
-    /// Largest number of vertices at which the router gets a table of next hops.
-    pub table_limit: usize,
-}
-
 /// A graph in memory.
 #[derive(Debug)]
 pub struct Hosted {
@@ -67,6 +45,9 @@ pub struct Hosted {
     proved: NavGraph,
     view: RwLock<Arc<View>>,
     live: Mutex<LiveEvidence>,
+    proofs: Proofs,
+    /// Held while a new view is made and while live evidence is stored, so that neither is overwritten by an older one.
+    updating: Mutex<()>,
     /// Whether a refresh is scheduled.
     pub refresh_is_due: AtomicBool,
     /// Notified whenever plans may change.
@@ -81,21 +62,48 @@ struct View {
     layers: Vec<Layer>,
     revision: Revision,
     connected: f64,
+    /// Why no plans are made on the graph: its layers cannot be read.
+    refusal: Option<PlannerError>,
     /// Costs of edges that have changed since the router was made.
     repriced: RwLock<Repriced>,
 }
 
+/// A proved graph with layers applied to it, which no plans use yet.
+#[derive(Debug)]
+pub struct Prepared {
+    edited: Edited,
+    layers: Vec<Layer>,
+    refusal: Option<PlannerError>,
+}
+
+impl Prepared {
+    /// Applies the layers of a level to a proved graph, with probes that are not among `proofs`. If the layers could not be read,
+    /// the graph stays as it was proved and refuses plans with that error. `None` if `progress` was cancelled.
+    pub fn new(
+        origin: &Origin,
+        proved: &NavGraph,
+        proofs: &Proofs,
+        layers: Result<Vec<Layer>, PlannerError>,
+        progress: &Arc<Progress>,
+    ) -> Option<Self> {
+        let (layers, refusal) = layers.map_or_else(|error| (Vec::new(), Some(error)), |layers| (layers, None));
+        let terrain = proofs.terrain(origin, progress);
+        let edited = apply_layers(proved, &layers, origin.settings.threshold, &terrain)?;
+        Some(Self { edited, layers, refusal })
+    }
+}
+
 impl Hosted {
-    /// Applies the level's layers and live evidence to a proved graph, and prepares it for queries.
+    /// Applies live evidence to a proved graph with layers, and prepares it for queries. `proofs` are those of the layers.
     pub fn new(
         origin: Origin,
-        proved: NavGraph,
-        stats: BuildStats,
+        Built { graph: proved, stats }: Built,
         cached: bool,
         live: LiveEvidence,
-        layers: Vec<Layer>,
+        proofs: Proofs,
+        prepared: Prepared,
     ) -> Self {
-        let view = Arc::new(View::new(&origin, &proved, layers, &live));
+        let view = Arc::new(View::new(&origin, prepared, &live));
         Self {
             origin,
             stats,
@@ -103,9 +111,32 @@ impl Hosted {
             proved,
             view: RwLock::new(view),
             live: Mutex::new(live),
+            proofs,
+            updating: Mutex::default(),
             refresh_is_due: AtomicBool::new(false),
             changes: watch::Sender::new(()),
         }
+    }
+
+    /// Checks that the graph may be used for plans.
+    ///
+    /// # Errors
+    /// If its layers could not be read, so that edges that designers forbid are not known.
+    pub fn check_layers(&self) -> Result<(), PlannerError> {
+        self.view().refusal.clone().map_or(Ok(()), Err)
+    }
+
+    /// Checks that a point lies in the map or within [`MARGIN_M`] of it; `field` names it.
+    ///
+    /// # Errors
+    /// If it does not.
+    pub fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), PlannerError> {
+        let extent = self.origin.extent;
+        let (low, high) = (Vec3::splat(-MARGIN_M), extent + MARGIN_M);
+        if point.cmpge(low).all() && point.cmple(high).all() {
+            return Ok(());
+        }
+        Err(PlannerError::OutsideMap { field, point, extent })
     }
 
     /// Returns a receiver that is notified whenever plans may change, and closed when the graph is dropped.
@@ -136,21 +167,22 @@ impl Hosted {
 
     /// Adds traversals to the live evidence and reprices their edges. Returns the number of traversals along edges that the
     /// graph has.
-    pub fn report(&self, traversals: &[Traversal]) -> u32 {
+    pub fn report(&self, reporter: &Reporter, traversals: &[Traversal]) -> u32 {
         let view = self.view();
         let mut live = self.live.lock().expect(POISON);
         let mut repriced = view.repriced.write().expect(POISON);
         let mut accepted = 0;
         for traversal in traversals {
-            let Some(cost) = live.note(&view.edited.graph, traversal) else { continue };
+            let Some(cost) = live.note(&view.edited.graph, reporter, traversal) else { continue };
             repriced.insert(traversal.edge, cost as f32);
             accepted += 1;
         }
         accepted
     }
 
-    /// Makes a new router from the live evidence so far, and returns that evidence for the store.
-    pub fn refresh(&self) -> LiveEvidence {
+    /// Makes a new router from the live evidence so far.
+    pub fn refresh(&self) {
+        let _updating = self.updating.lock().expect(POISON);
         let view = self.view();
         let live = self.live.lock().expect(POISON).clone();
         let next = View {
@@ -159,34 +191,49 @@ impl Hosted {
             layers: view.layers.clone(),
             revision: view.revision,
             connected: view.connected,
+            refusal: view.refusal.clone(),
             repriced: RwLock::default(),
         };
-        let mut current = self.view.write().expect(POISON);
-        // Keep the newer view if layers were applied in the meantime.
-        if Arc::ptr_eq(&current, &view) {
-            *current = Arc::new(next);
-        }
-        drop(current);
+        *self.view.write().expect(POISON) = Arc::new(next);
         self.changes.send_replace(());
-        live
     }
 
-    /// Applies `layers` to the proved graph, in place of the layers before.
-    pub fn apply_layers(&self, layers: Vec<Layer>) {
+    /// Applies layers to the proved graph without using the result for plans yet, which [`apply`](Self::apply) does. `None` if
+    /// `progress` was cancelled.
+    pub fn prepare(&self, layers: Result<Vec<Layer>, PlannerError>, progress: &Arc<Progress>) -> Option<Prepared> {
+        Prepared::new(&self.origin, &self.proved, &self.proofs, layers, progress)
+    }
+
+    /// Uses a prepared graph for plans from now on.
+    pub fn apply(&self, prepared: Prepared) {
+        let _updating = self.updating.lock().expect(POISON);
         let live = {
             let mut live = self.live.lock().expect(POISON);
             // Vertices that layers add may now have other indices.
             live.keep_below(self.proved.vertex_count());
             live.clone()
         };
-        let view = View::new(&self.origin, &self.proved, layers, &live);
+        let view = View::new(&self.origin, prepared, &live);
         *self.view.write().expect(POISON) = Arc::new(view);
         self.changes.send_replace(());
     }
 
-    /// Returns the live evidence.
-    pub fn live(&self) -> LiveEvidence {
-        self.live.lock().expect(POISON).clone()
+    /// Calls `store` with the live evidence so far. Calls do not overlap, so that the latest evidence is stored last.
+    pub fn store_live<T>(&self, store: impl FnOnce(&LiveEvidence) -> T) -> T {
+        let _updating = self.updating.lock().expect(POISON);
+        let live = self.live.lock().expect(POISON).clone();
+        store(&live)
+    }
+
+    /// Returns what each reporter's traversals amount to.
+    pub fn reports(&self) -> Vec<Reported> {
+        self.live.lock().expect(POISON).reports()
+    }
+
+    /// Forgets the traversals that reporters of this name reported. Returns their number. Plans use them until the next
+    /// [`refresh`](Self::refresh).
+    pub fn drop_reports(&self, name: &str) -> u64 {
+        self.live.lock().expect(POISON).drop_reports(name)
     }
 
     /// Returns the layers, and those of their edits that could not be applied.
@@ -283,58 +330,15 @@ pub struct Summary {
 }
 
 impl View {
-    fn new(origin: &Origin, proved: &NavGraph, layers: Vec<Layer>, live: &LiveEvidence) -> Self {
-        let terrain = LazyTerrain { origin, terrain: OnceLock::new() };
-        let edited =
-            apply_layers(proved, &layers, origin.settings.threshold, &terrain).expect("nobody cancels an edit");
+    fn new(origin: &Origin, Prepared { edited, layers, refusal }: Prepared, live: &LiveEvidence) -> Self {
         Self {
             connected: edited.graph.connected_share(),
             router: origin.router(live.apply_to(&edited.graph)),
             edited,
             revision: Revision::of(&layers),
             layers,
+            refusal,
             repriced: RwLock::default(),
         }
-    }
-}
-
-impl Origin {
-    /// Returns the level that layers belong to. An imported level is identified by its name, so that its layers outlive changes
-    /// of its map; a generated map, by its spec.
-    pub fn level(&self) -> LevelId {
-        match &self.source {
-            MapSource::Spec(spec) => LevelId::of_spec(spec),
-            MapSource::Level(level) => LevelId::of(level.name.as_bytes()),
-        }
-    }
-
-    fn router(&self, graph: NavGraph) -> Router {
-        Router::new(graph, self.table_limit, self.thread_count)
-    }
-}
-
-/// The map of a graph, generated when an edit first needs it.
-struct LazyTerrain<'a> {
-    origin: &'a Origin,
-    terrain: OnceLock<MapTerrain>,
-}
-
-impl LazyTerrain<'_> {
-    fn terrain(&self) -> &MapTerrain {
-        self.terrain.get_or_init(|| {
-            let Origin { source, policy, settings, thread_count, .. } = self.origin;
-            let map = source.map();
-            graphs::terrain(&ProbeContext::new(map, policy.clone()), *settings, *thread_count)
-        })
-    }
-}
-
-impl Terrain for LazyTerrain<'_> {
-    fn stand(&self, place: Vec3) -> Option<Vec3> {
-        self.terrain().stand(place)
-    }
-
-    fn prove(&self, vertices: &[Vec3], candidates: &[Candidate]) -> Option<Vec<Evidence>> {
-        self.terrain().prove(vertices, candidates)
     }
 }

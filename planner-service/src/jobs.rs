@@ -93,7 +93,7 @@ pub struct Job {
     /// When the build was requested.
     pub started: SystemTime,
     /// Probes that are done and to be done, and the request to cancel.
-    pub progress: Progress,
+    pub progress: Arc<Progress>,
     state: watch::Sender<State>,
 }
 
@@ -204,7 +204,7 @@ impl Jobs {
             source,
             settings,
             started,
-            progress: Progress::default(),
+            progress: Arc::default(),
             state: watch::Sender::new(State { stages: vec![Stage::Queued], end: None }),
         };
         let open = || jobs.values().filter(|other| !other.has_ended());
@@ -222,9 +222,14 @@ impl Jobs {
     /// Returns a build by its id.
     ///
     /// # Errors
-    /// If there is no such build, or it ended too long ago.
+    /// If `id` is empty, or there is no such build, or it ended too long ago.
     pub fn find(&self, id: &str) -> Result<Arc<Job>, PlannerError> {
-        let found = BuildId::parse(id).and_then(|id| self.jobs.lock().expect(POISON).get(&id).cloned());
+        if id.is_empty() {
+            return Err(PlannerError::NoBuildId);
+        }
+        let mut jobs = self.jobs.lock().expect(POISON);
+        remove_ended(&mut jobs);
+        let found = BuildId::parse(id).and_then(|id| jobs.get(&id).cloned());
         found.ok_or_else(|| PlannerError::UnknownBuild(id.to_owned()))
     }
 

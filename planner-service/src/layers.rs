@@ -1,11 +1,24 @@
-//! Changes of layers: made one at a time, stored first, then applied to every graph of the level.
+//! Changes of layers. A change is applied to copies of all graphs of the level first, which may take many probes; then it is stored
+//! and published at once, unless the layers have changed in the meantime.
 
 use crate::error::PlannerError;
-use crate::hosted::{Hosted, Revision};
+use crate::hosted::{Hosted, Prepared, Revision};
+use crate::locks::POISON;
 use crate::planner::Planner;
-use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, MutexGuard};
+use surefoot_planner::Progress;
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
-use surefoot_planner::store::LevelId;
+use surefoot_planner::store::{LevelId, LevelLayers};
+
+/// Maximum number of layers of a level.
+pub const MAX_LAYERS: usize = 64;
+/// Maximum number of new edits in one call that add or move vertices, each of which takes probes along up to 24 candidate edges.
+pub const MAX_PROBED_EDITS: usize = 256;
+/// Maximum number of edits in all layers of a level that add or move vertices.
+pub const MAX_PROBED_EDITS_OF_LEVEL: usize = 4096;
+/// Number of times that a change is applied anew because others have changed the layers in the meantime.
+const MAX_ATTEMPTS: usize = 4;
 
 /// A change of one layer.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,25 +32,103 @@ pub enum LayerChange {
 }
 
 impl LayerChange {
-    /// Returns the changed layer.
-    fn apply(self, layers: &[Layer]) -> Result<Layer, PlannerError> {
-        let find = |name: &str| layers.iter().find(|layer| layer.name == name).cloned();
+    fn name(&self) -> &str {
+        match self {
+            LayerChange::Put(Layer { name, .. }) | LayerChange::Append(name, _) | LayerChange::Undo(name, _) => name,
+        }
+    }
+
+    /// Returns the edits that the change brings.
+    fn edits(&self) -> &[Edit] {
+        match self {
+            LayerChange::Put(Layer { edits, .. }) | LayerChange::Append(_, edits) => edits,
+            LayerChange::Undo(..) => &[],
+        }
+    }
+
+    /// Returns whether applying the change may take probes.
+    fn is_probed(&self) -> bool {
+        self.edits().iter().any(Edit::is_probed)
+    }
+
+    /// Returns the changed layer, and all layers of the level with it.
+    fn apply(&self, stored: &LevelLayers) -> Result<(Layer, LevelLayers), PlannerError> {
+        let damaged = stored.damaged.iter().find(|layer| layer.name == self.name());
+        if damaged.is_none()
+            && let Some(other) = stored.damaged.first()
+        {
+            return Err(PlannerError::Store { what: "the layers cannot be changed", reason: other.to_string() });
+        }
+        let find = |name: &str| match damaged {
+            Some(damaged) => Err(PlannerError::LayersUnreadable(damaged.to_string())),
+            None => Ok(stored.layers.iter().find(|layer| layer.name == name).cloned()),
+        };
         let changed = match self {
-            LayerChange::Put(layer) => layer,
+            LayerChange::Put(layer) => layer.clone(),
             LayerChange::Append(name, edits) => {
-                let mut layer = find(&name).unwrap_or(Layer { name, edits: Vec::new() });
+                let mut layer = find(name)?.unwrap_or(Layer { name: name.clone(), edits: Vec::new() });
                 layer.edits.extend(edits);
                 layer
             }
             LayerChange::Undo(name, count) => {
-                let mut layer = find(&name).ok_or(PlannerError::UnknownLayer(name))?;
-                layer.edits.truncate(layer.edits.len().saturating_sub(count));
+                let mut layer = find(name)?.ok_or_else(|| PlannerError::UnknownLayer(name.clone()))?;
+                layer.edits.truncate(layer.edits.len().saturating_sub(*count));
                 layer
             }
         };
         changed.validate()?;
-        Ok(changed)
+        let before = stored.layers.iter().find(|layer| layer.name == changed.name);
+        let is_new = |edit: &&Edit| edit.is_probed() && !before.is_some_and(|layer| layer.edits.contains(edit));
+        let found = self.edits().iter().filter(is_new).count();
+        if found > MAX_PROBED_EDITS {
+            return Err(PlannerError::TooManyEdits {
+                field: "edits",
+                found,
+                what: "new edits that add or move vertices",
+                limit: MAX_PROBED_EDITS,
+                scope: "one call",
+            });
+        }
+        let mut after = stored.clone();
+        after.damaged.retain(|layer| layer.name != changed.name);
+        after.layers.retain(|layer| layer.name != changed.name);
+        if !changed.edits.is_empty() {
+            after.layers.push(changed.clone());
+            check_level(&stored.layers, &after)?;
+        }
+        after.layers.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok((changed, after))
     }
+}
+
+fn probed_count(edits: &[Edit]) -> usize {
+    edits.iter().filter(|edit| edit.is_probed()).count()
+}
+
+/// Checks the limits of a level. One that was over a limit before may shrink.
+fn check_level(before: &[Layer], after: &LevelLayers) -> Result<(), PlannerError> {
+    let layers = after.layers.len() + after.damaged.len();
+    if layers > MAX_LAYERS && after.layers.len() > before.len() {
+        return Err(PlannerError::TooManyEdits {
+            field: "layer",
+            found: layers,
+            what: "layers",
+            limit: MAX_LAYERS,
+            scope: "one level",
+        });
+    }
+    let count = |layers: &[Layer]| layers.iter().map(|layer| probed_count(&layer.edits)).sum::<usize>();
+    let found = count(&after.layers);
+    if found > MAX_PROBED_EDITS_OF_LEVEL && found > count(before) {
+        return Err(PlannerError::TooManyEdits {
+            field: "edits",
+            found,
+            what: "edits that add or move vertices",
+            limit: MAX_PROBED_EDITS_OF_LEVEL,
+            scope: "all layers of one level",
+        });
+    }
+    Ok(())
 }
 
 /// Result of a change of layers.
@@ -48,59 +139,119 @@ pub struct Changed {
     pub unapplied: Vec<Unapplied>,
 }
 
+/// Cancels probes when it is dropped, as happens when the caller goes away.
+struct CancelOnDrop(Arc<Progress>);
+
+impl Drop for CancelOnDrop {
+    fn drop(&mut self) {
+        self.0.cancel.store(true, Ordering::Relaxed);
+    }
+}
+
 impl Planner {
-    /// Changes a layer of a graph's level. If `if_revision` is given, the layers must be of that revision.
+    /// Changes a layer of a graph's level. If `if_revision` is given, the layers must be of that revision. The change is abandoned
+    /// if the caller drops the future or the service shuts down before it is stored.
     ///
     /// # Errors
-    /// If the graph is not in memory, the layers are of another revision, the changed layer is invalid, there is no layer to
-    /// remove edits from, or the change cannot be stored.
+    /// If the graph is not in memory, the layers are of another revision or change too often, the changed layer is invalid or too
+    /// large, there is no layer to remove edits from, or the change cannot be stored.
     pub async fn change_layers(
         &self,
         graph_id: &str,
         if_revision: Option<Revision>,
         change: LayerChange,
     ) -> Result<Changed, PlannerError> {
-        let editing = self.shared.editing.clone().lock_owned().await;
         let hosted = self.ready(graph_id)?;
-        let planner = self.clone();
-        let task = tokio::task::spawn_blocking(move || {
-            // Held until the change is complete, even if the caller is gone.
-            let _editing = editing;
-            let level = hosted.level();
-            let layers = planner.store_change(&level, if_revision, change)?;
-            let mut all = planner.all_ready();
-            if !all.iter().any(|other| Arc::ptr_eq(other, &hosted)) {
-                all.push(hosted.clone());
-            }
-            for other in all.iter().filter(|other| other.level() == level) {
-                other.apply_layers(layers.clone());
-            }
-            let (_, unapplied) = hosted.layers();
-            Ok(Changed { hosted, unapplied })
-        });
-        task.await.map_err(PlannerError::lost("the edit"))?
+        let work = async {
+            let _turn = match change.is_probed() {
+                false => None,
+                true => Some(self.shared.proving.acquire().await.map_err(|_| PlannerError::ShuttingDown)?),
+            };
+            let cancel = CancelOnDrop(Arc::default());
+            let (planner, progress) = (self.clone(), cancel.0.clone());
+            let task = tokio::task::spawn_blocking(move || planner.change_now(hosted, if_revision, &change, &progress));
+            task.await.map_err(PlannerError::lost("the edit"))?
+        };
+        tokio::select! {
+            changed = work => changed,
+            () = self.shared.shutdown.wait() => Err(PlannerError::ShuttingDown),
+        }
     }
 
-    /// Stores a change, and returns all layers of the level after it, by name.
-    fn store_change(
+    fn change_now(
         &self,
-        level: &LevelId,
+        hosted: Arc<Hosted>,
         if_revision: Option<Revision>,
-        change: LayerChange,
-    ) -> Result<Vec<Layer>, PlannerError> {
-        // The store is authoritative: graphs in memory apply the layers a little later.
-        let stored = self.shared.store.layers(level);
-        let mut layers = stored.map_err(PlannerError::store("the layers cannot be read"))?;
-        if if_revision.is_some_and(|revision| revision != Revision::of(&layers)) {
-            return Err(PlannerError::Overtaken);
+        change: &LayerChange,
+        progress: &Arc<Progress>,
+    ) -> Result<Changed, PlannerError> {
+        let (level, store) = (hosted.level(), &self.shared.store);
+        let read = || store.layers(&level).map_err(PlannerError::store("the layers cannot be read"));
+        let level_lock = self.shared.level_locks.of(&level);
+        for _ in 0..MAX_ATTEMPTS {
+            let stored = read()?;
+            if if_revision.is_some_and(|revision| revision != Revision::of(&stored.layers)) {
+                return Err(PlannerError::Overtaken);
+            }
+            let (changed, after) = change.apply(&stored)?;
+            let graphs = self.graphs_of(&level, &hosted);
+            let prepare = |graph: &Arc<Hosted>| graph.prepare(readable(after.clone()), progress);
+            let prepared: Option<Vec<Prepared>> = graphs.iter().map(prepare).collect();
+            let prepared = prepared.ok_or(PlannerError::ShuttingDown)?;
+            let _held = level_lock.lock().expect(POISON);
+            if progress.cancel.load(Ordering::Relaxed) {
+                return Err(PlannerError::ShuttingDown);
+            }
+            let has_all =
+                |now: &[Arc<Hosted>]| now.iter().all(|one| graphs.iter().any(|other| Arc::ptr_eq(one, other)));
+            if read()? != stored || !has_all(&self.graphs_of(&level, &hosted)) {
+                continue;
+            }
+            store.put_layer(&level, &changed).map_err(PlannerError::store("the layer cannot be stored"))?;
+            for (graph, prepared) in graphs.iter().zip(prepared) {
+                graph.apply(prepared);
+            }
+            let (_, unapplied) = hosted.layers();
+            return Ok(Changed { hosted, unapplied });
         }
-        let changed = change.apply(&layers)?;
-        layers.retain(|layer| layer.name != changed.name);
-        if !changed.edits.is_empty() {
-            layers.push(changed.clone());
-        }
-        layers.sort_by(|a, b| a.name.cmp(&b.name));
-        self.shared.store.put_layer(level, &changed).map_err(PlannerError::store("the layer cannot be stored"))?;
-        Ok(layers)
+        Err(PlannerError::Overtaken)
     }
+
+    /// Returns `hosted` and all other graphs of the level in memory.
+    fn graphs_of(&self, level: &LevelId, hosted: &Arc<Hosted>) -> Vec<Arc<Hosted>> {
+        let mut graphs = self.all_ready();
+        graphs.retain(|other| other.level() == *level);
+        if !graphs.iter().any(|other| Arc::ptr_eq(other, hosted)) {
+            graphs.push(hosted.clone());
+        }
+        graphs
+    }
+
+    /// Prepares a graph with the layers of a level, and returns it with the level's `lock`, which is held so that the layers stay as
+    /// they are. `None` if `prepare` was cancelled.
+    pub(crate) fn with_layers<'a>(
+        &self,
+        lock: &'a Mutex<()>,
+        level: &LevelId,
+        prepare: impl Fn(Result<Vec<Layer>, PlannerError>) -> Option<Prepared>,
+    ) -> Option<(Prepared, MutexGuard<'a, ()>)> {
+        loop {
+            let stored = self.shared.store.layers(level);
+            let layers = match stored.clone() {
+                Ok(layers) => readable(layers),
+                Err(error) => Err(PlannerError::LayersUnreadable(error.to_string())),
+            };
+            let prepared = prepare(layers)?;
+            let held = lock.lock().expect(POISON);
+            // A change that was stored in the meantime did not apply to this graph.
+            if self.shared.store.layers(level) == stored {
+                return Some((prepared, held));
+            }
+        }
+    }
+}
+
+/// Returns all layers of a level, or why they cannot be used.
+fn readable(layers: LevelLayers) -> Result<Vec<Layer>, PlannerError> {
+    layers.whole().map_err(|damaged| PlannerError::LayersUnreadable(damaged.to_string()))
 }

@@ -8,7 +8,7 @@ use crate::config::PlannerConfig;
 use crate::error::PlannerError;
 use crate::hosted::Hosted;
 use crate::jobs::Jobs;
-use crate::locks::POISON;
+use crate::locks::{LevelLocks, POISON};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -16,10 +16,10 @@ use std::time::Duration;
 use surefoot_net::levels::LevelStore;
 use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::Shutdown;
-use surefoot_planner::live::{LiveEvidence, Traversal};
+use surefoot_planner::live::{Reporter, Traversal};
 use surefoot_planner::probe::{Outcome, Trial};
 use surefoot_planner::reachability::{self, Difference};
-use surefoot_planner::store::{GraphStore, StoreError};
+use surefoot_planner::store::GraphStore;
 use surefoot_planner::{GraphId, Plan, Query, VertexId};
 use surefoot_policy::Policy;
 use surefoot_rollout::probe::{self, ProbeContext};
@@ -29,6 +29,9 @@ use tracing::warn;
 
 /// Delay from a report of traversals to the new table of next hops.
 const REFRESH_AFTER: Duration = Duration::from_secs(2);
+
+/// Maximum number of graphs that are looked up in the store or loaded at a time while a build is running. Each generates its map.
+const MAX_LOADS: usize = 2;
 
 /// A planner. Clones share all state.
 #[derive(Clone)]
@@ -45,9 +48,12 @@ pub(crate) struct Shared {
     ready: Mutex<VecDeque<Arc<Hosted>>>,
     pub jobs: Jobs,
     /// Permits one build at a time, because each uses all cores.
-    pub build_slot: Semaphore,
-    /// Held while layers are changed, and while a new graph reads its layers.
-    pub editing: Arc<tokio::sync::Mutex<()>>,
+    pub build_slot: Arc<Semaphore>,
+    /// Permits a few graphs at a time to be looked up in the store and loaded while a build is running.
+    pub loading: Arc<Semaphore>,
+    /// Permits the edits of one call at a time to be probed, because these use all cores as well.
+    pub proving: Semaphore,
+    pub level_locks: LevelLocks,
     /// Limits the number of probes on demand that run at a time.
     probing: Arc<Semaphore>,
     /// The map of the last probe on demand.
@@ -67,8 +73,10 @@ impl Planner {
             levels: LevelStore::new(config.max_maps, MemoryBudget::new(config.max_memory_bytes)),
             ready: Mutex::default(),
             jobs: Jobs::default(),
-            build_slot: Semaphore::new(1),
-            editing: Arc::default(),
+            build_slot: Arc::new(Semaphore::new(1)),
+            loading: Arc::new(Semaphore::new(MAX_LOADS)),
+            proving: Semaphore::new(1),
+            level_locks: LevelLocks::default(),
             probing: Arc::new(Semaphore::new(config.threads.max(1))),
             probed_map: Mutex::default(),
             plans: AtomicU64::new(0),
@@ -132,6 +140,16 @@ impl Planner {
         Ok(hosted)
     }
 
+    /// Returns a graph in memory that may be used for plans, and marks it as used.
+    ///
+    /// # Errors
+    /// If the id is malformed, the graph is not in memory, or its layers could not be read.
+    pub fn usable(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
+        let hosted = self.ready(graph_id)?;
+        hosted.check_layers()?;
+        Ok(hosted)
+    }
+
     /// Returns a graph in memory without marking it as used.
     ///
     /// # Errors
@@ -177,8 +195,8 @@ impl Planner {
 
     /// Adds traversals to the live evidence of a graph, and schedules a new table of next hops. Returns the number of traversals
     /// along edges that the graph has.
-    pub fn report(&self, hosted: &Arc<Hosted>, traversals: &[Traversal]) -> u32 {
-        let accepted = hosted.report(traversals);
+    pub fn report(&self, hosted: &Arc<Hosted>, reporter: &Reporter, traversals: &[Traversal]) -> u32 {
+        let accepted = hosted.report(reporter, traversals);
         if accepted > 0 {
             self.refresh_later(hosted.clone());
         }
@@ -198,8 +216,8 @@ impl Planner {
             }
             let task = tokio::task::spawn_blocking(move || {
                 hosted.refresh_is_due.store(false, Ordering::Relaxed);
-                let live = hosted.refresh();
-                planner.store_report(&hosted, &live);
+                hosted.refresh();
+                planner.store_report(&hosted);
             });
             if let Err(error) = task.await {
                 warn!(%error, "graph could not be refreshed with live evidence");
@@ -209,17 +227,38 @@ impl Planner {
 
     /// Stores the live evidence of all graphs in memory.
     pub(crate) fn store_reports(&self) {
-        for hosted in self.shared.ready.lock().expect(POISON).iter() {
-            self.store_report(hosted, &hosted.live());
+        for hosted in self.all_ready() {
+            self.store_report(&hosted);
         }
     }
 
-    fn store_report(&self, hosted: &Hosted, live: &LiveEvidence) {
-        if !live.is_empty()
-            && let Err(error) = self.shared.store.put_live(&hosted.origin.id, live)
-        {
+    fn store_report(&self, hosted: &Hosted) {
+        let stored = hosted.store_live(|live| match live.is_empty() {
+            true => Ok(()),
+            false => self.shared.store.put_live(&hosted.origin.id, live),
+        });
+        if let Err(error) = stored {
             warn!(%error, "live evidence could not be stored");
         }
+    }
+
+    /// Forgets the traversals that reporters of this name reported, in plans and in the store. Returns their number.
+    ///
+    /// # Errors
+    /// If the name is empty, or the store cannot be written; plans do not use the traversals any more, but after a restart they would.
+    pub async fn drop_reports(&self, hosted: Arc<Hosted>, name: String) -> Result<u64, PlannerError> {
+        if name.is_empty() {
+            return Err(PlannerError::NoReporter);
+        }
+        let planner = self.clone();
+        let task = tokio::task::spawn_blocking(move || {
+            let dropped = hosted.drop_reports(&name);
+            hosted.refresh();
+            let stored = hosted.store_live(|live| planner.shared.store.put_live(&hosted.origin.id, live));
+            stored.map_err(PlannerError::store("the remaining reports cannot be stored"))?;
+            Ok(dropped)
+        });
+        task.await.map_err(PlannerError::lost("the removal"))?
     }
 
     /// Compares two graphs.
@@ -281,12 +320,4 @@ impl Planner {
         drop(kept);
         Ok(ProbeContext::new(map, self.shared.policy.clone()))
     }
-}
-
-/// Returns what was read from the store, or an empty value, with a warning, if the store cannot be read.
-pub(crate) fn or_empty<T: Default>(read: Result<T, StoreError>) -> T {
-    read.unwrap_or_else(|error| {
-        warn!(%error, "graph cache cannot be read");
-        T::default()
-    })
 }

@@ -1,10 +1,14 @@
-//! The embedded store: one redb file with graphs, live evidence and layers.
+//! The store on disk: one redb file with graphs and live evidence, the cache, and beside it a folder with the layers of designers
+//! ([`layer_files`](crate::layer_files)).
 //!
-//! A damaged entry is logged and treated as absent, so that its graph is built again; a damaged file is renamed and replaced.
-//! A wrong graph is never served. The least recently used graphs are evicted to make room for others; layers never are,
-//! because they cannot be rebuilt.
+//! A damaged graph is logged and treated as absent, so that it is built again. A damaged cache file is renamed, never over an
+//! earlier one, and replaced. Every other failure to open it ends the start, because the file may be whole: no permission, no
+//! space, another process, another format. The least recently used graphs are evicted to make room for others; layers are not
+//! part of the cache.
 
-use redb::{Database, Durability, ReadableDatabase, ReadableTable, TableDefinition};
+use crate::layer_files::LayerFiles;
+use redb::{Database, DatabaseError, Durability, ReadableDatabase, ReadableTable, StorageError, TableDefinition};
+use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use surefoot_planner::Built;
@@ -12,60 +16,131 @@ use surefoot_planner::edits::Layer;
 use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::settings::GraphId;
 use surefoot_planner::store::{
-    GraphStore, LevelId, StoreError, decode_entry, decode_layer, decode_live, encode_entry, encode_layer, encode_live,
+    GraphStore, LevelId, LevelLayers, StoreError, decode_entry, decode_live, encode_entry, encode_live,
 };
 use tracing::{info, warn};
 
 type Blobs = TableDefinition<'static, &'static [u8], &'static [u8]>;
 
 const GRAPHS: Blobs = TableDefinition::new("graphs");
-const LIVE: Blobs = TableDefinition::new("live");
-const LAYERS: Blobs = TableDefinition::new("layers");
+const LIVE: Blobs = TableDefinition::new("reports");
+/// Live evidence as it was before it named its reporters.
+const OLD_LIVE: Blobs = TableDefinition::new("live");
+/// Layers as they were kept before they had files of their own.
+const OLD_LAYERS: Blobs = TableDefinition::new("layers");
 /// For each graph: the number of its last use, counted over all graphs, and its size in bytes.
 const USES: TableDefinition<'static, &'static [u8], (u64, u64)> = TableDefinition::new("uses");
 
 /// Default for the total size of the stored graphs, in bytes.
 pub const DEFAULT_LIMIT_BYTES: u64 = 1 << 30;
 
-/// A store in one redb file.
+/// A store in one folder.
 #[derive(Debug)]
 pub struct DiskStore {
     path: PathBuf,
     database: Database,
     limit_bytes: u64,
+    layers: LayerFiles,
+}
+
+/// Why a cache file cannot be opened.
+enum Refusal {
+    /// The file is damaged.
+    Damaged(String),
+    /// The file may be whole.
+    Other(String),
+}
+
+impl From<DatabaseError> for Refusal {
+    fn from(error: DatabaseError) -> Self {
+        let text = error.to_string();
+        match error {
+            DatabaseError::DatabaseAlreadyOpen => Self::Other(
+                "another process has the file open: stop that process, or choose another cache folder".to_owned(),
+            ),
+            DatabaseError::UpgradeRequired(_) => Self::Other(format!(
+                "{text}: open it with the version of surefoot that wrote it, or move it away to begin with an empty cache"
+            )),
+            // redb does not tell a newer format from damage otherwise.
+            DatabaseError::Storage(StorageError::Corrupted(reason)) if reason.contains("file format version") => {
+                Self::Other(format!(
+                    "a newer version of surefoot wrote the file ({reason}): use that version, or move the file away to begin with an empty cache"
+                ))
+            }
+            DatabaseError::Storage(StorageError::Corrupted(_)) => Self::Damaged(text),
+            DatabaseError::Storage(StorageError::Io(io)) => match io.kind() {
+                // Not a redb file, or one that was cut off.
+                ErrorKind::InvalidData | ErrorKind::UnexpectedEof => Self::Damaged(text),
+                _ => Self::Other(format!("{text}: check the permissions of the file and the space on its disk")),
+            },
+            _ => Self::Other(text),
+        }
+    }
 }
 
 impl DiskStore {
-    /// Opens or creates `graphs.redb` in `folder`, for graphs of about `limit_bytes` in total. A damaged file is renamed to
-    /// `graphs.redb.damaged` and replaced by an empty one.
+    /// Opens or creates `graphs.redb` in `folder`, for graphs of about `limit_bytes` in total, and the folder `layers` beside it.
+    /// A damaged cache file is renamed to `graphs.redb.damaged` (or `.damaged-2`, and so on) and replaced by an empty one. Layers
+    /// that an earlier version kept in the cache file are moved to the folder.
     ///
     /// # Errors
-    /// If the folder or file cannot be created or renamed, or another process has the file open.
+    /// If the folder or a file cannot be created, read or renamed, another process has the cache file open, or it has a format
+    /// that this version does not read.
     pub fn open(folder: &Path, limit_bytes: u64) -> Result<Self, StoreError> {
         let path = folder.join("graphs.redb");
         let fail = |reason: String| StoreError { place: path.display().to_string(), reason };
         std::fs::create_dir_all(folder).map_err(|error| fail(error.to_string()))?;
-        // redb verifies its file, but some damage makes it panic.
-        let opened = catch_unwind(AssertUnwindSafe(|| Database::create(&path)));
-        let database = match opened {
-            Ok(Ok(database)) => database,
-            Ok(Err(redb::DatabaseError::DatabaseAlreadyOpen)) => {
-                return Err(fail(
-                    "another process has the file open: stop that process, or choose another cache folder".to_owned(),
-                ));
-            }
-            broken => {
-                let reason = match broken {
-                    Ok(Err(error)) => error.to_string(),
-                    _ => "the file cannot be read".to_owned(),
-                };
-                let aside = path.with_extension("redb.damaged");
+        let database = match open_file(&path) {
+            Ok(database) => database,
+            Err(Refusal::Other(reason)) => return Err(fail(reason)),
+            Err(Refusal::Damaged(reason)) => {
+                let aside =
+                    set_aside(&path).map_err(|error| fail(format!("{reason}; it cannot be renamed: {error}")))?;
                 warn!(path = %path.display(), aside = %aside.display(), reason, "graph cache is damaged; renamed it and started with an empty one");
-                std::fs::rename(&path, &aside).map_err(|error| fail(error.to_string()))?;
-                Database::create(&path).map_err(|error| fail(error.to_string()))?
+                open_file(&path).map_err(|(Refusal::Damaged(reason) | Refusal::Other(reason))| fail(reason))?
             }
         };
-        Ok(Self { path, database, limit_bytes })
+        let store = Self { path, database, limit_bytes, layers: LayerFiles::open(folder)? };
+        store.move_layers()?;
+        Ok(store)
+    }
+
+    /// Moves the layers that an earlier version kept in the cache file to files of their own, as they are, damaged or not. A
+    /// layer that has a file already keeps it.
+    fn move_layers(&self) -> Result<(), StoreError> {
+        let entries = self.guarded(|| {
+            let transaction = self.database.begin_read()?;
+            let table = match transaction.open_table(OLD_LAYERS) {
+                Ok(table) => table,
+                Err(redb::TableError::TableDoesNotExist(_)) => return Ok(None),
+                Err(error) => return Err(error.into()),
+            };
+            let mut entries = Vec::new();
+            for entry in table.iter()? {
+                let (key, value) = entry?;
+                entries.push((key.value().to_vec(), value.value().to_vec()));
+            }
+            Ok(Some(entries))
+        })?;
+        let Some(entries) = entries else { return Ok(()) };
+        for (key, bytes) in &entries {
+            let (level, name) = key.split_first_chunk().ok_or_else(|| StoreError {
+                place: self.path.display().to_string(),
+                reason:
+                    "a layer of an earlier version belongs to no level: move the file away to begin with an empty cache"
+                        .to_owned(),
+            })?;
+            self.layers.add(&LevelId(*level), name, bytes)?;
+        }
+        self.guarded(|| {
+            let transaction = self.database.begin_write()?;
+            transaction.delete_table(OLD_LAYERS)?;
+            transaction.delete_table(OLD_LIVE)?;
+            transaction.commit()?;
+            Ok(())
+        })?;
+        info!(path = %self.path.display(), layers = entries.len(), "moved the layers out of the graph cache");
+        Ok(())
     }
 
     /// Runs one access to the file, and turns a panic of redb on damaged data into an error.
@@ -191,46 +266,34 @@ impl GraphStore for DiskStore {
         self.write(LIVE, &id.0, &encode_live(live))
     }
 
-    fn layers(&self, level: &LevelId) -> Result<Vec<Layer>, StoreError> {
-        let found = self.guarded(|| {
-            let transaction = self.database.begin_read()?;
-            let table = match transaction.open_table(LAYERS) {
-                Ok(table) => table,
-                Err(redb::TableError::TableDoesNotExist(_)) => return Ok(Vec::new()),
-                Err(error) => return Err(error.into()),
-            };
-            let mut found = Vec::new();
-            for entry in table.range(level.0.as_slice()..)? {
-                let (key, value) = entry?;
-                if !key.value().starts_with(&level.0) {
-                    break;
-                }
-                found.push(value.value().to_vec());
-            }
-            Ok(found)
-        })?;
-        let mut layers = Vec::new();
-        for bytes in found {
-            match decode_layer(&bytes) {
-                Ok(layer) => layers.push(layer),
-                Err(reason) => {
-                    warn!(path = %self.path.display(), reason, "ignored a damaged layer")
-                }
-            }
-        }
-        Ok(layers)
+    fn layers(&self, level: &LevelId) -> Result<LevelLayers, StoreError> {
+        self.layers.read(level)
     }
 
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError> {
-        let key = [level.0.as_slice(), layer.name.as_bytes()].concat();
-        if layer.edits.is_empty() {
-            return self.guarded(|| {
-                let transaction = self.database.begin_write()?;
-                transaction.open_table(LAYERS)?.remove(key.as_slice())?;
-                transaction.commit()?;
-                Ok(())
-            });
+        self.layers.put(level, layer)
+    }
+}
+
+/// Opens or creates a cache file. redb verifies its file, but some damage makes it panic.
+fn open_file(path: &Path) -> Result<Database, Refusal> {
+    match catch_unwind(AssertUnwindSafe(|| Database::create(path))) {
+        Ok(opened) => opened.map_err(Refusal::from),
+        Err(_) => Err(Refusal::Damaged("the file cannot be read".to_owned())),
+    }
+}
+
+/// Renames a damaged cache file to a name that no file has, and returns that name.
+fn set_aside(path: &Path) -> std::io::Result<PathBuf> {
+    let mut number = 1;
+    loop {
+        let aside =
+            path.with_extension(if number == 1 { "redb.damaged".to_owned() } else { format!("redb.damaged-{number}") });
+        // Reserve the name, so that the renaming overwrites only our own empty file.
+        match std::fs::File::create_new(&aside) {
+            Ok(_) => return std::fs::rename(path, &aside).map(|()| aside),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
+            Err(error) => return Err(error),
         }
-        self.write(LAYERS, &key, &encode_layer(layer))
     }
 }

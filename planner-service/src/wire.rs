@@ -9,6 +9,7 @@ use std::sync::atomic::Ordering;
 use surefoot_net::levels::MapSource;
 use surefoot_net::status;
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
+use surefoot_planner::live::{Reported, Reporter};
 use surefoot_planner::reachability::Difference;
 use surefoot_planner::settings::MAX_VERTICES;
 use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings};
@@ -210,6 +211,12 @@ pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
         settings: Some(settings_to_wire(&hosted.origin.settings)),
         summary: Some(summary_to_wire(&hosted.figures())),
     }
+}
+
+/// Converts what a reporter's traversals amount to.
+pub fn report_to_wire(report: Reported) -> wire::Report {
+    let Reported { reporter: Reporter { name, is_trusted }, traversals, failures } = report;
+    wire::Report { reporter: name, trusted: is_trusted, traversals, failures }
 }
 
 /// Returns the spec of a generated map, or else the name of an imported level.

@@ -1,13 +1,14 @@
 //! The cache on disk: truncated and damaged files, eviction, layers and live evidence.
 
+use redb::{Database, TableDefinition};
 use std::collections::BTreeMap;
 use std::path::Path;
 use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::live::{LiveEvidence, Traversal};
-use surefoot_planner::store::{GraphStore, LevelId, decode_layer, decode_live};
+use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
+use surefoot_planner::store::{GraphStore, LevelId, decode_layer, decode_live, encode_layer};
 use surefoot_planner::{BuildStats, GraphId};
 use surefoot_planner::{Built, Edge, EdgeKey, NavGraph};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
@@ -31,6 +32,10 @@ fn built(vertices: u32) -> Built {
 
 fn id(number: u8) -> GraphId {
     GraphId([number; 32])
+}
+
+fn worker() -> Reporter {
+    Reporter { name: "worker".to_owned(), is_trusted: true }
 }
 
 fn open(folder: &Path) -> DiskStore {
@@ -85,6 +90,96 @@ fn a_file_of_garbage_is_set_aside() {
 }
 
 #[test]
+fn a_damaged_file_never_overwrites_an_earlier_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let names = ["graphs.redb.damaged", "graphs.redb.damaged-2", "graphs.redb.damaged-3"];
+    for name in names {
+        std::fs::write(path("graphs.redb"), format!("not a database, to be kept as {name}")).unwrap();
+        drop(open(folder.path()));
+    }
+    for name in names {
+        assert!(std::fs::read_to_string(path(name)).unwrap().ends_with(name));
+    }
+}
+
+#[test]
+fn a_file_that_may_be_whole_stops_the_start_and_stays() {
+    // Written by a later version: both headers name a later format.
+    let folder = tempfile::tempdir().unwrap();
+    open(folder.path()).put(&id(1), &built(2)).unwrap();
+    let path = folder.path().join("graphs.redb");
+    let whole = std::fs::read(&path).unwrap();
+    for (version, words) in [(9, "a newer version of surefoot"), (1, "Manual upgrade required")] {
+        let mut bytes = whole.clone();
+        (bytes[64], bytes[192]) = (version, version);
+        std::fs::write(&path, &bytes).unwrap();
+        let error = DiskStore::open(folder.path(), DEFAULT_LIMIT_BYTES).unwrap_err();
+        assert!(error.reason.contains(words), "{error}");
+        assert!(std::fs::read(&path).unwrap() == bytes && !folder.path().join("graphs.redb.damaged").exists());
+    }
+    // Something that cannot be opened at all.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("graphs.redb");
+    std::fs::create_dir(&path).unwrap();
+    DiskStore::open(folder.path(), DEFAULT_LIMIT_BYTES).unwrap_err();
+    assert!(path.is_dir(), "it is not renamed");
+    // Open in another store.
+    let folder = tempfile::tempdir().unwrap();
+    let _first = open(folder.path());
+    let error = DiskStore::open(folder.path(), DEFAULT_LIMIT_BYTES).unwrap_err();
+    assert!(error.reason.contains("another process"), "{error}");
+}
+
+fn layer(name: &str) -> Layer {
+    Layer { name: name.to_owned(), edits: vec![Edit::AddVertex { at: Vec3::ONE }] }
+}
+
+#[test]
+fn layers_in_an_earlier_cache_file_move_to_files_of_their_own_once() {
+    const LAYERS: TableDefinition<'_, &[u8], &[u8]> = TableDefinition::new("layers");
+    let folder = tempfile::tempdir().unwrap();
+    let level = LevelId::of(b"one");
+    let write = |entries: &[(&str, Vec<u8>)]| {
+        let database = Database::create(folder.path().join("graphs.redb")).unwrap();
+        let transaction = database.begin_write().unwrap();
+        for (name, bytes) in entries {
+            let key = [level.0.as_slice(), name.as_bytes()].concat();
+            transaction.open_table(LAYERS).unwrap().insert(key.as_slice(), bytes.as_slice()).unwrap();
+        }
+        transaction.commit().unwrap();
+    };
+    let damaged = encode_layer(&layer("c/d"))[1..].to_vec();
+    write(&[("a", encode_layer(&layer("a"))), ("B", encode_layer(&layer("B"))), ("c/d", damaged)]);
+    for _ in 0..2 {
+        let found = open(folder.path()).layers(&level).unwrap();
+        assert_eq!(found.layers, [layer("B"), layer("a")]);
+        assert_eq!(found.damaged.len(), 1);
+        assert_eq!(found.damaged[0].name, "c/d");
+        assert!(found.whole().is_err(), "a damaged layer is not left out");
+    }
+    // What has a file already is newer than what the cache file has.
+    let newer = Layer { edits: vec![Edit::RemoveVertex { at: Vec3::ONE }], ..layer("a") };
+    open(folder.path()).put_layer(&level, &newer).unwrap();
+    write(&[("a", encode_layer(&layer("a")))]);
+    let store = open(folder.path());
+    assert_eq!(store.layers(&level).unwrap().layers, [layer("B"), newer]);
+    store.put_layer(&level, &layer("c/d")).unwrap();
+    store.put_layer(&level, &Layer { edits: Vec::new(), ..layer("a") }).unwrap();
+    drop(store);
+    assert_eq!(open(folder.path()).layers(&level).unwrap().whole().unwrap(), [layer("B"), layer("c/d")]);
+}
+
+#[test]
+fn layers_outlive_a_damaged_cache_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let level = LevelId::of(b"one");
+    open(folder.path()).put_layer(&level, &layer("night")).unwrap();
+    std::fs::write(folder.path().join("graphs.redb"), b"not a database, but long enough to have a header").unwrap();
+    assert_eq!(open(folder.path()).layers(&level).unwrap().whole().unwrap(), [layer("night")]);
+}
+
+#[test]
 fn the_least_recently_used_graphs_are_evicted() {
     let folder = tempfile::tempdir().unwrap();
     let size = {
@@ -108,10 +203,9 @@ fn the_least_recently_used_graphs_are_evicted() {
 fn layers_and_live_evidence_persist() {
     let folder = tempfile::tempdir().unwrap();
     let (level, other) = (LevelId::of(b"one"), LevelId::of(b"two"));
-    let layer = |name: &str| Layer { name: name.to_owned(), edits: vec![Edit::AddVertex { at: Vec3::ONE }] };
     let graph = built(5);
     let mut live = LiveEvidence::default();
-    live.note(&graph.graph, &Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
+    live.note(&graph.graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
     {
         let store = open(folder.path());
         store.put_layer(&level, &layer("night")).unwrap();
@@ -120,23 +214,25 @@ fn layers_and_live_evidence_persist() {
         store.put_live(&id(1), &live).unwrap();
     }
     let store = open(folder.path());
-    assert_eq!(store.layers(&level).unwrap(), [layer("day"), layer("night")]);
+    assert_eq!(store.layers(&level).unwrap().whole().unwrap(), [layer("day"), layer("night")]);
     assert_eq!(store.live(&id(1)).unwrap(), live);
     assert!(store.live(&id(2)).unwrap().is_empty());
     store.put_layer(&level, &Layer { edits: Vec::new(), ..layer("day") }).unwrap();
-    assert_eq!(store.layers(&level).unwrap(), [layer("night")]);
-    assert_eq!(store.layers(&LevelId::of(b"three")).unwrap(), []);
+    assert_eq!(store.layers(&level).unwrap().whole().unwrap(), [layer("night")]);
+    assert_eq!(store.layers(&LevelId::of(b"three")).unwrap().whole().unwrap(), []);
 }
 
 #[test]
 fn invalid_evidence_and_layers_count_as_damaged() {
+    type Edges = BTreeMap<(u32, u32), Evidence>;
     #[derive(serde::Serialize)]
-    struct Stored(BTreeMap<(u32, u32), Evidence>);
+    struct Stored(BTreeMap<(&'static str, bool), Edges>);
     let sealed = |content: Vec<u8>| [blake3::hash(&content).as_bytes().as_slice(), &content].concat();
     let entry = |change: fn(&mut Evidence)| {
         let mut evidence = Evidence::vouched(Decisions(7.0));
         change(&mut evidence);
-        sealed(postcard::to_stdvec(&Stored(BTreeMap::from([((0, 1), evidence)]))).unwrap())
+        let edges = BTreeMap::from([((0, 1), evidence)]);
+        sealed(postcard::to_stdvec(&Stored(BTreeMap::from([(("worker", true), edges)]))).unwrap())
     };
     // Regression: more tries than live evidence can hold overflowed when they were added to the probes.
     assert!(decode_live(&entry(|_| {})).is_ok());
@@ -157,6 +253,6 @@ fn live_evidence_adds_to_an_edge_with_the_maximum_number_of_tries() {
     (evidence.tries, evidence.successes) = (u32::MAX, u32::MAX);
     let graph = NavGraph::check(data).unwrap();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
+    live.note(&graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
     assert_eq!(live.apply_to(&graph).edge(EdgeKey::new(0, 1)).unwrap().evidence.tries, u32::MAX);
 }

@@ -14,6 +14,7 @@ use crate::settings::{BuildSettings, Probing};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use surefoot_world::character::MoveScratch;
 use surefoot_world::{Seconds, Vec3, navigable};
 
@@ -148,6 +149,11 @@ impl Layer {
 }
 
 impl Edit {
+    /// Returns whether applying the edit takes probes: it adds or moves a vertex.
+    pub fn is_probed(&self) -> bool {
+        matches!(self, Edit::AddVertex { .. } | Edit::MoveVertex { .. })
+    }
+
     fn places(&self) -> Vec<Vec3> {
         match *self {
             Edit::ForbidEdge { from, to }
@@ -221,6 +227,8 @@ pub struct MapTerrain {
     pub settings: BuildSettings,
     /// Number of threads.
     pub thread_count: usize,
+    /// Counts the probes, and cancels them.
+    pub progress: Arc<Progress>,
 }
 
 impl Terrain for MapTerrain {
@@ -235,7 +243,7 @@ impl Terrain for MapTerrain {
             executor: &*self.executor,
             thread_count: self.thread_count,
             clock: &|| 0.0,
-            progress: &Progress::default(),
+            progress: &self.progress,
         };
         builder.proving(vertices, candidates).run(Probing::Exhaustive)
     }

@@ -71,6 +71,20 @@ impl Evidence {
         self.decisions_squared *= share;
     }
 
+    /// Reduces the weight of all tries so that they count as at most `limit` tries, at about the same success rate.
+    pub fn limit_tries(&mut self, limit: u32) {
+        if self.tries <= limit {
+            return;
+        }
+        let (tries, successes) = (u64::from(self.tries), u64::from(self.successes));
+        // At most `limit`, since there are no more successes than tries.
+        let kept = ((successes * u64::from(limit) + tries / 2) / tries) as u32;
+        let share = f64::from(kept) / f64::from(self.successes.max(1));
+        (self.tries, self.successes) = (limit, kept);
+        self.decisions_sum *= share;
+        self.decisions_squared *= share;
+    }
+
     /// Widens the bounds to contain `point`.
     pub fn cover(&mut self, point: Vec3) {
         self.bounds = [self.bounds[0].min(point), self.bounds[1].max(point)];
@@ -86,6 +100,11 @@ impl Evidence {
         self.successes += 1;
         self.decisions_sum += f64::from(decisions);
         self.decisions_squared += f64::from(decisions) * f64::from(decisions);
+    }
+
+    /// Returns whether probes have run along the edge: forced edges and those of toy graphs have no tracks.
+    pub fn has_track(&self) -> bool {
+        self.bounds[0].cmple(self.bounds[1]).all()
     }
 
     /// Returns the share of tries that arrived, in [0, 1]; 0 without tries.

@@ -90,6 +90,11 @@ impl LegModel {
             && self.range_m >= 1.0
     }
 
+    /// Returns the length of the longest leg in the fit, m.
+    pub fn range_m(&self) -> f64 {
+        self.range_m
+    }
+
     /// Returns only the decisions of an [`estimate`](Self::estimate).
     pub fn decisions(&self, from: Vec3, to: Vec3) -> Decisions {
         let (features, distance, range_multiple) = self.features_in_range(from, to);

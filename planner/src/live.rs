@@ -1,13 +1,23 @@
-//! Live evidence: traversals that NPCs have reported since edges were proved.
+//! Live evidence: traversals that have been reported since edges were proved, by reporter.
+//!
+//! Reports of trusted reporters count in full. Reports of all others together count at most half as many tries as the edge's
+//! own probes, so that they can raise a cost but never outweigh what was proved.
 
 use crate::evidence::Evidence;
-use crate::graph::NavGraph;
+use crate::graph::{Edge, NavGraph};
 use crate::ids::EdgeKey;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Number of tries of an edge at which all its tries are halved in weight, so that recent tries can change the estimate.
+/// Number of tries of an edge, of all trusted or of all other reporters, at which these tries are halved in weight, so that
+/// recent tries can change the estimate.
 const MEMORY: u32 = 64;
+/// Maximum number of reporters with an entry of their own; further ones share the entry [`OTHERS`].
+const MAX_REPORTERS: usize = 64;
+/// Name of the entry that reporters share who have none of their own.
+const OTHERS: &str = "(others)";
+/// Tries of probes for each try that reporters who are not trusted may add to an edge.
+const PROBES_FOR_EACH: u32 = 2;
 
 /// A traversal of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,54 +30,121 @@ pub struct Traversal {
     pub decisions: u32,
 }
 
-/// Evidence from traversals, by edge.
+/// Somebody who reports traversals.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Reporter {
+    /// Name, unique among the reporters that are trusted and among those that are not.
+    pub name: String,
+    /// Whether the traversals count in full.
+    pub is_trusted: bool,
+}
+
+/// What a reporter's traversals amount to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reported {
+    /// The reporter.
+    pub reporter: Reporter,
+    /// Number of traversals that are remembered.
+    pub traversals: u64,
+    /// Number of these that failed.
+    pub failures: u64,
+}
+
+/// Evidence from traversals, by reporter and edge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LiveEvidence {
-    edges: BTreeMap<EdgeKey, Evidence>,
+    reporters: BTreeMap<Reporter, BTreeMap<EdgeKey, Evidence>>,
 }
 
 impl LiveEvidence {
     /// Returns whether there are no traversals.
     pub fn is_empty(&self) -> bool {
-        self.edges.is_empty()
+        self.reporters.is_empty()
     }
 
     /// Adds a traversal of an edge of `graph`. Returns the new cost of the edge in decisions; `None` if `graph` has no such edge.
-    pub fn note(&mut self, graph: &NavGraph, traversal: &Traversal) -> Option<f64> {
+    pub fn note(&mut self, graph: &NavGraph, reporter: &Reporter, traversal: &Traversal) -> Option<f64> {
         let edge = graph.edge(traversal.edge)?;
-        let live = self.edges.entry(traversal.edge).or_default();
-        live.note(traversal.reached, traversal.decisions, edge.evidence.ability);
-        if live.tries >= MEMORY {
-            live.halve();
+        let is_trusted = reporter.is_trusted;
+        let has_entry = self.reporters.contains_key(reporter) || self.reporters.len() < MAX_REPORTERS;
+        let entry = if has_entry { reporter.clone() } else { Reporter { name: OTHERS.to_owned(), is_trusted } };
+        let own = self.reporters.entry(entry).or_default().entry(edge.key).or_default();
+        own.note(traversal.reached, traversal.decisions, edge.evidence.ability);
+        if self.sum(edge.key, is_trusted).tries >= MEMORY {
+            let alike = self.reporters.iter_mut().filter(|(other, _)| other.is_trusted == is_trusted);
+            alike.filter_map(|(_, edges)| edges.get_mut(&edge.key)).for_each(Evidence::halve);
         }
-        Some(edge.evidence.and(live).cost())
+        Some(self.added_to(edge).cost())
+    }
+
+    /// Returns the sum of the evidence of an edge, of all trusted or of all other reporters.
+    fn sum(&self, edge: EdgeKey, is_trusted: bool) -> Evidence {
+        let alike = self.reporters.iter().filter(|(reporter, _)| reporter.is_trusted == is_trusted);
+        alike.filter_map(|(_, edges)| edges.get(&edge)).fold(Evidence::default(), |sum, own| sum.and(own))
+    }
+
+    /// Returns the evidence of an edge with all reports added at their weight.
+    fn added_to(&self, edge: &Edge) -> Evidence {
+        let mut others = self.sum(edge.key, false);
+        others.limit_tries(edge.evidence.tries / PROBES_FOR_EACH);
+        edge.evidence.and(&self.sum(edge.key, true)).and(&others)
     }
 
     /// Returns `graph` with the live evidence added to its edges. Evidence of edges that `graph` does not have is ignored.
     pub fn apply_to(&self, graph: &NavGraph) -> NavGraph {
         let mut data = graph.to_data();
         for edge in &mut data.edges {
-            if let Some(live) = self.edges.get(&edge.key) {
-                // A sum is unsound only if it overflows; the edge then keeps the evidence of its probes.
-                let both = edge.evidence.and(live);
-                edge.evidence = if both.is_sound() { both } else { edge.evidence };
-            }
+            // A sum is unsound only if it overflows; the edge then keeps the evidence of its probes.
+            let both = self.added_to(edge);
+            edge.evidence = if both.is_sound() { both } else { edge.evidence };
         }
         NavGraph::check(data).expect("sound evidence was added to a checked graph")
     }
 
     /// Returns whether the values can have come from traversals.
     pub fn is_sound(&self) -> bool {
-        self.edges.values().all(|evidence| evidence.tries < MEMORY && evidence.is_consistent())
+        let mut tries: BTreeMap<(bool, EdgeKey), u32> = BTreeMap::new();
+        for (reporter, edges) in &self.reporters {
+            for (&edge, evidence) in edges {
+                let sum = tries.entry((reporter.is_trusted, edge)).or_default();
+                *sum = sum.saturating_add(evidence.tries);
+                if !evidence.is_consistent() {
+                    return false;
+                }
+            }
+        }
+        // Beyond the limit there can be one shared entry of those who are trusted, and one of the others.
+        self.reporters.len() <= MAX_REPORTERS + 2 && tries.values().all(|&sum| sum < MEMORY)
     }
 
     /// Removes the evidence of edges with a vertex whose index is `count` or higher.
     pub fn keep_below(&mut self, count: usize) {
-        self.edges.retain(|key, _| key.from.idx() < count && key.to.idx() < count);
+        for edges in self.reporters.values_mut() {
+            edges.retain(|key, _| key.from.idx() < count && key.to.idx() < count);
+        }
+        self.reporters.retain(|_, edges| !edges.is_empty());
     }
 
-    /// Returns the number of traversals that count; halving reduces it.
+    /// Returns the number of traversals of trusted reporters that count; halving reduces it.
     pub fn traversals(&self) -> u64 {
-        self.edges.values().map(|evidence| u64::from(evidence.tries)).sum()
+        self.reports().iter().filter(|report| report.reporter.is_trusted).map(|report| report.traversals).sum()
+    }
+
+    /// Returns what each reporter's traversals amount to, by name.
+    pub fn reports(&self) -> Vec<Reported> {
+        let reported = |(reporter, edges): (&Reporter, &BTreeMap<EdgeKey, Evidence>)| Reported {
+            reporter: reporter.clone(),
+            traversals: edges.values().map(|evidence| u64::from(evidence.tries)).sum(),
+            failures: edges.values().map(|evidence| u64::from(evidence.tries - evidence.successes)).sum(),
+        };
+        self.reporters.iter().map(reported).collect()
+    }
+
+    /// Removes all traversals that a reporter of this name reported. Returns their number.
+    pub fn drop_reports(&mut self, name: &str) -> u64 {
+        let of_name = |report: &&Reported| report.reporter.name == name;
+        let dropped = self.reports().iter().filter(of_name).map(|report| report.traversals).sum();
+        self.reporters.retain(|reporter, _| reporter.name != name);
+        dropped
     }
 }

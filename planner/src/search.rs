@@ -8,7 +8,7 @@
 
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::evidence::price;
-use crate::graph::NavGraph;
+use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::Bounds;
@@ -16,12 +16,14 @@ use crate::plan::{Leg, NoPath, Plan, Query};
 use crate::table::Table;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
-use surefoot_world::Vec3;
+use surefoot_world::{Ability, Vec3};
 
 /// Maximum number of vertices that a start or goal is attached to.
 const ATTACHMENTS: usize = 6;
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
+/// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
+const LEAST_CLIMB_M: f32 = 5.0;
 /// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
 pub const DEFAULT_TABLE_LIMIT: usize = 4096;
 
@@ -41,6 +43,8 @@ pub struct Router {
     /// The greatest distance that any edge covers per decision of its cost, m.
     metres_per_cost: f32,
     bounds: Bounds,
+    /// Limits of the unproved leg from the last vertex to the goal.
+    reach: Reach,
 }
 
 /// A spatial index of some of a graph's vertices.
@@ -85,6 +89,7 @@ impl Router {
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
             bounds: graph.legs().bounds(),
+            reach: Reach::of(&graph),
             graph,
             adjacency,
             table,
@@ -152,9 +157,10 @@ impl Router {
     }
 
     /// Finds the cheapest vertices to walk to from the start (or, if `to_goal`, to walk from to the goal). Vertices without
-    /// outgoing (or incoming) edges are left out.
+    /// outgoing (or incoming) edges are left out, and those farther from the goal than any character is known to get on foot.
     fn attach(&self, query: &Query, to_goal: bool) -> Attached {
         let (index, point) = if to_goal { (&self.targets, query.goal) } else { (&self.sources, query.start) };
+        let reach_m = if to_goal { self.reach.length_m } else { f32::INFINITY };
         let is_barred = |vertex| {
             let vertex = Stop::Vertex(vertex);
             let leg = if to_goal { (vertex, Stop::Goal) } else { (Stop::Start, vertex) };
@@ -165,7 +171,7 @@ impl Router {
         let mut worst = f32::INFINITY;
         for ring in 0..=index.grid.ring_count() {
             let clearance = (ring - 1).max(0) as f32 * index.grid.cell_m();
-            if self.bounds.from_metres(clearance) > worst {
+            if clearance > reach_m || self.bounds.from_metres(clearance) > worst {
                 break;
             }
             index.grid.ring(point, ring, |range| {
@@ -174,7 +180,7 @@ impl Router {
                         continue;
                     }
                     let (from, to) = if to_goal { (at, point) } else { (point, at) };
-                    if is_barred(vertex) {
+                    if is_barred(vertex) || to_goal && !self.reach.contains(point - at) {
                         continue;
                     }
                     if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
@@ -352,6 +358,36 @@ impl PartialOrd for HeapCost {
 impl Ord for HeapCost {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
+    }
+}
+
+/// Limits of the unproved leg to a goal. A goal beyond them from every vertex stands on ground that no vertex leads to, or on none.
+#[derive(Debug, Clone, Copy)]
+struct Reach {
+    /// Greatest length, m.
+    length_m: f32,
+    /// Greatest climb, m.
+    climb_m: f32,
+}
+
+impl Reach {
+    /// The longest and the highest edge that was proved on foot, without devices, but at least [`DIRECT_M`] and [`LEAST_CLIMB_M`].
+    /// Without such edges, the range of the leg model stands in for both.
+    fn of(graph: &NavGraph) -> Self {
+        let range_m = graph.legs().range_m() as f32;
+        let is_on_foot = |edge: &&Edge| edge.evidence.has_track() && edge.evidence.ability <= Ability::DoubleJump;
+        let offset = |edge: &Edge| graph.position(edge.key.to) - graph.position(edge.key.from);
+        let longest =
+            |of: fn(Vec3) -> f32| graph.edges().filter(is_on_foot).map(|edge| of(offset(edge))).reduce(f32::max);
+        Self {
+            length_m: longest(Vec3::length).unwrap_or(range_m).max(DIRECT_M),
+            climb_m: longest(|offset| offset.y).unwrap_or(range_m).max(LEAST_CLIMB_M),
+        }
+    }
+
+    /// Returns whether a leg with this offset from start to end is within the limits.
+    fn contains(&self, offset: Vec3) -> bool {
+        offset.y <= self.climb_m && offset.length_squared() <= self.length_m * self.length_m
     }
 }
 

@@ -1,4 +1,5 @@
 //! Persistence of graphs, layers and live evidence: the trait that every store implements, and the encoding of its entries.
+//! Graphs and live evidence are a cache; layers are the work of designers, which cannot be rebuilt.
 //!
 //! Every entry begins with a checksum of its content, so that damage is detected wherever the entry was kept. The decoded
 //! content is validated as well, because a checksum does not show that the values are valid.
@@ -53,22 +54,53 @@ pub trait GraphStore: Send + Sync {
     /// If the store cannot be written.
     fn put_live(&self, id: &GraphId, live: &LiveEvidence) -> Result<(), StoreError>;
 
-    /// Returns the layers of a level by name. Damaged layers are skipped with a warning.
+    /// Returns the layers of a level by name. A damaged layer is listed as such, and its bytes are kept.
     ///
     /// # Errors
-    /// If the store itself cannot be read.
-    fn layers(&self, level: &LevelId) -> Result<Vec<Layer>, StoreError>;
+    /// If the layers cannot be read.
+    fn layers(&self, level: &LevelId) -> Result<LevelLayers, StoreError>;
 
-    /// Stores a layer in place of the one with the same name; a layer without edits is removed.
+    /// Stores a layer in place of the one with the same name, damaged or not; a layer without edits is removed.
     ///
     /// # Errors
-    /// If the store cannot be written.
+    /// If the store cannot be written; the layers are then as before.
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError>;
 }
 
+/// The layers of a level.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LevelLayers {
+    /// Layers by name.
+    pub layers: Vec<Layer>,
+    /// Layers that cannot be read, by name.
+    pub damaged: Vec<DamagedLayer>,
+}
+
+impl LevelLayers {
+    /// Returns all layers.
+    ///
+    /// # Errors
+    /// Returns the first damaged layer: without it, edges that it forbids would be used.
+    pub fn whole(self) -> Result<Vec<Layer>, DamagedLayer> {
+        self.damaged.into_iter().next().map_or(Ok(self.layers), Err)
+    }
+}
+
+/// A stored layer that cannot be read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("layer `{name}` in {place}: {reason}; restore it from a copy, or replace or remove the layer")]
+pub struct DamagedLayer {
+    /// Name of the layer.
+    pub name: String,
+    /// File or address of the layer.
+    pub place: String,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
 /// A failure of the store.
-#[derive(Debug, thiserror::Error)]
-#[error("graph cache {place}: {reason}")]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{place}: {reason}")]
 pub struct StoreError {
     /// File or address of the store.
     pub place: String,

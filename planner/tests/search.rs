@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::live::{LiveEvidence, Traversal};
+use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::search::Repriced;
 use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
@@ -137,25 +137,75 @@ fn a_failed_leg_is_not_used_again() {
     assert_eq!(passed(Vec::new(), &Repriced::from([(EdgeKey::new(1, 2), 500.0)])), [(0, 2)]);
 }
 
+fn reporter(name: &str, is_trusted: bool) -> Reporter {
+    Reporter { name: name.to_owned(), is_trusted }
+}
+
+#[test]
+fn reports_of_strangers_never_outweigh_the_probes_and_can_be_taken_back() {
+    let graph = graph(row(2), vec![edge(0, 1, 10, 4, 4)]);
+    let mut live = LiveEvidence::default();
+    let failure = Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 10 };
+    let mut note = |name: &str, is_trusted, count: u32| {
+        (0..count).for_each(|_| {
+            live.note(&graph, &reporter(name, is_trusted), &failure).unwrap();
+        });
+        live.clone()
+    };
+    let counted = |live: &LiveEvidence| live.apply_to(&graph).edge(EdgeKey::new(0, 1)).unwrap().evidence.tries - 4;
+    assert_eq!(counted(&note("game", false, 500)), 2, "half of four probes");
+    assert_eq!(counted(&note("other game", false, 500)), 2, "all strangers together");
+    assert_eq!(counted(&note("worker", true, 10)), 12, "a worker's traversals count in full");
+    let mut live = note("worker", true, 0);
+    let names: Vec<String> = live.reports().into_iter().map(|report| report.reporter.name).collect();
+    assert_eq!(names, ["game", "other game", "worker"]);
+    assert_eq!((live.drop_reports("worker"), live.drop_reports("nobody")), (10, 0));
+    live.drop_reports("game");
+    live.drop_reports("other game");
+    assert!(live.is_empty() && counted(&live) == 0);
+}
+
+#[test]
+fn any_number_of_reporters_takes_bounded_memory() {
+    let graph = graph(row(2), vec![edge(0, 1, 10, 4, 4)]);
+    let mut live = LiveEvidence::default();
+    let failure = Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 10 };
+    for number in 0..1000 {
+        live.note(&graph, &reporter(&number.to_string(), number % 2 == 0), &failure).unwrap();
+    }
+    assert!(live.reports().len() <= 66 && live.is_sound(), "{} reporters", live.reports().len());
+}
+
+#[test]
+fn a_goal_that_no_leg_can_reach_is_off_the_graph() {
+    let chain = (0..7).map(|idx| edge(idx, idx + 1, 10, 2, 2)).collect();
+    let router = router(graph(row(8), chain));
+    let reason = |goal| router.find_path(&query(Vec3::ZERO, goal)).no_path;
+    assert_eq!(reason(Vec3::new(190.0, 0.0, 10.0)), None);
+    assert_eq!(reason(Vec3::new(190.0, 50.0, 0.0)), Some(NoPath::GoalOffGraph), "50 m up in the air");
+    assert_eq!(reason(Vec3::new(1.0e9, 0.0, 0.0)), Some(NoPath::GoalOffGraph));
+}
+
 #[test]
 fn reported_failures_divert_plans_and_later_successes_bring_them_back() {
     let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 50, 2, 2)]);
     let mut live = LiveEvidence::default();
+    let worker = reporter("worker", true);
     let traversal = |reached| Traversal { edge: EdgeKey::new(1, 2), reached, decisions: 10 };
     let before = graph.edge(EdgeKey::new(1, 2)).unwrap().evidence.cost();
     let mut cost = 0.0;
     for _ in 0..4 {
-        cost = live.note(&graph, &traversal(false)).unwrap();
+        cost = live.note(&graph, &worker, &traversal(false)).unwrap();
     }
     assert!(cost > before + 20.0, "{cost} after {before}");
     let path = |live: &LiveEvidence| router(live.apply_to(&graph)).look_up(VertexId(0), VertexId(2)).unwrap().1;
     assert_eq!(path(&live), [0, 2].map(VertexId));
     for _ in 0..200 {
-        live.note(&graph, &traversal(true));
+        live.note(&graph, &worker, &traversal(true));
     }
     assert_eq!(path(&live), [0, 1, 2].map(VertexId));
     assert!(live.traversals() < 100, "old traversals are forgotten");
-    assert_eq!(live.note(&graph, &Traversal { edge: EdgeKey::new(2, 0), reached: true, decisions: 1 }), None);
+    assert_eq!(live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(2, 0), reached: true, decisions: 1 }), None);
 }
 
 #[test]

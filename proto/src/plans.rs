@@ -94,7 +94,8 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
 /// Converts a plan from the wire.
 ///
 /// # Errors
-/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point is not finite.
+/// If the plan has no waypoints, its numbers of waypoints and legs differ, a leg lacks an end, or a point or duration is
+/// not finite, or a duration is negative.
 pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     if plan.waypoints.is_empty() || plan.waypoints.len() != plan.legs.len() {
         return Err(FieldError::Length {
@@ -108,6 +109,10 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
     let leg = |leg: &wire::Leg| {
         let from = stop(leg.from.as_ref(), "plan.legs.from")?;
         let to = stop(leg.to.as_ref(), "plan.legs.to")?;
+        if !(0.0..=f32::MAX).contains(&leg.seconds) {
+            let (value, max) = (f64::from(leg.seconds), f64::from(f32::MAX));
+            return Err(FieldError::Range { field: "plan.legs.seconds", value, min: 0.0, max });
+        }
         Ok(Leg {
             key: LegKey { from, to },
             seconds: Seconds(leg.seconds),
@@ -198,5 +203,29 @@ pub fn traversal_to_wire(traversal: &Traversal) -> wire::Traversal {
         to: traversal.edge.to.0,
         reached: traversal.reached,
         decisions: traversal.decisions,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_leg_without_a_valid_duration_is_refused() {
+        let with_seconds = |seconds| wire::Plan {
+            waypoints: vec![world::Vec3::default()],
+            legs: vec![wire::Leg {
+                from: stop_to_wire(Stop::Start),
+                to: stop_to_wire(Stop::Goal),
+                seconds,
+                ..wire::Leg::default()
+            }],
+            ..wire::Plan::default()
+        };
+        assert!(plan(&with_seconds(3.5)).is_ok());
+        for seconds in [f32::NAN, f32::INFINITY, -1.0] {
+            let error = plan(&with_seconds(seconds)).unwrap_err();
+            assert!(matches!(error, FieldError::Range { field: "plan.legs.seconds", .. }), "{error}");
+        }
     }
 }

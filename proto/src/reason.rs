@@ -79,7 +79,7 @@ reasons! {
     RoleForbidden "ROLE_FORBIDDEN" PermissionDenied "The role of the token may not make this call.",
     OriginForbidden "ORIGIN_FORBIDDEN" PermissionDenied "Pages of this origin may not call the service.",
     UnknownMethod "UNKNOWN_METHOD" Unimplemented "The service has no such method.",
-    StoreFailed "STORE_FAILED" Internal "A file or the store cannot be read or written.",
+    StoreFailed "STORE_FAILED" FailedPrecondition "A file of the service cannot be read or written, such as a level's layers, without which no plans are made; the message says which and what to do.",
     Internal "INTERNAL" Internal "A defect of the service.",
 }
 

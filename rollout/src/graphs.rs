@@ -1,6 +1,7 @@
 //! Builds graphs with probes that run in this process, timed by the process's clock.
 
 use crate::probe::{InProcess, ProbeContext};
+use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::edits::MapTerrain;
 use surefoot_planner::update::Updated;
@@ -42,7 +43,7 @@ pub fn update(
 /// The terrain on which edits of graphs of `context` are probed.
 pub fn terrain(context: &ProbeContext, settings: BuildSettings, thread_count: usize) -> MapTerrain {
     let executor = Box::new(InProcess { context: context.clone(), thread_count });
-    MapTerrain { site: context.site(), settings, thread_count, executor }
+    MapTerrain { site: context.site(), settings, thread_count, executor, progress: Arc::default() }
 }
 
 fn with_builder<T>(

@@ -20,7 +20,7 @@ use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export};
 use surefoot_planner::links::NavMesh;
-use surefoot_planner::live::{LiveEvidence, Traversal};
+use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::wire as planner_wire;
 use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
@@ -280,8 +280,9 @@ fn graph() -> NavGraph {
 fn cache_entries() -> Vec<(&'static str, Vec<u8>)> {
     let graph = graph();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 7 });
-    live.note(&graph, &Traversal { edge: EdgeKey::new(1, 2), reached: false, decisions: 30 });
+    let worker = Reporter { name: "worker".to_owned(), is_trusted: true };
+    live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 7 });
+    live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(1, 2), reached: false, decisions: 30 });
     let whole = cache::encode_entry(&Built { graph, stats: BuildStats::default() });
     vec![
         ("graph", whole[32..].to_vec()),

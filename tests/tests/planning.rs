@@ -191,7 +191,9 @@ async fn a_build_is_an_operation_that_outlives_its_caller_and_can_be_listed_and_
     assert_eq!(order, [Queued, Map, Vertices, Probes, Index, Done]);
     let cached = build_to_end(&mut client, start_of(MAP)).await;
     assert!(cached.build_id != second.build_id && cached.stage() == Done && !cached.graph_id.is_empty());
-    for build_id in ["", "nonsense", "0000000000000000"] {
+    let unnamed = client.watch_build(wire::WatchBuildRequest::default()).await.unwrap_err();
+    assert_eq!((unnamed.code(), Reason::of(&unnamed)), (Code::InvalidArgument, Some(Reason::InvalidField)));
+    for build_id in ["nonsense", "0000000000000000"] {
         let request = wire::WatchBuildRequest { build_id: build_id.to_owned() };
         let unknown = client.watch_build(request).await.unwrap_err();
         assert_eq!((unknown.code(), Reason::of(&unknown)), (Code::NotFound, Some(Reason::BuildNotFound)));

@@ -13,7 +13,7 @@ use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::links::NavMesh;
-use surefoot_planner::live::{LiveEvidence, Traversal};
+use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{
     BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Placement, Plan, Probing, RawBuildSettings,
     Stop, VertexId, store as cache,
@@ -279,7 +279,8 @@ proptest! {
     fn live_evidence_comes_back(graph in graph(), traversals in prop::collection::vec((0..12u32, 0..12u32, any::<bool>(), any::<u32>()), 0..200)) {
         let mut live = LiveEvidence::default();
         for (from, to, reached, decisions) in traversals {
-            live.note(&graph, &Traversal { edge: EdgeKey::new(from, to), reached, decisions });
+            let reporter = Reporter { name: (from % 3).to_string(), is_trusted: reached };
+            live.note(&graph, &reporter, &Traversal { edge: EdgeKey::new(from, to), reached, decisions });
         }
         prop_assert_eq!(&cache::decode_live(&cache::encode_live(&live)).unwrap(), &live);
         prop_assert_eq!(live.apply_to(&graph).edge_count(), graph.edge_count());

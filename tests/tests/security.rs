@@ -17,6 +17,8 @@ use surefoot_net::serving::tokens::{TokenError, Tokens};
 use surefoot_net::serving::{Caller, Endpoint, EndpointConfig, Security, ServeError, Shutdown};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_policy::Policy;
+use surefoot_proto::planner::v1 as plan;
+use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{GetNpcRequest, ListWorldsRequest};
 use surefoot_server::ServerConfig;
@@ -90,6 +92,8 @@ fn every_method_has_its_row_in_the_table_of_roles() {
         ("surefoot.world.v1.WorldService/Work", Role::Worker, Role::Client),
         ("surefoot.world.v1.WorldService/CreateWorld", Role::Client, Role::Worker),
         ("surefoot.planner.v1.PlannerService/PutLayer", Role::Designer, Role::Client),
+        ("surefoot.planner.v1.PlannerService/ListReports", Role::Client, Role::Worker),
+        ("surefoot.planner.v1.PlannerService/DropReports", Role::Admin, Role::Designer),
         ("surefoot.world.v1.WorldService/StallWorld", Role::Admin, Role::Client),
     ] {
         let roles = roles(method).unwrap();
@@ -120,6 +124,81 @@ async fn every_method_needs_a_token_of_a_role_that_may_call_it() {
     }
     planner.stop().await;
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner_at(guarded(), cache.path(), PlannerConfig::default());
+    let mut admin = planner_of(&planner, Role::Admin).await;
+    let graph_id = built(&mut admin).await;
+    let key = |edge: &plan::Edge| (edge.from, edge.to);
+    let probed = graph_of(&mut admin, &graph_id).await.edges[0];
+    let failed = plan::Traversal { from: probed.from, to: probed.to, reached: false, decisions: 50 };
+    for (role, dropped_by_cap) in [(Role::Client, true), (Role::Designer, true), (Role::Worker, false)] {
+        let traversals = vec![failed; 60];
+        let request = plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals };
+        let answer = planner_of(&planner, role).await.report_traversals(request).await.unwrap().into_inner();
+        assert_eq!(answer.accepted, 60);
+        // The new table of next hops, and with it the graph as it is queried, follows within seconds.
+        let now = loop {
+            tokio::time::sleep(Duration::from_millis(200)).await;
+            let graph = graph_of(&mut admin, &graph_id).await;
+            let now = *graph.edges.iter().find(|edge| key(edge) == key(&probed)).unwrap();
+            let listed = reports(&mut admin, &graph_id).await;
+            let is_listed = listed.iter().any(|(name, count)| name == role.name() && *count > 0);
+            assert!(is_listed, "{role:?} is missing in {listed:?}");
+            if dropped_by_cap || now.tries > probed.tries + probed.tries / 2 {
+                break now;
+            }
+        };
+        assert_eq!(now.tries <= probed.tries + probed.tries / 2, dropped_by_cap, "{role:?}: {now:?}");
+    }
+    let drop_of =
+        |role: Role| plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: role.name().to_owned() };
+    let refused = planner_of(&planner, Role::Designer).await.drop_reports(drop_of(Role::Worker)).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied);
+    let unnamed = plan::DropReportsRequest { graph_id: graph_id.clone(), reporter: String::new() };
+    assert_eq!(admin.drop_reports(unnamed).await.unwrap_err().code(), Code::InvalidArgument);
+    for role in [Role::Client, Role::Designer, Role::Worker] {
+        assert!(admin.drop_reports(drop_of(role)).await.unwrap().into_inner().dropped > 0);
+        assert_eq!(admin.drop_reports(drop_of(role)).await.unwrap().into_inner().dropped, 0);
+    }
+    let after = graph_of(&mut admin, &graph_id).await.edges[0];
+    assert_eq!(after, probed, "plans do not use the reports any more");
+    planner.stop().await;
+
+    let planner = start_planner_at(guarded(), cache.path(), PlannerConfig::default());
+    let mut admin = planner_of(&planner, Role::Admin).await;
+    assert_eq!(built(&mut admin).await, graph_id);
+    assert_eq!(reports(&mut admin, &graph_id).await, [], "the reports are gone from the cache as well");
+    planner.stop().await;
+}
+
+async fn planner_of(planner: &Running, role: Role) -> PlannerServiceClient<Link> {
+    PlannerServiceClient::new(link(planner, &holder(role)).await)
+}
+
+/// Builds a small graph and returns its id.
+async fn built(client: &mut PlannerServiceClient<Link>) -> String {
+    let build_id = client.start_build(e2e::start_of(7)).await.unwrap().into_inner().build.unwrap().build_id;
+    let mut stages = client.watch_build(plan::WatchBuildRequest { build_id }).await.unwrap().into_inner();
+    let mut last = plan::Build::default();
+    while let Some(stage) = stages.next().await {
+        last = stage.unwrap().build.unwrap();
+    }
+    last.graph_id
+}
+
+async fn graph_of(client: &mut PlannerServiceClient<Link>, graph_id: &str) -> plan::GetGraphResponse {
+    client.get_graph(plan::GetGraphRequest { graph_id: graph_id.to_owned() }).await.unwrap().into_inner()
+}
+
+/// Names of reporters and numbers of their traversals.
+async fn reports(client: &mut PlannerServiceClient<Link>, graph_id: &str) -> Vec<(String, u64)> {
+    let request = plan::ListReportsRequest { graph_id: graph_id.to_owned() };
+    let reports = client.list_reports(request).await.unwrap().into_inner().reports;
+    reports.into_iter().map(|report| (report.reporter, report.traversals)).collect()
 }
 
 #[tokio::test(flavor = "multi_thread")]

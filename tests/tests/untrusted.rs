@@ -194,7 +194,6 @@ fn plan() -> impl Strategy<Value = wire::NpcPlan> {
         seconds,
         chance,
         ability,
-        ..Default::default()
     });
     (prop::collection::vec(point, 0..3), prop::collection::vec(leg, 0..3)).prop_map(|(waypoints, legs)| wire::NpcPlan {
         waypoints,

@@ -78,6 +78,8 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.planner.v1.PlannerService/FindPath", EVERYBODY),
     ("surefoot.planner.v1.PlannerService/FindPaths", EVERYBODY),
     ("surefoot.planner.v1.PlannerService/ReportTraversals", EVERYBODY),
+    ("surefoot.planner.v1.PlannerService/ListReports", GAMES),
+    ("surefoot.planner.v1.PlannerService/DropReports", &[Admin]),
     ("surefoot.planner.v1.PlannerService/GetLayers", GAMES),
     ("surefoot.planner.v1.PlannerService/WatchGraph", EVERYBODY),
     ("surefoot.planner.v1.PlannerService/ListGraphs", GAMES),

@@ -15,6 +15,8 @@ impl From<PlannerError> for Status {
         let message = error.to_string();
         match error {
             PlannerError::BadGraphId => status::invalid("graph_id", message),
+            PlannerError::NoBuildId => status::invalid("build_id", message),
+            PlannerError::NoReporter => status::invalid("reporter", message),
             PlannerError::UnknownGraph(id) | PlannerError::Unloaded(id) => {
                 status::not_found(Reason::GraphNotFound, "graph", id, message)
             }
@@ -29,7 +31,11 @@ impl From<PlannerError> for Status {
             PlannerError::Level(error) => error.into(),
             PlannerError::Layer(_) => status::invalid("layer", message),
             PlannerError::Overtaken => status::failure(Reason::LayersChanged, message),
-            PlannerError::Store { .. } => status::failure(Reason::StoreFailed, message),
+            PlannerError::TooManyEdits { field, .. } => status::too_large(field, message),
+            PlannerError::OutsideMap { field, .. } => status::invalid(field, message),
+            PlannerError::LayersUnreadable(_) | PlannerError::Store { .. } => {
+                status::failure(Reason::StoreFailed, message)
+            }
             PlannerError::Lost { .. } => status::failure(Reason::Internal, message),
             PlannerError::ShuttingDown => surefoot_net::serving::going_away(),
         }

@@ -6,19 +6,22 @@ mod errors;
 mod streams;
 
 use crate::error::PlannerError;
-use crate::hosted::Revision;
+use crate::hosted::{Hosted, Revision};
 use crate::jobs::Job;
 use crate::layers::LayerChange;
 use crate::planner::Planner;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
-    ready_graph_to_wire, revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire, unapplied_to_wire,
+    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire,
+    unapplied_to_wire,
 };
 use std::pin::Pin;
 use surefoot_net::levels::grpc as levels;
 use surefoot_net::paging::{PageSize, page};
+use surefoot_net::serving::Caller;
 use surefoot_net::status;
-use surefoot_planner::VertexId;
+use surefoot_planner::live::Reporter;
+use surefoot_planner::{Query, VertexId};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_server::PlannerService;
@@ -42,6 +45,14 @@ impl PlannerApi {
     /// Creates the service for `planner`.
     pub fn new(planner: Planner) -> Self {
         Self { planner }
+    }
+
+    /// Converts a query, and checks that it lies in or near the map of the graph.
+    fn query(hosted: &Hosted, query_on_wire: &wire::PathQuery) -> Result<Query, Status> {
+        let query = query(query_on_wire)?;
+        hosted.check_inside(query.start, "query.start")?;
+        hosted.check_inside(query.goal, "query.goal")?;
+        Ok(query)
     }
 
     /// Changes a layer. Returns the graph's figures, the unapplied edits, and the revision after the change.
@@ -115,7 +126,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::GetGraphRequest>,
     ) -> Result<Response<wire::GetGraphResponse>, Status> {
-        let hosted = self.planner.ready(&request.into_inner().graph_id)?;
+        let hosted = self.planner.usable(&request.into_inner().graph_id)?;
         Ok(Response::new(graph_to_wire(&hosted)))
     }
 
@@ -148,7 +159,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::ProbeEdgeRequest>,
     ) -> Result<Response<wire::ProbeEdgeResponse>, Status> {
         let wire::ProbeEdgeRequest { graph_id, from, to, seed } = request.into_inner();
-        let hosted = self.planner.ready(&graph_id)?;
+        let hosted = self.planner.usable(&graph_id)?;
         let (outcome, track) = self.planner.probe(hosted, VertexId(from), VertexId(to), Seed(seed)).await?;
         Ok(Response::new(wire::ProbeEdgeResponse {
             reached: outcome.reached,
@@ -163,7 +174,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::CompareGraphsRequest>,
     ) -> Result<Response<wire::CompareGraphsResponse>, Status> {
         let request = request.into_inner();
-        let (before, after) = (self.planner.ready(&request.before)?, self.planner.ready(&request.after)?);
+        let (before, after) = (self.planner.usable(&request.before)?, self.planner.usable(&request.after)?);
         Ok(Response::new(difference_to_wire(self.planner.compare(before, after).await?)))
     }
 
@@ -172,8 +183,8 @@ impl PlannerService for PlannerApi {
         request: Request<wire::FindPathRequest>,
     ) -> Result<Response<wire::FindPathResponse>, Status> {
         let request = request.into_inner();
-        let hosted = self.planner.ready(&request.graph_id)?;
-        let query = query(&request.query.ok_or(FieldError::Missing("query"))?)?;
+        let hosted = self.planner.usable(&request.graph_id)?;
+        let query = Self::query(&hosted, &request.query.ok_or(FieldError::Missing("query"))?)?;
         let plan = self.planner.plan(&hosted, &query);
         Ok(Response::new(wire::FindPathResponse { plan: Some(plan_to_wire(&plan)) }))
     }
@@ -183,14 +194,14 @@ impl PlannerService for PlannerApi {
         request: Request<wire::FindPathsRequest>,
     ) -> Result<Response<wire::FindPathsResponse>, Status> {
         let request = request.into_inner();
-        let hosted = self.planner.ready(&request.graph_id)?;
+        let hosted = self.planner.usable(&request.graph_id)?;
         let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
         if count > limit {
             let message =
                 format!("{count} queries are too many: at most {limit} are allowed in one batch (--max-queries)");
             return Err(status::too_large("queries", message));
         }
-        let queries = request.queries.iter().map(query).collect::<Result<Vec<_>, _>>()?;
+        let queries = request.queries.iter().map(|query| Self::query(&hosted, query)).collect::<Result<Vec<_>, _>>()?;
         let planner = self.planner.clone();
         // Read before planning: if an edit comes in between, the plans are newer than the revision, never older.
         let revision = revision_to_wire(hosted.revision());
@@ -205,8 +216,9 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::ReportTraversalsRequest>,
     ) -> Result<Response<wire::ReportTraversalsResponse>, Status> {
+        let caller = Caller::of(&request);
         let request = request.into_inner();
-        let hosted = self.planner.ready(&request.graph_id)?;
+        let hosted = self.planner.usable(&request.graph_id)?;
         let count = request.traversals.len();
         if count > MAX_TRAVERSALS {
             let message =
@@ -214,15 +226,34 @@ impl PlannerService for PlannerApi {
             return Err(status::too_large("traversals", message));
         }
         let traversals = request.traversals.iter().map(traversal).collect::<Result<Vec<_>, _>>()?;
-        let accepted = self.planner.report(&hosted, &traversals);
+        let reporter = Reporter { name: caller.name.to_string(), is_trusted: caller.is_trusted_reporter() };
+        let accepted = self.planner.report(&hosted, &reporter, &traversals);
         Ok(Response::new(wire::ReportTraversalsResponse { accepted }))
+    }
+
+    async fn list_reports(
+        &self,
+        request: Request<wire::ListReportsRequest>,
+    ) -> Result<Response<wire::ListReportsResponse>, Status> {
+        let reports = self.planner.ready(&request.into_inner().graph_id)?.reports();
+        Ok(Response::new(wire::ListReportsResponse { reports: reports.into_iter().map(report_to_wire).collect() }))
+    }
+
+    async fn drop_reports(
+        &self,
+        request: Request<wire::DropReportsRequest>,
+    ) -> Result<Response<wire::DropReportsResponse>, Status> {
+        let wire::DropReportsRequest { graph_id, reporter } = request.into_inner();
+        let hosted = self.planner.ready(&graph_id)?;
+        let dropped = self.planner.drop_reports(hosted, reporter).await?;
+        Ok(Response::new(wire::DropReportsResponse { dropped }))
     }
 
     async fn get_layers(
         &self,
         request: Request<wire::GetLayersRequest>,
     ) -> Result<Response<wire::GetLayersResponse>, Status> {
-        let (layers, unapplied) = self.planner.ready(&request.into_inner().graph_id)?.layers();
+        let (layers, unapplied) = self.planner.usable(&request.into_inner().graph_id)?.layers();
         let revision = revision_to_wire(Revision::of(&layers));
         let layers = layers.iter().map(layer_to_wire).collect();
         Ok(Response::new(wire::GetLayersResponse { layers, unapplied: unapplied_to_wire(&unapplied), revision }))

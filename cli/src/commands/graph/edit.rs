@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let level = args.target.level(&map);
     {
         let store = args.target.cache.open()?;
-        let layers = store.layers(&level)?;
+        let found = store.layers(&level)?;
         if let Some(path) = &args.import {
             let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
             let layer: Layer =
@@ -62,7 +62,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             store.put_layer(&level, &layer)?;
         }
         if let Some(name) = &args.layer {
-            let old = layers.iter().find(|layer| layer.name == *name);
+            if let Some(damaged) = found.damaged.iter().find(|layer| layer.name == *name) {
+                bail!("{damaged} (--import)");
+            }
+            let old = found.layers.iter().find(|layer| layer.name == *name);
             let mut layer = old.cloned().unwrap_or(Layer { name: name.clone(), edits: Vec::new() });
             if args.undo > layer.edits.len() {
                 bail!("--undo is {}, layer `{name}` has {} edits", args.undo, layer.edits.len());
@@ -78,7 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
             }
         }
-        for layer in store.layers(&level)? {
+        for layer in store.layers(&level)?.whole()? {
             println!("layer `{}`: {} edits", layer.name, layer.edits.len());
             for (index, edit) in layer.edits.iter().enumerate() {
                 println!("  {index}: {}", serde_json::to_string(edit)?);

@@ -130,8 +130,8 @@ impl Target {
         }
         let Built { mut graph, stats } = built;
         let mut unapplied = Vec::new();
-        let layers = store.layers(&self.level(&context.map))?;
-        if !self.without_edits && !layers.is_empty() {
+        let layers = if self.without_edits { Vec::new() } else { store.layers(&self.level(&context.map))?.whole()? };
+        if !layers.is_empty() {
             let terrain = graphs::terrain(&context, settings, core_count());
             let edited =
                 apply_layers(&graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;

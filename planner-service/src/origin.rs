@@ -1,0 +1,47 @@
+//! Where a graph comes from: its map, settings and policy, and the level that its layers belong to.
+
+use surefoot_net::levels::MapSource;
+use surefoot_planner::store::LevelId;
+use surefoot_planner::{BuildSettings, GraphId, NavGraph, Router};
+use surefoot_policy::Policy;
+use surefoot_world::Vec3;
+
+/// Distance from the map within which starts and goals may lie, m: characters fall and fly out of it.
+pub const MARGIN_M: f32 = 50.0;
+
+/// Where a graph comes from, and what editing and searching it needs.
+#[derive(Debug, Clone)]
+pub struct Origin {
+    /// Identity of the graph.
+    pub id: GraphId,
+    /// Source of the map.
+    pub source: MapSource,
+    /// Settings of the build.
+    pub settings: BuildSettings,
+    /// Content hash of the map, 64 hexadecimal digits.
+    pub map_hash: String,
+    /// Size of the map, m.
+    pub extent: Vec3,
+    /// Policy that proved the graph.
+    pub policy: Policy,
+    /// Number of threads.
+    pub thread_count: usize,
+    /// Largest number of vertices at which the router gets a table of next hops.
+    pub table_limit: usize,
+}
+
+impl Origin {
+    /// Returns the level that layers belong to. An imported level is identified by its name, so that its layers outlive changes
+    /// of its map; a generated map, by its spec.
+    pub fn level(&self) -> LevelId {
+        match &self.source {
+            MapSource::Spec(spec) => LevelId::of_spec(spec),
+            MapSource::Level(level) => LevelId::of(level.name.as_bytes()),
+        }
+    }
+
+    /// Prepares a graph for queries.
+    pub fn router(&self, graph: NavGraph) -> Router {
+        Router::new(graph, self.table_limit, self.thread_count)
+    }
+}
