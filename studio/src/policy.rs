@@ -137,7 +137,9 @@ mod tests {
 
     #[test]
     fn the_policy_names_what_may_be_called() {
-        let cases: [(&str, &[&str], bool, Option<&str>, &str); 7] = [
+        /// Planner, further origins, whether the server is local, the page's host, and what the policy names.
+        type Case<'a> = (&'a str, &'a [&'a str], bool, Option<&'a str>, &'a str);
+        let cases: [Case<'_>; 7] = [
             (":7601", &[], false, Some("worlds.example"), "'self' worlds.example:7601"),
             (":7601", &[], false, Some("192.168.1.7"), "'self' 192.168.1.7:7601"),
             (":7601", &[], false, Some("[::1]"), "'self' *:7601"),

@@ -389,7 +389,7 @@ async fn memory_is_refused_before_it_is_used_and_equal_maps_are_paid_for_once() 
 }
 
 fn credentials(name: &str) -> Credentials {
-    Credentials::load(Some(&Secret::new(&secret(name))), &ClientTlsFiles::default()).unwrap()
+    Credentials::load(Some(&Secret::new(secret(name))), &ClientTlsFiles::default()).unwrap()
 }
 
 fn secret(name: &str) -> String {

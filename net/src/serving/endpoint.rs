@@ -181,9 +181,8 @@ impl Endpoint {
         let cors = origins.layer();
         let reloading = security.tokens.clone();
         let reloading = async move {
-            match reloading {
-                Some(tokens) => tokens.keep_loaded().await,
-                None => {}
+            if let Some(tokens) = reloading {
+                tokens.keep_loaded().await;
             }
             std::future::pending::<()>().await
         };

@@ -305,8 +305,8 @@ async fn graphs(channel: &Channel, idx: u64) -> Result<(), Status> {
     let query = Some(plan::PathQuery { start: Some(from), goal: Some(to), avoid: Vec::new() });
     client.find_path(plan::FindPathRequest { graph_id: graph_id.clone(), query }).await?;
     let forbid = plan::edit::Edit::ForbidEdge(plan::EdgeEdit { from: Some(from), to: Some(to) });
-    let edits = vec![plan::Edit { edit: Some(forbid), ..Default::default() }];
-    let layer = Some(plan::Layer { name: "soak".to_owned(), edits, ..Default::default() });
+    let edits = vec![plan::Edit { edit: Some(forbid) }];
+    let layer = Some(plan::Layer { name: "soak".to_owned(), edits });
     client.put_layer(plan::PutLayerRequest { graph_id: graph_id.clone(), layer, ..Default::default() }).await?;
     let empty = Some(plan::Layer { name: "soak".to_owned(), ..Default::default() });
     client.put_layer(plan::PutLayerRequest { graph_id, layer: empty, ..Default::default() }).await.map(drop)
