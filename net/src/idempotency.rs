@@ -19,7 +19,7 @@ const POISON: &str = "no holder of this lock panics";
 
 /// Recent answers of one method, by client and request id.
 #[derive(Debug)]
-pub struct Answers<A> {
+pub struct AnswerCache<A> {
     kept: Arc<Mutex<Kept<A>>>,
 }
 
@@ -47,20 +47,20 @@ impl<A> Kept<A> {
     }
 }
 
-impl<A> Clone for Answers<A> {
+impl<A> Clone for AnswerCache<A> {
     fn clone(&self) -> Self {
         Self { kept: self.kept.clone() }
     }
 }
 
-impl<A> Default for Answers<A> {
+impl<A> Default for AnswerCache<A> {
     fn default() -> Self {
         let kept = Kept { by_key: BTreeMap::new(), order: VecDeque::new() };
         Self { kept: Arc::new(Mutex::new(kept)) }
     }
 }
 
-impl<A: Clone + Send + Sync + 'static> Answers<A> {
+impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
     /// Runs `call`, or returns the answer that an earlier call with the same `request_id` got. `request` is the whole
     /// message, its id included. With an empty id the call always runs.
     ///
@@ -123,7 +123,7 @@ mod tests {
 
     #[tokio::test]
     async fn an_id_gets_one_answer_however_often_it_is_used() {
-        let (answers, made) = (Answers::<u32>::default(), Arc::new(AtomicU32::new(0)));
+        let (answers, made) = (AnswerCache::<u32>::default(), Arc::new(AtomicU32::new(0)));
         let (alice, bob): (Arc<str>, Arc<str>) = ("alice".into(), "bob".into());
         let call = || {
             let made = made.clone();

@@ -3,7 +3,7 @@
 
 use crate::error::PlannerError;
 use crate::hosted::{Hosted, Prepared};
-use crate::jobs::{Job, Jobs, Made, Stage};
+use crate::jobs::{BuildResult, Job, Jobs, Stage};
 use crate::origin::Origin;
 use crate::planner::Planner;
 use crate::proofs::Proofs;
@@ -38,7 +38,7 @@ impl Planner {
             let (planner, job) = (self.clone(), job.clone());
             tokio::spawn(async move {
                 let end = planner.run_build(job.clone()).await;
-                job.finish(end.map(|hosted| Made { graph: hosted.origin.id, figures: hosted.figures() }));
+                job.finish(end.map(|hosted| BuildResult { graph: hosted.origin.id, figures: hosted.figures() }));
             });
         }
         Ok(job)

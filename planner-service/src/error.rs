@@ -67,7 +67,7 @@ pub enum PlannerError {
     Layer(#[from] LayerError),
     /// The layers were changed since the revision that the caller knows.
     #[error("somebody else has changed the layers of this level: read them with GetLayers, then try again")]
-    Overtaken,
+    LayersChanged,
     /// The change of layers asks for more than one call or level may have.
     #[error("{field} has {found} {what}; at most {limit} are allowed in {scope}")]
     TooManyEdits {

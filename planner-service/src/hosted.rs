@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, RwLock};
 use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
 use surefoot_planner::live::{LiveEvidence, Reported, Reporter, Traversal};
-use surefoot_planner::search::Repriced;
+use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::store::{LevelId, encode_layer};
 use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, VertexId};
 use surefoot_world::Vec3;
@@ -65,7 +65,7 @@ struct View {
     /// Why no plans are made on the graph: its layers cannot be read.
     refusal: Option<PlannerError>,
     /// Costs of edges that have changed since the router was made.
-    repriced: RwLock<Repriced>,
+    repriced: RwLock<EdgeCosts>,
 }
 
 /// A proved graph with layers applied to it, which no plans use yet.

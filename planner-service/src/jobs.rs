@@ -66,7 +66,7 @@ impl Stage {
 
 /// Result of a build.
 #[derive(Debug, Clone)]
-pub struct Made {
+pub struct BuildResult {
     /// The graph.
     pub graph: GraphId,
     /// Figures of the graph when it became ready.
@@ -78,7 +78,7 @@ struct State {
     /// All stages so far, the current one last.
     stages: Vec<Stage>,
     /// When and how the build ended.
-    end: Option<(Instant, Result<Made, PlannerError>)>,
+    end: Option<(Instant, Result<BuildResult, PlannerError>)>,
 }
 
 /// A build that is waiting, running or ended.
@@ -113,7 +113,7 @@ impl Job {
     }
 
     /// Returns the result; `None` while the build is running or waiting.
-    pub fn end(&self) -> Option<Result<Made, PlannerError>> {
+    pub fn end(&self) -> Option<Result<BuildResult, PlannerError>> {
         self.state.borrow().end.as_ref().map(|(_, end)| end.clone())
     }
 
@@ -154,7 +154,7 @@ impl Job {
         });
     }
 
-    pub(crate) fn finish(&self, end: Result<Made, PlannerError>) {
+    pub(crate) fn finish(&self, end: Result<BuildResult, PlannerError>) {
         let stage = match &end {
             Ok(_) => Stage::Done,
             Err(PlannerError::Build(BuildError::Cancelled)) => Stage::Cancelled,

@@ -191,7 +191,7 @@ impl Planner {
         for _ in 0..MAX_ATTEMPTS {
             let stored = read()?;
             if if_revision.is_some_and(|revision| revision != Revision::of(&stored.layers)) {
-                return Err(PlannerError::Overtaken);
+                return Err(PlannerError::LayersChanged);
             }
             let (changed, after) = change.apply(&stored)?;
             let graphs = self.graphs_of(&level, &hosted);
@@ -214,7 +214,7 @@ impl Planner {
             let (_, unapplied) = hosted.layers();
             return Ok(Changed { hosted, unapplied });
         }
-        Err(PlannerError::Overtaken)
+        Err(PlannerError::LayersChanged)
     }
 
     /// Returns `hosted` and all other graphs of the level in memory.

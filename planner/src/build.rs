@@ -5,9 +5,9 @@
 use crate::candidates::{self, Candidate};
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
-use crate::placement::{self, Placing};
+use crate::placement::{self, PlacementContext};
 use crate::probe::ProbeExecutor;
-use crate::prove::Proving;
+use crate::prove::ProbeRun;
 use crate::settings::{BuildError, BuildSettings, Placement};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
@@ -105,14 +105,14 @@ impl Builder<'_> {
         Ok(Built { graph, stats })
     }
 
-    fn placing(&self) -> Placing<'_> {
+    fn placing(&self) -> PlacementContext<'_> {
         let Self { site, settings, executor, progress, .. } = *self;
-        Placing { site, settings, executor, progress: &progress.done, cancel: &progress.cancel }
+        PlacementContext { site, settings, executor, progress: &progress.done, cancel: &progress.cancel }
     }
 
     /// Prepares the probing of `candidates` between `vertices`.
-    pub(crate) fn proving<'b>(&'b self, vertices: &'b [Vec3], candidates: &'b [Candidate]) -> Proving<'b> {
-        Proving {
+    pub(crate) fn proving<'b>(&'b self, vertices: &'b [Vec3], candidates: &'b [Candidate]) -> ProbeRun<'b> {
+        ProbeRun {
             map: &self.site.map,
             vertices,
             candidates,

@@ -167,7 +167,7 @@ impl Edit {
 
 /// Why an edit cannot be applied.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Misfit {
+pub enum UnappliedReason {
     /// The graph has no vertex near this position.
     #[error("there is no vertex within {FIT_M} m of ({:.1}, {:.1}, {:.1})", .0.x, .0.y, .0.z)]
     NoVertex(Vec3),
@@ -190,7 +190,7 @@ pub struct Unapplied {
     /// Index of the edit in the layer.
     pub index: usize,
     /// Why the edit could not be applied.
-    pub reason: Misfit,
+    pub reason: UnappliedReason,
 }
 
 /// A graph with layers applied to it.
@@ -255,7 +255,7 @@ pub fn apply_layers(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain:
     let mut editor = GraphEditor::of(graph);
     let mut unapplied = Vec::new();
     let edits = || layers.iter().flat_map(|layer| layer.edits.iter().enumerate().map(move |edit| (layer, edit)));
-    let mut record = |layer: &Layer, index, result: Result<(), Misfit>| {
+    let mut record = |layer: &Layer, index, result: Result<(), UnappliedReason>| {
         if let Err(reason) = result {
             unapplied.push(Unapplied { layer: layer.name.clone(), index, reason });
         }
@@ -288,24 +288,24 @@ impl GraphEditor {
     }
 
     /// Returns the nearest remaining vertex, at most [`FIT_M`] away.
-    fn vertex_at(&self, place: Vec3) -> Result<VertexId, Misfit> {
+    fn vertex_at(&self, place: Vec3) -> Result<VertexId, UnappliedReason> {
         let standing =
             (0..).map(VertexId).zip(&self.data.vertices).filter(|(vertex, _)| !self.removed.contains(vertex));
         let nearest = standing.min_by(|a, b| a.1.distance_squared(place).total_cmp(&b.1.distance_squared(place)));
         match nearest {
             Some((vertex, at)) if at.distance(place) <= FIT_M => Ok(vertex),
-            _ => Err(Misfit::NoVertex(place)),
+            _ => Err(UnappliedReason::NoVertex(place)),
         }
     }
 
     /// Returns the key of the edge between the vertices at two positions.
-    fn ends(&self, from: Vec3, to: Vec3) -> Result<EdgeKey, Misfit> {
+    fn ends(&self, from: Vec3, to: Vec3) -> Result<EdgeKey, UnappliedReason> {
         let (from, to) = (self.vertex_at(from)?, self.vertex_at(to)?);
-        if from == to { Err(Misfit::OneVertex) } else { Ok(EdgeKey { from, to }) }
+        if from == to { Err(UnappliedReason::OneVertex) } else { Ok(EdgeKey { from, to }) }
     }
 
-    fn change_vertices(&mut self, edit: &Edit, terrain: &dyn Terrain) -> Result<(), Misfit> {
-        let stand = |place| terrain.stand(place).ok_or(Misfit::NoGround(place));
+    fn change_vertices(&mut self, edit: &Edit, terrain: &dyn Terrain) -> Result<(), UnappliedReason> {
+        let stand = |place| terrain.stand(place).ok_or(UnappliedReason::NoGround(place));
         match *edit {
             Edit::AddVertex { at } => {
                 let feet = stand(at)?;
@@ -361,14 +361,14 @@ impl GraphEditor {
         Some(())
     }
 
-    fn change_edges(&mut self, edit: &Edit) -> Result<(), Misfit> {
+    fn change_edges(&mut self, edit: &Edit) -> Result<(), UnappliedReason> {
         match *edit {
             Edit::ForbidEdge { from, to } => {
                 let key = self.ends(from, to)?;
                 let before = self.data.edges.len();
                 self.data.edges.retain(|edge| edge.key != key);
                 if self.data.edges.len() == before {
-                    return Err(Misfit::NoEdge(key));
+                    return Err(UnappliedReason::NoEdge(key));
                 }
                 self.forced.remove(&key);
             }
@@ -386,7 +386,7 @@ impl GraphEditor {
             Edit::PriceEdge { from, to, factor } => {
                 let key = self.ends(from, to)?;
                 let edge = self.data.edges.iter_mut().find(|edge| edge.key == key);
-                let edge = edge.ok_or(Misfit::NoEdge(key))?;
+                let edge = edge.ok_or(UnappliedReason::NoEdge(key))?;
                 edge.evidence.price_factor =
                     (edge.evidence.price_factor * factor).clamp(*FACTORS.start(), *FACTORS.end());
             }

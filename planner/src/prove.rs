@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use surefoot_world::{Chance, Map, Vec3};
 
 /// Inputs for probing candidate edges.
-pub struct Proving<'a> {
+pub struct ProbeRun<'a> {
     /// The map that the vertices stand on.
     pub map: &'a Map,
     /// Positions of the vertices, m.
@@ -61,7 +61,7 @@ fn stream(EdgeKey { from, to }: Candidate, attempt: u32) -> u64 {
     u64::from(from.0) << 40 | u64::from(to.0) << 16 | u64::from(attempt)
 }
 
-impl Proving<'_> {
+impl ProbeRun<'_> {
     /// Probes the candidates and returns the evidence of each, in order; `None` if the build was cancelled.
     pub fn run(&self, probing: Probing) -> Option<Vec<Evidence>> {
         let mut evidence = vec![Evidence::default(); self.candidates.len()];

@@ -28,7 +28,7 @@ const LEAST_CLIMB_M: f32 = 5.0;
 pub const DEFAULT_TABLE_LIMIT: usize = 4096;
 
 /// Current costs of edges that have changed since a router was made, in decisions; infinite for edges that must not be used.
-pub type Repriced = HashMap<EdgeKey, f32>;
+pub type EdgeCosts = HashMap<EdgeKey, f32>;
 
 /// A graph prepared for queries.
 #[derive(Debug)]
@@ -109,12 +109,12 @@ impl Router {
 
     /// Finds the cheapest plan. If there is no path, the plan heads straight for the goal and says why.
     pub fn find_path(&self, query: &Query) -> Plan {
-        self.find_path_at(query, &Repriced::new())
+        self.find_path_at(query, &EdgeCosts::new())
     }
 
     /// Finds the cheapest plan at current costs. If an edge has become cheaper, the plan may not be the cheapest, because the
     /// table and the A* heuristic use the costs that the router was made with.
-    pub fn find_path_at(&self, query: &Query, repriced: &Repriced) -> Plan {
+    pub fn find_path_at(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
         let starts = self.attach(query, false);
         let goals = self.attach(query, true);
         let is_near = query.start.distance(query.goal) <= DIRECT_M && !query.avoid.contains(&LegKey::DIRECT);
@@ -142,7 +142,7 @@ impl Router {
 
     /// Searches the cheapest path between two vertices with A*. Returns its cost in decisions and its vertices.
     pub fn search(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
-        self.a_star(&[(from, 0.0)], &[(to, 0.0)], &[], &Repriced::new()).map(|path| self.vertices_of(&path))
+        self.a_star(&[(from, 0.0)], &[(to, 0.0)], &[], &EdgeCosts::new()).map(|path| self.vertices_of(&path))
     }
 
     /// Looks up the cheapest path between two vertices in the table. Returns its cost in decisions and its vertices; `None`
@@ -218,7 +218,7 @@ impl Router {
         starts: &[Attachment],
         goals: &[Attachment],
         avoid: &[LegKey],
-        repriced: &Repriced,
+        repriced: &EdgeCosts,
     ) -> Option<Path> {
         let ends: Vec<(Vec3, f32)> = goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
         let heuristic = |vertex: VertexId| {

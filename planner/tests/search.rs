@@ -7,7 +7,7 @@ use surefoot_planner::evidence::Evidence;
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
-use surefoot_planner::search::Repriced;
+use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
 
@@ -126,15 +126,15 @@ fn a_safe_detour_is_preferred_to_a_risky_short_cut() {
 fn a_failed_leg_is_not_used_again() {
     let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 30, 2, 2)]);
     let router = router(graph);
-    let passed = |avoid: Vec<LegKey>, repriced: &Repriced| -> Vec<(u32, u32)> {
+    let passed = |avoid: Vec<LegKey>, repriced: &EdgeCosts| -> Vec<(u32, u32)> {
         let query = Query { avoid, ..query(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0)) };
         let plan = router.find_path_at(&query, repriced);
         plan.legs.iter().filter_map(|leg| leg.key.edge()).map(|edge| (edge.from.0, edge.to.0)).collect()
     };
-    assert_eq!(passed(Vec::new(), &Repriced::new()), [(0, 1), (1, 2)]);
-    assert_eq!(passed(vec![EdgeKey::new(1, 2).into()], &Repriced::new()), [(0, 2)]);
+    assert_eq!(passed(Vec::new(), &EdgeCosts::new()), [(0, 1), (1, 2)]);
+    assert_eq!(passed(vec![EdgeKey::new(1, 2).into()], &EdgeCosts::new()), [(0, 2)]);
     // The same holds where the edge has become expensive for all queries.
-    assert_eq!(passed(Vec::new(), &Repriced::from([(EdgeKey::new(1, 2), 500.0)])), [(0, 2)]);
+    assert_eq!(passed(Vec::new(), &EdgeCosts::from([(EdgeKey::new(1, 2), 500.0)])), [(0, 2)]);
 }
 
 fn reporter(name: &str, is_trusted: bool) -> Reporter {

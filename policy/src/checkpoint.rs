@@ -9,6 +9,7 @@ use burn::store::ModuleRecord;
 use burn::tensor::{Bytes, Device};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use std::io::Write;
 use std::path::Path;
 
 /// Name of the weights file inside a model's folder.
@@ -52,7 +53,7 @@ impl Policy {
     ///
     /// # Errors
     /// Only if the program was built from a damaged checkout.
-    pub fn shipped_as(name: &str) -> Option<Result<Self, CheckpointError>> {
+    pub fn shipped_named(name: &str) -> Option<Result<Self, CheckpointError>> {
         let shipped = [GENERAL_REACTIVE, GENERAL_LSTM].into_iter().find(|shipped| shipped.name == name)?;
         Some(shipped.manifest().and_then(|manifest| Self::from_bytes(manifest, shipped.weights)))
     }
@@ -89,17 +90,18 @@ impl Policy {
 pub fn save(folder: &Path, manifest: &Manifest, weights: &[u8]) -> Result<(), CheckpointError> {
     let text = serde_json::to_vec_pretty(manifest).expect("a manifest is plain data");
     std::fs::create_dir_all(folder).map_err(|source| CheckpointError::Io { path: folder.to_owned(), source })?;
-    write_whole(&folder.join(WEIGHTS_FILE), weights)?;
-    write_whole(&folder.join(MANIFEST_FILE), &text)
+    write_atomically(&folder.join(WEIGHTS_FILE), weights)?;
+    write_atomically(&folder.join(MANIFEST_FILE), &text)
 }
 
 /// Writes a file atomically: writes `bytes` beside `path`, then renames, so that readers never see a partial file.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CheckpointError> {
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), CheckpointError> {
     let temporary = path.with_extension("tmp");
-    std::fs::write(&temporary, bytes)
+    std::fs::File::create(&temporary)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| std::fs::rename(&temporary, path))
         .map_err(|source| CheckpointError::Io { path: path.to_owned(), source })
 }

@@ -20,5 +20,5 @@ pub mod state;
 pub use actor::Actor;
 pub use config::ActorConfig;
 pub use manifest::{CheckpointError, Manifest};
-pub use memories::Memories;
+pub use memories::HiddenStates;
 pub use policy::Policy;

@@ -6,12 +6,12 @@ use surefoot_world::character::Action;
 
 /// One row of hidden state for each NPC, by index. Rows of a reactive policy are empty.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Memories {
+pub struct HiddenStates {
     len: usize,
     rows: Vec<f32>,
 }
 
-impl Memories {
+impl HiddenStates {
     /// An empty store for `policy`.
     pub fn new(policy: &Policy) -> Self {
         Self::of_len(policy.memory_len())

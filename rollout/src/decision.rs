@@ -1,7 +1,7 @@
 //! The decision loop: observe, act, ten ticks, close. All code that steps NPCs by a policy or by given actions uses this loop.
 
 use rand::rngs::ChaCha8Rng;
-use surefoot_policy::{Memories, Policy};
+use surefoot_policy::{HiddenStates, Policy};
 use surefoot_world::{Action, DecisionOutcome, NpcSlot, OBSERVATION_LEN, TICKS_PER_DECISION, World};
 
 /// Default share of the exploration noise with which evaluation, probes and workers act;
@@ -50,7 +50,7 @@ pub struct DecisionLoop {
     observations: Vec<f32>,
     actions: Vec<Action>,
     outcomes: Vec<DecisionOutcome>,
-    hidden: Memories,
+    hidden: HiddenStates,
 }
 
 impl DecisionLoop {
@@ -61,7 +61,7 @@ impl DecisionLoop {
 
     /// Creates a loop for hidden states of `hidden_len` values; 0 for policies without a hidden state.
     pub fn with_hidden_len(hidden_len: usize) -> Self {
-        let hidden = Memories::of_len(hidden_len);
+        let hidden = HiddenStates::of_len(hidden_len);
         Self { observations: Vec::new(), actions: Vec::new(), outcomes: Vec::new(), hidden }
     }
 

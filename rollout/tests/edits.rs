@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use surefoot_planner::Progress;
-use surefoot_planner::edits::{Edit, Layer, LayerError, MapTerrain, Misfit, apply_layers};
+use surefoot_planner::edits::{Edit, Layer, LayerError, MapTerrain, UnappliedReason, apply_layers};
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::links::NavMesh;
@@ -72,7 +72,7 @@ fn edits_change_the_graph_and_leave_what_was_proved_alone() {
     let evidence = forced.graph.edge(missing).unwrap().evidence;
     assert!((evidence.decisions_mean().0 - 18.0).abs() < 1.0e-3 && evidence.chance().get() > 0.99);
     let absent = edited(vec![Edit::ForbidEdge { from: a, to: b }]);
-    assert_eq!(absent.unapplied[0].reason, Misfit::NoEdge(missing));
+    assert_eq!(absent.unapplied[0].reason, UnappliedReason::NoEdge(missing));
 
     let removed = edited(vec![Edit::RemoveVertex { at: from }, Edit::ForbidEdge { from, to }]);
     assert_eq!(removed.graph.vertex_count(), graph.vertex_count(), "indices stay");
@@ -88,8 +88,8 @@ fn edits_change_the_graph_and_leave_what_was_proved_alone() {
     }
     let nowhere =
         edited(vec![Edit::AddVertex { at: Vec3::new(40.0, 79.0, 40.0) }, Edit::RemoveVertex { at: Vec3::ZERO }]);
-    assert!(matches!(nowhere.unapplied[0].reason, Misfit::NoGround(_)));
-    assert!(matches!(nowhere.unapplied[1].reason, Misfit::NoVertex(_)));
+    assert!(matches!(nowhere.unapplied[0].reason, UnappliedReason::NoGround(_)));
+    assert!(matches!(nowhere.unapplied[1].reason, UnappliedReason::NoVertex(_)));
     assert_eq!(nowhere.graph.to_data(), graph.to_data());
 }
 

@@ -7,7 +7,7 @@ use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
 use crate::worlds::Worlds;
 use std::time::Duration;
-use surefoot_net::idempotency::Answers;
+use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
@@ -71,7 +71,7 @@ fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBu
     let envs = EnvApi {
         envs: Envs::new(worlds.config().max_envs, worlds.maps().clone()),
         shutdown: shutdown.clone(),
-        created: Answers::default(),
+        created: AnswerCache::default(),
     };
     let envs = EnvServiceServer::new(envs)
         .max_decoding_message_size(limits.max_message_bytes)

@@ -10,8 +10,8 @@ use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry};
 use crate::sim::{SimHandle, SimState};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock, RwLock};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::memory::MemoryBudget;
@@ -84,7 +84,7 @@ pub struct WorldHandle {
     /// What the map takes of the memory budget.
     _memory: Arc<SharedMap>,
     /// Nothing of it is to be saved any more.
-    is_dropped: Arc<AtomicBool>,
+    is_dropped: Arc<Mutex<bool>>,
 }
 
 /// What a caller wants of an NPC.
@@ -307,13 +307,16 @@ impl Worlds {
         if !caller.may_change(handle.ticket.client()) {
             return Err(WorldsError::NotOwner(id));
         }
-        // Whoever is saving it just now deletes the file again.
-        handle.is_dropped.store(true, Ordering::SeqCst);
-        if let Some(folder) = self.shared.state.get()
-            && let Err(error) = folder.forget(id)
-        {
-            handle.is_dropped.store(false, Ordering::SeqCst);
-            return Err(error.into());
+        if let Some(folder) = self.shared.state.get().cloned() {
+            let is_dropped = handle.is_dropped.clone();
+            let forget = move || {
+                // Whoever saves the world just now finishes first, and nobody saves it any more.
+                let mut is_dropped = is_dropped.lock().expect(POISON);
+                folder.forget(id)?;
+                *is_dropped = true;
+                Ok::<(), SavedError>(())
+            };
+            in_background("dropping a world", forget).await??;
         }
         let dropped = self.shared.worlds.write().expect(POISON).remove(&id);
         let handle = dropped.ok_or(WorldsError::UnknownWorld(id))?;
@@ -615,8 +618,9 @@ async fn save(handle: WorldHandle, levels: LevelStore, folder: StateFolder, is_l
     });
     let Ok(saved) = saved.await else { return Ok(()) };
     let write = move || {
-        folder.write(&saved)?;
-        if is_dropped.load(Ordering::SeqCst) { folder.forget(saved.id()) } else { Ok(()) }
+        // Held while it is written: a world that is dropped meanwhile must not come back.
+        let is_dropped = is_dropped.lock().expect(POISON);
+        if *is_dropped { Ok(()) } else { folder.write(&saved) }
     };
     tokio::task::spawn_blocking(write).await.unwrap_or(Ok(()))
 }

@@ -5,7 +5,7 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
-use surefoot_server::hosted::{EventKind, HostedWorld, SavedMap, SpawnOrder, TimeMode};
+use surefoot_server::hosted::{EventKind, HostedWorld, NpcError, SavedMap, SpawnOrder, TimeMode};
 use surefoot_server::ids::{NpcId, WorkerId, WorldId};
 use surefoot_server::messages::{Answer, Decision, ToWorker};
 use surefoot_server::quota::Quota;
@@ -200,7 +200,12 @@ impl Simulation {
             }
             2 | 3 => {
                 if let Some(npc) = pick(&mut self.rng) {
-                    world.set_goal(npc, goal).expect("nothing harms on a floor");
+                    match world.set_goal(npc, goal) {
+                        Ok(_) => {}
+                        // It has walked off the floor.
+                        Err(NpcError::Down(_)) => world.teleport(npc, place, 0.0).expect("it is there"),
+                        Err(error) => panic!("{error}"),
+                    }
                 }
             }
             4 => {

@@ -318,3 +318,29 @@ pub async fn until_metrics_say(service: &Running, line: &str) {
     };
     tokio::time::timeout(LIMIT, waiting).await.unwrap_or_else(|_| panic!("the metrics never said `{line}`"));
 }
+
+/// Sends an NPC of a realtime world from one place to another, again whenever its attempt ends before a plan is there, and returns the
+/// plan that it follows.
+pub async fn follow_until_planned(
+    client: &mut WorldServiceClient<Channel>,
+    steps: &mut tonic::Streaming<world::FollowNpcResponse>,
+    npc_id: u64,
+    [start, goal]: [world::Vec3; 2],
+) -> world::NpcPlan {
+    let following = async {
+        set_goal(client, npc_id, goal).await;
+        while let Some(step) = steps.next().await {
+            let step = step.expect("the stream goes on");
+            if let Some(plan) = step.plan.filter(|plan| !plan.waypoints.is_empty()) {
+                return plan;
+            }
+            if step.npc.expect("an NPC").status() != world::NpcStatus::Seeking {
+                let teleport = world::TeleportNpcRequest { npc_id, position: Some(start), yaw: 0.0 };
+                client.teleport_npc(teleport).await.expect("a place on the map");
+                set_goal(client, npc_id, goal).await;
+            }
+        }
+        panic!("the stream ended");
+    };
+    tokio::time::timeout(LIMIT, following).await.expect("a plan")
+}

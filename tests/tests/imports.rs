@@ -1,7 +1,7 @@
 //! Imported levels, from their files to NPCs that follow plans on them.
 
 use e2e::{
-    LIMIT, build_to_end, ground, planner_client, set_goal, small_graph, small_map, spawn, start_planner,
+    build_to_end, follow_until_planned, ground, planner_client, small_graph, small_map, spawn, start_planner,
     start_planner_at, start_server, start_server_at, start_worker, watch_until, world_client,
 };
 use surefoot_net::serving::{EndpointConfig, Limits};
@@ -12,7 +12,6 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_server::ServerConfig;
 use surefoot_world::{Map, exchange};
-use tokio_stream::StreamExt;
 use tonic::Code;
 use tonic::transport::Channel;
 
@@ -54,7 +53,7 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
     let kept = maps(&server.uri).await.import_map(import(wire::MapFormat::Gltf, level())).await.unwrap();
     let map_hash = kept.into_inner().map.unwrap().map_hash;
     let mut client = world_client(&server).await;
-    let request = wire::CreateWorldRequest { map_hash: map_hash.clone(), mode: 2, ..Default::default() };
+    let request = wire::CreateWorldRequest { map_hash: map_hash.clone(), ..Default::default() };
     let world = client.create_world(request).await.unwrap().into_inner().world.unwrap();
     assert_eq!((&world.map, &world.map_hash), (&None, &map_hash));
     let points = ground(&mut client, world.world_id, 2).await;
@@ -67,10 +66,7 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
     let mut client = world_client(&server).await;
     let mut steps =
         client.follow_npc(wire::FollowNpcRequest { npc_id, rate_hz: 60.0, rays: false }).await.unwrap().into_inner();
-    set_goal(&mut client, npc_id, points[1]).await;
-    let planned =
-        async { while steps.next().await.unwrap().unwrap().plan.is_none_or(|plan| plan.waypoints.is_empty()) {} };
-    tokio::time::timeout(LIMIT, planned).await.expect("a plan on the imported level");
+    follow_until_planned(&mut client, &mut steps, npc_id, [points[0], points[1]]).await;
     watch_until(&mut client, world.world_id, |snapshot| snapshot.npcs.iter().all(|npc| npc.last_outcome != 0)).await;
     let handed_on =
         maps(&planner.uri).await.list_maps(wire::ListMapsRequest::default()).await.unwrap().into_inner().maps;

@@ -147,7 +147,7 @@ async fn many_requests_for_one_graph_share_one_build() {
 #[tokio::test(flavor = "multi_thread")]
 async fn npcs_with_a_memory_reach_near_goals() {
     let server = start_server(ServerConfig::default());
-    let policy = Policy::shipped_as("general-lstm").expect("a shipped name").unwrap();
+    let policy = Policy::shipped_named("general-lstm").expect("a shipped name").unwrap();
     assert!(policy.memory_len() > 0);
     let worker = start_worker_with(policy, &server, None, 64);
     let mut client = world_client(&server).await;

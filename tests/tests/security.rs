@@ -425,7 +425,7 @@ fn a_faulty_file_of_tokens_is_refused_without_showing_a_secret() {
         (format!("tokens = \"{secret}\""), TokenError::UnknownKey("tokens".to_owned())),
         (entry("a", "king", secret), TokenError::Role("a".to_owned())),
         (entry("a", "client", &secret[..15]), TokenError::Short("a".to_owned())),
-        (entry("a", "client", &format!("{secret} ")), TokenError::Unsendable("a".to_owned())),
+        (entry("a", "client", &format!("{secret} ")), TokenError::InvalidCharacter("a".to_owned())),
         (entry("", "client", secret), TokenError::Missing { position: 1, key: "name" }),
         (
             good.replace(&format!("\"{secret}\""), "1234567890123456"),

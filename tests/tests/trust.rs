@@ -506,7 +506,7 @@ async fn a_worker_and_a_planner_with_different_policies_do_not_go_together() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let server = start_server(ServerConfig::default());
-    let lstm = Policy::shipped_as("general-lstm").expect("it is shipped").unwrap();
+    let lstm = Policy::shipped_named("general-lstm").expect("it is shipped").unwrap();
     let worker = start_worker_with(lstm, &server, Some(&planner), 8);
     let mut client = world_client(&server).await;
     let world = create_world(&mut client, 1000, wire::TimeMode::Realtime).await;

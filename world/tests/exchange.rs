@@ -268,12 +268,12 @@ fn warnings_report_what_is_odd_about_the_geometry() {
             vec![
                 Warning::DegenerateTriangles { count: 1 },
                 Warning::OpenEdges { count: 6 },
-                Warning::TurnedEdges { count: 2 },
+                Warning::InconsistentEdges { count: 2 },
             ],
         ),
         (
             format!("{quad}v 0 5 4.5\nf 1 2 5\nf 2 1 5\n"),
-            vec![Warning::OpenEdges { count: 3 }, Warning::CrowdedEdges { count: 1 }],
+            vec![Warning::OpenEdges { count: 3 }, Warning::NonManifoldEdges { count: 1 }],
         ),
         (
             format!("{}o water\nv 1 1 1\nv 1 1 2\nv 2 1 2\nf -3 -2 -1", obj_box("floor", [0.0; 3], [9.0; 3])),

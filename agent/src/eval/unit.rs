@@ -14,7 +14,7 @@ use surefoot_planner::Router;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::settings::BUILDER_VERSION;
 use surefoot_policy::Policy;
-use surefoot_policy::checkpoint::write_whole;
+use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{Attempt, Goal, Rollout};
@@ -89,7 +89,7 @@ pub fn load_or_run(
         let bytes = serde_json::to_vec(&unit).expect("a unit is plain data");
         let folder = path.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder)
-            .and_then(|()| write_whole(&path, &bytes).map_err(std::io::Error::other))
+            .and_then(|()| write_atomically(&path, &bytes).map_err(std::io::Error::other))
             .map_err(|source| EvalError::Io { path, source })?;
     }
     Ok(unit)

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use surefoot_policy::checkpoint::write_whole;
+use surefoot_policy::checkpoint::write_atomically;
 use surefoot_policy::{Actor, Manifest, Policy};
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
 
@@ -188,6 +188,6 @@ fn start(config: TrainConfig, folder: &Path) -> Result<Run, TrainError> {
     std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     let text = serde_json::to_vec_pretty(&config).expect("a config is plain data");
     let run = Run::new(config)?;
-    write_whole(&folder.join(CONFIG_FILE), &text)?;
+    write_atomically(&folder.join(CONFIG_FILE), &text)?;
     Ok(run)
 }

@@ -10,7 +10,7 @@ use super::validation::Validation;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use surefoot_policy::Manifest;
-use surefoot_policy::checkpoint::{self, module_bytes, write_whole};
+use surefoot_policy::checkpoint::{self, module_bytes, write_atomically};
 
 /// Name of the state file in a run's folder.
 const STATE_FILE: &str = "state.bin";
@@ -48,7 +48,7 @@ impl Run {
         };
         let mut bytes = postcard::to_stdvec(&state).expect("run state is plain data");
         bytes.extend(crc32c::crc32c(&bytes).to_le_bytes());
-        write_whole(&folder.join(STATE_FILE), &bytes)?;
+        write_atomically(&folder.join(STATE_FILE), &bytes)?;
         self.save_weights(&folder.join("last"), None)
     }
 
@@ -64,7 +64,7 @@ impl Run {
         });
         let manifest = Manifest::new(&self.config.name, self.config.sac.network, &weights, training);
         checkpoint::save(folder, &manifest, &weights)?;
-        write_whole(&folder.join(CRITICS_FILE), &module_bytes(self.learner.critics())?)?;
+        write_atomically(&folder.join(CRITICS_FILE), &module_bytes(self.learner.critics())?)?;
         Ok(())
     }
 

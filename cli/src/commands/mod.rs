@@ -20,7 +20,7 @@ use surefoot_world::MapSpec;
 
 /// Loads the model in a folder or the shipped one of that name; without a model, the shipped reactive one.
 fn load_policy(model: Option<&Path>) -> anyhow::Result<Policy> {
-    let shipped = |model: &Path| model.to_str().filter(|_| !model.exists()).and_then(Policy::shipped_as);
+    let shipped = |model: &Path| model.to_str().filter(|_| !model.exists()).and_then(Policy::shipped_named);
     match model {
         Some(model) => shipped(model)
             .unwrap_or_else(|| Policy::load(model))

@@ -24,7 +24,7 @@ pub(crate) use files::{read, read_identity};
 pub use gate::Caller;
 pub use limits::{Limits, MAX_MESSAGE_BYTES};
 pub use security::Security;
-pub use shutdown::{Shutdown, going_away};
+pub use shutdown::{Shutdown, shutting_down};
 
 /// Adds gRPC-Web to a service, for browsers.
 pub fn with_grpc_web<S>(service: S) -> tonic::service::Layered<tonic_web::GrpcWebService<S>, S>

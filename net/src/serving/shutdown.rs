@@ -44,6 +44,6 @@ impl Shutdown {
 }
 
 /// Returns the status that ends streams when an endpoint drains.
-pub fn going_away() -> Status {
+pub fn shutting_down() -> Status {
     status::retry(Reason::ShuttingDown, RESTART, "the service is shutting down: connect again later")
 }

@@ -63,7 +63,7 @@ pub enum TokenError {
     Short(String),
     /// A header cannot carry the secret.
     #[error("the secret of token `{0}` may contain only visible ASCII characters")]
-    Unsendable(String),
+    InvalidCharacter(String),
     /// Two entries share a name or a secret.
     #[error("tokens `{0}` and `{1}` have the same name or secret")]
     Duplicate(String, String),
@@ -192,7 +192,7 @@ fn parse_token(entry: &Value, position: usize) -> Result<Token, TokenError> {
         return Err(TokenError::Short(name));
     }
     if !secret.reveal().bytes().all(|byte| byte.is_ascii_graphic()) {
-        return Err(TokenError::Unsendable(name));
+        return Err(TokenError::InvalidCharacter(name));
     }
     Ok(Token { name: name.into(), role, hash: blake3::hash(secret.reveal().as_bytes()) })
 }

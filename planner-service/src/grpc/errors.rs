@@ -30,14 +30,14 @@ impl From<PlannerError> for Status {
             PlannerError::Build(error) => build_status(&error),
             PlannerError::Level(error) => error.into(),
             PlannerError::Layer(_) => status::invalid("layer", message),
-            PlannerError::Overtaken => status::failure(Reason::LayersChanged, message),
+            PlannerError::LayersChanged => status::failure(Reason::LayersChanged, message),
             PlannerError::TooManyEdits { field, .. } => status::too_large(field, message),
             PlannerError::OutsideMap { field, .. } => status::invalid(field, message),
             PlannerError::LayersUnreadable(_) | PlannerError::Store { .. } => {
                 status::failure(Reason::StoreFailed, message)
             }
             PlannerError::Lost { .. } => status::failure(Reason::Internal, message),
-            PlannerError::ShuttingDown => surefoot_net::serving::going_away(),
+            PlannerError::ShuttingDown => surefoot_net::serving::shutting_down(),
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::planner::Planner;
 use crate::wire::{build_to_wire, revision_to_wire, summary_to_wire};
 use std::sync::Arc;
 use std::time::Duration;
-use surefoot_net::serving::{Shutdown, going_away};
+use surefoot_net::serving::{Shutdown, shutting_down};
 use surefoot_proto::planner::v1 as wire;
 use tokio::sync::{mpsc, watch};
 use tonic::Status;
@@ -32,7 +32,7 @@ pub async fn stream_changes(
                 break PlannerError::Unloaded(graph_id.clone()).into();
             },
             () = tokio::time::sleep(REPEAT_PERIOD) => {}
-            () = &mut stopping => break going_away(),
+            () = &mut stopping => break shutting_down(),
             () = queue.closed() => return,
         }
         let message = match planner.find(&graph_id) {
@@ -82,7 +82,7 @@ pub async fn stream_progress(
             () = tokio::time::sleep(PROGRESS_PERIOD) => {}
             () = &mut stopping => {
                 // If the queue is full, the reader does not learn why the stream has ended.
-                let _ = queue.try_send(Err(going_away()));
+                let _ = queue.try_send(Err(shutting_down()));
                 return;
             }
             () = queue.closed() => return,

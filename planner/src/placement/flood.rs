@@ -5,7 +5,7 @@
 //! from a random place, until all vertices are placed. Parents and children are candidate edges in both directions; with
 //! grandchild edges, so are grandparents and grandchildren, which lets plans cut corners.
 
-use super::{Draft, Placing, even_spacing};
+use super::{Draft, PlacementContext, even_spacing};
 use crate::candidates::Candidate;
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
@@ -29,8 +29,8 @@ const POOL: usize = 10;
 ///
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.
-pub fn place(placing: &Placing<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
-    let Placing { site, settings, executor, progress, cancel } = placing;
+pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
+    let PlacementContext { site, settings, executor, progress, cancel } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL * settings.vertices, rng)?;
     let spacing = even_spacing(&site.map, settings.vertices);
     let apart = MIN_SEPARATION * spacing;

@@ -37,7 +37,7 @@ pub struct Draft {
 }
 
 /// Inputs of a placement.
-pub struct Placing<'a> {
+pub struct PlacementContext<'a> {
     /// The map and the character.
     pub site: &'a Site,
     /// Settings of the build.
@@ -54,8 +54,8 @@ pub struct Placing<'a> {
 ///
 /// # Errors
 /// If the map has no navigable ground, or `cancel` was set.
-pub fn place(placing: &Placing<'_>) -> Result<Draft, BuildError> {
-    let Placing { site, settings, .. } = placing;
+pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
+    let PlacementContext { site, settings, .. } = placing;
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     let (map, profile, count) = (&site.map, &site.profile, settings.vertices);
     let only = |vertices| Draft { vertices, ..Draft::default() };

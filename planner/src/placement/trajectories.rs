@@ -5,7 +5,7 @@
 //! edge tests, these edges form the graph; with them, each vertex is probed against its nearest neighbours instead.
 //! Related to the observation graphs of "Semi-parametric topological memory" (Savinov et al., ICLR 2018).
 
-use super::{Draft, Placing, even_spacing};
+use super::{Draft, PlacementContext, even_spacing};
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
 use crate::probe::{Outcome, Trial};
@@ -32,8 +32,8 @@ const POOL: usize = 4096;
 ///
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.
-pub fn place(placing: &Placing<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
-    let Placing { site, settings, executor, progress, cancel } = placing;
+pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
+    let PlacementContext { site, settings, executor, progress, cancel } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL.min(8 * settings.vertices), rng)?;
     let merge_m = MERGE * even_spacing(&site.map, settings.vertices);
     let grid = PointGrid::new(&pool, RUN_M.end);

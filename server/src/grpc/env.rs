@@ -3,8 +3,8 @@
 use crate::envs::{EnvId, Envs};
 use crate::wire::{env_actions, env_settings, results_to_wire};
 use std::pin::Pin;
-use surefoot_net::idempotency::Answers;
-use surefoot_net::serving::{Caller, Shutdown, going_away};
+use surefoot_net::idempotency::AnswerCache;
+use surefoot_net::serving::{Caller, Shutdown, shutting_down};
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_server::EnvService;
@@ -27,7 +27,7 @@ pub struct EnvApi {
     /// Signal that ends open streams.
     pub shutdown: Shutdown,
     /// Ids and first observations of recently created environments, for repeated calls.
-    pub created: Answers<(EnvId, Vec<f32>)>,
+    pub created: AnswerCache<(EnvId, Vec<f32>)>,
 }
 
 impl EnvApi {
@@ -90,7 +90,7 @@ impl EnvService for EnvApi {
             loop {
                 let request = tokio::select! {
                     request = requests.next() => request,
-                    () = &mut stopping => Some(Err(going_away())),
+                    () = &mut stopping => Some(Err(shutting_down())),
                     () = queue.closed() => None,
                 };
                 let result = match request {

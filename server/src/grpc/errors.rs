@@ -95,7 +95,7 @@ impl From<Goodbye> for Status {
     fn from(goodbye: Goodbye) -> Self {
         let message = goodbye.to_string();
         match goodbye {
-            Goodbye::ShuttingDown => surefoot_net::serving::going_away(),
+            Goodbye::ShuttingDown => surefoot_net::serving::shutting_down(),
             Goodbye::NotReading => status::failure(Reason::ReaderTooSlow, message),
             Goodbye::Unexpected => status::failure(Reason::MalformedRequest, message),
             Goodbye::BadAnswer(field, _) => status::invalid(field, message),

@@ -18,7 +18,7 @@ use crate::worlds::{NpcAccess, WorldSummary, Worlds};
 use readers::ReaderStream;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use surefoot_net::idempotency::Answers;
+use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::levels::grpc as levels;
 use surefoot_net::paging::{PageSize, page_by_id};
 use surefoot_net::serving::Caller;
@@ -43,9 +43,9 @@ const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 pub struct WorldApi {
     worlds: Worlds,
     meshing: Arc<Semaphore>,
-    created_worlds: Answers<WorldSummary>,
-    spawned: Answers<NpcId>,
-    spawned_batches: Answers<wire::BatchSpawnNpcsResponse>,
+    created_worlds: AnswerCache<WorldSummary>,
+    spawned: AnswerCache<NpcId>,
+    spawned_batches: AnswerCache<wire::BatchSpawnNpcsResponse>,
 }
 
 impl WorldApi {
@@ -54,9 +54,9 @@ impl WorldApi {
         Self {
             worlds,
             meshing: Arc::new(Semaphore::new(MESHES_AT_A_TIME)),
-            created_worlds: Answers::default(),
-            spawned: Answers::default(),
-            spawned_batches: Answers::default(),
+            created_worlds: AnswerCache::default(),
+            spawned: AnswerCache::default(),
+            spawned_batches: AnswerCache::default(),
         }
     }
 

@@ -18,7 +18,7 @@ use std::pin::Pin;
 use std::sync::{Arc, OnceLock};
 use std::task::{Context, Poll, ready};
 use std::time::{Duration, SystemTime};
-use surefoot_net::serving::{Shutdown, going_away};
+use surefoot_net::serving::{Shutdown, shutting_down};
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::reason::Reason;
@@ -136,7 +136,7 @@ pub fn watch_world(
                     Ok(()) => snapshots.borrow_and_update().clone(),
                     Err(_) => return reader.close(WorldsError::UnknownWorld(world_id).into()),
                 },
-                () = &mut stopping => return reader.close(going_away()),
+                () = &mut stopping => return reader.close(shutting_down()),
                 () = reader.queue.closed() => return,
             };
             match reader.send(shown_to_wire(&view.show(&snapshot))).await {
@@ -145,7 +145,7 @@ pub fn watch_world(
             }
             tokio::select! {
                 () = tokio::time::sleep(pause) => {}
-                () = &mut stopping => return reader.close(going_away()),
+                () = &mut stopping => return reader.close(shutting_down()),
                 () = reader.queue.closed() => return,
             }
         }
@@ -198,7 +198,7 @@ pub fn watch_events(
                 changed = latest.wait_for(|latest| *latest != after) => if changed.is_err() {
                     return reader.close(WorldsError::UnknownWorld(world).into());
                 },
-                () = &mut stopping => return reader.close(going_away()),
+                () = &mut stopping => return reader.close(shutting_down()),
                 () = reader.queue.closed() => return,
             }
         }
@@ -250,7 +250,7 @@ pub fn watch_stats(
             }
             tokio::select! {
                 () = tokio::time::sleep(pause) => {}
-                () = &mut stopping => return reader.close(going_away()),
+                () = &mut stopping => return reader.close(shutting_down()),
                 () = reader.queue.closed() => return,
             }
         }
@@ -276,7 +276,7 @@ pub fn send_mesh(
         };
         for tile_idx in 0..tiles.count() {
             if shutdown.is_triggered() {
-                return reader.close(going_away());
+                return reader.close(shutting_down());
             }
             let (of, tiles) = (map.clone(), tiles.clone());
             let encode = move || tile_to_wire(&tiles.mesh(&of, tile_idx), tiles.count());
@@ -392,7 +392,7 @@ pub fn follow_npc(
             }
             tokio::select! {
                 () = tokio::time::sleep(pause) => {}
-                () = &mut stopping => return reader.close(going_away()),
+                () = &mut stopping => return reader.close(shutting_down()),
                 () = reader.queue.closed() => return,
             }
         }

@@ -30,12 +30,12 @@ pub enum Warning {
         count: usize,
     },
     /// Edges belong to three or more triangles (non-manifold).
-    CrowdedEdges {
+    NonManifoldEdges {
         /// Number of edges.
         count: usize,
     },
     /// Edges join two triangles that face opposite ways.
-    TurnedEdges {
+    InconsistentEdges {
         /// Number of edges.
         count: usize,
     },
@@ -65,10 +65,10 @@ impl fmt::Display for Warning {
                 f,
                 "{count} edges belong to one triangle only: bodies pass through a wall without thickness from behind"
             ),
-            Self::CrowdedEdges { count } => {
+            Self::NonManifoldEdges { count } => {
                 write!(f, "{count} edges belong to more than two triangles: solids may overlap or have walls inside")
             }
-            Self::TurnedEdges { count } => write!(
+            Self::InconsistentEdges { count } => write!(
                 f,
                 "{count} edges join triangles that face opposite ways: bodies pass through one of the two; make the normals consistent"
             ),

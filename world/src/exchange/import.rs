@@ -106,8 +106,8 @@ fn geometry_warnings(scene: &Scene, solids: &[[Vec3; 3]], triangles: &[Triangle]
         (degenerate_count, Warning::DegenerateTriangles { count: degenerate_count }),
         (scene.skipped_count, Warning::NotTriangles { count: scene.skipped_count }),
         (edges.open, Warning::OpenEdges { count: edges.open }),
-        (edges.crowded, Warning::CrowdedEdges { count: edges.crowded }),
-        (edges.turned, Warning::TurnedEdges { count: edges.turned }),
+        (edges.crowded, Warning::NonManifoldEdges { count: edges.crowded }),
+        (edges.turned, Warning::InconsistentEdges { count: edges.turned }),
     ];
     counted.into_iter().filter(|(count, _)| *count > 0).map(|(_, warning)| warning).collect()
 }
