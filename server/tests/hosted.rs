@@ -332,3 +332,13 @@ fn every_worker_that_knew_a_world_learns_of_its_end() {
     assert!(!idle.messages().iter().any(is_over), "it never heard of the world");
     assert!(stage.registry.load().iter().all(|worker| worker.npc_count == 0));
 }
+
+#[test]
+fn an_npc_that_comes_and_goes_between_two_messages_is_never_heard_of() {
+    let mut stage = Stage::new(TimeMode::Realtime);
+    let mut worker = stage.join(8, 64);
+    let npc = stage.spawn_at(5.0);
+    stage.world.despawn(npc).unwrap();
+    stage.world.flush();
+    assert!(worker.messages().is_empty(), "neither its assignment nor its release");
+}

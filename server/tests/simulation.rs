@@ -118,8 +118,12 @@ impl Simulation {
     // --- faults ---
 
     fn join(&mut self) {
-        let (sender, queue) = channel(4096);
         let capacity = self.rng.random_range(2..=12);
+        self.join_with(capacity);
+    }
+
+    fn join_with(&mut self, capacity: u32) {
+        let (sender, queue) = channel(4096);
         let id = self.registry.join("simulated".to_owned(), "none".to_owned(), capacity, sender).id;
         let worker = Worker {
             queue,
@@ -146,6 +150,8 @@ impl Simulation {
 
     /// The server ends with every connection, and begins again with what it saved.
     fn restart(&mut self) {
+        // The log of events ends with the process.
+        self.check();
         self.registry = Arc::default();
         self.quota = Quota::new(1000, "NPCs");
         self.workers.clear();
@@ -321,9 +327,7 @@ impl Simulation {
         for worker in self.workers.values_mut() {
             (worker.silent_until, worker.cut_until) = (0, 0);
         }
-        self.join();
-        self.join();
-        self.join();
+        self.join_with(2 * MAX_NPCS as u32);
         let end = self.tick + CALM;
         while self.tick < end {
             self.step();

@@ -261,8 +261,10 @@ async fn a_drain_ends_although_every_world_is_stalled() {
     let mut client = world_client(&server).await;
     for _ in 0..8 {
         let world = create_world(&mut client, 1000, wire::TimeMode::Realtime).await;
+        // A connection of its own, with room for all these calls.
+        let caller = world_client(&server).await;
         for _ in 0..60 {
-            let mut client = world_client(&server).await;
+            let mut client = caller.clone();
             let stall = wire::StallWorldRequest { world_id: world.world_id, milliseconds: 1000 };
             tokio::spawn(async move { client.stall_world(stall).await });
         }

@@ -109,7 +109,7 @@ impl HostedWorld {
         self.log_event(id, EventKind::Removed);
         self.world.despawn(record.slot);
         if let Some(worker) = record.worker {
-            self.outbox.entry(worker).or_default().released.push(id);
+            self.outbox.entry(worker).or_default().release(id);
         }
         // During a hand-over the NPC's place is with the next worker.
         if let Some(holder) = record.next_worker.or(record.worker) {

@@ -25,7 +25,7 @@ impl HostedWorld {
                 let Some(worker) = self.registry.assign() else { break };
                 record.worker = Some(worker);
                 record.awaiting = None;
-                self.outbox.entry(worker).or_default().assigned.push(id);
+                self.outbox.entry(worker).or_default().assign(id);
             }
         }
     }
@@ -64,8 +64,8 @@ impl HostedWorld {
             let Some(next) = record.next_worker.take().or_else(|| self.registry.replace(silent)) else { continue };
             record.worker = Some(next);
             record.awaiting = None;
-            self.outbox.entry(silent).or_default().released.push(id);
-            self.outbox.entry(next).or_default().assigned.push(id);
+            self.outbox.entry(silent).or_default().release(id);
+            self.outbox.entry(next).or_default().assign(id);
             moved_count += 1;
         }
         if moved_count > 0 {
@@ -161,7 +161,7 @@ pub(super) fn hand_over(
 ) {
     let Some(next) = next.take() else { return };
     if let Some(old) = worker.replace(next) {
-        outbox.entry(old).or_default().released.push(id);
+        outbox.entry(old).or_default().release(id);
     }
-    outbox.entry(next).or_default().assigned.push(id);
+    outbox.entry(next).or_default().assign(id);
 }
