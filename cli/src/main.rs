@@ -15,7 +15,7 @@ use commands::{bench, eval, export, graph, health, licenses, map, services, top,
 
 /// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
 #[derive(Parser)]
-#[command(version, propagate_version = true, max_term_width = 110)]
+#[command(name = "surefoot", version, propagate_version = true, max_term_width = 110)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
