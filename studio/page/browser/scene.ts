@@ -75,7 +75,7 @@ async function run(cache: string, listen: string, plannerListen: string) {
     const [, name, address] = /^(planner|Studio)\s+(\S+)/.exec(line) ?? []
     if (name !== undefined && address !== undefined) found[name] = address
     if (line.includes('not in this build')) throw new Error(`this surefoot has no page: ${line}`)
-    if (found.Studio !== undefined && found.planner !== undefined && line.includes('are moving')) break
+    if (found.Studio !== undefined && found.planner !== undefined && line.includes('ready after')) break
   }
   const { Studio: studio, planner } = found
   if (studio === undefined || planner === undefined) throw new Error('surefoot up ended before it served')
