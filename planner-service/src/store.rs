@@ -1,5 +1,5 @@
 //! The store on disk: one redb file with graphs and live evidence, the cache, and beside it a folder with the layers of designers
-//! ([`layer_files`](crate::layer_files)).
+//! (`layer_files`).
 //!
 //! A damaged graph is logged and treated as absent, so that it is built again. A damaged cache file is renamed, never over an
 //! earlier one, and replaced. Every other failure to open it ends the start, because the file may be whole: no permission, no
