@@ -4,9 +4,10 @@
 //! disk or a power failure leaves the old layer; one damaged file does not affect other layers. Files begin with a checksum. A
 //! file that cannot be decoded is kept and reported.
 
-use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
+use std::fs;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
+use surefoot_net::durable;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, StoreError, decode_layer, encode_layer};
 
@@ -75,7 +76,7 @@ impl LayerFiles {
         if !layer.edits.is_empty() {
             return replace(&path, &encode_layer(layer)).map_err(fail(&path, "the layer cannot be written"));
         }
-        match fs::remove_file(&path) {
+        match durable::remove(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(fail(&path, "the layer cannot be removed")(error)),
             _ => Ok(()),
         }
@@ -123,20 +124,10 @@ fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     if fs::metadata(path)?.len() > MAX_BYTES { Ok(Vec::new()) } else { fs::read(path) }
 }
 
-/// Writes a file beside `path`, flushes it to the disk, and renames it to `path`.
+/// Writes the file of a layer, and its level's folder if that does not exist yet.
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().expect("a layer is in the folder of its level");
-    fs::create_dir_all(folder)?;
-    let new = path.with_extension("new");
-    let mut file = File::create(&new)?;
-    let written = file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| fs::rename(&new, path));
-    if written.is_err() {
-        // The next write of the layer replaces it if it cannot be removed now.
-        let _ = fs::remove_file(&new);
-    }
-    written?;
-    // Systems that cannot open folders flush a renaming by themselves.
-    File::open(folder).map_or(Ok(()), |folder| folder.sync_all())
+    fs::create_dir_all(path.parent().expect("a layer is in the folder of its level"))?;
+    durable::replace(path, bytes)
 }
 
 /// Returns the name as part of a file name: lower-case letters, digits, `-` and `_` stand for themselves, so that no two names

@@ -47,7 +47,7 @@ impl Quota {
     /// If the client has reached its quota.
     pub fn acquire(self: &Arc<Self>, client: &str) -> Result<Ticket, QuotaError> {
         let mut held = self.held.lock().expect(POISON);
-        if held.get(client).is_some_and(|count| *count >= self.limit) || self.limit == 0 {
+        if held.get(client).copied().unwrap_or(0) >= self.limit {
             return Err(QuotaError { client: client.to_owned(), limit: self.limit, what: self.what });
         }
         Ok(self.add(&mut held, client))

@@ -140,9 +140,10 @@ impl MapService for LevelStore {
             .await
             .map_err(|error| status::failure(Reason::Internal, format!("the map cannot be saved: {error}")))?;
         let file_bytes = file.len() as u64;
-        let chunks: Vec<Vec<u8>> = file.chunks(CHUNK_BYTES).map(<[u8]>::to_vec).collect();
-        let messages = chunks.into_iter().enumerate().map(move |(idx, chunk)| {
-            let (map, file_bytes) = if idx == 0 { (Some(map.clone()), file_bytes) } else { (None, 0) };
+        // Chunk by chunk as they are read: a second copy of the file would take as much memory again.
+        let messages = (0..file.len()).step_by(CHUNK_BYTES).map(move |start| {
+            let chunk = file[start..file.len().min(start + CHUNK_BYTES)].to_vec();
+            let (map, file_bytes) = if start == 0 { (Some(map.clone()), file_bytes) } else { (None, 0) };
             Ok(wire::GetMapResponse { map, chunk, file_bytes })
         });
         Ok(Response::new(Box::pin(tokio_stream::iter(messages))))

@@ -61,11 +61,12 @@ impl HostedWorld {
         let mut moved_count = 0;
         for (&id, record) in self.records.iter_mut().filter(|(_, record)| record.worker == Some(silent)) {
             // A place with the next worker is taken already if there is one.
-            let Some(next) = record.next_worker.take().or_else(|| self.registry.replace(silent)) else { continue };
-            record.worker = Some(next);
+            record.next_worker = record.next_worker.or_else(|| self.registry.replace(silent));
+            if record.next_worker.is_none() {
+                continue;
+            }
             record.awaiting = None;
-            self.outbox.entry(silent).or_default().release(id);
-            self.outbox.entry(next).or_default().assign(id);
+            hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
             moved_count += 1;
         }
         if moved_count > 0 {

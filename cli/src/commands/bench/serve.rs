@@ -55,6 +55,12 @@ impl Process {
         self.0.id()
     }
 
+    /// Resident memory, MiB.
+    pub fn memory_mib(&self) -> anyhow::Result<f64> {
+        let kib = super::process_status(&self.id().to_string(), "VmRSS");
+        Ok(kib.context("the system does not report VmRSS")? / 1024.0)
+    }
+
     /// Whether the process still runs.
     pub fn is_running(&mut self) -> bool {
         matches!(self.0.try_wait(), Ok(None))
@@ -186,10 +192,7 @@ impl Scene {
 
     /// Resident memory of the server process, MiB.
     fn server_mib(&self) -> anyhow::Result<f64> {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.processes[0].0.id()))?;
-        let line =
-            status.lines().find_map(|line| line.strip_prefix("VmRSS:")).context("the system does not report VmRSS")?;
-        Ok(line.trim().trim_end_matches(" kB").parse::<f64>()? / 1024.0)
+        self.processes[0].memory_mib()
     }
 
     fn stats(&self) -> Vec<WorldStats> {

@@ -50,16 +50,11 @@ struct Usage {
 
 impl Usage {
     fn of(process: &Process) -> anyhow::Result<Self> {
-        let folder = format!("/proc/{}", process.id());
-        let status = std::fs::read_to_string(format!("{folder}/status")).context("the system has no /proc")?;
-        let number = |name: &str| -> Option<f64> {
-            let line = status.lines().find_map(|line| line.strip_prefix(name))?;
-            line.split_whitespace().next()?.parse().ok()
-        };
+        let pid = process.id().to_string();
         Ok(Self {
-            memory_mib: number("VmRSS:").context("the system does not report VmRSS")? / 1024.0,
-            descriptors: std::fs::read_dir(format!("{folder}/fd"))?.count() as f64,
-            threads: number("Threads:").context("the system does not report threads")?,
+            memory_mib: process.memory_mib()?,
+            descriptors: std::fs::read_dir(format!("/proc/{pid}/fd"))?.count() as f64,
+            threads: super::process_status(&pid, "Threads").context("the system does not report threads")?,
         })
     }
 }

@@ -54,10 +54,7 @@ fn large_map() -> anyhow::Result<Vec<Figure>> {
 
 /// Peak memory of this process in MB, if the system reports it.
 fn peak_memory_mb() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
-    Some(kib * 1024.0 / 1.0e6)
+    Some(super::process_status("self", "VmHWM")? * 1024.0 / 1.0e6)
 }
 
 /// Decisions, rays and moves of a running crowd, on one core.
