@@ -15,13 +15,13 @@
 
 use crate::character::{Body, CharacterProfile};
 use crate::map::{DEVICE_RANGE_M, Map};
-use crate::mesh::Surface;
+use crate::mesh::{ConeHit, Elevations, LANES, Surface};
 use crate::task::TaskConfig;
 use crate::{Episode, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Rays per row and per column of the cone.
-pub const RAY_SIDE: usize = 8;
+pub const RAY_SIDE: usize = LANES;
 /// Rays of an observation.
 pub const RAY_COUNT: usize = RAY_SIDE * RAY_SIDE;
 /// Values per ray.
@@ -42,23 +42,26 @@ const AZIMUTHS_DEG: [f32; RAY_SIDE] = [-80.0, -45.0, -22.0, -7.0, 7.0, 22.0, 45.
 /// Elevation of each row, degrees.
 const ELEVATIONS_DEG: [f32; RAY_SIDE] = [-65.0, -42.0, -26.0, -14.0, -5.0, 6.0, 22.0, 45.0];
 
-/// Unit directions of the cone in the body's frame (x right, y up, z forward).
+/// Cone of rays in the body's frame (x right, y up, z forward).
 #[derive(Debug, Clone)]
 pub struct RayCone {
     directions: [Vec3; RAY_COUNT],
+    elevations: Elevations,
+    /// Sine and cosine of each azimuth.
+    azimuths: [(f32, f32); RAY_SIDE],
 }
 
 impl Default for RayCone {
     fn default() -> Self {
+        let elevations = Elevations::new(ELEVATIONS_DEG.map(f32::to_radians), RAY_RANGE_M);
+        let azimuths = AZIMUTHS_DEG.map(|azimuth| libm::sincosf(azimuth.to_radians()));
         let mut directions = [Vec3::ZERO; RAY_COUNT];
-        for (row, elevation) in ELEVATIONS_DEG.iter().enumerate() {
-            for (column, azimuth) in AZIMUTHS_DEG.iter().enumerate() {
-                let (sin_e, cos_e) = libm::sincosf(elevation.to_radians());
-                let (sin_a, cos_a) = libm::sincosf(azimuth.to_radians());
-                directions[row * RAY_SIDE + column] = Vec3::new(sin_a * cos_e, sin_e, cos_a * cos_e);
+        for (column, &azimuth) in azimuths.iter().enumerate() {
+            for (row, direction) in elevations.directions(azimuth).into_iter().enumerate() {
+                directions[row * RAY_SIDE + column] = direction;
             }
         }
-        Self { directions }
+        Self { directions, elevations, azimuths }
     }
 }
 
@@ -73,20 +76,29 @@ impl RayCone {
         body.feet + Vec3::new(0.0, profile.height * EYE_HEIGHT_SHARE, 0.0)
     }
 
-    /// Unit directions of the cone in the map's frame.
-    fn turned(&self, body: &Body) -> impl Iterator<Item = Vec3> {
+    /// The azimuths in the map's frame, as horizontal unit vectors (x, z).
+    fn headings(&self, body: &Body) -> [(f32, f32); RAY_SIDE] {
         let (sin, cos) = libm::sincosf(body.yaw);
-        self.directions
-            .iter()
-            .map(move |local| Vec3::new(sin * local.z - cos * local.x, local.y, cos * local.z + sin * local.x))
+        self.azimuths.map(|(right, ahead)| (sin * ahead - cos * right, cos * ahead + sin * right))
+    }
+
+    /// Unit directions in the map's frame, in the order of an observation.
+    pub fn directions_of(&self, body: &Body) -> [Vec3; RAY_COUNT] {
+        let mut directions = [Vec3::ZERO; RAY_COUNT];
+        for (column, heading) in self.headings(body).into_iter().enumerate() {
+            for (row, direction) in self.elevations.directions(heading).into_iter().enumerate() {
+                directions[row * RAY_SIDE + column] = direction;
+            }
+        }
+        directions
     }
 
     /// Casts the cone from `body` and calls `found` with the index, distance (m) and surface of each ray that hits.
     pub fn cast(&self, map: &Map, profile: &CharacterProfile, body: &Body, mut found: impl FnMut(usize, f32, Surface)) {
-        let eye = Self::eye(profile, body);
-        for (idx, direction) in self.turned(body).enumerate() {
-            if let Some(hit) = map.mesh().cast_ray(eye, direction, RAY_RANGE_M) {
-                found(idx, hit.distance, hit.surface);
+        let hits = map.mesh().cast_cone(&self.elevations, Self::eye(profile, body), &self.headings(body));
+        for (idx, hit) in hits.as_flattened().iter().enumerate() {
+            if let Some(ConeHit { distance, surface }) = *hit {
+                found(idx, distance, surface);
             }
         }
     }
@@ -94,7 +106,8 @@ impl RayCone {
     /// Casts the cone from `body` and returns where every ray ends.
     pub fn sight(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Sight {
         let eye = Self::eye(profile, body);
-        let mut ends: Vec<_> = self.turned(body).map(|direction| (eye + direction * RAY_RANGE_M, None)).collect();
+        let mut ends: Vec<_> =
+            self.directions_of(body).into_iter().map(|direction| (eye + direction * RAY_RANGE_M, None)).collect();
         self.cast(map, profile, body, |idx, distance, surface| {
             ends[idx] = (eye + (ends[idx].0 - eye) * (distance / RAY_RANGE_M), Some(surface));
         });

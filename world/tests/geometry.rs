@@ -10,7 +10,8 @@ use std::sync::{Arc, OnceLock};
 use surefoot_world::character::{MoveScratch, is_clear};
 use surefoot_world::map::Features;
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Action, CharacterProfile, Map, MapSpec, NpcSlot, TaskConfig, Vec3, World, navigable};
+use surefoot_world::sense::{RAY_COUNT, RayCone};
+use surefoot_world::{Action, Body, CharacterProfile, Map, MapSpec, NpcSlot, TaskConfig, Vec3, World, navigable};
 
 fn map() -> &'static (Map, TriMesh) {
     static MAP: OnceLock<(Map, TriMesh)> = OnceLock::new();
@@ -83,6 +84,69 @@ proptest! {
             }
         }
     }
+}
+
+/// Distance and surface of every triangle that a ray meets, in 64-bit arithmetic; triangles are wider by `margin` of their edges.
+fn crossings(map: &Map, origin: Vec3, direction: Vec3, margin: f64) -> impl Iterator<Item = (f64, Surface)> {
+    let wide = |v: Vec3| v.to_array().map(f64::from);
+    let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let (origin, direction) = (wide(origin), wide(direction));
+    map.mesh().triangles().iter().filter_map(move |triangle| {
+        let [a, b, c] = triangle.corners().map(wide);
+        let (ab, ac, offset) = (minus(b, a), minus(c, a), minus(origin, a));
+        let (p, q) = (cross(direction, ac), cross(offset, ab));
+        let inverse = 1.0 / dot(ab, p);
+        let (u, v, distance) = (dot(offset, p) * inverse, dot(direction, q) * inverse, dot(ac, q) * inverse);
+        let is_hit = u >= -margin && v >= -margin && u + v <= 1.0 + margin && distance >= 0.0;
+        is_hit.then_some((distance, triangle.surface()))
+    })
+}
+
+#[test]
+fn a_million_rays_of_cones_end_where_parry_says() {
+    const SLACK_M: f64 = 1.0e-3;
+    const RANGE_M: f64 = 30.0;
+    let (map, reference) = map();
+    let (cone, profile) = (RayCone::default(), CharacterProfile::default());
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let (mut hit_count, mut difference_count) = (0, 0);
+    for _ in 0..1_000_000 / RAY_COUNT {
+        // Most eyes are as close to geometry as those of NPCs; some are inside rock, some beside the map.
+        let near = map.mesh().triangles()[rng.random_range(0..map.mesh().triangles().len())].corners()[0];
+        let offset = Vec3::new(rng.random_range(-3.0..3.0), rng.random_range(-1.0..4.0), rng.random_range(-3.0..3.0));
+        let body = Body::at(near + offset, rng.random_range(-3.1..3.1));
+        let mut hits = [None; RAY_COUNT];
+        cone.cast(map, &profile, &body, |idx, distance, surface| hits[idx] = Some((f64::from(distance), surface)));
+        let eye = RayCone::eye(&profile, &body);
+        for (direction, ours) in cone.directions_of(&body).into_iter().zip(hits) {
+            let theirs = reference.cast_local_ray(&Ray::new(eye, direction), RANGE_M as f32, false).map(f64::from);
+            let agree = match (ours, theirs) {
+                (Some((ours, _)), Some(theirs)) => (ours - theirs).abs() < SLACK_M,
+                (ours, theirs) => ours.is_none() && theirs.is_none(),
+            };
+            hit_count += usize::from(ours.is_some());
+            difference_count += usize::from(!agree);
+            if agree && ours.is_none_or(|(_, surface)| surface == Surface::Ground) {
+                continue;
+            }
+            // Where one of the two passes beside a triangle that the other hits, ours must hit some triangle, and none before it.
+            let distance = ours.map_or(RANGE_M, |(distance, _)| distance);
+            let ray = format!("from {eye:?} to {direction:?}: {ours:?}, parry says {theirs:?}");
+            if let Some((distance, surface)) = ours {
+                let mut near = crossings(map, eye, direction, 2.0e-4);
+                assert!(near.any(|(at, of)| of == surface && (at - distance).abs() < SLACK_M), "no such triangle {ray}");
+            }
+            let nearest = crossings(map, eye, direction, -2.0e-4).map(|(at, _)| at).fold(f64::INFINITY, f64::min);
+            assert!(nearest > distance - SLACK_M, "passes a triangle at {nearest} m {ray}");
+        }
+    }
+    assert!(hit_count > 500_000, "only {hit_count} rays hit something");
+    assert!(difference_count < 100, "{difference_count} rays differ from parry's");
+    println!("{hit_count} hits, {difference_count} other than parry's");
 }
 
 #[test]

@@ -58,10 +58,11 @@ impl Map {
             lattice.surface().into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
         drop(lattice);
         structures::add_buildings(&placed.buildings, &mut triangles);
-        let bare = Self::assemble(Some(*spec), spec.size, triangles, placed);
+        let bare = Self::draft(Some(*spec), spec.size, triangles, placed);
         let connected = repair::connect(bare, spec, &mut placer.rng, thread_count, &mut progress);
+        let complete = connected.complete();
         progress(Stage::Done);
-        connected
+        complete
     }
 }
 

@@ -71,10 +71,20 @@ impl Map {
 
     /// Indexes complete geometry, including the surfaces of pools and devices.
     pub(crate) fn assemble(spec: Option<MapSpec>, size: MapSize, triangles: Vec<Triangle>, placed: Placed) -> Self {
+        Self::draft(spec, size, triangles, placed).complete()
+    }
+
+    /// Makes a draft ready for sensing.
+    fn complete(self) -> Self {
+        Self { mesh: self.mesh.complete(), ..self }
+    }
+
+    /// Indexes geometry that generation may still change: bodies can move on it, but not sense it.
+    fn draft(spec: Option<MapSpec>, size: MapSize, triangles: Vec<Triangle>, placed: Placed) -> Self {
         let extent = size.extent();
         let hash = content_hash(size, &triangles, &placed);
         let zones = ZoneGrid::new(extent, &placed);
-        Self { spec, size, mesh: Mesh::new(triangles, extent), placed, zones, hash }
+        Self { spec, size, mesh: Mesh::draft(triangles, extent), placed, zones, hash }
     }
 
     /// Returns the triangles of the mesh.

@@ -36,7 +36,7 @@ const MAX_PASSES: usize = 4;
 /// Places that are tried for one device.
 const SITE_TRIES: usize = 40;
 
-/// Adds the devices that need a survey, repairs the map, and indexes it again with the discs of all devices.
+/// Adds the devices that need a survey, repairs the map, and indexes it again with the discs of all devices. Takes and returns a draft.
 pub(super) fn connect(
     bare: Map,
     spec: &MapSpec,
@@ -73,7 +73,7 @@ pub(super) fn connect(
         let mut triangles = map.into_triangles();
         triangles.retain(|triangle| triangle.surface() == Surface::Ground);
         super::structures::add_surfaces(&placed, &mut triangles);
-        map = Map::assemble(Some(*spec), spec.size, triangles, placed);
+        map = Map::draft(Some(*spec), spec.size, triangles, placed);
     }
     map
 }

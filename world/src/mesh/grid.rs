@@ -1,5 +1,8 @@
 //! The grid: sorts triangles into cells and finds those that touch a box.
 
+use super::columns::Columns;
+use super::fan::{ConeHits, Elevations};
+use super::lanes::LANES;
 use super::triangle::Triangle;
 use crate::{Vec3, parallel};
 
@@ -43,14 +46,27 @@ pub struct Mesh {
     pub(super) occupied: Vec<Occupied>,
     /// Indices of the triangles of each occupied cell, in the order of the cells.
     items: Vec<u32>,
+    /// The index for cones of rays; `None` in a draft.
+    columns: Option<Columns>,
 }
 
 impl Mesh {
     /// Indexes `triangles` inside the box from the origin to `extent`.
     pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
+        Self::draft(triangles, extent).complete()
+    }
+
+    /// Makes a draft ready for cones of rays.
+    pub(crate) fn complete(self) -> Self {
+        Self { columns: Some(Columns::new(&self.triangles)), ..self }
+    }
+
+    /// Indexes `triangles` for everything but cones of rays.
+    pub(crate) fn draft(triangles: Vec<Triangle>, extent: Vec3) -> Self {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
-        let mut mesh = Self { triangles, counts, cells: Vec::new(), occupied: Vec::new(), items: Vec::new() };
+        let (cells, occupied, items) = Default::default();
+        let mut mesh = Self { triangles, counts, cells, occupied, items, columns: None };
         let mut cells = vec![0u32; cell_count];
         mesh.for_each_cell_of_triangles(|cell, _| cells[cell] += 1);
         let skips = mesh.empty_space_skips(&cells);
@@ -96,6 +112,16 @@ impl Mesh {
             + std::mem::size_of_val(self.cells.as_slice())
             + std::mem::size_of_val(self.occupied.as_slice())
             + std::mem::size_of_val(self.items.as_slice())
+            + self.columns.as_ref().map_or(0, Columns::memory_bytes)
+    }
+
+    /// Casts a cone of rays from `eye`: at each heading, a horizontal unit vector (x, z), a ray at each elevation.
+    pub fn cast_cone(&self, elevations: &Elevations, eye: Vec3, headings: &[(f32, f32); LANES]) -> ConeHits {
+        self.columns().cast_cone(elevations, eye, headings)
+    }
+
+    pub(super) fn columns(&self) -> &Columns {
+        self.columns.as_ref().expect("no cone is cast through a draft")
     }
 
     /// Triangles of an occupied cell.

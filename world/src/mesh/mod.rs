@@ -4,10 +4,15 @@
 //! cells, to the nearest cell with triangles, so that rays skip empty space.
 //! parry3d's triangle is the reference: property tests compare rays and contacts with it.
 
+mod columns;
+mod fan;
 mod grid;
+mod lanes;
 mod ray;
 mod triangle;
 
+pub use fan::{ConeHit, ConeHits, Elevations};
 pub use grid::Mesh;
+pub use lanes::LANES;
 pub use ray::RayHit;
 pub use triangle::{Contact, Surface, Triangle};

@@ -3,7 +3,7 @@
 use crate::Vec3;
 
 /// Barycentric slack that keeps rays from passing through the seams between neighbouring triangles.
-const SEAM_SLACK: f32 = 1.0e-4;
+pub(super) const SEAM_SLACK: f32 = 1.0e-4;
 
 /// Surface of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,6 +83,16 @@ impl Triangle {
     pub(super) fn bounds(&self) -> (Vec3, Vec3) {
         let [a, b, c] = self.corners();
         (a.min(b).min(c), a.max(b).max(c))
+    }
+
+    /// The rows `x, y, z, offset` that give, for a point relative to `base`, its distance from the plane and its barycentric
+    /// coordinates along both edges (Baldwin and Weber, 2016).
+    pub(super) fn transformation(&self, base: Vec3) -> [f32; 12] {
+        let double_area = self.ab.cross(self.ac).length();
+        let (u, v) = (self.ac.cross(self.normal) / double_area, self.normal.cross(self.ab) / double_area);
+        let corner = self.a - base;
+        let [n, u, v] = [self.normal, u, v].map(|row| [row.x, row.y, row.z, -row.dot(corner)]);
+        [n[0], n[1], n[2], n[3], u[0], u[1], u[2], u[3], v[0], v[1], v[2], v[3]]
     }
 
     /// Distance of the two-sided intersection within `near..=far` along the ray: the plane first, which decides most cases,

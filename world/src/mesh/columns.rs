@@ -1,0 +1,379 @@
+//! Triangles in upright columns over a horizontal grid: the structure through which the cone of rays is cast.
+//!
+//! The rays of one azimuth lie in one upright plane, so that they pass the same columns, one after the other. A column knows the
+//! lowest and the highest point of what it holds, which is all that most steps read. Its triangles are kept in blocks of eight,
+//! sorted by height, in the form that the intersection needs (Baldwin and Weber, "Fast Ray-Triangle Intersections by Coordinate
+//! Transformation", 2016).
+
+use super::lanes::LANES;
+use super::triangle::{Surface, Triangle};
+use crate::{Vec3, parallel};
+
+/// Slack around columns, heights and the stretches of rays, m: a triangle on a border is found from both sides.
+pub(super) const SLACK_M: f32 = 1.0e-3;
+/// Triangles that a column should hold where there are any: about one block with what overlaps.
+const TRIANGLES_PER_COLUMN: f32 = 9.0;
+/// Least and greatest side of a column, m.
+const MIN_SIDE_M: f32 = 0.25;
+const MAX_SIDE_M: f32 = 4.0;
+/// Side of the cells in which the density of triangles is estimated, m.
+const DENSITY_CELL_M: f32 = 4.0;
+/// Most columns, most places of triangles in columns, and most blocks, which are 0.6 GB; levels with more get wider columns.
+const MAX_COLUMNS: f32 = 16.0e6;
+const MAX_ENTRIES: usize = 24_000_000;
+const MAX_BLOCKS: usize = 1_500_000;
+/// Most steps of the heights at which columns begin and end.
+const MAX_QUANTA: f32 = 65_000.0;
+/// A block ends where nothing is for this height, m: rays pass between the blocks.
+const GAP_M: f32 = 0.75;
+/// Least upright component of a normal for which the plane limits the height over a column.
+const MIN_UPRIGHT: f32 = 0.02;
+/// Columns of a tile along x and z; together they fill a cache line.
+const TILE_X: usize = 4;
+const TILE_Z: usize = 2;
+const TILE_LEN: usize = TILE_X * TILE_Z;
+/// Rows of tiles that are sorted together when the columns are built.
+const BAND_TILES: usize = 8;
+
+/// What a step of a ray reads.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub(super) struct Column {
+    /// Height of the lowest and the highest point, in quanta and rounded outwards; `low > high` if the column is empty.
+    pub low: u16,
+    pub high: u16,
+    /// Index of the first block, and two flags.
+    blocks: u32,
+}
+
+/// Set where all triangles are [`Surface::Ground`].
+const ONLY_GROUND: u32 = 1 << 31;
+/// Set where there is a single block.
+const SINGLE: u32 = 1 << 30;
+
+impl Column {
+    pub const EMPTY: Self = Self { low: u16::MAX, high: 0, blocks: 0 };
+
+    #[inline(always)]
+    pub fn first_block(self) -> usize {
+        (self.blocks & !(ONLY_GROUND | SINGLE)) as usize
+    }
+
+    #[inline(always)]
+    pub fn is_only_ground(self) -> bool {
+        self.blocks & ONLY_GROUND != 0
+    }
+
+    #[inline(always)]
+    pub fn is_single(self) -> bool {
+        self.blocks & SINGLE != 0
+    }
+}
+
+/// Neighbouring columns in one cache line.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+struct Tile([Column; TILE_LEN]);
+
+/// Eight triangles as the rows of their transformations: along the normal, and along both edges.
+///
+/// A row is `x, y, z, offset`: for a point relative to the base of its column, the first gives the distance from the plane, the
+/// others the barycentric coordinates. Unused lanes are zero and never hit.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct Block {
+    pub rows: [[f32; LANES]; 12],
+}
+
+/// Heights of a block in quanta, for columns with several.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    pub low: u16,
+    pub high: u16,
+    /// Whether this is the last block of its column.
+    pub is_last: bool,
+}
+
+/// Triangles in columns.
+#[derive(Debug)]
+pub(super) struct Columns {
+    /// Side of a column, m.
+    pub side: f32,
+    /// Least x and z of the columns, m.
+    pub corner: (f32, f32),
+    /// Number of columns along x and z, without the empty ring around them.
+    pub counts: (i32, i32),
+    /// Height at which quanta begin, m.
+    pub floor: f32,
+    /// Height of a quantum, m, and its inverse.
+    pub quantum: f32,
+    pub quanta_per_m: f32,
+    tiles_across: usize,
+    tiles: Vec<Tile>,
+    pub spans: Vec<Span>,
+    pub blocks: Vec<Block>,
+    pub surfaces: Vec<[Surface; LANES]>,
+}
+
+/// A triangle in one column.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    /// Index of the column, tile by tile.
+    column: u32,
+    triangle: u32,
+    low: f32,
+    high: f32,
+}
+
+/// Horizontal bounds and heights of all triangles.
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Columns {
+    pub fn new(triangles: &[Triangle]) -> Self {
+        let bounds = triangles.iter().fold(Bounds { low: Vec3::MAX, high: Vec3::MIN }, |bounds, triangle| {
+            let (low, high) = triangle.bounds();
+            Bounds { low: bounds.low.min(low), high: bounds.high.max(high) }
+        });
+        if triangles.is_empty() {
+            return Self::empty(MAX_SIDE_M, &Bounds { low: Vec3::ZERO, high: Vec3::ZERO });
+        }
+        let mut side = column_side(triangles, &bounds);
+        loop {
+            if let Some(columns) = Self::with_side(triangles, side, &bounds) {
+                return columns;
+            }
+            side *= 2.0;
+        }
+    }
+
+    /// `None` if that would take too much memory, because many triangles span much of the level.
+    fn with_side(triangles: &[Triangle], side: f32, bounds: &Bounds) -> Option<Self> {
+        let mut columns = Self::empty(side, bounds);
+        if triangles.iter().map(|triangle| columns.most_columns(triangle)).sum::<usize>() > MAX_ENTRIES {
+            return None;
+        }
+        let threads = parallel::core_count();
+        let bands = columns.triangles_by_band(triangles);
+        let entries = parallel::map_indices(bands.len(), threads, |range| {
+            range.flat_map(|band| columns.entries_of_band(triangles, &bands[band], band)).collect()
+        });
+        drop(bands);
+        let blocks = columns.allot(triangles, &entries);
+        if blocks.len() > MAX_BLOCKS {
+            return None;
+        }
+        let mut filled = vec![Block { rows: [[0.0; LANES]; 12] }; blocks.len()];
+        parallel::for_each_slab(&mut filled, 1, threads, |idx, block| {
+            columns.fill(&mut block[0], triangles, &entries[blocks[idx].clone()]);
+        });
+        columns.blocks = filled;
+        Some(columns)
+    }
+
+    /// Number of columns that the bounds of a triangle touch.
+    fn most_columns(&self, triangle: &Triangle) -> usize {
+        let (low, high) = triangle.bounds();
+        let (x0, x1) = self.range(low.x, high.x, self.corner.0, self.counts.0);
+        let (z0, z1) = self.rows(triangle);
+        ((x1 - x0 + 1) * (z1 - z0 + 1)) as usize
+    }
+
+    fn empty(side: f32, bounds: &Bounds) -> Self {
+        let size = bounds.high - bounds.low;
+        let count = |length: f32| ((length / side) as i32 + 1).max(1);
+        let counts = (count(size.x), count(size.z));
+        let tiles_across = (counts.0 as usize + 2).div_ceil(TILE_X);
+        let tiles_down = (counts.1 as usize + 2).div_ceil(TILE_Z);
+        let quantum = size.y.max(1.0) / MAX_QUANTA;
+        Self {
+            side,
+            corner: (bounds.low.x, bounds.low.z),
+            counts,
+            floor: bounds.low.y,
+            quantum,
+            quanta_per_m: 1.0 / quantum,
+            tiles_across,
+            tiles: vec![Tile([Column::EMPTY; TILE_LEN]); tiles_across * tiles_down],
+            spans: Vec::new(),
+            blocks: Vec::new(),
+            surfaces: Vec::new(),
+        }
+    }
+
+    /// Memory in bytes.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self.tiles.as_slice())
+            + size_of_val(self.spans.as_slice())
+            + size_of_val(self.blocks.as_slice())
+            + size_of_val(self.surfaces.as_slice())
+    }
+
+    /// The column at (x, z), where (0, 0) is in the ring around the columns; `None` far outside.
+    #[inline(always)]
+    pub fn at(&self, (x, z): (i32, i32)) -> Option<Column> {
+        let tile = (z >> 1) as usize * self.tiles_across + (x >> 2) as usize;
+        let place = ((z & 1) * TILE_X as i32 + (x & 3)) as usize;
+        Some(self.tiles.get(tile)?.0[place % TILE_LEN])
+    }
+
+    /// The point from which the triangles of a column are measured: its centre at its lowest point.
+    #[inline(always)]
+    pub fn base(&self, (x, z): (i32, i32), low: u16) -> Vec3 {
+        Vec3::new(
+            self.corner.0 + (x as f32 - 0.5) * self.side,
+            self.floor + f32::from(low) * self.quantum,
+            self.corner.1 + (z as f32 - 0.5) * self.side,
+        )
+    }
+
+    /// Columns that a stretch along one axis touches, counted from the ring.
+    fn range(&self, low: f32, high: f32, corner: f32, count: i32) -> (i32, i32) {
+        let column = |value: f32| (((value - corner) / self.side).floor() as i32 + 1).clamp(1, count);
+        (column(low - SLACK_M), column(high + SLACK_M))
+    }
+
+    fn rows(&self, triangle: &Triangle) -> (i32, i32) {
+        let (low, high) = triangle.bounds();
+        self.range(low.z, high.z, self.corner.1, self.counts.1)
+    }
+
+    /// Indices of the triangles that touch each band of rows.
+    fn triangles_by_band(&self, triangles: &[Triangle]) -> Vec<Vec<u32>> {
+        let rows = TILE_Z * BAND_TILES;
+        let mut bands = vec![Vec::new(); (self.counts.1 as usize + 2).div_ceil(rows)];
+        for (triangle, idx) in triangles.iter().zip(0..) {
+            let (first, last) = self.rows(triangle);
+            for band in &mut bands[first as usize / rows..=last as usize / rows] {
+                band.push(idx);
+            }
+        }
+        bands
+    }
+
+    /// The triangles of each column of a band, sorted by column and height.
+    fn entries_of_band(&self, triangles: &[Triangle], indices: &[u32], band: usize) -> Vec<Entry> {
+        let rows = (TILE_Z * BAND_TILES) as i32;
+        let (first_row, last_row) = (band as i32 * rows, (band as i32 + 1) * rows - 1);
+        let mut entries = Vec::with_capacity(2 * indices.len());
+        for &idx in indices {
+            self.enter(&triangles[idx as usize], (first_row, last_row), |column, low, high| {
+                entries.push(Entry { column, triangle: idx, low, high });
+            });
+        }
+        entries.sort_unstable_by(|a, b| {
+            let height = (a.low + a.high).total_cmp(&(b.low + b.high));
+            a.column.cmp(&b.column).then(height).then(a.triangle.cmp(&b.triangle))
+        });
+        entries
+    }
+
+    /// Calls `found` with each column of some rows that a triangle touches, and its lowest and highest point there, m.
+    fn enter(&self, triangle: &Triangle, (first_row, last_row): (i32, i32), mut found: impl FnMut(u32, f32, f32)) {
+        let (corners, normal) = (triangle.corners(), triangle.normal());
+        let (low, high) = triangle.bounds();
+        let (x0, x1) = self.range(low.x, high.x, self.corner.0, self.counts.0);
+        let (z0, z1) = self.rows(triangle);
+        let half = 0.5 * self.side + SLACK_M;
+        let edges = edges_seen_from_above(corners);
+        for z in z0.max(first_row)..=z1.min(last_row) {
+            for x in x0..=x1 {
+                let centre = self.base((x, z), 0);
+                let touches = |&(nx, nz, from): &(f32, f32, Vec3)| {
+                    nx * (centre.x - from.x) + nz * (centre.z - from.z) + (nx.abs() + nz.abs()) * half >= 0.0
+                };
+                if (x0, z0) != (x1, z1) && !edges.iter().all(touches) {
+                    continue;
+                }
+                let (mut lowest, mut highest) = (low.y, high.y);
+                if normal.y.abs() > MIN_UPRIGHT {
+                    let offset = centre - corners[0];
+                    let y = corners[0].y - (normal.x * offset.x + normal.z * offset.z) / normal.y;
+                    let reach = (normal.x.abs() + normal.z.abs()) * half / normal.y.abs() + SLACK_M;
+                    (lowest, highest) = (lowest.max(y - reach), highest.min(y + reach));
+                }
+                if lowest <= highest {
+                    let tile = (z >> 1) as u32 * self.tiles_across as u32 + (x >> 2) as u32;
+                    let place = (z & 1) as u32 * TILE_X as u32 + (x & 3) as u32;
+                    found(tile * TILE_LEN as u32 + place, lowest - SLACK_M, highest + SLACK_M);
+                }
+            }
+        }
+    }
+
+    /// Divides sorted entries into blocks, writes the columns, and returns the entries of each block.
+    fn allot(&mut self, triangles: &[Triangle], entries: &[Entry]) -> Vec<std::ops::Range<usize>> {
+        let down = |y: f32| ((y - self.floor) * self.quanta_per_m - 1.0).floor().max(0.0) as u16;
+        let up = |y: f32| ((y - self.floor) * self.quanta_per_m + 1.0).ceil() as u16;
+        let mut blocks = Vec::new();
+        let mut start = 0;
+        while start < entries.len() {
+            let column = entries[start].column;
+            let first_block = blocks.len();
+            let (mut lowest, mut highest, mut only_ground) = (u16::MAX, 0, true);
+            while start < entries.len() && entries[start].column == column {
+                let (mut low, mut high) = (entries[start].low, entries[start].high);
+                let mut surfaces = [Surface::Ground; LANES];
+                let mut end = start;
+                while let Some(entry) = entries.get(end) {
+                    if entry.column != column || end - start == LANES || entry.low > high + GAP_M {
+                        break;
+                    }
+                    (low, high) = (low.min(entry.low), high.max(entry.high));
+                    surfaces[end - start] = triangles[entry.triangle as usize].surface();
+                    only_ground &= surfaces[end - start] == Surface::Ground;
+                    end += 1;
+                }
+                let span = Span { low: down(low), high: up(high), is_last: false };
+                (lowest, highest) = (lowest.min(span.low), highest.max(span.high));
+                self.spans.push(span);
+                self.surfaces.push(surfaces);
+                blocks.push(start..end);
+                start = end;
+            }
+            self.spans.iter_mut().next_back().expect("a column has blocks").is_last = true;
+            let single = if blocks.len() - first_block == 1 { SINGLE } else { 0 };
+            let ground = if only_ground { ONLY_GROUND } else { 0 };
+            self.tiles[column as usize / TILE_LEN].0[column as usize % TILE_LEN] =
+                Column { low: lowest, high: highest, blocks: first_block as u32 | single | ground };
+        }
+        blocks
+    }
+
+    /// Writes the triangles of `entries` into a block.
+    fn fill(&self, block: &mut Block, triangles: &[Triangle], entries: &[Entry]) {
+        let column = entries[0].column as usize;
+        let (tile, place) = (column / TILE_LEN, column % TILE_LEN);
+        let x = tile % self.tiles_across * TILE_X + place % TILE_X;
+        let z = tile / self.tiles_across * TILE_Z + place / TILE_X;
+        let base = self.base((x as i32, z as i32), self.tiles[tile].0[place].low);
+        for (lane, entry) in entries.iter().enumerate() {
+            for (row, value) in block.rows.iter_mut().zip(triangles[entry.triangle as usize].transformation(base)) {
+                row[lane] = value;
+            }
+        }
+    }
+}
+
+/// Side of a column for which most columns that hold anything hold one block, m.
+fn column_side(triangles: &[Triangle], bounds: &Bounds) -> f32 {
+    let size = bounds.high - bounds.low;
+    let (across, down) = ((size.x / DENSITY_CELL_M) as usize + 1, (size.z / DENSITY_CELL_M) as usize + 1);
+    let mut is_occupied = vec![false; across * down];
+    for triangle in triangles {
+        let centre = triangle.corners().iter().sum::<Vec3>() / 3.0 - bounds.low;
+        is_occupied[(centre.z / DENSITY_CELL_M) as usize * across + (centre.x / DENSITY_CELL_M) as usize] = true;
+    }
+    let occupied = is_occupied.iter().filter(|&&it| it).count() as f32 * DENSITY_CELL_M * DENSITY_CELL_M;
+    let side = (TRIANGLES_PER_COLUMN * occupied / triangles.len() as f32).sqrt().clamp(MIN_SIDE_M, MAX_SIDE_M);
+    side.max((size.x * size.z / MAX_COLUMNS).sqrt())
+}
+
+/// The edges of a triangle from above, each as a horizontal vector to the inside and a point.
+fn edges_seen_from_above([a, b, c]: [Vec3; 3]) -> [(f32, f32, Vec3); 3] {
+    let turn = (b.x - a.x) * (c.z - a.z) - (b.z - a.z) * (c.x - a.x);
+    let sign = if turn >= 0.0 { 1.0 } else { -1.0 };
+    [(a, b), (b, c), (c, a)].map(|(from, to)| ((from.z - to.z) * sign, (to.x - from.x) * sign, from))
+}
