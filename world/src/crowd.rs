@@ -27,7 +27,7 @@ impl CrowdScratch {
         npcs: &mut [Option<Npc>],
         map: &Map,
         profiles: &[CharacterProfile],
-        scratch: &mut MoveScratch,
+        scratch: &mut [MoveScratch],
     ) {
         let cell_of = |feet: Vec3| ((feet.x / CELL_M) as i32, (feet.z / CELL_M) as i32);
         let is_solid = |npc: &Npc| npc.harm.is_none() && npc.body.ride.is_none();
@@ -53,7 +53,7 @@ impl CrowdScratch {
                 }
             }
         }
-        for (npc, push) in npcs.iter_mut().zip(&self.pushes) {
+        for ((npc, push), scratch) in npcs.iter_mut().zip(&self.pushes).zip(scratch) {
             let length = push.length();
             if let Some(npc) = npc.as_mut().filter(|_| length > 0.0) {
                 let profile = &profiles[usize::from(npc.profile.0)];

@@ -32,7 +32,8 @@ pub struct World {
     npcs: Vec<Option<Npc>>,
     /// Events of each NPC in the last tick; not part of the state.
     tick_events: Vec<TickEvents>,
-    scratch: MoveScratch,
+    /// Scratch memory of each NPC; not part of the state.
+    scratch: Vec<MoveScratch>,
     crowd: CrowdScratch,
     recording: Option<Box<Recording>>,
 }
@@ -56,7 +57,7 @@ impl World {
             tick: 0,
             npcs: Vec::new(),
             tick_events: Vec::new(),
-            scratch: MoveScratch::default(),
+            scratch: Vec::new(),
             crowd: CrowdScratch::default(),
             recording: None,
         }
@@ -92,6 +93,7 @@ impl World {
         self.tick = state.tick;
         self.npcs = state.npcs;
         self.tick_events = vec![TickEvents::default(); self.npcs.len()];
+        self.scratch.resize_with(self.npcs.len(), MoveScratch::default);
     }
 
     /// The map that the world runs on.
@@ -138,6 +140,7 @@ impl World {
         let free = self.npcs.iter().position(Option::is_none).unwrap_or_else(|| {
             self.npcs.push(None);
             self.tick_events.push(TickEvents::default());
+            self.scratch.push(MoveScratch::default());
             self.npcs.len() - 1
         });
         self.npcs[free] = Some(npc);
@@ -219,7 +222,7 @@ impl World {
     /// its decision is over.
     pub fn tick(&mut self) {
         let Self { map, config, npcs, tick_events, scratch, crowd, .. } = self;
-        for (npc, events) in npcs.iter_mut().zip(tick_events) {
+        for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(&mut *scratch) {
             let Some(npc) = npc else { continue };
             let profile = &config.profiles[usize::from(npc.profile.0)];
             *events = tick_npc(npc, map, profile, &config.task, scratch);
@@ -236,9 +239,20 @@ impl World {
 
     /// Advances every NPC by ten ticks: a whole decision if all NPCs decide together.
     pub fn tick_decision(&mut self) {
-        for _ in 0..TICKS_PER_DECISION {
-            self.tick();
+        if self.config.npc_collision || self.recording.is_some() {
+            (0..TICKS_PER_DECISION).for_each(|_| self.tick());
+            return;
         }
+        // NPCs that do not touch each other are moved one by one, which leaves what is around each of them in the cache.
+        let Self { map, config, npcs, tick_events, scratch, .. } = self;
+        for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(scratch) {
+            let Some(npc) = npc else { continue };
+            let profile = &config.profiles[usize::from(npc.profile.0)];
+            for _ in 0..TICKS_PER_DECISION {
+                *events = tick_npc(npc, map, profile, &config.task, scratch);
+            }
+        }
+        self.tick += u64::from(TICKS_PER_DECISION);
     }
 
     /// Closes the current decision of an NPC and returns its reward; `None` if the NPC has no episode.

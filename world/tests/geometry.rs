@@ -91,9 +91,8 @@ fn crossings(map: &Map, origin: Vec3, direction: Vec3, margin: f64) -> impl Iter
     let wide = |v: Vec3| v.to_array().map(f64::from);
     let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let (origin, direction) = (wide(origin), wide(direction));
     map.mesh().triangles().iter().filter_map(move |triangle| {
         let [a, b, c] = triangle.corners().map(wide);
@@ -138,7 +137,10 @@ fn a_million_rays_of_cones_end_where_parry_says() {
             let ray = format!("from {eye:?} to {direction:?}: {ours:?}, parry says {theirs:?}");
             if let Some((distance, surface)) = ours {
                 let mut near = crossings(map, eye, direction, 2.0e-4);
-                assert!(near.any(|(at, of)| of == surface && (at - distance).abs() < SLACK_M), "no such triangle {ray}");
+                assert!(
+                    near.any(|(at, of)| of == surface && (at - distance).abs() < SLACK_M),
+                    "no such triangle {ray}"
+                );
             }
             let nearest = crossings(map, eye, direction, -2.0e-4).map(|(at, _)| at).fold(f64::INFINITY, f64::min);
             assert!(nearest > distance - SLACK_M, "passes a triangle at {nearest} m {ray}");

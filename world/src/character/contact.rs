@@ -3,6 +3,7 @@
 
 use super::body::{Body, Support};
 use super::profile::CharacterProfile;
+use super::surroundings::{MoveScratch, Slope};
 use crate::mesh::{Contact, Mesh};
 use crate::{TICK_SECONDS, Vec3};
 
@@ -10,24 +11,17 @@ use crate::{TICK_SECONDS, Vec3};
 const SUBSTEP_M: f32 = 0.22;
 /// Contact passes after each move.
 const MAX_PUSHES: usize = 6;
-/// Contacts shallower than this are ignored, in metres.
-const CONTACT_SLOP_M: f32 = 1.0e-4;
 /// Speed below which a body wedged between steep faces counts as standing, m/s.
 const WEDGED_SPEED: f32 = 0.6;
-
-/// Scratch memory of the controller, reused so that a tick does not allocate.
-#[derive(Debug, Default)]
-pub struct MoveScratch {
-    triangles: Vec<u32>,
-}
 
 impl Body {
     pub(super) fn move_and_collide(&mut self, mesh: &Mesh, profile: &CharacterProfile, scratch: &mut MoveScratch) {
         let was_grounded = self.is_grounded();
+        let slope = scratch.slope(profile);
         let start = self.feet;
         let delta = self.velocity * TICK_SECONDS;
         let snap = if was_grounded {
-            profile.step_height + Vec3::new(delta.x, 0.0, delta.z).length() * libm::tanf(profile.max_slope)
+            profile.step_height + Vec3::new(delta.x, 0.0, delta.z).length() * slope.tan
         } else {
             0.0
         };
@@ -35,16 +29,16 @@ impl Body {
         let ahead = start + delta;
         let low = start.min(ahead) - reach - Vec3::new(0.0, snap, 0.0);
         let high = start.max(ahead) + reach + Vec3::new(0.0, profile.height + profile.step_height, 0.0);
-        mesh.gather_solids(low, high, &mut scratch.triangles);
+        scratch.select(mesh, low, high, self.velocity);
 
         self.support = Support::Air;
         let substep_count = (delta.length() / SUBSTEP_M).ceil().max(1.0);
         for _ in 0..substep_count as u32 {
             self.feet += self.velocity * (TICK_SECONDS / substep_count);
-            self.push_out(mesh, profile, &scratch.triangles, was_grounded);
+            self.push_out(profile, slope, scratch, was_grounded);
         }
         if was_grounded && self.support != Support::Ground && self.velocity.y <= 0.0 {
-            self.snap_down(mesh, profile, &scratch.triangles, snap);
+            self.snap_down(profile, slope, scratch, snap);
         }
         if self.support == Support::Steep && (self.feet - start).length() < WEDGED_SPEED * TICK_SECONDS {
             self.support = Support::Ground;
@@ -58,11 +52,11 @@ impl Body {
     }
 
     /// Moves the body out of what it penetrates, deepest contact first, and removes the blocked part of its velocity.
-    fn push_out(&mut self, mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], was_grounded: bool) {
+    fn push_out(&mut self, profile: &CharacterProfile, slope: Slope, scratch: &MoveScratch, was_grounded: bool) {
         for _ in 0..MAX_PUSHES {
-            let Some(contact) = deepest_contact(mesh, profile, triangles, self.feet) else { return };
+            let Some(contact) = scratch.deepest_contact(profile, self.feet) else { return };
             let n = contact.normal;
-            if is_walkable(profile, &contact, self.feet) {
+            if is_walkable(profile, slope, &contact, self.feet) {
                 self.feet.y += contact.depth / n.y;
                 self.velocity.y = self.velocity.y.max(0.0);
                 self.support = Support::Ground;
@@ -95,17 +89,18 @@ impl Body {
         let support = self.support;
         let reach = Vec3::splat(profile.radius + 0.05);
         let (low, high) = (self.feet.min(self.feet + offset) - reach, self.feet.max(self.feet + offset) + reach);
-        mesh.gather_solids(low, high + Vec3::new(0.0, profile.height, 0.0), &mut scratch.triangles);
+        scratch.select(mesh, low, high + Vec3::new(0.0, profile.height, 0.0), Vec3::ZERO);
         self.feet += offset;
-        self.push_out(mesh, profile, &scratch.triangles, support == Support::Ground);
+        let slope = scratch.slope(profile);
+        self.push_out(profile, slope, scratch, support == Support::Ground);
         self.support = support;
     }
 
     /// Keeps a walking body on ground that falls away; leaves the body in the air over a ledge.
-    fn snap_down(&mut self, mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], snap: f32) {
+    fn snap_down(&mut self, profile: &CharacterProfile, slope: Slope, scratch: &MoveScratch, snap: f32) {
         let before = *self;
         self.feet.y -= snap;
-        self.push_out(mesh, profile, triangles, true);
+        self.push_out(profile, slope, scratch, true);
         let moved_sideways = Vec3::new(self.feet.x - before.feet.x, 0.0, self.feet.z - before.feet.z).length();
         if self.support != Support::Ground || self.feet.y > before.feet.y || moved_sideways > 0.5 * profile.radius {
             *self = before;
@@ -113,24 +108,11 @@ impl Body {
     }
 }
 
-fn is_walkable(profile: &CharacterProfile, contact: &Contact, feet: Vec3) -> bool {
-    let limit = libm::cosf(profile.max_slope);
-    contact.normal.y >= limit
-        || (contact.face_normal.y >= limit && contact.normal.y > 0.5 && contact.point.y - feet.y <= profile.step_height)
-}
-
-fn deepest_contact(mesh: &Mesh, profile: &CharacterProfile, triangles: &[u32], feet: Vec3) -> Option<Contact> {
-    let low = feet + Vec3::new(0.0, profile.radius, 0.0);
-    let segment = profile.height - 2.0 * profile.radius;
-    let mut deepest: Option<Contact> = None;
-    for &idx in triangles {
-        if let Some(contact) = mesh.triangles()[idx as usize].capsule_contact(low, segment, profile.radius)
-            && contact.depth > deepest.map_or(CONTACT_SLOP_M, |best| best.depth)
-        {
-            deepest = Some(contact);
-        }
-    }
-    deepest
+fn is_walkable(profile: &CharacterProfile, slope: Slope, contact: &Contact, feet: Vec3) -> bool {
+    contact.normal.y >= slope.cos
+        || (contact.face_normal.y >= slope.cos
+            && contact.normal.y > 0.5
+            && contact.point.y - feet.y <= profile.step_height)
 }
 
 /// Whether a body with its feet at `feet` is clear of solid geometry, up to `slop` metres of penetration.
@@ -152,6 +134,6 @@ pub fn is_clear(mesh: &Mesh, profile: &CharacterProfile, feet: Vec3, slop: f32, 
         }
     }
     let reach = Vec3::new(profile.radius, 0.0, profile.radius);
-    mesh.gather_solids(feet - reach, feet + reach + Vec3::new(0.0, profile.height, 0.0), &mut scratch.triangles);
-    deepest_contact(mesh, profile, &scratch.triangles, feet).is_none_or(|contact| contact.depth <= slop)
+    scratch.select(mesh, feet - reach, feet + reach + Vec3::new(0.0, profile.height, 0.0), Vec3::ZERO);
+    scratch.deepest_contact(profile, feet).is_none_or(|contact| contact.depth <= slop)
 }

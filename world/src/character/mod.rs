@@ -12,9 +12,11 @@ mod body;
 mod contact;
 mod devices;
 mod profile;
+mod surroundings;
 mod tick;
 
 pub use action::{ACTION_LEN, Action, ActionError};
 pub use body::{Body, Ride, Support, TickEvents};
-pub use contact::{MoveScratch, is_clear};
+pub use contact::is_clear;
 pub use profile::{CharacterProfile, ProfileError, RawCharacterProfile};
+pub use surroundings::MoveScratch;

@@ -2,8 +2,8 @@
 
 use super::action::Action;
 use super::body::{Body, Support, TickEvents};
-use super::contact::MoveScratch;
 use super::profile::CharacterProfile;
+use super::surroundings::MoveScratch;
 use crate::map::Map;
 use crate::{TICK_SECONDS, Vec3};
 

@@ -338,8 +338,7 @@ impl<V: Copy> PreparedBlock<V> {
         let distance = lanes.div(self.plane, along(0));
         let u = lanes.add(self.u, lanes.mul(distance, along(3)));
         let v = lanes.add(self.v, lanes.mul(distance, along(6)));
-        let on_ray =
-            lanes.both(lanes.at_most(lanes.splat(near), distance), lanes.at_most(distance, lanes.splat(far)));
+        let on_ray = lanes.both(lanes.at_most(lanes.splat(near), distance), lanes.at_most(distance, lanes.splat(far)));
         let inside = lanes.both(
             lanes.at_most(lanes.splat(-SEAM_SLACK), lanes.min(u, v)),
             lanes.at_most(lanes.add(u, v), lanes.splat(1.0 + SEAM_SLACK)),
@@ -427,11 +426,13 @@ mod tests {
         let spec = MapSpec::with_side(5, 100).unwrap().with(|it| it.features = Features::all()).unwrap();
         let map = Map::generate(&spec);
         let columns = map.mesh().columns();
-        let elevations = Elevations::new([-65.0f32, -42.0, -26.0, -14.0, -5.0, 6.0, 22.0, 45.0].map(f32::to_radians), 30.0);
+        let elevations =
+            Elevations::new([-65.0f32, -42.0, -26.0, -14.0, -5.0, 6.0, 22.0, 45.0].map(f32::to_radians), 30.0);
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut hit_count = 0;
         for _ in 0..2000 {
-            let eye = Vec3::new(rng.random_range(-9.0..109.0), rng.random_range(0.0..60.0), rng.random_range(-9.0..109.0));
+            let eye =
+                Vec3::new(rng.random_range(-9.0..109.0), rng.random_range(0.0..60.0), rng.random_range(-9.0..109.0));
             let headings = std::array::from_fn(|_| libm::sincosf(rng.random_range(-PI..PI)));
             let cast = Cast { columns, elevations: &elevations, eye, headings: &headings };
             let together = cast.hits(Portable);

@@ -5,6 +5,7 @@ use super::fan::{ConeHits, Elevations};
 use super::lanes::LANES;
 use super::triangle::Triangle;
 use crate::{Vec3, parallel};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Side of a grid cell in metres.
 pub(super) const CELL_M: f32 = 1.6;
@@ -20,6 +21,8 @@ const CELLS_WORTH_THREADS: usize = 1 << 16;
 fn centre_of([x, y, z]: [i32; 3]) -> Vec3 {
     (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M
 }
+
+static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 
 /// Bit set in the entry of a cell without triangles; the other bits are a lower bound of the Chebyshev distance, in cells,
 /// to the nearest cell with triangles.
@@ -46,6 +49,8 @@ pub struct Mesh {
     pub(super) occupied: Vec<Occupied>,
     /// Indices of the triangles of each occupied cell, in the order of the cells.
     items: Vec<u32>,
+    /// Differs from that of every other mesh of this process.
+    id: u64,
     /// The index for cones of rays; `None` in a draft.
     columns: Option<Columns>,
 }
@@ -66,7 +71,8 @@ impl Mesh {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
         let (cells, occupied, items) = Default::default();
-        let mut mesh = Self { triangles, counts, cells, occupied, items, columns: None };
+        let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
+        let mut mesh = Self { triangles, counts, cells, occupied, items, id, columns: None };
         let mut cells = vec![0u32; cell_count];
         mesh.for_each_cell_of_triangles(|cell, _| cells[cell] += 1);
         let skips = mesh.empty_space_skips(&cells);
@@ -94,6 +100,11 @@ impl Mesh {
         });
         (mesh.cells, mesh.occupied, mesh.items) = (cells, occupied, items);
         mesh
+    }
+
+    /// Tells this mesh from every other one of the process.
+    pub(crate) fn id(&self) -> u64 {
+        self.id
     }
 
     /// All triangles, in a fixed order.
@@ -225,30 +236,26 @@ impl Mesh {
         skips
     }
 
-    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box.
-    pub fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
+    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box, in ascending order.
+    pub(crate) fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
         found.clear();
         let (from, to) = self.clamped_cells(low, high);
         for z in from[2]..=to[2] {
             for y in from[1]..=to[1] {
                 let row = self.cell_idx([0, y, z]);
                 for entry in &self.cells[row + from[0] as usize..=row + to[0] as usize] {
-                    if entry & EMPTY != 0 {
-                        continue;
-                    }
-                    for &triangle_idx in self.items_of(*entry as usize) {
-                        let triangle = &self.triangles[triangle_idx as usize];
-                        let (t_low, t_high) = triangle.bounds();
-                        if triangle.surface().is_solid()
-                            && t_low.cmple(high).all()
-                            && t_high.cmpge(low).all()
-                            && !found.contains(&triangle_idx)
-                        {
-                            found.push(triangle_idx);
-                        }
+                    if entry & EMPTY == 0 {
+                        found.extend_from_slice(self.items_of(*entry as usize));
                     }
                 }
             }
         }
+        found.sort_unstable();
+        found.dedup();
+        found.retain(|&idx| {
+            let triangle = &self.triangles[idx as usize];
+            let (t_low, t_high) = triangle.bounds();
+            triangle.surface().is_solid() && t_low.cmple(high).all() && t_high.cmpge(low).all()
+        });
     }
 }

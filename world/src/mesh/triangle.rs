@@ -80,7 +80,8 @@ impl Triangle {
         self.surface
     }
 
-    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+    /// Least and greatest coordinates of the corners, m.
+    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         let [a, b, c] = self.corners();
         (a.min(b).min(c), a.max(b).max(c))
     }
@@ -115,39 +116,45 @@ impl Triangle {
         (b >= slack && c >= slack && b + c <= area - slack).then_some(distance)
     }
 
-    /// Closest point of the triangle, border included, to `point` (Ericson, Real-Time Collision Detection, 5.1.5).
+    /// Closest point of the triangle, border included, to `point`.
     fn closest_point(&self, point: Vec3) -> Vec3 {
+        self.closest(point).0
+    }
+
+    /// Closest point of the triangle to `point`, and whether it is off the border (Ericson, Real-Time Collision Detection, 5.1.5).
+    #[inline]
+    fn closest(&self, point: Vec3) -> (Vec3, bool) {
         let (ab, ac, a) = (self.ab, self.ac, self.a);
         let ap = point - a;
         let (d1, d2) = (ab.dot(ap), ac.dot(ap));
         if d1 <= 0.0 && d2 <= 0.0 {
-            return a;
+            return (a, false);
         }
         let bp = ap - ab;
         let (d3, d4) = (ab.dot(bp), ac.dot(bp));
         if d3 >= 0.0 && d4 <= d3 {
-            return a + ab;
+            return (a + ab, false);
         }
         let vc = d1 * d4 - d3 * d2;
         if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-            return a + ab * (d1 / (d1 - d3));
+            return (a + ab * (d1 / (d1 - d3)), false);
         }
         let cp = ap - ac;
         let (d5, d6) = (ab.dot(cp), ac.dot(cp));
         if d6 >= 0.0 && d5 <= d6 {
-            return a + ac;
+            return (a + ac, false);
         }
         let vb = d5 * d2 - d1 * d6;
         if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-            return a + ac * (d2 / (d2 - d6));
+            return (a + ac * (d2 / (d2 - d6)), false);
         }
         let va = d3 * d6 - d5 * d4;
         if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
             let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-            return a + ab + (ac - ab) * t;
+            return (a + ab + (ac - ab) * t, false);
         }
         let scale = 1.0 / (va + vb + vc);
-        a + ab * (vb * scale) + ac * (vc * scale)
+        (a + ab * (vb * scale) + ac * (vc * scale), true)
     }
 
     /// Penetration of an upright capsule, if any.
@@ -186,6 +193,12 @@ impl Triangle {
     #[inline]
     fn closest_to_vertical(&self, low: Vec3, height: f32) -> (Vec3, Vec3) {
         let high = low + Vec3::new(0.0, height, 0.0);
+        // Nothing is closer than the plane, which is closest at the end that it faces.
+        let facing = if self.normal.y >= 0.0 { low } else { high };
+        let (closest, is_off_border) = self.closest(facing);
+        if is_off_border && self.normal.dot(facing - self.a) >= 0.0 {
+            return (facing, closest);
+        }
         let mut best = (low, self.closest_point(low));
         let mut best_squared = best.0.distance_squared(best.1);
         let mut offer = |pair: (Vec3, Vec3)| {

@@ -1,0 +1,177 @@
+//! The solid triangles near a body, kept from tick to tick: a move asks the map only once the body has left what is known.
+
+use super::profile::CharacterProfile;
+use crate::Vec3;
+use crate::mesh::{Contact, LANES, Mesh, Triangle};
+
+/// How far ahead of a body triangles are gathered: where its velocity takes it in this time, s, and a margin, m.
+const LOOK_AHEAD_S: f32 = 0.15;
+const MARGIN_M: f32 = 0.3;
+/// Slack of the test that rules triangles out before the exact one, m.
+const PLANE_SLACK_M: f32 = 1.0e-3;
+/// A contact counts as deeper than another from this difference on, m.
+const DEEPER_M: f32 = 1.0e-6;
+/// Contacts shallower than this are ignored, in metres.
+const CONTACT_SLOP_M: f32 = 1.0e-4;
+
+/// Scratch memory of the controller, reused so that a tick does not allocate.
+///
+/// What it remembers makes the moves of one body cheaper. It never changes their result, and may serve any body on any map.
+#[derive(Debug, Default)]
+pub struct MoveScratch {
+    /// The mesh and the box of which all solid triangles are known.
+    known: Option<(u64, Vec3, Vec3)>,
+    triangles: Vec<Triangle>,
+    planes: Vec<Planes>,
+    /// Bit `n` of each is set where triangle `n` of the block touches the box of the present move.
+    touched: Vec<u8>,
+    indices: Vec<u32>,
+    slope: Slope,
+}
+
+/// The steepest slope that a character can stand on.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slope {
+    /// Angle, rad.
+    angle: f32,
+    /// Least upright component of the normal of walkable ground.
+    pub cos: f32,
+    /// Rise per metre.
+    pub tan: f32,
+}
+
+impl Default for Slope {
+    fn default() -> Self {
+        Self { angle: 0.0, cos: 1.0, tan: 0.0 }
+    }
+}
+
+/// Planes and bounds of eight triangles.
+#[derive(Debug, Clone, Copy)]
+struct Planes {
+    normals: [[f32; LANES]; 3],
+    /// Component of a corner along the normal.
+    offsets: [f32; LANES],
+    lows: [[f32; LANES]; 3],
+    highs: [[f32; LANES]; 3],
+}
+
+impl Planes {
+    /// No triangle: its bounds touch no box.
+    const NONE: Self = Self {
+        normals: [[0.0; LANES]; 3],
+        offsets: [0.0; LANES],
+        lows: [[f32::INFINITY; LANES]; 3],
+        highs: [[f32::NEG_INFINITY; LANES]; 3],
+    };
+
+    fn set(&mut self, lane: usize, triangle: &Triangle) {
+        let (low, high) = triangle.bounds();
+        for axis in 0..3 {
+            self.normals[axis][lane] = triangle.normal()[axis];
+            self.lows[axis][lane] = low[axis];
+            self.highs[axis][lane] = high[axis];
+        }
+        self.offsets[lane] = triangle.normal().dot(triangle.corners()[0]);
+    }
+
+    /// The triangles whose bounds touch the box.
+    fn touching(&self, low: Vec3, high: Vec3) -> u8 {
+        bits(|lane| {
+            (0..3).fold(true, |touches, axis| {
+                touches & (self.lows[axis][lane] <= high[axis]) & (self.highs[axis][lane] >= low[axis])
+            })
+        })
+    }
+
+    /// Least signed distance of an upright segment from each plane, and the triangles whose planes a capsule around the segment
+    /// may touch from the front.
+    fn within_reach(&self, low: Vec3, height: f32, radius: f32) -> ([f32; LANES], u8) {
+        let (mut lower, mut upper) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            let [nx, ny, nz] = [0, 1, 2].map(|axis| self.normals[axis][lane]);
+            let side = nx * low.x + ny * low.y + nz * low.z - self.offsets[lane];
+            let rise = ny * height;
+            lower[lane] = side + if rise < 0.0 { rise } else { 0.0 };
+            upper[lane] = side + if rise < 0.0 { 0.0 } else { rise };
+        }
+        (lower, bits(|lane| (lower[lane] <= radius + PLANE_SLACK_M) & (upper[lane] >= -PLANE_SLACK_M)))
+    }
+}
+
+#[inline(always)]
+fn bits(is_set: impl Fn(usize) -> bool) -> u8 {
+    let mut lanes = [false; LANES];
+    for (lane, value) in lanes.iter_mut().enumerate() {
+        *value = is_set(lane);
+    }
+    lanes.iter().rev().fold(0, |bits, &lane| bits << 1 | u8::from(lane))
+}
+
+impl MoveScratch {
+    /// The steepest slope of a profile; its functions are computed anew only if it is another one than before.
+    pub(super) fn slope(&mut self, profile: &CharacterProfile) -> Slope {
+        let angle = profile.max_slope;
+        if self.slope.angle != angle {
+            self.slope = Slope { angle, cos: libm::cosf(angle), tan: libm::tanf(angle) };
+        }
+        self.slope
+    }
+
+    /// Selects the solid triangles whose bounds touch the box of a move; a body with this velocity is likely to need those ahead
+    /// next.
+    pub(super) fn select(&mut self, mesh: &Mesh, low: Vec3, high: Vec3, velocity: Vec3) {
+        let is_known = self.known.is_some_and(|(of, known_low, known_high)| {
+            of == mesh.id() && low.cmpge(known_low).all() && high.cmple(known_high).all()
+        });
+        if !is_known {
+            let ahead = velocity * LOOK_AHEAD_S;
+            let (low, high) = (low.min(low + ahead), high.max(high + ahead));
+            self.gather(mesh, low - Vec3::splat(MARGIN_M), high + Vec3::splat(MARGIN_M));
+        }
+        self.touched.clear();
+        self.touched.extend(self.planes.iter().map(|planes| planes.touching(low, high)));
+    }
+
+    fn gather(&mut self, mesh: &Mesh, low: Vec3, high: Vec3) {
+        mesh.gather_solids(low, high, &mut self.indices);
+        self.triangles.clear();
+        self.triangles.extend(self.indices.iter().map(|&idx| mesh.triangles()[idx as usize]));
+        self.planes.clear();
+        self.planes.resize(self.triangles.len().div_ceil(LANES), Planes::NONE);
+        for (idx, triangle) in self.triangles.iter().enumerate() {
+            self.planes[idx / LANES].set(idx % LANES, triangle);
+        }
+        self.known = Some((mesh.id(), low, high));
+    }
+
+    /// The deepest contact of a body with the selected triangles; of several that are as deep, the one of the first triangle
+    /// of the map.
+    pub(super) fn deepest_contact(&self, profile: &CharacterProfile, feet: Vec3) -> Option<Contact> {
+        let low = feet + Vec3::new(0.0, profile.radius, 0.0);
+        let height = profile.height - 2.0 * profile.radius;
+        let mut deepest: Option<Contact> = None;
+        for (block, (planes, touched)) in self.planes.iter().zip(&self.touched).enumerate() {
+            if *touched == 0 {
+                continue;
+            }
+            let (distances, mut close) = planes.within_reach(low, height, profile.radius);
+            close &= touched;
+            while close != 0 {
+                let lane = close.trailing_zeros() as usize % LANES;
+                close &= close - 1;
+                // No contact is deeper than that with the whole plane.
+                let depth = deepest.map_or(CONTACT_SLOP_M, |best| best.depth + DEEPER_M);
+                if distances[lane] >= 0.0 && profile.radius - distances[lane] <= depth {
+                    continue;
+                }
+                if let Some(contact) = self.triangles[block * LANES + lane].capsule_contact(low, height, profile.radius)
+                    && contact.depth > depth
+                {
+                    deepest = Some(contact);
+                }
+            }
+        }
+        deepest
+    }
+}
