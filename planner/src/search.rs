@@ -36,6 +36,8 @@ pub struct Router {
     graph: NavGraph,
     adjacency: Adjacency,
     table: Option<Table>,
+    /// All vertices.
+    vertices: VertexIndex,
     /// Vertices with outgoing edges.
     sources: VertexIndex,
     /// Vertices with incoming edges.
@@ -86,6 +88,7 @@ impl Router {
             metres_per_cost = metres_per_cost.max(metres / (edge.evidence.cost() as f32).max(f32::MIN_POSITIVE));
         }
         Self {
+            vertices: VertexIndex::new(&graph, cell_m, |_| true),
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
             bounds: graph.legs().bounds(),
@@ -309,26 +312,57 @@ impl Router {
             return NoPath::GoalOffGraph;
         }
         let back = goals.iter().any(|&(goal, _)| {
-            let seen = self.graph.reachable_from(goal);
-            starts.iter().any(|&(start, _)| seen[start.idx()])
+            let reached = self.reached_from(goal);
+            starts.iter().any(|&(start, _)| reached.contains(start))
         });
         if back { NoPath::OneWay } else { NoPath::DifferentIslands }
     }
 
+    /// Position of the vertex that is nearest to the goal among those that a path leads to from any of `starts`.
     fn nearest_reachable(&self, starts: &[Attachment], goal: Vec3) -> Option<Vec3> {
+        let reached: Vec<Reached<'_>> = starts.iter().map(|&(start, _)| self.reached_from(start)).collect();
         let mut best: Option<(f32, Vec3)> = None;
-        for &(start, _) in starts {
-            for (vertex, _) in
-                self.graph.vertices().zip(self.graph.reachable_from(start)).filter(|&(_, reached)| reached)
-            {
-                let at = self.graph.position(vertex);
-                let distance = at.distance_squared(goal);
-                if best.is_none_or(|(least, _)| distance < least) {
-                    best = Some((distance, at));
-                }
+        for ring in 0..=self.vertices.grid.ring_count() {
+            let clearance = (ring - 1).max(0) as f32 * self.vertices.grid.cell_m();
+            if best.is_some_and(|(least, _)| clearance * clearance > least) {
+                break;
             }
+            self.vertices.grid.ring(goal, ring, |range| {
+                for &(at, vertex) in &self.vertices.places[range] {
+                    let distance = at.distance_squared(goal);
+                    let is_nearer = best.is_none_or(|(least, _)| distance < least);
+                    if is_nearer && reached.iter().any(|reached| reached.contains(vertex)) {
+                        best = Some((distance, at));
+                    }
+                }
+            });
         }
         best.map(|(_, at)| at)
+    }
+
+    /// The vertices that paths lead to from `from`, itself included.
+    fn reached_from(&self, from: VertexId) -> Reached<'_> {
+        match &self.table {
+            Some(table) => Reached::Table(table, from),
+            None => Reached::Search(self.graph.reachable_from(from)),
+        }
+    }
+}
+
+/// The vertices that paths lead to from one vertex.
+enum Reached<'a> {
+    /// The table knows.
+    Table(&'a Table, VertexId),
+    /// A search has found out, for each vertex.
+    Search(Vec<bool>),
+}
+
+impl Reached<'_> {
+    fn contains(&self, vertex: VertexId) -> bool {
+        match self {
+            Self::Table(table, from) => table.cost(*from, vertex).is_finite(),
+            Self::Search(reached) => reached[vertex.idx()],
+        }
     }
 }
 

@@ -92,7 +92,11 @@ impl DecisionLoop {
 
     /// Runs one whole decision of all lanes and returns the outcome of each lane, in order.
     pub fn decide(&mut self, stage: &mut Stage<'_>, policy: &Policy, noise: Noise<'_>) -> &[DecisionOutcome] {
-        self.decide_watched(stage, policy, noise, |_| {})
+        self.choose(stage, policy, noise);
+        let actions = std::mem::take(&mut self.actions);
+        self.advance(stage, &actions);
+        self.actions = actions;
+        &self.outcomes
     }
 
     /// Same as [`decide`](Self::decide), but calls `each_tick` with the worlds after each tick.
@@ -101,14 +105,23 @@ impl DecisionLoop {
         stage: &mut Stage<'_>,
         policy: &Policy,
         noise: Noise<'_>,
-        each_tick: impl FnMut(&[World]),
+        mut each_tick: impl FnMut(&[World]),
     ) -> &[DecisionOutcome] {
+        self.choose(stage, policy, noise);
+        let actions = std::mem::take(&mut self.actions);
+        begin(stage, &actions);
+        for _ in 0..TICKS_PER_DECISION {
+            stage.worlds.iter_mut().for_each(World::tick);
+            each_tick(stage.worlds);
+        }
+        self.actions = actions;
+        self.close(stage)
+    }
+
+    /// The first two phases.
+    fn choose(&mut self, stage: &Stage<'_>, policy: &Policy, noise: Noise<'_>) {
         self.observe(stage.worlds, stage.lanes);
         self.act(stage.lanes, policy, noise);
-        let actions = std::mem::take(&mut self.actions);
-        self.advance(stage, &actions, each_tick);
-        self.actions = actions;
-        &self.outcomes
     }
 
     /// The first phase: writes the observation of every lane.
@@ -133,21 +146,13 @@ impl DecisionLoop {
     ///
     /// # Panics
     /// If the NPC of a lane has no episode, or the numbers of actions and lanes differ.
-    pub fn advance(
-        &mut self,
-        stage: &mut Stage<'_>,
-        actions: &[Action],
-        mut each_tick: impl FnMut(&[World]),
-    ) -> &[DecisionOutcome] {
-        let Stage { worlds, lanes } = stage;
-        assert_eq!(actions.len(), lanes.len(), "one action for each lane");
-        for (lane, action) in lanes.iter().zip(actions) {
-            worlds[lane.world_idx].decide(lane.slot, *action);
-        }
-        for _ in 0..TICKS_PER_DECISION {
-            worlds.iter_mut().for_each(World::tick);
-            each_tick(worlds);
-        }
+    pub fn advance(&mut self, stage: &mut Stage<'_>, actions: &[Action]) -> &[DecisionOutcome] {
+        begin(stage, actions);
+        stage.worlds.iter_mut().for_each(World::tick_decision);
+        self.close(stage)
+    }
+
+    fn close(&mut self, Stage { worlds, lanes }: &mut Stage<'_>) -> &[DecisionOutcome] {
         self.outcomes.clear();
         self.outcomes.extend(
             lanes.iter().map(|lane| {
@@ -155,5 +160,13 @@ impl DecisionLoop {
             }),
         );
         &self.outcomes
+    }
+}
+
+/// Starts the decision of every lane.
+fn begin(Stage { worlds, lanes }: &mut Stage<'_>, actions: &[Action]) {
+    assert_eq!(actions.len(), lanes.len(), "one action for each lane");
+    for (lane, action) in lanes.iter().zip(actions) {
+        worlds[lane.world_idx].decide(lane.slot, *action);
     }
 }

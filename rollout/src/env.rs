@@ -91,7 +91,7 @@ impl Env {
     /// If the numbers of actions and NPCs differ.
     pub fn step(&mut self, actions: &[Action]) -> Vec<Ended> {
         let Self { worlds, lanes, decisions, .. } = self;
-        let outcomes = decisions.advance(&mut Stage { worlds, lanes }, actions, |_| {}).to_vec();
+        let outcomes = decisions.advance(&mut Stage { worlds, lanes }, actions).to_vec();
         let mut ended = Vec::new();
         for (npc_idx, outcome) in outcomes.into_iter().enumerate() {
             self.rewards[npc_idx] = outcome.reward;

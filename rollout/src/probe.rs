@@ -97,9 +97,9 @@ pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec
     probes.start(0, trial);
     let mut track = vec![trial.start];
     loop {
-        let finished = probes.decide(|worlds| {
+        let finished = probes.decide(Some(&mut |worlds| {
             track.extend(worlds[0].npcs().map(|(_, npc)| npc.body.feet));
-        });
+        }));
         if let Some((_, outcome)) = finished.into_iter().next() {
             return (outcome, track);
         }
@@ -128,7 +128,7 @@ fn run_chunk(
         if cancel.load(Ordering::Relaxed) {
             return None;
         }
-        for (trial_idx, outcome) in probes.decide(|_| {}) {
+        for (trial_idx, outcome) in probes.decide(None) {
             outcomes[trial_idx] = Some(outcome);
             progress.fetch_add(1, Ordering::Relaxed);
         }
@@ -156,12 +156,17 @@ impl<'a> Probes<'a> {
         self.running.push(started);
     }
 
-    /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended.
-    fn decide(&mut self, each_tick: impl FnMut(&[World])) -> Vec<(usize, Outcome)> {
+    /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
+    /// each tick if somebody watches.
+    fn decide(&mut self, watch: Option<&mut dyn FnMut(&[World])>) -> Vec<(usize, Outcome)> {
         let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot)).collect();
         let noise = self.running.iter_mut().flat_map(Running::noise).collect();
         let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
-        let closed = self.decisions.decide_watched(&mut stage, self.policy, Noise::Rows(noise), each_tick);
+        let noise = Noise::Rows(noise);
+        let closed = match watch {
+            Some(watch) => self.decisions.decide_watched(&mut stage, self.policy, noise, watch),
+            None => self.decisions.decide(&mut stage, self.policy, noise),
+        };
         let mut closed = closed.iter();
         let mut finished = Vec::new();
         let [world] = &mut self.worlds;

@@ -17,11 +17,16 @@ use surefoot_net::serving::tokens::{TokenError, Tokens};
 use surefoot_net::serving::{Caller, Endpoint, EndpointConfig, Security, ServeError, Shutdown};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_policy::Policy;
+use surefoot_proto::convert::map_spec_to_wire;
 use surefoot_proto::planner::v1 as plan;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
-use surefoot_proto::world::v1::{GetNpcRequest, ListWorldsRequest};
+use surefoot_proto::world::v1::{
+    BatchSpawnNpcsRequest, CreateWorldRequest, GetNpcRequest, ListWorldsRequest, SampleGroundRequest, Spawn,
+    StallWorldRequest, WatchWorldRequest,
+};
 use surefoot_server::ServerConfig;
+use surefoot_world::MapSpec;
 use tonic::body::Body;
 use tonic::codegen::tokio_stream::StreamExt;
 use tonic::{Code, Request, Status};
@@ -315,6 +320,115 @@ async fn with_a_client_authority_only_its_clients_are_let_in() {
     list_worlds(&server.uri, showing(Some(others.issue("stranger")))).await.unwrap_err();
     list_worlds(&server.uri, showing(Some(certificates.issue("friend")))).await.unwrap();
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_certificate_is_reloaded_when_its_files_change_and_kept_while_they_are_broken() {
+    let (former, next) = (Certificates::new(), Certificates::new());
+    let (certificate, key) = former.issue("127.0.0.1");
+    let tls = Some(ServerTls::load(&certificate, &key, None).unwrap());
+    let security = Security { tls, tokens: Some(tokens()), ..Security::default() };
+    let server = start_server_at(EndpointConfig { security, ..Default::default() }, ServerConfig::default());
+    let trusting = |of: &Certificates| ClientTlsFiles { authority: Some(of.authority()), ..Default::default() };
+    let credentials = Credentials::load(Some(&Secret::new(secret_of(Role::Admin))), &trusting(&former)).unwrap();
+    let link = credentials.dial(&server.uri).unwrap().connect().await.unwrap();
+    let mut client = WorldServiceClient::new(link);
+    let map = Some(map_spec_to_wire(&MapSpec::with_side(1, 50).unwrap()));
+    let world = client.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
+    let watch = WatchWorldRequest { world_id: world.unwrap().world_id, rate_hz: 10.0, ..Default::default() };
+    let mut snapshots = client.watch_world(watch).await.unwrap().into_inner();
+    // A certificate without its key is named in the log; nobody is cut off. (Whether it is ever read depends on when.)
+    let (next_certificate, next_key) = next.issue("127.0.0.1");
+    std::fs::copy(&next_certificate, &certificate).unwrap();
+    list_worlds(&server.uri, trusting(&former)).await.unwrap();
+    std::fs::copy(&next_key, &key).unwrap();
+    let replaced = async { while list_worlds(&server.uri, trusting(&next)).await.is_err() {} };
+    tokio::time::timeout(LIMIT, replaced).await.expect("the new certificate is shown");
+    list_worlds(&server.uri, trusting(&former)).await.unwrap_err();
+    for _ in 0..20 {
+        snapshots.message().await.unwrap().expect("streams that had begun go on");
+    }
+    server.stop().await;
+}
+
+/// What a server is doing when it is told to stop.
+#[derive(Debug, Clone, Copy)]
+enum Load {
+    /// It sends to a client over TLS that does not read.
+    UnreadOverTls,
+    /// The same without TLS, and several streams.
+    Unread,
+    /// Its world is late, and more work waits.
+    Busy,
+    /// It generates the maps of saved worlds.
+    StartUp,
+}
+
+async fn drain(load: Load, certificates: &Certificates) {
+    let state = tempfile::tempdir().unwrap();
+    let config = || ServerConfig { state: Some(state.path().to_owned()), ..ServerConfig::default() };
+    let server = match load {
+        Load::UnreadOverTls => start_tls_server(certificates, "127.0.0.1", None),
+        _ => start_server_at(EndpointConfig::default(), config()),
+    };
+    let files = ClientTlsFiles { authority: Some(certificates.authority()), ..Default::default() };
+    let credentials = match load {
+        Load::UnreadOverTls => Credentials::load(Some(&Secret::new(secret_of(Role::Admin))), &files).unwrap(),
+        _ => Credentials::default(),
+    };
+    let mut client = WorldServiceClient::new(credentials.dial(&server.uri).unwrap().connect().await.unwrap());
+    let map = Some(map_spec_to_wire(&MapSpec::with_side(1, 60).unwrap()));
+    let world = client.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
+    let world_id = world.unwrap().world_id;
+    let points = SampleGroundRequest { world_id, count: 64, seed: 1 };
+    let points = client.sample_ground(points).await.unwrap().into_inner().points;
+    let spawn = |position| Spawn { position: Some(position), ..Default::default() };
+    let spawns = points.into_iter().map(spawn).collect();
+    client.batch_spawn_npcs(BatchSpawnNpcsRequest { world_id, spawns, ..Default::default() }).await.unwrap();
+    let watch = WatchWorldRequest { world_id, rate_hz: 60.0, ..Default::default() };
+    let mut unread = Vec::new();
+    let server = match load {
+        Load::UnreadOverTls | Load::Unread => {
+            for _ in 0..4 {
+                unread.push(client.watch_world(watch.clone()).await.unwrap());
+            }
+            server
+        }
+        Load::Busy => {
+            for _ in 0..12 {
+                let mut client = client.clone();
+                tokio::spawn(
+                    async move { client.stall_world(StallWorldRequest { world_id, milliseconds: 1000 }).await },
+                );
+            }
+            unread.push(client.watch_world(watch).await.unwrap());
+            server
+        }
+        Load::StartUp => {
+            server.stop().await;
+            start_server_at(EndpointConfig::default(), config())
+        }
+    };
+    let ended = tokio::time::timeout(Duration::from_secs(10), server.stop()).await;
+    assert!(ended.is_ok(), "a drain takes more than ten seconds: {load:?}");
+    drop(unread);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_hundred_of_a_hundred_drains_end_within_ten_seconds() {
+    const ROUNDS: usize = 4;
+    let certificates = std::sync::Arc::new(Certificates::new());
+    for _ in 0..ROUNDS {
+        let mut drains = tokio::task::JoinSet::new();
+        for idx in 0..100 / ROUNDS {
+            let load = [Load::UnreadOverTls, Load::Unread, Load::Busy, Load::StartUp][idx % 4];
+            let certificates = certificates.clone();
+            drains.spawn(async move { drain(load, &certificates).await });
+        }
+        while let Some(drained) = drains.join_next().await {
+            drained.unwrap();
+        }
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

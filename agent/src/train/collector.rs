@@ -193,7 +193,7 @@ impl Collector {
         let lanes: Vec<Lane> = deciding.iter().map(|&idx| self.lanes[idx]).collect();
         let actions: Vec<Action> = deciding.iter().map(|&idx| actions[idx]).collect();
         let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
-        let closed = self.decisions.advance(&mut stage, &actions, |_| {});
+        let closed = self.decisions.advance(&mut stage, &actions);
         let mut outcomes = vec![None; self.lanes.len()];
         deciding.iter().zip(closed).for_each(|(&idx, outcome)| outcomes[idx] = Some(*outcome));
         outcomes

@@ -2,6 +2,7 @@
 
 use super::connect;
 use super::gate::{self, Gate};
+use super::generations::Generations;
 use super::incoming::{Counters, Incoming};
 use super::limits::Limits;
 use super::openapi;
@@ -209,16 +210,13 @@ impl Endpoint {
             .layer(axum::middleware::from_fn_with_state(limits.max_import_bytes * 2, connect::serve))
             .layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass))
             .layer(cors);
-        let mut server = Server::builder()
+        let server = Server::builder()
             .accept_http1(true)
             .max_concurrent_streams(limits.max_streams)
             .http2_max_header_list_size(MAX_HEADER_BYTES)
             .http2_keepalive_interval(Some(limits.keepalive_interval))
             .http2_keepalive_timeout(Some(limits.keepalive_timeout));
-        if let Some(tls) = &security.tls {
-            server = server.tls_config(tls.config(limits.handshake_timeout))?;
-        }
-        let cut = Shutdown::default();
+        let (cut, stop) = (Shutdown::default(), Shutdown::default());
         let incoming = Incoming::new(listener, limits, counters, cut.clone());
         let reporter = health.clone();
         let noticed = async {
@@ -242,8 +240,12 @@ impl Endpoint {
                 reporter.set_service_status(*name, ServingStatus::NotServing).await;
             }
             sleep(NOTICE).await;
+            stop.trigger();
+            std::future::pending::<()>().await;
         };
-        let server = server.add_routes(router.into()).serve_with_incoming_shutdown(incoming, noticed);
+        let generations =
+            Generations { server, router, handshake_timeout: limits.handshake_timeout, stop: stop.clone() };
+        let server = generations.serve(incoming, security.tls);
         let drained = async {
             shutdown.wait().await;
             sleep(2 * NOTICE).await;
@@ -256,6 +258,7 @@ impl Endpoint {
         tokio::select! {
             result = server => result?,
             () = reloading => {}
+            () = noticed => {}
             () = drained => warn!(%address, "some connections did not close in time and were cut"),
         }
         cut.trigger();

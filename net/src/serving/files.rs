@@ -1,7 +1,11 @@
 //! Reads the files that protect connections: certificates, keys, tokens.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 use tonic::transport::Identity;
+
+/// Time between two looks at a file that is read again when it changes.
+pub(super) const RELOAD_PERIOD: Duration = Duration::from_secs(2);
 
 /// A file that cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -21,4 +25,12 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
 /// Reads a certificate chain and its key, both PEM.
 pub(crate) fn read_identity(certificate: &Path, key: &Path) -> Result<Identity, FileError> {
     Ok(Identity::from_pem(read(certificate)?, read(key)?))
+}
+
+/// What changes when a file is written or replaced: its time and its length.
+pub(super) type Stamp = Option<(SystemTime, u64)>;
+
+pub(super) fn stamp(path: &Path) -> Stamp {
+    let metadata = std::fs::metadata(path).ok()?;
+    Some((metadata.modified().ok()?, metadata.len()))
 }

@@ -1,14 +1,15 @@
 //! The server's side of every Surefoot endpoint: limits, TLS and tokens, health checking, reflection, gRPC-Web, Connect with JSON,
 //! and a bounded drain.
 //!
-//! [`Endpoint`] combines the modules: `incoming` accepts connections (how many, how long silent), `gate` checks requests (who, by
-//! [`access`], and by when), `connect` translates requests of the Connect protocol into gRPC.
+//! [`Endpoint`] combines the modules: `incoming` accepts connections (how many, how long silent), `generations` serves them with the
+//! present certificate, `gate` checks requests (who, by [`access`], and by when), `connect` translates requests of the Connect protocol into gRPC.
 
 pub mod access;
 mod connect;
 mod endpoint;
 mod files;
 mod gate;
+mod generations;
 mod incoming;
 mod limits;
 mod openapi;

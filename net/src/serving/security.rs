@@ -1,9 +1,10 @@
 //! How an endpoint is protected: with TLS, with tokens, or explicitly not at all.
 
-use super::files::{FileError, read, read_identity};
+use super::files::{FileError, Stamp, read, read_identity, stamp};
 use super::tokens::Tokens;
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 
@@ -47,6 +48,21 @@ pub(crate) fn tls_error(error: &tonic::transport::Error) -> SecurityError {
 pub struct ServerTls {
     identity: Identity,
     client_authority: Option<Certificate>,
+    files: Arc<TlsFiles>,
+    stamps: Vec<Stamp>,
+}
+
+/// Where the parts of [`ServerTls`] were read from.
+struct TlsFiles {
+    certificate: PathBuf,
+    key: PathBuf,
+    client_authority: Option<PathBuf>,
+}
+
+impl TlsFiles {
+    fn stamps(&self) -> Vec<Stamp> {
+        [&self.certificate, &self.key].into_iter().chain(&self.client_authority).map(|path| stamp(path)).collect()
+    }
 }
 
 impl fmt::Debug for ServerTls {
@@ -61,10 +77,35 @@ impl ServerTls {
     /// # Errors
     /// If a file cannot be read, or a TLS server cannot be set up with the files.
     pub fn load(certificate: &Path, key: &Path, client_authority: Option<&Path>) -> Result<Self, SecurityError> {
-        let client_authority = client_authority.map(|path| read(path).map(Certificate::from_pem)).transpose()?;
-        let tls = Self { identity: read_identity(certificate, key)?, client_authority };
+        let files = TlsFiles {
+            certificate: certificate.to_owned(),
+            key: key.to_owned(),
+            client_authority: client_authority.map(Path::to_owned),
+        };
+        Self::read(Arc::new(files))
+    }
+
+    fn read(files: Arc<TlsFiles>) -> Result<Self, SecurityError> {
+        // Taken first: a file that changes while it is read is read once more.
+        let stamps = files.stamps();
+        let client_authority =
+            files.client_authority.as_deref().map(|path| read(path).map(Certificate::from_pem)).transpose()?;
+        let tls = Self { identity: read_identity(&files.certificate, &files.key)?, client_authority, files, stamps };
         Server::builder().tls_config(tls.config(Duration::ZERO)).map_err(|error| tls_error(&error))?;
         Ok(tls)
+    }
+
+    /// Reads the files again if one of them has changed since the last look.
+    ///
+    /// # Errors
+    /// If they cannot be used, for example because only one of certificate and key has been replaced yet.
+    pub(super) fn renew(&mut self) -> Option<Result<(), SecurityError>> {
+        let stamps = self.files.stamps();
+        if stamps == self.stamps {
+            return None;
+        }
+        self.stamps = stamps;
+        Some(Self::read(self.files.clone()).map(|renewed| *self = renewed))
     }
 
     pub(super) fn config(&self, handshake_timeout: Duration) -> ServerTlsConfig {

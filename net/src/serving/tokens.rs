@@ -1,19 +1,16 @@
 //! Bearer tokens: secrets that identify callers and their roles.
 
 use super::access::Role;
-use super::files::{FileError, read};
+use super::files::{FileError, RELOAD_PERIOD, read, stamp};
 use crate::secret::Secret;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, RwLock};
-use std::time::{Duration, SystemTime};
 use toml::{Table, Value};
 use tracing::{info, warn};
 
 /// Least length of a secret, bytes.
 const MIN_SECRET_LEN: usize = 16;
-/// Time between two looks at the file of tokens.
-const RELOAD_PERIOD: Duration = Duration::from_secs(2);
 const POISON: &str = "no holder of this lock panics";
 
 /// Why a file of tokens cannot be used.
@@ -167,12 +164,6 @@ impl Tokens {
             },
         )
     }
-}
-
-/// What changes when a file is written or replaced.
-fn stamp(path: &Path) -> Option<(SystemTime, u64)> {
-    let metadata = std::fs::metadata(path).ok()?;
-    Some((metadata.modified().ok()?, metadata.len()))
 }
 
 fn parse_token(entry: &Value, position: usize) -> Result<Token, TokenError> {

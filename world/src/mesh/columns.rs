@@ -118,11 +118,24 @@ pub(super) struct Columns {
 /// A triangle in one column.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
-    /// Index of the column, tile by tile.
+    /// Number of the column.
     column: u32,
     triangle: u32,
     low: f32,
     high: f32,
+}
+
+/// The columns of a band of rows, whose blocks are counted from the first of the band.
+#[derive(Default)]
+struct Band {
+    /// The triangles of each column, sorted by column and height.
+    entries: Vec<Entry>,
+    /// Columns that are not empty, and their numbers.
+    columns: Vec<(u32, Column)>,
+    spans: Vec<Span>,
+    surfaces: Vec<[Surface; LANES]>,
+    /// First entry and number of entries of each block.
+    blocks: Vec<(u32, u8)>,
 }
 
 /// Horizontal bounds and heights of all triangles.
@@ -157,19 +170,27 @@ impl Columns {
         }
         let threads = parallel::core_count();
         let bands = columns.triangles_by_band(triangles);
-        let entries = parallel::map_indices(bands.len(), threads, |range| {
-            range.flat_map(|band| columns.entries_of_band(triangles, &bands[band], band)).collect()
+        let bands = parallel::map_indices(bands.len(), threads, |range| {
+            range.map(|band| columns.build_band(triangles, &bands[band], band)).collect()
         });
-        drop(bands);
-        let blocks = columns.allot(triangles, &entries);
-        if blocks.len() > MAX_BLOCKS {
+        let block_count = bands.iter().map(|band| band.blocks.len()).sum();
+        if block_count > MAX_BLOCKS {
             return None;
         }
-        let mut filled = vec![Block { rows: [[0.0; LANES]; 12] }; blocks.len()];
-        parallel::for_each_slab(&mut filled, 1, threads, |idx, block| {
-            columns.fill(&mut block[0], triangles, &entries[blocks[idx].clone()]);
+        let mut blocks = vec![Block { rows: [[0.0; LANES]; 12] }; block_count];
+        let mut rest = blocks.as_mut_slice();
+        let mut fills: Vec<(&Band, &mut [Block])> = Vec::with_capacity(bands.len());
+        for band in &bands {
+            columns.append(band);
+            let (own, others) = rest.split_at_mut(band.blocks.len());
+            fills.push((band, own));
+            rest = others;
+        }
+        parallel::for_each_slab(&mut fills, 1, threads, |_, fill| {
+            let (band, blocks) = &mut fill[0];
+            band.blocks.iter().zip(blocks.iter_mut()).for_each(|(of, block)| columns.fill(block, triangles, band, of));
         });
-        columns.blocks = filled;
+        columns.blocks = blocks;
         Some(columns)
     }
 
@@ -295,65 +316,86 @@ impl Columns {
                     (lowest, highest) = (lowest.max(y - reach), highest.min(y + reach));
                 }
                 if lowest <= highest {
-                    let tile = (z >> 1) as u32 * self.tiles_across as u32 + (x >> 2) as u32;
-                    let place = (z & 1) as u32 * TILE_X as u32 + (x & 3) as u32;
-                    found(tile * TILE_LEN as u32 + place, lowest - SLACK_M, highest + SLACK_M);
+                    found(self.number((x, z)), lowest - SLACK_M, highest + SLACK_M);
                 }
             }
         }
     }
 
-    /// Divides sorted entries into blocks, writes the columns, and returns the entries of each block.
-    fn allot(&mut self, triangles: &[Triangle], entries: &[Entry]) -> Vec<std::ops::Range<usize>> {
+    /// Divides the triangles of each column of a band into blocks.
+    fn build_band(&self, triangles: &[Triangle], indices: &[u32], band: usize) -> Band {
+        let entries = self.entries_of_band(triangles, indices, band);
         let down = |y: f32| ((y - self.floor) * self.quanta_per_m - 1.0).floor().max(0.0) as u16;
         let up = |y: f32| ((y - self.floor) * self.quanta_per_m + 1.0).ceil() as u16;
-        let mut blocks = Vec::new();
+        let mut built = Band::default();
         let mut start = 0;
-        while start < entries.len() {
-            let column = entries[start].column;
-            let first_block = blocks.len();
-            let (mut lowest, mut highest, mut only_ground) = (u16::MAX, 0, true);
-            while start < entries.len() && entries[start].column == column {
-                let (mut low, mut high) = (entries[start].low, entries[start].high);
+        for of_column in entries.chunk_by(|a, b| a.column == b.column) {
+            let first_block = built.blocks.len();
+            let (mut column, mut only_ground) = (Column::EMPTY, true);
+            let column_end = start + of_column.len();
+            while start < column_end {
+                let mut span = Span { low: u16::MAX, high: 0, is_last: false };
                 let mut surfaces = [Surface::Ground; LANES];
-                let mut end = start;
-                while let Some(entry) = entries.get(end) {
-                    if entry.column != column || end - start == LANES || entry.low > high + GAP_M {
-                        break;
-                    }
-                    (low, high) = (low.min(entry.low), high.max(entry.high));
-                    surfaces[end - start] = triangles[entry.triangle as usize].surface();
-                    only_ground &= surfaces[end - start] == Surface::Ground;
+                let (mut highest, mut end) = (entries[start].high, start);
+                while end < column_end && end - start < LANES && entries[end].low <= highest + GAP_M {
+                    let Entry { triangle, low, high, .. } = entries[end];
+                    highest = highest.max(high);
+                    span = Span { low: span.low.min(down(low)), high: span.high.max(up(high)), ..span };
+                    let surface = triangles[triangle as usize].surface();
+                    surfaces[end - start] = surface;
+                    only_ground &= surface == Surface::Ground;
                     end += 1;
                 }
-                let span = Span { low: down(low), high: up(high), is_last: false };
-                (lowest, highest) = (lowest.min(span.low), highest.max(span.high));
-                self.spans.push(span);
-                self.surfaces.push(surfaces);
-                blocks.push(start..end);
+                (column.low, column.high) = (column.low.min(span.low), column.high.max(span.high));
+                built.spans.push(Span { is_last: end == column_end, ..span });
+                built.surfaces.push(surfaces);
+                built.blocks.push((start as u32, (end - start) as u8));
                 start = end;
             }
-            self.spans.iter_mut().next_back().expect("a column has blocks").is_last = true;
-            let single = if blocks.len() - first_block == 1 { SINGLE } else { 0 };
+            let single = if built.blocks.len() - first_block == 1 { SINGLE } else { 0 };
             let ground = if only_ground { ONLY_GROUND } else { 0 };
-            self.tiles[column as usize / TILE_LEN].0[column as usize % TILE_LEN] =
-                Column { low: lowest, high: highest, blocks: first_block as u32 | single | ground };
+            column.blocks = first_block as u32 | single | ground;
+            built.columns.push((of_column[0].column, column));
         }
-        blocks
+        built.entries = entries;
+        built
     }
 
-    /// Writes the triangles of `entries` into a block.
-    fn fill(&self, block: &mut Block, triangles: &[Triangle], entries: &[Entry]) {
-        let column = entries[0].column as usize;
-        let (tile, place) = (column / TILE_LEN, column % TILE_LEN);
-        let x = tile % self.tiles_across * TILE_X + place % TILE_X;
-        let z = tile / self.tiles_across * TILE_Z + place / TILE_X;
-        let base = self.base((x as i32, z as i32), self.tiles[tile].0[place].low);
+    /// Adds a band whose blocks are still to be filled.
+    fn append(&mut self, band: &Band) {
+        let first_block = self.spans.len() as u32;
+        for &(number, column) in &band.columns {
+            let column = Column { blocks: column.blocks + first_block, ..column };
+            self.tiles[number as usize / TILE_LEN].0[number as usize % TILE_LEN] = column;
+        }
+        self.spans.extend_from_slice(&band.spans);
+        self.surfaces.extend_from_slice(&band.surfaces);
+    }
+
+    /// Writes the triangles of a block.
+    fn fill(&self, block: &mut Block, triangles: &[Triangle], band: &Band, &(start, len): &(u32, u8)) {
+        let entries = &band.entries[start as usize..][..usize::from(len)];
+        let place = self.place(entries[0].column);
+        let base = self.base(place, self.at(place).expect("a column of the level").low);
         for (lane, entry) in entries.iter().enumerate() {
             for (row, value) in block.rows.iter_mut().zip(triangles[entry.triangle as usize].transformation(base)) {
                 row[lane] = value;
             }
         }
+    }
+
+    /// Number of a column, tile by tile.
+    fn number(&self, (x, z): (i32, i32)) -> u32 {
+        let tile = (z >> 1) as u32 * self.tiles_across as u32 + (x >> 2) as u32;
+        tile * TILE_LEN as u32 + (z & 1) as u32 * TILE_X as u32 + (x & 3) as u32
+    }
+
+    /// The column with a number.
+    fn place(&self, number: u32) -> (i32, i32) {
+        let (tile, place) = (number as usize / TILE_LEN, number as usize % TILE_LEN);
+        let x = tile % self.tiles_across * TILE_X + place % TILE_X;
+        let z = tile / self.tiles_across * TILE_Z + place / TILE_X;
+        (x as i32, z as i32)
     }
 }
 
