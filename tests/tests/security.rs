@@ -364,11 +364,12 @@ enum Load {
     StartUp,
 }
 
-async fn drain(load: Load, certificates: &Certificates) {
+async fn drain(load: Load) {
+    let certificates = Certificates::new();
     let state = tempfile::tempdir().unwrap();
     let config = || ServerConfig { state: Some(state.path().to_owned()), ..ServerConfig::default() };
     let server = match load {
-        Load::UnreadOverTls => start_tls_server(certificates, "127.0.0.1", None),
+        Load::UnreadOverTls => start_tls_server(&certificates, "127.0.0.1", None),
         _ => start_server_at(EndpointConfig::default(), config()),
     };
     let files = ClientTlsFiles { authority: Some(certificates.authority()), ..Default::default() };
@@ -417,13 +418,11 @@ async fn drain(load: Load, certificates: &Certificates) {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_hundred_of_a_hundred_drains_end_within_ten_seconds() {
     const ROUNDS: usize = 4;
-    let certificates = std::sync::Arc::new(Certificates::new());
     for _ in 0..ROUNDS {
         let mut drains = tokio::task::JoinSet::new();
         for idx in 0..100 / ROUNDS {
             let load = [Load::UnreadOverTls, Load::Unread, Load::Busy, Load::StartUp][idx % 4];
-            let certificates = certificates.clone();
-            drains.spawn(async move { drain(load, &certificates).await });
+            drains.spawn(drain(load));
         }
         while let Some(drained) = drains.join_next().await {
             drained.unwrap();

@@ -359,7 +359,7 @@ async fn a_starting_server_says_so_and_stops_when_it_is_told_to() {
 #[tokio::test(flavor = "multi_thread")]
 async fn memory_is_refused_before_it_is_used_and_equal_maps_are_paid_for_once() {
     // A map of 100 x 80 x 100 m takes 8.2 MB to generate, by the estimate.
-    let config = ServerConfig { max_memory_bytes: 12_000_000, ..ServerConfig::default() };
+    let config = ServerConfig { max_memory_bytes: 16_000_000, ..ServerConfig::default() };
     let server = start_server(config);
     let mut client = world_client(&server).await;
     let first = create_world(&mut client, 1, wire::TimeMode::Realtime).await;
