@@ -17,13 +17,13 @@ use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{Ability, CharacterProfile, DecisionOutcome, End, Map, NpcSlot, TaskConfig, Vec3, World};
 
 /// Most trials handed to a thread at a time.
-const MAX_CHUNK: usize = 512;
+const MAX_CHUNK: usize = 256;
 /// Fewest trials handed to a thread at a time, unless there are fewer in all.
 const MIN_CHUNK: usize = 32;
 /// Most trials of a thread that run at once: the batch of the policy.
 const BATCH: usize = 192;
-/// Decisions without progress after which a probe has failed.
-const GIVE_UP_AFTER: u32 = 30;
+/// Decisions without progress after which a probe has failed: a short leg is hopeless sooner than a long way.
+const GIVE_UP_AFTER: u32 = 12;
 
 /// What a probe runs with: map, character and policy.
 #[derive(Debug, Clone)]
@@ -68,8 +68,9 @@ pub struct InProcess {
 
 impl ProbeExecutor for InProcess {
     fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>> {
-        // Chunks must not depend on the number of threads, since results may depend on what shares a batch.
-        let chunk_len = (trials.len() / 8).clamp(MIN_CHUNK, MAX_CHUNK);
+        // Chunks must not depend on the number of threads, since results may depend on what shares a batch. Many of them keep all
+        // threads busy to the end.
+        let chunk_len = (trials.len() / 32).clamp(MIN_CHUNK, MAX_CHUNK);
         let chunks: Vec<&[Trial]> = trials.chunks(chunk_len).collect();
         let next = AtomicUsize::new(0);
         let results: Mutex<Vec<Option<Vec<Outcome>>>> = Mutex::new(vec![None; chunks.len()]);

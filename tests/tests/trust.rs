@@ -358,7 +358,7 @@ async fn a_starting_server_says_so_and_stops_when_it_is_told_to() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn memory_is_refused_before_it_is_used_and_equal_maps_are_paid_for_once() {
-    // A map of 100 x 80 x 100 m takes 8.2 MB to generate, by the estimate.
+    // A map of 100 x 80 x 100 m takes 12 MB to generate, by the estimate.
     let config = ServerConfig { max_memory_bytes: 16_000_000, ..ServerConfig::default() };
     let server = start_server(config);
     let mut client = world_client(&server).await;
@@ -374,7 +374,7 @@ async fn memory_is_refused_before_it_is_used_and_equal_maps_are_paid_for_once() 
     }
     let refused = refused.expect("the budget has an end");
     assert_eq!((refused.code(), reason(&refused)), (Code::ResourceExhausted, Some(Reason::OutOfMemory)));
-    for words in ["127.0.0.1: ", " of 12 MB", "--max-memory"] {
+    for words in ["127.0.0.1: ", " of 16 MB", "--max-memory"] {
         assert!(refused.message().contains(words), "{refused}");
     }
     let env = wire::CreateEnvRequest { map: Some(small_map(30)), npc_count: 4096, ..Default::default() };

@@ -16,10 +16,13 @@ const TRIANGLES_PER_COLUMN: f32 = 9.0;
 /// Least and greatest side of a column, m.
 const MIN_SIDE_M: f32 = 0.25;
 const MAX_SIDE_M: f32 = 4.0;
-/// Side of the cells in which the density of triangles is estimated, m.
+/// Least side of the cells in which the density of triangles is estimated, m, and their greatest number.
 const DENSITY_CELL_M: f32 = 4.0;
-/// Most columns, most places of triangles in columns, and most blocks, which are 0.6 GB; levels with more get wider columns.
-const MAX_COLUMNS: f32 = 16.0e6;
+const MAX_DENSITY_CELLS: f32 = 65_536.0;
+/// Most columns, in all and for each triangle, most places of triangles in columns, and most blocks, which are 0.6 GB; levels with
+/// more get wider columns.
+const MIN_COLUMNS: f32 = 16_384.0;
+const COLUMNS_PER_TRIANGLE: f32 = 4.0;
 const MAX_ENTRIES: usize = 24_000_000;
 const MAX_BLOCKS: usize = 1_500_000;
 /// Most steps of the heights at which columns begin and end.
@@ -402,15 +405,22 @@ impl Columns {
 /// Side of a column for which most columns that hold anything hold one block, m.
 fn column_side(triangles: &[Triangle], bounds: &Bounds) -> f32 {
     let size = bounds.high - bounds.low;
-    let (across, down) = ((size.x / DENSITY_CELL_M) as usize + 1, (size.z / DENSITY_CELL_M) as usize + 1);
-    let mut is_occupied = vec![false; across * down];
+    let area = size.x * size.z;
+    let cell_m = DENSITY_CELL_M.max((area / MAX_DENSITY_CELLS).sqrt());
+    let cell = |value: f32| (value / cell_m) as usize;
+    let across = cell(size.x) + 1;
+    let mut is_occupied = vec![false; across * (cell(size.z) + 1)];
     for triangle in triangles {
         let centre = triangle.corners().iter().sum::<Vec3>() / 3.0 - bounds.low;
-        is_occupied[(centre.z / DENSITY_CELL_M) as usize * across + (centre.x / DENSITY_CELL_M) as usize] = true;
+        is_occupied[cell(centre.z).min(cell(size.z)) * across + cell(centre.x).min(across - 1)] = true;
     }
-    let occupied = is_occupied.iter().filter(|&&it| it).count() as f32 * DENSITY_CELL_M * DENSITY_CELL_M;
-    let side = (TRIANGLES_PER_COLUMN * occupied / triangles.len() as f32).sqrt().clamp(MIN_SIDE_M, MAX_SIDE_M);
-    side.max((size.x * size.z / MAX_COLUMNS).sqrt())
+    let occupied = is_occupied.iter().filter(|&&it| it).count() as f32 * cell_m * cell_m;
+    let count = triangles.len() as f32;
+    let side = (TRIANGLES_PER_COLUMN * occupied / count).sqrt().clamp(MIN_SIDE_M, MAX_SIDE_M);
+    let longest = size.x.max(size.z);
+    let most_columns = MIN_COLUMNS + COLUMNS_PER_TRIANGLE * count;
+    // Neither many columns in all, nor in a row.
+    side.max((area / most_columns).sqrt()).max(longest / most_columns)
 }
 
 /// The edges of a triangle from above, each as a horizontal vector to the inside and a point.
