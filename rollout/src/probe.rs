@@ -136,6 +136,9 @@ fn run_chunk(
     }
 }
 
+/// Sees the worlds after each tick.
+type Watcher<'a> = dyn FnMut(&[World]) + 'a;
+
 /// Trials that run together on one world.
 struct Probes<'a> {
     policy: &'a Policy,
@@ -159,7 +162,7 @@ impl<'a> Probes<'a> {
 
     /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
     /// each tick if somebody watches.
-    fn decide(&mut self, watch: Option<&mut dyn FnMut(&[World])>) -> Vec<(usize, Outcome)> {
+    fn decide(&mut self, watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
         let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot)).collect();
         let noise = self.running.iter_mut().flat_map(Running::noise).collect();
         let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };

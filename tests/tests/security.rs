@@ -391,7 +391,7 @@ async fn drain(load: Load) {
     let server = match load {
         Load::UnreadOverTls | Load::Unread => {
             for _ in 0..4 {
-                unread.push(client.watch_world(watch.clone()).await.unwrap());
+                unread.push(client.watch_world(watch).await.unwrap());
             }
             server
         }

@@ -549,52 +549,75 @@ async fn a_worker_with_a_token_works_where_tokens_are_required() {
     server.stop().await;
 }
 
-/// Everything that happens on four lockstep worlds with a real worker up to a tick, NPCs by the order in which they were spawned.
-async fn history_of_lockstep_worlds(until_tick: u64) -> Vec<Vec<(u64, u64, wire::npc_event::Event)>> {
-    let server = start_server(ServerConfig::default());
-    let worker = start_worker(&server, None, 64);
-    let mut client = world_client(&server).await;
-    let mut histories = Vec::new();
-    for seed in 1000..1004 {
-        let world_id = create_world(&mut client, seed, wire::TimeMode::Lockstep).await.world_id;
-        let points = ground(&mut client, world_id, 8).await;
-        let spawn = |pair: &[wire::Vec3]| wire::Spawn { position: Some(pair[0]), yaw: 0.0, goal: Some(pair[1]) };
-        let spawns = points.chunks_exact(2).map(spawn).collect();
-        let request = wire::BatchSpawnNpcsRequest { world_id, spawns, ..Default::default() };
-        client.batch_spawn_npcs(request).await.unwrap();
-        let after = Some(wire::EventCursor { epoch: 0, sequence: 0 });
-        let request = wire::WatchEventsRequest { world_id, after, ..Default::default() };
-        let mut events = client.watch_events(request).await.unwrap().into_inner();
-        let mut history = Vec::new();
-        let reading = async {
-            // A world without a goal stands still: the last attempt to end is the end.
-            let mut open = 4;
-            while let Some(message) = events.next().await {
-                let message = message.unwrap();
-                for event in message.events {
-                    let kind = event.event.unwrap();
-                    open -= u32::from(matches!(kind, wire::npc_event::Event::AttemptEnded(_)));
-                    history.push((message.tick, event.npc_id % (1 << 28), kind));
-                }
-                if message.tick >= until_tick || open == 0 {
-                    return;
-                }
-            }
-        };
-        tokio::time::timeout(LIMIT, reading).await.expect("in time");
-        histories.push(history.into_iter().filter(|(tick, ..)| *tick <= until_tick).collect());
+/// Everything that happens on a lockstep world with a real worker up to a tick, NPCs by the order in which they were spawned.
+///
+/// All NPCs get their next goals together, once all attempts have ended: until then the world stands still.
+async fn history_of_lockstep_world(
+    server: &Running,
+    seed: u64,
+    until_tick: u64,
+) -> Vec<(u64, u64, wire::npc_event::Event)> {
+    const NPCS: usize = 4;
+    let mut client = world_client(server).await;
+    let world_id = create_world(&mut client, seed, wire::TimeMode::Lockstep).await.world_id;
+    let points = ground(&mut client, world_id, 64).await;
+    let mut places = points.iter().copied().cycle();
+    let spawns =
+        places.by_ref().take(NPCS).map(|at| wire::Spawn { position: Some(at), ..Default::default() }).collect();
+    let request = wire::BatchSpawnNpcsRequest { world_id, spawns, ..Default::default() };
+    let spawned = client.batch_spawn_npcs(request).await.unwrap().into_inner().results;
+    let id = |spawned: &wire::SpawnResult| match &spawned.result {
+        Some(wire::spawn_result::Result::NpcId(npc_id)) => *npc_id,
+        other => panic!("every place is free: {other:?}"),
+    };
+    let npc_ids: Vec<u64> = spawned.iter().map(id).collect();
+    let after = Some(wire::EventCursor { epoch: 0, sequence: 0 });
+    let mut events = client
+        .watch_events(wire::WatchEventsRequest { world_id, after, ..Default::default() })
+        .await
+        .unwrap()
+        .into_inner();
+    let mut history = Vec::new();
+    let mut open = 0;
+    loop {
+        if open == 0 {
+            let goal = |(&npc_id, goal)| wire::SetGoalRequest { npc_id, goal: Some(goal) };
+            let goals: Vec<_> = npc_ids.iter().zip(places.by_ref()).map(goal).collect();
+            open = goals.len();
+            client.batch_set_goals(wire::BatchSetGoalsRequest { goals }).await.unwrap();
+        }
+        let message = tokio::time::timeout(LIMIT, events.next()).await.expect("in time").unwrap().unwrap();
+        for event in message.events {
+            let kind = event.event.unwrap();
+            open -= usize::from(matches!(kind, wire::npc_event::Event::AttemptEnded(_)));
+            history.push((message.tick, event.npc_id % (1 << 28), kind));
+        }
+        if message.tick >= until_tick {
+            client.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
+            history.retain(|(tick, ..)| *tick <= until_tick);
+            return history;
+        }
     }
-    worker.stop().await;
-    server.stop().await;
-    histories
+}
+
+/// A number from the environment, for runs that are longer than those of every day.
+fn setting(name: &str, default: u64) -> u64 {
+    std::env::var(name).map_or(default, |text| text.parse().expect("a number"))
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn lockstep_worlds_with_a_worker_repeat_themselves() {
-    let (first, second) = (history_of_lockstep_worlds(1200).await, history_of_lockstep_worlds(1200).await);
-    let events: usize = first.iter().map(Vec::len).sum();
-    assert!(events > 32, "something happens: {events} events");
-    assert_eq!(first, second);
+    let (worlds, ticks) = (setting("SUREFOOT_REPLAY_WORLDS", 4), setting("SUREFOOT_REPLAY_TICKS", 2400));
+    let server = start_server(ServerConfig::default());
+    let worker = start_worker(&server, None, 64);
+    for seed in 1000..1000 + worlds {
+        let first = history_of_lockstep_world(&server, seed, ticks).await;
+        let second = history_of_lockstep_world(&server, seed, ticks).await;
+        assert!(first.len() as u64 > ticks / 150, "something happens: {} events", first.len());
+        assert_eq!(first, second);
+    }
+    worker.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

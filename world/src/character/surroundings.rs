@@ -4,8 +4,10 @@ use super::profile::CharacterProfile;
 use crate::Vec3;
 use crate::mesh::{Contact, LANES, Mesh, Triangle};
 
-/// How far ahead of a body triangles are gathered: where its velocity takes it in this time, s, and a margin, m.
+/// How far ahead of a body triangles are gathered: where its velocity takes it in this time, s, but not farther than this, m, and a
+/// margin, m.
 const LOOK_AHEAD_S: f32 = 0.15;
+const MAX_AHEAD_M: f32 = 3.0;
 const MARGIN_M: f32 = 0.3;
 /// Slack of the test that rules triangles out before the exact one, m.
 const PLANE_SLACK_M: f32 = 1.0e-3;
@@ -125,7 +127,7 @@ impl MoveScratch {
             of == mesh.id() && low.cmpge(known_low).all() && high.cmple(known_high).all()
         });
         if !is_known {
-            let ahead = velocity * LOOK_AHEAD_S;
+            let ahead = (velocity * LOOK_AHEAD_S).clamp_length_max(MAX_AHEAD_M);
             let (low, high) = (low.min(low + ahead), high.max(high + ahead));
             self.gather(mesh, low - Vec3::splat(MARGIN_M), high + Vec3::splat(MARGIN_M));
         }

@@ -21,7 +21,7 @@ const DENSITY_CELL_M: f32 = 4.0;
 const MAX_DENSITY_CELLS: f32 = 65_536.0;
 /// Most columns, in all and for each triangle, most places of triangles in columns, and most blocks, which are 0.6 GB; levels with
 /// more get wider columns.
-const MIN_COLUMNS: f32 = 16_384.0;
+const MIN_COLUMNS: f32 = 1024.0;
 const COLUMNS_PER_TRIANGLE: f32 = 4.0;
 const MAX_ENTRIES: usize = 24_000_000;
 const MAX_BLOCKS: usize = 1_500_000;

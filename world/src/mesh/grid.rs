@@ -13,6 +13,8 @@ pub(super) const CELL_M: f32 = 1.6;
 const CELLS_PER_M: f32 = 1.0 / CELL_M;
 /// Longest empty-space skip that is stored, in cells.
 const MAX_SKIP: u8 = 15;
+/// Number of triangles found, some of them several times, from which on those found twice are removed in between.
+const MANY_FOUND: usize = 4096;
 /// Fewest cells for which starting threads is worth the time.
 const CELLS_WORTH_THREADS: usize = 1 << 16;
 
@@ -240,6 +242,7 @@ impl Mesh {
     pub(crate) fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
         found.clear();
         let (from, to) = self.clamped_cells(low, high);
+        let mut most = MANY_FOUND;
         for z in from[2]..=to[2] {
             for y in from[1]..=to[1] {
                 let row = self.cell_idx([0, y, z]);
@@ -247,6 +250,12 @@ impl Mesh {
                     if entry & EMPTY == 0 {
                         found.extend_from_slice(self.items_of(*entry as usize));
                     }
+                }
+                if found.len() > most {
+                    // Large triangles are in many cells.
+                    found.sort_unstable();
+                    found.dedup();
+                    most = MANY_FOUND.max(2 * found.len());
                 }
             }
         }
