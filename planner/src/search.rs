@@ -20,8 +20,6 @@ use surefoot_world::{Ability, Vec3};
 
 /// Maximum number of vertices that a start or goal is attached to.
 const ATTACHMENTS: usize = 6;
-/// Vertices of the first rings around a point, for which there is room without another allocation.
-const RING_LEN: usize = 32;
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
 /// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
@@ -174,37 +172,28 @@ impl Router {
         let model = self.graph.legs();
         let mut best: Attached = Vec::with_capacity(ATTACHMENTS + 1);
         let mut worst = f32::INFINITY;
-        let mut near: Vec<(f32, Vec3, VertexId)> = Vec::with_capacity(RING_LEN);
         for ring in 0..=index.grid.ring_count() {
             let clearance = (ring - 1).max(0) as f32 * index.grid.cell_m();
             if clearance > reach_m || self.bounds.from_metres(clearance) > worst {
                 break;
             }
             index.grid.ring(point, ring, |range| {
-                let bounded = index.places[range].iter().map(|&(at, vertex)| (self.bounds.of(at - point), at, vertex));
-                near.extend(bounded.filter(|(bound, ..)| *bound < worst));
+                for &(at, vertex) in &index.places[range] {
+                    if self.bounds.of(at - point) >= worst {
+                        continue;
+                    }
+                    let (from, to) = if to_goal { (at, point) } else { (point, at) };
+                    if is_barred(vertex) || to_goal && !self.reach.contains(point - at) {
+                        continue;
+                    }
+                    if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
+                        let place = best.partition_point(|&(_, other)| other <= cost);
+                        best.insert(place, (vertex, cost));
+                        best.truncate(ATTACHMENTS);
+                        worst = if best.len() == ATTACHMENTS { best[ATTACHMENTS - 1].1 } else { f32::INFINITY };
+                    }
+                }
             });
-            if ring == 0 {
-                // The vertices around the own column are as near as those in it.
-                continue;
-            }
-            // Those that are likely to be cheap come first, and rule out most of the others.
-            near.sort_unstable_by(|(a, ..), (b, ..)| a.total_cmp(b));
-            for (bound, at, vertex) in near.drain(..) {
-                if bound >= worst {
-                    break;
-                }
-                let (from, to) = if to_goal { (at, point) } else { (point, at) };
-                if is_barred(vertex) || to_goal && !self.reach.contains(point - at) {
-                    continue;
-                }
-                if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
-                    let place = best.partition_point(|&(_, other)| other <= cost);
-                    best.insert(place, (vertex, cost));
-                    best.truncate(ATTACHMENTS);
-                    worst = if best.len() == ATTACHMENTS { best[ATTACHMENTS - 1].1 } else { f32::INFINITY };
-                }
-            }
         }
         best
     }
