@@ -24,6 +24,8 @@ const MIN_CHUNK: usize = 32;
 const BATCH: usize = 192;
 /// Decisions without progress after which a probe has failed: a short leg is hopeless sooner than a long way.
 const GIVE_UP_AFTER: u32 = 12;
+/// The same where the goal is higher than jumps reach: the way to a device may lead away from it first.
+const GIVE_UP_CLIMB_AFTER: u32 = 30;
 
 /// What a probe runs with: map, character and policy.
 #[derive(Debug, Clone)]
@@ -191,6 +193,7 @@ struct Running {
     slot: NpcSlot,
     trial_idx: usize,
     keep_track: bool,
+    give_up_after: u32,
     rng: ChaCha8Rng,
     outcome: Outcome,
 }
@@ -208,7 +211,12 @@ impl Running {
             bounds: [trial.start; 2],
             track: if trial.keep_track { vec![Some(trial.start)] } else { Vec::new() },
         };
-        Self { slot, trial_idx, keep_track: trial.keep_track, rng, outcome }
+        let profile = &world.config().profiles[0];
+        let jumps = 1.0 + f32::from(profile.extra_jumps);
+        let reach = jumps * profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity);
+        let is_out_of_reach = trial.goal.y - trial.start.y > reach;
+        let give_up_after = if is_out_of_reach { GIVE_UP_CLIMB_AFTER } else { GIVE_UP_AFTER };
+        Self { slot, trial_idx, keep_track: trial.keep_track, give_up_after, rng, outcome }
     }
 
     /// Noise that is added to the next action, in units of the policy's standard deviation.
@@ -226,7 +234,7 @@ impl Running {
         if self.keep_track {
             outcome.track.push(npc.body.is_grounded().then_some(npc.body.feet));
         }
-        let gave_up = (episode.stalled_decisions >= GIVE_UP_AFTER).then_some(End::NoProgress);
+        let gave_up = (episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress);
         let Some(end) = closed.end.or(gave_up) else { return true };
         outcome.reached = end == End::Reached;
         outcome.decisions = episode.decisions;
