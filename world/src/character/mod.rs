@@ -4,8 +4,8 @@
 //! contact until none is left, then snap to the ground when walking down. Each tick looks only at the few
 //! triangles around the body (`docs/adr/0001-own-capsule-controller.md` says why the controller is not rapier's).
 //!
-//! `tick` is [`Body::tick`] with its phases; `contact` moves the capsule; `devices` handles pads, zip lines, teleporters
-//! and jetpacks.
+//! `tick` is [`Body::tick`] with its phases; `contact` moves the capsule among the triangles that `surroundings` keeps;
+//! `devices` handles pads, zip lines, teleporters and jetpacks.
 
 mod action;
 mod body;

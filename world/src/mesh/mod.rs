@@ -1,7 +1,8 @@
-//! Triangles in a uniform grid: one structure for both contacts and rays.
+//! Triangles, indexed twice: a uniform grid for contacts and single rays, and upright columns for the cones of rays that NPCs cast.
 //!
-//! Each cell lists the triangles that touch it; an empty cell holds a lower bound of the Chebyshev distance, in
-//! cells, to the nearest cell with triangles, so that rays skip empty space.
+//! Each cell of the grid lists the triangles that touch it; an empty cell holds a lower bound of the Chebyshev distance, in
+//! cells, to the nearest cell with triangles, so that rays skip empty space. `columns` holds the other index and `fan` casts
+//! through it, with the vectors of `lanes`; `docs/adr/0021-columns.md` says why.
 //! parry3d's triangle is the reference: property tests compare rays and contacts with it.
 
 mod columns;
