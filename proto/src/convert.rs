@@ -204,11 +204,8 @@ pub fn ability(value: i32) -> Ability {
 
 /// Packs floats as little-endian bytes.
 pub fn pack(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
-    pack_slice(&values.into_iter().collect::<Vec<f32>>())
-}
-
-/// Packs floats that lie in memory as little-endian bytes, at the speed of a copy.
-pub fn pack_slice(values: &[f32]) -> Vec<u8> {
+    // Of a vector, this is the vector itself; from there the bytes are copied at once.
+    let values: Vec<f32> = values.into_iter().collect();
     let mut bytes = vec![0; values.len() * 4];
     let (chunks, _) = bytes.as_chunks_mut::<4>();
     chunks.iter_mut().zip(values).for_each(|(chunk, value)| *chunk = value.to_le_bytes());

@@ -432,7 +432,7 @@ fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
         world_id: batch.world.0,
         tick: batch.tick.0,
         npc_ids: npc_ids(&batch.npcs),
-        observations: convert::pack_slice(&batch.observations),
+        observations: convert::pack(batch.observations),
         positions: pack_points(&batch.positions),
         goals: pack_points(&batch.goals),
         attempts: batch.attempts,
@@ -446,12 +446,12 @@ pub fn results_to_wire(results: StepResults) -> wire::EnvResults {
     let ends = results.ended.iter().map(|ended| wire::EnvEnd {
         npc: ended.npc_idx as u32,
         outcome: convert::outcome(Some(ended.end)).into(),
-        final_observation: convert::pack_slice(&ended.final_observation),
+        final_observation: convert::pack(ended.final_observation.iter().copied()),
     });
     wire::EnvResults {
         ends: ends.collect(),
-        observations: convert::pack_slice(&results.observations),
-        rewards: convert::pack_slice(&results.rewards),
+        observations: convert::pack(results.observations),
+        rewards: convert::pack(results.rewards),
     }
 }
 

@@ -31,6 +31,7 @@ use tonic::body::Body;
 use tonic::codegen::tokio_stream::StreamExt;
 use tonic::{Code, Request, Status};
 use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
 fn secret_of(role: Role) -> String {
@@ -377,7 +378,12 @@ async fn drain(load: Load) {
         Load::UnreadOverTls => Credentials::load(Some(&Secret::new(secret_of(Role::Admin))), &files).unwrap(),
         _ => Credentials::default(),
     };
-    let mut client = WorldServiceClient::new(credentials.dial(&server.uri).unwrap().connect().await.unwrap());
+    let link = credentials.dial(&server.uri).unwrap().connect().await.unwrap();
+    // The folder of saved worlds is read first, on a busy machine for a while.
+    let mut health = HealthClient::new(link.clone()).watch(HealthCheckRequest::default()).await.unwrap().into_inner();
+    while health.message().await.unwrap().unwrap().status() != ServingStatus::Serving {}
+    drop(health);
+    let mut client = WorldServiceClient::new(link);
     let map = Some(map_spec_to_wire(&MapSpec::with_side(1, 60).unwrap()));
     let world = client.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
     let world_id = world.unwrap().world_id;

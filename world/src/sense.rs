@@ -55,13 +55,7 @@ impl Default for RayCone {
     fn default() -> Self {
         let elevations = Elevations::new(ELEVATIONS_DEG.map(f32::to_radians), RAY_RANGE_M);
         let azimuths = AZIMUTHS_DEG.map(|azimuth| libm::sincosf(azimuth.to_radians()));
-        let mut directions = [Vec3::ZERO; RAY_COUNT];
-        for (column, &azimuth) in azimuths.iter().enumerate() {
-            for (row, direction) in elevations.directions(azimuth).into_iter().enumerate() {
-                directions[row * RAY_SIDE + column] = direction;
-            }
-        }
-        Self { directions, elevations, azimuths }
+        Self { directions: directions(&elevations, azimuths), elevations, azimuths }
     }
 }
 
@@ -84,13 +78,7 @@ impl RayCone {
 
     /// Unit directions in the map's frame, in the order of an observation.
     pub fn directions_of(&self, body: &Body) -> [Vec3; RAY_COUNT] {
-        let mut directions = [Vec3::ZERO; RAY_COUNT];
-        for (column, heading) in self.headings(body).into_iter().enumerate() {
-            for (row, direction) in self.elevations.directions(heading).into_iter().enumerate() {
-                directions[row * RAY_SIDE + column] = direction;
-            }
-        }
-        directions
+        directions(&self.elevations, self.headings(body))
     }
 
     /// Casts the cone from `body` and calls `found` with the index, distance (m) and surface of each ray that hits.
@@ -113,6 +101,17 @@ impl RayCone {
         });
         Sight { eye, ends }
     }
+}
+
+/// Unit directions of all rays at these headings, in the order of an observation.
+fn directions(elevations: &Elevations, headings: [(f32, f32); RAY_SIDE]) -> [Vec3; RAY_COUNT] {
+    let mut directions = [Vec3::ZERO; RAY_COUNT];
+    for (column, heading) in headings.into_iter().enumerate() {
+        for (row, direction) in elevations.directions(heading).into_iter().enumerate() {
+            directions[row * RAY_SIDE + column] = direction;
+        }
+    }
+    directions
 }
 
 /// The rays of a body, for display.

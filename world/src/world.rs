@@ -221,16 +221,11 @@ impl World {
     /// Advances every NPC by one tick. An NPC that came to harm stays in place; one that reached its goal continues until
     /// its decision is over.
     pub fn tick(&mut self) {
-        let Self { map, config, npcs, tick_events, scratch, crowd, .. } = self;
-        for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(&mut *scratch) {
-            let Some(npc) = npc else { continue };
-            let profile = &config.profiles[usize::from(npc.profile.0)];
-            *events = tick_npc(npc, map, profile, &config.task, scratch);
-        }
+        self.move_npcs(1);
+        let Self { map, config, npcs, scratch, crowd, .. } = self;
         if config.npc_collision {
             crowd.separate(npcs, map, &config.profiles, scratch);
         }
-        self.tick += 1;
         if self.recording.is_some() && self.tick.is_multiple_of(CHECK_EVERY_TICKS) {
             let hash = self.save().hash();
             self.recording.iter_mut().for_each(|recording| recording.note_state(self.tick, hash));
@@ -241,18 +236,22 @@ impl World {
     pub fn tick_decision(&mut self) {
         if self.config.npc_collision || self.recording.is_some() {
             (0..TICKS_PER_DECISION).for_each(|_| self.tick());
-            return;
+        } else {
+            self.move_npcs(TICKS_PER_DECISION);
         }
-        // NPCs that do not touch each other are moved one by one, which leaves what is around each of them in the cache.
+    }
+
+    /// Moves the NPCs one by one, each by all ticks, which leaves what is around it in the cache.
+    fn move_npcs(&mut self, tick_count: u32) {
         let Self { map, config, npcs, tick_events, scratch, .. } = self;
         for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(scratch) {
             let Some(npc) = npc else { continue };
             let profile = &config.profiles[usize::from(npc.profile.0)];
-            for _ in 0..TICKS_PER_DECISION {
+            for _ in 0..tick_count {
                 *events = tick_npc(npc, map, profile, &config.task, scratch);
             }
         }
-        self.tick += u64::from(TICKS_PER_DECISION);
+        self.tick += u64::from(tick_count);
     }
 
     /// Closes the current decision of an NPC and returns its reward; `None` if the NPC has no episode.

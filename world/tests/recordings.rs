@@ -4,7 +4,7 @@ use std::sync::Arc;
 use surefoot_world::character::Ride;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::replay::{Input, Recording, ReplayError};
+use surefoot_world::replay::{Input, REPLAY_VERSION, Recording, ReplayError};
 use surefoot_world::{
     Action, CharacterProfile, Map, MapSpec, Npc, NpcSlot, ProfileIdx, RawCharacterProfile, TaskConfig, Vec3, World,
 };
@@ -55,7 +55,7 @@ impl Parts {
         let config = (&self.profiles, TaskConfig::default(), true);
         let content = (map.hash(), None::<MapSpec>, config, state, &self.inputs, &self.checks, self.end_tick);
         let content = postcard::to_stdvec(&content).expect("plain data");
-        let mut bytes = b"SFREPLAY\x01\0\0\0".to_vec();
+        let mut bytes = [&b"SFREPLAY"[..], &REPLAY_VERSION.to_le_bytes()].concat();
         bytes.extend(blake3::hash(&content).as_bytes());
         bytes.extend(content);
         Recording::decode(&bytes)?.replay(map.clone(), None).map(|_| ())

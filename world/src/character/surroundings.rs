@@ -2,7 +2,7 @@
 
 use super::profile::CharacterProfile;
 use crate::Vec3;
-use crate::mesh::{Contact, LANES, Mesh, Triangle};
+use crate::mesh::{Contact, LANES, Mesh, Triangle, bits};
 
 /// How far ahead of a body triangles are gathered: where its velocity takes it in this time, s, but not farther than this, m, and a
 /// margin, m.
@@ -79,11 +79,9 @@ impl Planes {
 
     /// The triangles whose bounds touch the box.
     fn touching(&self, low: Vec3, high: Vec3) -> u8 {
-        bits(|lane| {
-            (0..3).fold(true, |touches, axis| {
-                touches & (self.lows[axis][lane] <= high[axis]) & (self.highs[axis][lane] >= low[axis])
-            })
-        })
+        let touches =
+            |lane: usize, axis: usize| (self.lows[axis][lane] <= high[axis]) & (self.highs[axis][lane] >= low[axis]);
+        bits(std::array::from_fn(|lane| touches(lane, 0) & touches(lane, 1) & touches(lane, 2))) as u8
     }
 
     /// Least signed distance of an upright segment from each plane, and the triangles whose planes a capsule around the segment
@@ -97,17 +95,9 @@ impl Planes {
             lower[lane] = side + if rise < 0.0 { rise } else { 0.0 };
             upper[lane] = side + if rise < 0.0 { 0.0 } else { rise };
         }
-        (lower, bits(|lane| (lower[lane] <= radius + PLANE_SLACK_M) & (upper[lane] >= -PLANE_SLACK_M)))
+        let close = |lane| (lower[lane] <= radius + PLANE_SLACK_M) & (upper[lane] >= -PLANE_SLACK_M);
+        (lower, bits(std::array::from_fn(close)) as u8)
     }
-}
-
-#[inline(always)]
-fn bits(is_set: impl Fn(usize) -> bool) -> u8 {
-    let mut lanes = [false; LANES];
-    for (lane, value) in lanes.iter_mut().enumerate() {
-        *value = is_set(lane);
-    }
-    lanes.iter().rev().fold(0, |bits, &lane| bits << 1 | u8::from(lane))
 }
 
 impl MoveScratch {

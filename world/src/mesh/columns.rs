@@ -237,10 +237,16 @@ impl Columns {
 
     /// The column at (x, z), where (0, 0) is in the ring around the columns; `None` far outside.
     #[inline(always)]
-    pub fn at(&self, (x, z): (i32, i32)) -> Option<Column> {
+    pub fn at(&self, place: (i32, i32)) -> Option<Column> {
+        let (tile, idx) = self.locate(place);
+        Some(self.tiles.get(tile)?.0[idx % TILE_LEN])
+    }
+
+    /// Index of the tile that holds a column, and the column's index in it.
+    #[inline(always)]
+    fn locate(&self, (x, z): (i32, i32)) -> (usize, usize) {
         let tile = (z >> 1) as usize * self.tiles_across + (x >> 2) as usize;
-        let place = ((z & 1) * TILE_X as i32 + (x & 3)) as usize;
-        Some(self.tiles.get(tile)?.0[place % TILE_LEN])
+        (tile, ((z & 1) * TILE_X as i32 + (x & 3)) as usize)
     }
 
     /// The point from which the triangles of a column are measured: its centre at its lowest point.
@@ -388,9 +394,9 @@ impl Columns {
     }
 
     /// Number of a column, tile by tile.
-    fn number(&self, (x, z): (i32, i32)) -> u32 {
-        let tile = (z >> 1) as u32 * self.tiles_across as u32 + (x >> 2) as u32;
-        tile * TILE_LEN as u32 + (z & 1) as u32 * TILE_X as u32 + (x & 3) as u32
+    fn number(&self, place: (i32, i32)) -> u32 {
+        let (tile, idx) = self.locate(place);
+        (tile * TILE_LEN + idx) as u32
     }
 
     /// The column with a number.

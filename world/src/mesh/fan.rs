@@ -370,33 +370,16 @@ impl Axis {
         let length = count as f32 * side;
         let inverse = 1.0 / heading;
         let step = if heading > 0.0 { 1 } else { -1 };
-        if heading.abs() <= PARALLEL {
-            let (enter, leave, spacing) = (0.0, NEVER_M, NEVER_M);
-            return (0.0..=length).contains(&from).then_some(Self {
-                from,
-                heading,
-                inverse,
-                side,
-                count,
-                enter,
-                leave,
-                spacing,
-                step,
-            });
-        }
-        let (low, high) = (-from * inverse, (length - from) * inverse);
-        let (enter, leave) = if heading > 0.0 { (low, high) } else { (high, low) };
-        Some(Self {
-            from,
-            heading,
-            inverse,
-            side,
-            count,
-            enter: if enter > 0.0 { enter } else { 0.0 },
-            leave,
-            spacing: side * inverse.abs(),
-            step,
-        })
+        let (enter, leave, spacing) = if heading.abs() > PARALLEL {
+            let (low, high) = (-from * inverse, (length - from) * inverse);
+            let (enter, leave) = if heading > 0.0 { (low, high) } else { (high, low) };
+            (if enter > 0.0 { enter } else { 0.0 }, leave, side * inverse.abs())
+        } else if (0.0..=length).contains(&from) {
+            (0.0, NEVER_M, NEVER_M)
+        } else {
+            return None;
+        };
+        Some(Self { from, heading, inverse, side, count, enter, leave, spacing, step })
     }
 
     /// The column at distance `entry`, and the distance to the border where the ray leaves it.

@@ -5,6 +5,12 @@
 /// Numbers that are processed at a time: the elevations of a cone, the triangles of a block.
 pub const LANES: usize = 8;
 
+/// Bit `n` is set where lane `n` is.
+#[inline(always)]
+pub(crate) fn bits(lanes: [bool; LANES]) -> u32 {
+    lanes.iter().rev().fold(0, |bits, &lane| bits << 1 | u32::from(lane))
+}
+
 /// Instructions for vectors of [`LANES`] numbers.
 pub(super) trait Lanes: Copy {
     type Values: Copy;
@@ -99,7 +105,7 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn bits(self, mask: Self::Mask) -> u32 {
-        mask.iter().rev().fold(0, |bits, &lane| bits << 1 | u32::from(lane))
+        bits(mask)
     }
 }
 

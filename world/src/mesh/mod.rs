@@ -15,5 +15,6 @@ mod triangle;
 pub use fan::{ConeHit, ConeHits, Elevations};
 pub use grid::Mesh;
 pub use lanes::LANES;
+pub(crate) use lanes::bits;
 pub use ray::RayHit;
 pub use triangle::{Contact, Surface, Triangle};

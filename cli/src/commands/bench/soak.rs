@@ -36,10 +36,10 @@ const SIDE_M: u32 = 60;
 const PAUSE: Duration = Duration::from_millis(500);
 /// Targets: growth of memory, MiB per minute, and of the 99th percentile of tick times over the first samples.
 const MAX_SLOPE_MIB: f64 = 1.0;
+const MAX_P99_RATIO: f64 = 1.2;
 /// In a run of less than this, min, event logs and caches still fill: only what grows much faster counts, MiB per minute.
 const LONG_MIN: f64 = 30.0;
 const MAX_SHORT_SLOPE_MIB: f64 = 20.0;
-const MAX_P99_RATIO: f64 = 1.2;
 /// Descriptors and threads that a service may have more at the end than after the warm-up.
 const MAX_GROWTH: f64 = 16.0;
 
