@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use surefoot_agent::eval::{EvalConfig, EvalError, Method, Rate, evaluate};
-use surefoot_planner::{BuildSettings, EdgeKey, Leg, Plan};
+use surefoot_planner::{BuildSettings, EdgeKey, Leg, NoPath, Plan};
 use surefoot_policy::Policy;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, Goal};
@@ -59,10 +59,23 @@ fn a_leg_without_progress_is_avoided_by_re_plans_until_patience_ends() {
                 assert!(decision < 40);
                 return;
             }
-            Step::Head(_) => panic!("no waypoint was touched"),
+            Step::Head(_) | Step::Unreachable => panic!("no waypoint was touched"),
         }
     }
     panic!("never gave up");
+}
+
+#[test]
+fn a_plan_to_the_nearest_place_ends_there_as_unreachable() {
+    let goal = Vec3::new(50.0, 0.0, 0.0);
+    let mut follower = Follower::new(goal, FollowConfig::default());
+    let nearest = Vec3::new(20.0, 0.0, 0.0);
+    let no_path = Some(NoPath::DifferentIslands);
+    follower.take_plan(Plan { no_path, nearest: Some(nearest), ..plan(&[10.0, 20.0]) });
+    assert_eq!(follower.note(Vec3::new(10.0, 0.0, 0.0), true), Step::Head(nearest));
+    assert_eq!(follower.note(Vec3::new(15.0, 0.0, 0.0), false), Step::Keep);
+    assert_eq!(follower.note(nearest, true), Step::Unreachable);
+    assert_eq!(follower.take_traversals().len(), 2, "both edges were passed");
 }
 
 #[test]
@@ -89,7 +102,8 @@ fn drawn_goals_have_the_requested_distance() {
 
 fn config(method: Method) -> EvalConfig {
     EvalConfig {
-        maps: vec![MapSpec::with_side(1000, 120).unwrap()],
+        maps: vec![MapSpec::with_side(1000, 120).unwrap().into()],
+        profile: CharacterProfile::default(),
         goals: 30,
         seeds: vec![0],
         method,

@@ -1,10 +1,10 @@
 //! Evaluation by units: saving, resuming, and summarising beside the paper's table.
 
 use surefoot_agent::eval::suite::{self, Entry};
-use surefoot_agent::eval::{EvalConfig, Method, Report, evaluate};
+use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Report, evaluate};
 use surefoot_planner::BuildSettings;
 use surefoot_policy::Policy;
-use surefoot_world::MapSpec;
+use surefoot_world::{CharacterProfile, MapSpec};
 
 fn maps() -> Vec<MapSpec> {
     [1000, 1001].map(|seed| MapSpec::with_side(seed, 60).unwrap()).to_vec()
@@ -12,7 +12,8 @@ fn maps() -> Vec<MapSpec> {
 
 fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfig {
     EvalConfig {
-        maps: maps(),
+        maps: maps().into_iter().map(EvalMap::from).collect(),
+        profile: CharacterProfile::default(),
         goals: 9,
         seeds: vec![0, 1],
         method: Method::Policy,

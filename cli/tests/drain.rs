@@ -88,7 +88,7 @@ fn with_a_stream_that_nobody_reads() {
             Channel::from_shared(format!("http://{}", server.address)).unwrap().initial_stream_window_size(8);
         let mut client = WorldServiceClient::new(endpoint.connect().await.unwrap());
         let size = Some(wire::MapSize { width: 60, height: 40, depth: 60 });
-        let map = Some(wire::MapSpec { seed: 1, size, features: None });
+        let map = Some(wire::MapSpec { seed: 1, size, ..Default::default() });
         // Unary answers are longer than the window too, but the client reads them.
         let created = client
             .create_world(wire::CreateWorldRequest { map, mode: 0, ..Default::default() })

@@ -63,7 +63,7 @@ fn moment(kill: u64) -> Duration {
 }
 
 fn small_map(seed: u64) -> wire::MapSpec {
-    wire::MapSpec { seed, size: Some(wire::MapSize { width: 50, height: 40, depth: 50 }), features: None }
+    wire::MapSpec { seed, size: Some(wire::MapSize { width: 50, height: 40, depth: 50 }), ..Default::default() }
 }
 
 fn files(folder: &Path) -> Vec<u64> {

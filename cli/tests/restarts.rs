@@ -95,7 +95,7 @@ impl Scene {
         let map = wire::MapSpec {
             seed: 1000,
             size: Some(wire::MapSize { width: 60, height: 40, depth: 60 }),
-            features: None,
+            ..Default::default()
         };
         let request =
             wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into(), ..Default::default() };

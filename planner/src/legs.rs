@@ -5,7 +5,7 @@
 //! success with a linear regression of decisions, both on horizontal distance, climb and drop.
 
 use crate::candidates::Candidate;
-use crate::evidence::{Evidence, price};
+use crate::evidence::{Evidence, RISK_DECISIONS, price};
 use crate::ids::EdgeKey;
 use crate::regression::{Linear, Logistic, dot, sigmoid};
 use serde::{Deserialize, Serialize};
@@ -112,20 +112,6 @@ impl LegModel {
         }
     }
 
-    /// Returns the cost of an [`estimate`](Self::estimate) in decisions if it is below `limit`. Legs above the limit are mostly
-    /// rejected by their `bounds`, which is faster.
-    #[inline]
-    pub fn price_below(&self, from: Vec3, to: Vec3, limit: f32, bounds: &Bounds) -> Option<f32> {
-        let (features, distance, range_multiple) = self.features_in_range(from, to);
-        let decisions = (dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance));
-        let score = dot(&self.success, &features);
-        if bounds.of_score(decisions, score) >= limit {
-            return None;
-        }
-        let cost = price(Decisions(decisions), Self::chance(score, range_multiple)) as f32;
-        (cost < limit).then_some(cost)
-    }
-
     fn chance(score: f64, range_multiple: f64) -> Chance {
         let chance = sigmoid(score).clamp(MIN_CHANCE, MAX_CHANCE);
         Chance::new(if range_multiple > 1.0 { libm::pow(chance, range_multiple).max(MIN_CHANCE) } else { chance })
@@ -133,7 +119,6 @@ impl LegModel {
 
     /// Returns the features of a leg, shortened to the range of the fit; the full length, m; and the length as a multiple of
     /// the range, 1 for shorter legs.
-    #[inline]
     fn features_in_range(&self, from: Vec3, to: Vec3) -> ([f64; FEATURES], f64, f64) {
         let distance = f64::from(from.distance(to));
         if distance <= self.range_m {
@@ -148,8 +133,8 @@ impl LegModel {
         distance / MAX_METRES_PER_DECISION
     }
 
-    /// Computes lower bounds on the cost of any leg.
-    pub fn bounds(&self) -> Bounds {
+    /// Returns lower bounds on the cost of any leg by its horizontal length in steps of 1 m, in decisions.
+    fn least_prices(&self) -> [f32; METRES] {
         // The most that climbs and drops can improve a leg's score and reduce its decisions.
         let max_score_gain =
             max_of_quadratic(self.success[3], self.success[4]) + max_of_quadratic(self.success[5], 0.0);
@@ -171,14 +156,7 @@ impl LegModel {
         for metres in (1..METRES).rev() {
             least[metres - 1] = f32::min(least[metres - 1], least[metres]);
         }
-        let by_score = std::array::from_fn(|place| {
-            let chance = match place + 1 {
-                SCORES => MAX_CHANCE,
-                next => sigmoid(next as f64 / SCORES_PER_UNIT - LEAST_SCORE).clamp(MIN_CHANCE, MAX_CHANCE),
-            };
-            (1.0 / chance, price(Decisions(0.0), Chance::new(chance)))
-        });
-        Bounds { least, range_squared: (self.range_m * self.range_m) as f32, by_score }
+        least
     }
 }
 
@@ -193,48 +171,120 @@ fn max_of_quadratic(linear: f64, square: f64) -> f64 {
     }
 }
 
-/// Number of distances, in steps of 1 m, that [`Bounds`] tabulate.
+/// Number of distances, in steps of 1 m, whose bounds are tabulated.
 const METRES: usize = 96;
-/// Number of steps of the score (the log-odds of success) that [`Bounds`] tabulate.
-const SCORES: usize = 72;
-/// Steps per unit of the score.
-const SCORES_PER_UNIT: f64 = 8.0;
-/// Magnitude of the lowest tabulated score, which is negative.
-const LEAST_SCORE: f64 = 4.0;
+/// Legs that are priced at a time.
+pub(crate) const LANES: usize = 8;
 
-/// Lower bounds on the cost of unproved legs in decisions, by horizontal distance and by score.
+/// The costs of a [`LegModel`]'s legs, tabulated for many legs at a time.
 #[derive(Debug, Clone)]
-pub struct Bounds {
-    /// Bound for each distance, in steps of 1 m.
+pub(crate) struct LegPrices {
+    success: [f32; FEATURES],
+    decisions: [f32; FEATURES],
+    range_m: f32,
+    /// Negative logarithm of the chance, by score: the log-odds of success.
+    risk: Curve,
+    /// Expected number of tries, by the negative logarithm of the chance.
+    tries: Curve,
+    /// Lower bound for each horizontal distance, in steps of 1 m.
     least: [f32; METRES],
-    /// Square of the fit's range, m2.
-    range_squared: f32,
-    /// For each step of the score: the factor on decisions and the summand for risk, at the best score of the step.
-    by_score: [(f64, f64); SCORES],
 }
 
-impl Bounds {
-    /// Returns the bound for a leg with these decisions and this score, without computing an exponential or a logarithm.
-    fn of_score(&self, decisions: f64, score: f64) -> f32 {
-        let step = ((score + LEAST_SCORE) * SCORES_PER_UNIT).max(0.0) as usize;
-        let (times, risk) = self.by_score[step.min(SCORES - 1)];
-        // Rounding may lift a lower bound slightly above the true cost.
-        ((decisions * times + risk) * (1.0 - 1.0e-6)) as f32
-    }
-
-    /// Returns the bound for all legs with at least this horizontal distance, m.
-    pub fn from_metres(&self, metres: f32) -> f32 {
-        let by_speed = LegModel::least_decisions(f64::from(metres)) as f32;
-        self.least[(metres as usize).min(METRES - 1)].max(by_speed)
-    }
-
-    /// Returns the bound for a leg with this offset from start to end, m.
-    pub fn of(&self, offset: Vec3) -> f32 {
-        let on_plane = offset.x * offset.x + offset.z * offset.z;
-        if on_plane + offset.y * offset.y >= self.range_squared {
-            // Beyond the range of the fit, only the speed limit holds.
-            return (LegModel::least_decisions(f64::from(on_plane.sqrt()))) as f32;
+impl LegPrices {
+    pub fn new(model: &LegModel) -> Self {
+        let log_odds = |chance: f64| libm::log(chance / (1.0 - chance));
+        Self {
+            success: model.success.map(|value| value as f32),
+            decisions: model.decisions.map(|value| value as f32),
+            range_m: model.range_m as f32,
+            risk: Curve::new([log_odds(MIN_CHANCE), log_odds(MAX_CHANCE)], |score| -libm::log(sigmoid(score))),
+            tries: Curve::new([-libm::log(MAX_CHANCE), -libm::log(MIN_CHANCE)], libm::exp),
+            least: model.least_prices(),
         }
-        self.from_metres(on_plane.sqrt())
+    }
+
+    /// Returns a horizontal distance beyond which every leg costs more than `cost` decisions, m.
+    pub fn metres_below(&self, cost: f32) -> f32 {
+        let metres = self.least.partition_point(|&least| least <= cost);
+        if metres < METRES { metres as f32 } else { (cost * MAX_METRES_PER_DECISION as f32).max(METRES as f32) }
+    }
+
+    /// The costs in decisions of legs with these offsets (x, y, z) from start to end, m, to about a thousandth of a decision.
+    #[inline]
+    pub fn of(&self, [x, y, z]: &[[f32; LANES]; 3]) -> [f32; LANES] {
+        let (mut decisions, mut scores, mut multiples) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            let on_plane = x[lane] * x[lane] + z[lane] * z[lane];
+            let distance = (on_plane + y[lane] * y[lane]).sqrt();
+            // Farther legs than those of the fit are several in a row.
+            let multiple = (distance / self.range_m).max(1.0);
+            let horizontal = on_plane.sqrt() / (20.0 * multiple);
+            let (climb, drop) = (y[lane].max(0.0) / (5.0 * multiple), (-y[lane]).max(0.0) / (10.0 * multiple));
+            let features = [1.0, horizontal, horizontal * horizontal, climb, climb * climb, drop];
+            let dot = |weights: &[f32; FEATURES]| (0..FEATURES).map(|idx| weights[idx] * features[idx]).sum::<f32>();
+            decisions[lane] = (dot(&self.decisions) * multiple).max(distance / MAX_METRES_PER_DECISION as f32);
+            scores[lane] = dot(&self.success);
+            multiples[lane] = multiple;
+        }
+        std::array::from_fn(|lane| {
+            let risk = (self.risk.at(scores[lane]) * multiples[lane]).min(self.tries.high);
+            decisions[lane] * self.tries.at(risk) + RISK_DECISIONS as f32 * risk
+        })
+    }
+}
+
+/// Number of intervals of a [`Curve`].
+const INTERVALS: usize = 512;
+
+/// A function that is interpolated linearly between evenly spaced values; beyond its ends it stays as it is there.
+#[derive(Debug, Clone)]
+struct Curve {
+    low: f32,
+    high: f32,
+    intervals_per_unit: f32,
+    /// Value at the begin of each interval, and the difference to that at its end.
+    values: Vec<(f32, f32)>,
+}
+
+impl Curve {
+    fn new([low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Self {
+        let value = |idx: usize| of(low + (high - low) * idx as f64 / INTERVALS as f64);
+        let interval = |idx: usize| (value(idx) as f32, (value(idx + 1) - value(idx)) as f32);
+        Self {
+            low: low as f32,
+            high: high as f32,
+            intervals_per_unit: (INTERVALS as f64 / (high - low)) as f32,
+            values: (0..INTERVALS).map(interval).collect(),
+        }
+    }
+
+    #[inline]
+    fn at(&self, x: f32) -> f32 {
+        let place = ((x - self.low) * self.intervals_per_unit).clamp(0.0, INTERVALS as f32);
+        let idx = (place as usize).min(INTERVALS - 1);
+        let (value, rise) = self.values[idx];
+        value + rise * (place - idx as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tabulated_prices_are_those_of_the_estimate() {
+        let model = LegModel::default();
+        let prices = LegPrices::new(&model);
+        let offset = |n: i32| Vec3::new((n * 37 % 121 - 60) as f32, (n * 53 % 41 - 20) as f32 * 0.7, (n % 17) as f32);
+        for n in (0..4000).step_by(LANES) {
+            let lanes: [Vec3; LANES] = std::array::from_fn(|lane| offset(n + lane as i32));
+            let priced = prices.of(&[lanes.map(|it| it.x), lanes.map(|it| it.y), lanes.map(|it| it.z)]);
+            for (offset, priced) in lanes.into_iter().zip(priced) {
+                let estimate = model.estimate(Vec3::ZERO, offset);
+                let exact = price(estimate.decisions, estimate.chance) as f32;
+                assert!((priced - exact).abs() <= 2.0e-3 + 1.0e-4 * exact, "{offset}: {priced} instead of {exact}");
+                assert!(prices.metres_below(priced * (1.0 + 1.0e-4)) >= libm::hypotf(offset.x, offset.z), "{offset}");
+            }
+        }
     }
 }

@@ -10,6 +10,7 @@
 //! This crate uses no files, sockets, clocks, async runtime, neural networks or wire formats.
 
 mod adjacency;
+mod attach;
 pub mod build;
 pub mod candidates;
 pub mod edits;

@@ -42,16 +42,17 @@ pub enum NoPath {
     OneWay,
 }
 
-/// The answer to a query: waypoints in order, ending with the goal, and the legs that lead to them.
+/// The answer to a query: waypoints in order, ending with the goal or as near to it as paths lead, and the legs that lead to them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Positions, m; leg `i` ends at waypoint `i`.
     pub waypoints: Vec<Vec3>,
     /// Legs, one for each waypoint.
     pub legs: Vec<Leg>,
-    /// Why there is no path: the plan then has a single leg straight to the goal. `None` if there is a path.
+    /// Why there is no path; `None` if there is one.
     pub no_path: Option<NoPath>,
-    /// Without a path: position of the reachable vertex that is nearest to the goal, m; `None` if no vertex is reachable.
+    /// Without a path: position of the reachable vertex that is nearest to the goal, m, to which the plan leads; `None` if no vertex is
+    /// reachable: the plan is then a single leg straight to the goal.
     pub nearest: Option<Vec3>,
 }
 

@@ -7,19 +7,18 @@
 //! table uses an avoided or repriced edge.
 
 use crate::adjacency::{Adjacency, EdgeIdx};
+use crate::attach::{Attachment, VertexIndex};
 use crate::evidence::price;
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
-use crate::legs::Bounds;
+use crate::legs::LegPrices;
 use crate::plan::{Leg, NoPath, Plan, Query};
 use crate::table::Table;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use surefoot_world::{Ability, Vec3};
 
-/// Maximum number of vertices that a start or goal is attached to.
-const ATTACHMENTS: usize = 6;
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
 /// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
@@ -44,34 +43,10 @@ pub struct Router {
     targets: VertexIndex,
     /// The greatest distance that any edge covers per decision of its cost, m.
     metres_per_cost: f32,
-    bounds: Bounds,
+    prices: LegPrices,
     /// Limits of the unproved leg from the last vertex to the goal.
     reach: Reach,
 }
-
-/// A spatial index of some of a graph's vertices.
-#[derive(Debug)]
-struct VertexIndex {
-    grid: PointGrid,
-    /// Positions and ids of the vertices, in the grid's order.
-    places: Vec<(Vec3, VertexId)>,
-}
-
-impl VertexIndex {
-    fn new(graph: &NavGraph, cell_m: f32, holds: impl Fn(VertexId) -> bool) -> Self {
-        let vertices: Vec<VertexId> = graph.vertices().filter(|&vertex| holds(vertex)).collect();
-        let positions: Vec<Vec3> = vertices.iter().map(|&vertex| graph.position(vertex)).collect();
-        let grid = PointGrid::new(&positions, cell_m);
-        let places = grid.order().iter().map(|&idx| (positions[idx as usize], vertices[idx as usize])).collect();
-        Self { grid, places }
-    }
-}
-
-/// The cheapest attachments of a start or goal, at most [`ATTACHMENTS`], in ascending order of cost.
-type Attached = Vec<Attachment>;
-
-/// A vertex and the cost of the unproved leg between it and the start or goal, in decisions.
-type Attachment = (VertexId, f32);
 
 impl Router {
     /// Prepares `graph` for queries on `thread_count` threads; with a table if it has at most `table_limit` vertices.
@@ -91,7 +66,7 @@ impl Router {
             vertices: VertexIndex::new(&graph, cell_m, |_| true),
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
-            bounds: graph.legs().bounds(),
+            prices: LegPrices::new(graph.legs()),
             reach: Reach::of(&graph),
             graph,
             adjacency,
@@ -110,7 +85,7 @@ impl Router {
         self.table.is_some()
     }
 
-    /// Finds the cheapest plan. If there is no path, the plan heads straight for the goal and says why.
+    /// Finds the cheapest plan. If there is no path, the plan says why and leads to the reachable vertex nearest to the goal.
     pub fn find_path(&self, query: &Query) -> Plan {
         self.find_path_at(query, &EdgeCosts::new())
     }
@@ -118,8 +93,8 @@ impl Router {
     /// Finds the cheapest plan at current costs. If an edge has become cheaper, the plan may not be the cheapest, because the
     /// table and the A* heuristic use the costs that the router was made with.
     pub fn find_path_at(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
-        let starts = self.attach(query, false);
-        let goals = self.attach(query, true);
+        let starts = self.attach_start(query);
+        let goals = self.attach_goal(query);
         let is_near = query.start.distance(query.goal) <= DIRECT_M && !query.avoid.contains(&LegKey::DIRECT);
         let looked_up = self.table.as_ref().and_then(|table| self.look_up_path(table, &starts, &goals));
         let is_plain = query.avoid.is_empty() && repriced.is_empty();
@@ -138,7 +113,10 @@ impl Router {
             None if is_near => self.direct(query, None),
             None => {
                 let reason = self.explain(&starts, &goals);
-                Plan { nearest: self.nearest_reachable(&starts, query.goal), ..self.direct(query, Some(reason)) }
+                match self.nearest_reachable(&starts, query.goal) {
+                    Some(nearest) => self.lead_to(query, &starts, nearest, reason, repriced),
+                    None => self.direct(query, Some(reason)),
+                }
             }
         }
     }
@@ -159,43 +137,19 @@ impl Router {
         (path.cost, std::iter::once(path.first).chain(passed).collect())
     }
 
-    /// Finds the cheapest vertices to walk to from the start (or, if `to_goal`, to walk from to the goal). Vertices without
-    /// outgoing (or incoming) edges are left out, and those farther from the goal than any character is known to get on foot.
-    fn attach(&self, query: &Query, to_goal: bool) -> Attached {
-        let (index, point) = if to_goal { (&self.targets, query.goal) } else { (&self.sources, query.start) };
-        let reach_m = if to_goal { self.reach.length_m } else { f32::INFINITY };
-        let is_barred = |vertex| {
-            let vertex = Stop::Vertex(vertex);
-            let leg = if to_goal { (vertex, Stop::Goal) } else { (Stop::Start, vertex) };
-            query.avoid.contains(&LegKey { from: leg.0, to: leg.1 })
-        };
-        let model = self.graph.legs();
-        let mut best: Attached = Vec::with_capacity(ATTACHMENTS + 1);
-        let mut worst = f32::INFINITY;
-        for ring in 0..=index.grid.ring_count() {
-            let clearance = (ring - 1).max(0) as f32 * index.grid.cell_m();
-            if clearance > reach_m || self.bounds.from_metres(clearance) > worst {
-                break;
-            }
-            index.grid.ring(point, ring, |range| {
-                for &(at, vertex) in &index.places[range] {
-                    if self.bounds.of(at - point) >= worst {
-                        continue;
-                    }
-                    let (from, to) = if to_goal { (at, point) } else { (point, at) };
-                    if is_barred(vertex) || to_goal && !self.reach.contains(point - at) {
-                        continue;
-                    }
-                    if let Some(cost) = model.price_below(from, to, worst, &self.bounds) {
-                        let place = best.partition_point(|&(_, other)| other <= cost);
-                        best.insert(place, (vertex, cost));
-                        best.truncate(ATTACHMENTS);
-                        worst = if best.len() == ATTACHMENTS { best[ATTACHMENTS - 1].1 } else { f32::INFINITY };
-                    }
-                }
-            });
-        }
-        best
+    /// Finds the cheapest vertices to walk to from the start. Those without outgoing edges are left out.
+    fn attach_start(&self, query: &Query) -> Vec<Attachment> {
+        let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Start, to: Stop::Vertex(vertex) });
+        self.sources.cheapest(query.start, &self.prices, f32::INFINITY, |offset| offset, |vertex, _| is_open(vertex))
+    }
+
+    /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
+    /// the goal than any character is known to get on foot.
+    fn attach_goal(&self, query: &Query) -> Vec<Attachment> {
+        let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
+        let is_in_reach = |leg| self.reach.contains(leg);
+        let accept = |vertex, leg| is_open(vertex) && is_in_reach(leg);
+        self.targets.cheapest(query.goal, &self.prices, self.reach.length_m, |offset| -offset, accept)
     }
 
     /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
@@ -318,26 +272,47 @@ impl Router {
         if back { NoPath::OneWay } else { NoPath::DifferentIslands }
     }
 
-    /// Position of the vertex that is nearest to the goal among those that a path leads to from any of `starts`.
-    fn nearest_reachable(&self, starts: &[Attachment], goal: Vec3) -> Option<Vec3> {
+    /// The plan to the vertex `nearest`, because there is none to the goal.
+    fn lead_to(
+        &self,
+        query: &Query,
+        starts: &[Attachment],
+        nearest: VertexId,
+        reason: NoPath,
+        repriced: &EdgeCosts,
+    ) -> Plan {
+        let ends = [(nearest, 0.0)];
+        let path = match &self.table {
+            Some(table) if query.avoid.is_empty() && repriced.is_empty() => self.look_up_path(table, starts, &ends),
+            _ => self.a_star(starts, &ends, &query.avoid, repriced),
+        };
+        // Avoided legs may cut off what the table knows.
+        let Some(path) = path else { return self.direct(query, Some(reason)) };
+        let mut plan = self.assemble(query, &path);
+        // The leg from the last vertex to the goal.
+        plan.waypoints.pop();
+        plan.legs.pop();
+        Plan { no_path: Some(reason), nearest: Some(self.graph.position(nearest)), ..plan }
+    }
+
+    /// The vertex that is nearest to the goal among those that a path leads to from any of `starts`.
+    fn nearest_reachable(&self, starts: &[Attachment], goal: Vec3) -> Option<VertexId> {
         let reached: Vec<Reached<'_>> = starts.iter().map(|&(start, _)| self.reached_from(start)).collect();
-        let mut best: Option<(f32, Vec3)> = None;
-        for ring in 0..=self.vertices.grid.ring_count() {
-            let clearance = (ring - 1).max(0) as f32 * self.vertices.grid.cell_m();
+        let mut best: Option<(f32, VertexId)> = None;
+        self.vertices.visit_from(goal, |clearance, vertices| {
             if best.is_some_and(|(least, _)| clearance * clearance > least) {
-                break;
+                return false;
             }
-            self.vertices.grid.ring(goal, ring, |range| {
-                for &(at, vertex) in &self.vertices.places[range] {
-                    let distance = at.distance_squared(goal);
-                    let is_nearer = best.is_none_or(|(least, _)| distance < least);
-                    if is_nearer && reached.iter().any(|reached| reached.contains(vertex)) {
-                        best = Some((distance, at));
-                    }
+            for &(at, vertex) in vertices {
+                let distance = at.distance_squared(goal);
+                let is_nearer = best.is_none_or(|(least, _)| distance < least);
+                if is_nearer && reached.iter().any(|reached| reached.contains(vertex)) {
+                    best = Some((distance, vertex));
                 }
-            });
-        }
-        best.map(|(_, at)| at)
+            }
+            true
+        });
+        best.map(|(_, vertex)| vertex)
     }
 
     /// The vertices that paths lead to from `from`, itself included.

@@ -2,7 +2,7 @@
 
 use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
-use surefoot_world::map::{Features, MapSize};
+use surefoot_world::map::{Features, MapKind, MapSize};
 use surefoot_world::{Ability, End, MapSpec, RawMapSpec, SpecError, Vec3};
 use tonic_types::{ErrorDetails, StatusExt};
 
@@ -126,6 +126,15 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
         spec.features =
             Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
     }
+    spec.kind = match wire::MapKind::try_from(value.kind) {
+        Ok(wire::MapKind::Unspecified | wire::MapKind::Terrain) => MapKind::Terrain,
+        Ok(wire::MapKind::Islands) => MapKind::Islands,
+        Ok(wire::MapKind::Interior) => MapKind::Interior,
+        Ok(wire::MapKind::Arena) => MapKind::Arena,
+        Ok(wire::MapKind::Tower) => MapKind::Tower,
+        Ok(wire::MapKind::Open) => MapKind::Open,
+        Err(_) => return Err(FieldError::Unknown { field: "map.kind", value: value.kind }),
+    };
     Ok(spec.try_into()?)
 }
 
@@ -153,6 +162,18 @@ pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
             teleporters,
             jetpacks,
         }),
+        kind: map_kind_to_wire(spec.kind).into(),
+    }
+}
+
+fn map_kind_to_wire(kind: MapKind) -> wire::MapKind {
+    match kind {
+        MapKind::Terrain => wire::MapKind::Terrain,
+        MapKind::Islands => wire::MapKind::Islands,
+        MapKind::Interior => wire::MapKind::Interior,
+        MapKind::Arena => wire::MapKind::Arena,
+        MapKind::Tower => wire::MapKind::Tower,
+        MapKind::Open => wire::MapKind::Open,
     }
 }
 
@@ -173,6 +194,7 @@ pub fn outcome(end: Option<End>) -> wire::Outcome {
         Some(End::Burnt) => wire::Outcome::Burnt,
         Some(End::Drowned) => wire::Outcome::Drowned,
         Some(End::NoProgress) => wire::Outcome::NoProgress,
+        Some(End::Unreachable) => wire::Outcome::Unreachable,
     }
 }
 

@@ -167,7 +167,7 @@ impl Walker {
             decisions: self.track.len() as u32 - 1,
             replans: self.follower.as_ref().map_or(0, Follower::replans),
             length: self.track.windows(2).fold(0.0, |length, step| length + step[0].distance(step[1])),
-            fault: failed.map(|follower| follower.fault(!end.is_truncation())),
+            fault: failed.map(|follower| follower.fault(end.is_harm())),
         };
         (attempt, self.track)
     }
@@ -186,7 +186,7 @@ fn follow(
 ) -> Option<End> {
     let feet = world.npc(slot).expect("a running NPC").body.feet;
     let waypoint_reached = leg_end == Some(End::Reached);
-    if waypoint_reached && follower.is_last_leg() {
+    if waypoint_reached && follower.is_last_leg() && !follower.is_second_best() {
         return leg_end;
     }
     if let Some(end) = leg_end.filter(|end| !end.is_truncation() && *end != End::Reached) {
@@ -200,6 +200,7 @@ fn follow(
             world.set_goal(slot, waypoint);
         }
         Step::GiveUp => return Some(End::NoProgress),
+        Step::Unreachable => return Some(End::Unreachable),
     }
     None
 }

@@ -35,13 +35,15 @@ pub enum Step {
     Plan,
     /// End the attempt: patience or re-plans have run out.
     GiveUp,
+    /// End the attempt: no path leads to the goal, and the NPC is at the nearest place that it can reach.
+    Unreachable,
 }
 
 /// Why an attempt failed: what the NPC was doing at the time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
-    /// The graph had no path, and the NPC headed straight for the goal.
+    /// The graph had no path to the goal.
     Unreachable,
     /// The NPC was on an unproved leg to the first vertex or from the last.
     Attachment,
@@ -157,6 +159,11 @@ impl Follower {
         self.plan.as_ref().is_some_and(|plan| self.leg + 1 == plan.waypoints.len())
     }
 
+    /// Whether the plan leads elsewhere than to the goal, because no path leads there.
+    pub fn is_second_best(&self) -> bool {
+        self.plan.as_ref().is_some_and(|plan| plan.nearest.is_some())
+    }
+
     /// Number of re-plans so far.
     pub fn replans(&self) -> u32 {
         self.replans
@@ -199,6 +206,10 @@ impl Follower {
             self.stalled = 0;
         }
         let last_leg = plan.waypoints.len() - 1;
+        if waypoint_reached && self.leg == last_leg && plan.nearest.is_some() {
+            self.end_leg(true);
+            return Step::Unreachable;
+        }
         if waypoint_reached && self.leg < last_leg {
             let next = plan.waypoints[self.leg + 1];
             self.end_leg(true);

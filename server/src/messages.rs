@@ -127,8 +127,8 @@ pub struct Answer {
     pub decisions: Vec<Decision>,
     /// New waypoints, m, with the attempts that they are for.
     pub waypoints: Vec<(NpcId, u32, Vec3)>,
-    /// Attempts to be given up.
-    pub gave_up: Vec<(NpcId, u32)>,
+    /// Attempts to be given up, and how they end: without progress, or because the goal cannot be reached.
+    pub gave_up: Vec<(NpcId, u32, End)>,
     /// New plans, with the attempts that they are for.
     pub plans: Vec<(NpcId, u32, NpcPlan)>,
     /// Plans that the planner has not delivered since the worker's last answer.

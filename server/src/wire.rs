@@ -19,7 +19,7 @@ use surefoot_world::character::ACTION_LEN;
 use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{OBSERVATION_VERSION, Sight};
-use surefoot_world::{Action, Chance, Map, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
+use surefoot_world::{Action, Chance, End, Map, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
 use tonic::Status;
 
 /// Greatest capacity of a worker, NPCs.
@@ -108,7 +108,8 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
             Err(_) => answer.invalid += 1,
         }
     }
-    answer.gave_up = batch.gave_up.into_iter().map(|it| (NpcId(it.npc_id), it.attempt)).collect();
+    let end = |unreachable: bool| if unreachable { End::Unreachable } else { End::NoProgress };
+    answer.gave_up = batch.gave_up.into_iter().map(|it| (NpcId(it.npc_id), it.attempt, end(it.unreachable))).collect();
     Ok(answer)
 }
 
@@ -320,7 +321,7 @@ fn event_to_wire(event: &NpcEvent) -> wire::NpcEvent {
 /// Converts the statistics of a world.
 pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
     let WorldStats { counters, times, without_worker } = stats;
-    let [reached, fell, burnt, drowned, no_progress] = counters.ends;
+    let [reached, fell, burnt, drowned, no_progress, unreachable] = counters.ends;
     wire::WorldStats {
         tick_us_p50: times.quantile_us(0.5),
         tick_us_p99: times.quantile_us(0.99),
@@ -333,6 +334,7 @@ pub fn stats_to_wire(stats: &WorldStats) -> wire::WorldStats {
         burnt,
         drowned,
         no_progress,
+        unreachable,
         ticks_late: counters.ticks_late,
         tick_histogram: times.counts().to_vec(),
         answers_stale: counters.stale,

@@ -183,7 +183,7 @@ fn answers_of_a_worker_that_the_npc_is_not_assigned_to_are_ignored() {
     let batch = worker.batches().pop().unwrap();
     let mut forged = forward_to(&batch);
     forged.waypoints.push((npc, 1, Vec3::new(1.0, 1.0, 1.0)));
-    forged.gave_up.push((npc, 1));
+    forged.gave_up.push((npc, 1, End::NoProgress));
     stage.world.answer(WorkerId(99), forged);
     let state = stage.world.npc(npc).unwrap();
     assert_eq!((state.status, state.waypoint, state.last_outcome), (NpcStatus::Seeking, None, None));
@@ -285,7 +285,7 @@ fn what_is_about_an_earlier_attempt_changes_nothing() {
     // The client changes its mind before the worker's answer arrives.
     assert_eq!(stage.world.set_goal(npc, Vec3::new(20.0, 1.0, 5.0)).unwrap(), 2);
     let mut late = forward_to(&first);
-    late.gave_up.push((npc, 1));
+    late.gave_up.push((npc, 1, End::NoProgress));
     late.waypoints.push((npc, 1, Vec3::new(1.0, 1.0, 1.0)));
     stage.world.answer(worker.id, late);
     let state = stage.world.npc(npc).unwrap();
@@ -293,8 +293,8 @@ fn what_is_about_an_earlier_attempt_changes_nothing() {
     assert_eq!(state.attempts_begun, 2);
     assert_eq!((stage.world.counters().stale, stage.world.counters().answered), (1, 0));
     // What is about the present attempt counts.
-    stage.world.answer(worker.id, Answer { gave_up: vec![(npc, 2)], ..Answer::default() });
-    assert_eq!(stage.world.npc(npc).unwrap().last_outcome, Some(End::NoProgress));
+    stage.world.answer(worker.id, Answer { gave_up: vec![(npc, 2, End::Unreachable)], ..Answer::default() });
+    assert_eq!(stage.world.npc(npc).unwrap().last_outcome, Some(End::Unreachable));
 }
 
 #[test]

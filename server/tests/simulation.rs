@@ -381,7 +381,7 @@ impl Worker {
                     answer.decisions.push(Decision { npc, attempt, action: Some(action) });
                     match rng.random_range(0..20) {
                         0 => answer.waypoints.push((npc, attempt, Vec3::new(mark_of(attempt), 1.0, 10.0))),
-                        1 => answer.gave_up.push((npc, attempt)),
+                        1 => answer.gave_up.push((npc, attempt, End::NoProgress)),
                         _ => {}
                     }
                 }

@@ -172,7 +172,7 @@ pub fn small_graph() -> planner::BuildSettings {
 
 /// A small map with all features.
 pub fn small_map(seed: u64) -> world::MapSpec {
-    world::MapSpec { seed, size: Some(world::MapSize { width: 100, height: 80, depth: 100 }), features: None }
+    world::MapSpec { seed, size: Some(world::MapSize { width: 100, height: 80, depth: 100 }), ..Default::default() }
 }
 
 /// A client of a world server that has restored its worlds.

@@ -31,7 +31,7 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     let mut client = world_client(&server).await;
     let create = |map: Option<wire::MapSpec>, mode: i32| wire::CreateWorldRequest { map, mode, ..Default::default() };
     let size = |width, height, depth| {
-        Some(wire::MapSpec { seed: 1, size: Some(wire::MapSize { width, height, depth }), features: None })
+        Some(wire::MapSpec { seed: 1, size: Some(wire::MapSize { width, height, depth }), ..Default::default() })
     };
     refused(client.create_world(create(None, 0)).await, Code::InvalidArgument, "map is missing");
     refused(client.create_world(create(size(10, 80, 100), 0)).await, Code::InvalidArgument, "size.width is 10");

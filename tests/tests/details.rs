@@ -43,7 +43,7 @@ async fn the_world_server_gives_details() {
     assert_eq!(fields(&none), ["map"]);
     let size = Some(wire::MapSize { width: 10, height: 80, depth: 100 });
     let small = wire::CreateWorldRequest {
-        map: Some(wire::MapSpec { seed: 1, size, features: None }),
+        map: Some(wire::MapSpec { seed: 1, size, ..Default::default() }),
         mode: 0,
         ..Default::default()
     };

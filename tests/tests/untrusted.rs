@@ -211,7 +211,11 @@ fn action_batch() -> impl Strategy<Value = wire::ActionBatch> {
     });
     let carried = (npc(), prop::option::weighted(0.95, plan()), attempt())
         .prop_map(|(npc_id, plan, attempt)| wire::CarriedPlan { npc_id, plan, attempt });
-    let given_up = (npc(), attempt()).prop_map(|(npc_id, attempt)| wire::GivenUp { npc_id, attempt });
+    let given_up = (npc(), attempt(), any::<bool>()).prop_map(|(npc_id, attempt, unreachable)| wire::GivenUp {
+        npc_id,
+        attempt,
+        unreachable,
+    });
     let tick = prop_oneof![4 => Just(0), 1 => any::<u64>()];
     let row = prop::collection::vec((npc(), [number(), number(), number(), number()], attempt()), 0..4);
     let missing = prop_oneof![6 => Just(0usize), 1 => 1..20usize];

@@ -9,11 +9,11 @@
 //! | 128..192 | 1 where the ray ended on lava |
 //! | 192..256 | 1 where the ray ended on a jump pad |
 //! | 256..320 | where the ray ended on another device: 1 zip line, 0.7 teleporter, 0.4 jetpack |
-//! | 320..355 | the state vector, see [`state_vector`] |
+//! | 320..369 | the state vector, see [`state_vector`] |
 //!
 //! Rays are ordered row by row from the lowest elevation, each row from left to right.
 
-use crate::character::{Body, CharacterProfile};
+use crate::character::{Body, CharacterProfile, RawCharacterProfile};
 use crate::map::{DEVICE_RANGE_M, Map};
 use crate::mesh::{ConeHit, Elevations, LANES, Surface};
 use crate::task::TaskConfig;
@@ -27,13 +27,15 @@ pub const RAY_COUNT: usize = RAY_SIDE * RAY_SIDE;
 /// Values per ray.
 pub const RAY_CHANNELS: usize = 5;
 /// Length of the state vector.
-pub const STATE_LEN: usize = 35;
+pub const STATE_LEN: usize = 35 + BODY_LEN;
+/// Values of the state vector that tell what body the NPC has.
+pub const BODY_LEN: usize = 14;
 /// Length of an observation.
 pub const OBSERVATION_LEN: usize = RAY_COUNT * RAY_CHANNELS + STATE_LEN;
 /// Reach of every ray, m.
 pub const RAY_RANGE_M: f32 = 30.0;
 /// Changes whenever the meaning of an observation changes; stored in checkpoints.
-pub const OBSERVATION_VERSION: u32 = 2;
+pub const OBSERVATION_VERSION: u32 = 3;
 
 /// Height of the rays' origin as a share of the body's height.
 const EYE_HEIGHT_SHARE: f32 = 0.85;
@@ -199,7 +201,7 @@ pub fn ray_surface(observation: &[f32], ray: usize) -> Surface {
 /// of the breath used; 20..23 unit direction to the nearest pad; 23 its proximity `1 - d / 50 m`; 24..27 unit
 /// direction to the entrance of the zip line or teleporter that brings the goal nearest; 27 its proximity; 28 the
 /// proximity of its exit to the goal; 29..32 and 32 direction and proximity of the nearest jetpack; 33 jetpack fuel /
-/// 5 s; 34 hanging on a zip line.
+/// 5 s; 34 hanging on a zip line; 35..49 the body, see [`body_features`].
 pub fn state_vector(
     context: SenseContext<'_>,
     body: &Body,
@@ -228,7 +230,7 @@ pub fn state_vector(
     let (jetpack_direction, jetpack_proximity) = bearing(jetpack);
     let flag = |on: bool| if on { 1.0 } else { 0.0 };
     let [forward, strafe, turn, jump] = last.action;
-    [
+    let own: [f32; STATE_LEN - BODY_LEN] = [
         (goal_distance / 50.0).min(4.0),
         goal_direction.x,
         goal_direction.y,
@@ -264,6 +266,39 @@ pub fn state_vector(
         jetpack_proximity,
         (body.fuel / 5.0).min(1.0),
         flag(body.ride.is_some()),
+    ];
+    let mut state = [0.0; STATE_LEN];
+    state[..own.len()].copy_from_slice(&own);
+    state[own.len()..].copy_from_slice(&body_features(context.profile));
+    state
+}
+
+/// Tells what body an NPC has, relative to the default one, whose features are all 0.
+///
+/// Logarithms of the ratios of 0 height, 1 radius, 2 forward speed, 4 turning speed, 6 gravity and 10 acceleration on the ground;
+/// differences of 3 the share of speed sideways, 5 the height of the first jump / 2.5 m, 7 jumps in the air, 8 the steepest slope /
+/// 35 degrees, 9 the highest step / 0.3 m, 11 acceleration in the air / 25 m/s2; -1 if the body cannot use 12 zip lines,
+/// 13 jetpacks.
+pub fn body_features(profile: &CharacterProfile) -> [f32; BODY_LEN] {
+    let usual = RawCharacterProfile::default();
+    let ratio = |value: f32, usual: f32| libm::logf(value / usual);
+    let jump_m = |profile: &RawCharacterProfile| 0.5 * profile.jump_speed * profile.jump_speed / profile.gravity;
+    let lack = |can: bool| if can { 0.0 } else { -1.0 };
+    [
+        ratio(profile.height, usual.height),
+        ratio(profile.radius, usual.radius),
+        ratio(profile.forward_speed, usual.forward_speed),
+        profile.side_speed_share - usual.side_speed_share,
+        ratio(profile.turn_speed, usual.turn_speed),
+        ((jump_m(profile) - jump_m(&usual)) / 2.5).min(4.0),
+        ratio(profile.gravity, usual.gravity),
+        f32::from(profile.extra_jumps.min(4)) - f32::from(usual.extra_jumps),
+        (profile.max_slope - usual.max_slope) / usual.max_slope,
+        (profile.step_height - usual.step_height) / 0.3,
+        ratio(profile.ground_acceleration, usual.ground_acceleration),
+        ((profile.air_acceleration - usual.air_acceleration) / 25.0).min(4.0),
+        lack(profile.uses_zip_lines),
+        lack(profile.uses_jetpacks),
     ]
 }
 

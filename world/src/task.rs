@@ -38,15 +38,22 @@ pub enum End {
     Drowned,
     /// Patience ran out without a new best distance: a truncation, not part of the task's dynamics.
     NoProgress,
+    /// No path leads to the goal: the NPC went to the nearest place that it can reach and stopped there.
+    Unreachable,
 }
 
 impl End {
     /// All ends, in a fixed order.
-    pub const ALL: [End; 5] = [End::Reached, End::Fell, End::Burnt, End::Drowned, End::NoProgress];
+    pub const ALL: [End; 6] = [End::Reached, End::Fell, End::Burnt, End::Drowned, End::NoProgress, End::Unreachable];
 
     /// Whether the episode was truncated, so that the value of the next state still counts.
     pub fn is_truncation(self) -> bool {
-        self == End::NoProgress
+        matches!(self, End::NoProgress | End::Unreachable)
+    }
+
+    /// Whether the NPC came to harm.
+    pub fn is_harm(self) -> bool {
+        matches!(self, End::Fell | End::Burnt | End::Drowned)
     }
 
     /// Lower-case name as used in reports.
@@ -57,6 +64,7 @@ impl End {
             End::Burnt => "burnt",
             End::Drowned => "drowned",
             End::NoProgress => "no_progress",
+            End::Unreachable => "unreachable",
         }
     }
 
@@ -66,7 +74,7 @@ impl End {
         match self {
             End::Reached => 1.0,
             End::Fell | End::Burnt | End::Drowned => -1.0,
-            End::NoProgress => 0.0,
+            End::NoProgress | End::Unreachable => 0.0,
         }
     }
 }

@@ -99,7 +99,7 @@ impl Saved {
     fn new(size: MapSize, placed: &Placed) -> Self {
         Self {
             magic: b"SFMAP\r\n\x1a",
-            version: 1,
+            version: 2,
             description: postcard::to_stdvec(&(None::<MapSpec>, size, placed)).expect("plain data"),
             vertex_count: 3,
             triangle_count: 1,
@@ -130,6 +130,25 @@ impl Saved {
 }
 
 #[test]
+fn maps_of_the_format_without_kinds_are_read() {
+    let spec = MapSpec::with_side(3, 50).unwrap();
+    let map = Map::generate(&spec);
+    let mut bytes = exchange::encode(&map);
+    // The kind is the last byte of the spec, which comes first in the description.
+    let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len();
+    let (header, payload) = bytes.split_at_mut(8 + 4 + 8 + 32);
+    let mut payload = payload.to_vec();
+    let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
+    payload[32..36].copy_from_slice(&(description_len - 1).to_le_bytes());
+    assert_eq!(payload.remove(36 + spec_len - 1), 0);
+    header[8..12].copy_from_slice(&1u32.to_le_bytes());
+    header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
+    header[20..].copy_from_slice(blake3::hash(&payload).as_bytes());
+    let read = exchange::decode(&[&*header, &payload].concat()).unwrap();
+    assert_eq!((read.hash(), read.spec()), (map.hash(), Some(&spec)));
+}
+
+#[test]
 fn each_fault_of_a_saved_map_has_its_own_message() {
     const SIZE: MapSize = MapSize { width: 10, height: 10, depth: 10 };
     let plain = || Saved::new(SIZE, &Placed::default());
@@ -139,7 +158,7 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
     let endless = Pad { centre: Vec3::new(0.0, f32::INFINITY, 0.0), speed: 20.0 };
     let cases = [
         (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
-        (Saved { version: 2, ..plain() }, "format 2, this program reads format 1"),
+        (Saved { version: 3, ..plain() }, "format 3, this program reads format 2"),
         (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
         (Saved { description: vec![9; 3], ..plain() }, "description"),
         (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),

@@ -1,10 +1,11 @@
 //! The content and connectivity of maps, and that a spec always gives the same map.
 
+use std::sync::Arc;
 use surefoot_world::map::stage::Stage;
-use surefoot_world::map::{Features, MapSize, Placed};
+use surefoot_world::map::{Features, MapKind, MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::{Means, Reach};
-use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3};
+use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Vec3, World};
 
 /// Hashes of the maps that a release generates; a change here changes every map and every graph.
 const GOLDEN: [(u64, u32, &str, &str); 4] = [
@@ -28,11 +29,66 @@ fn released_specs_have_their_recorded_hashes_on_any_number_of_threads() {
     }
 }
 
+/// The same for the kinds of maps, 120 m wide with all features.
+const GOLDEN_KINDS: [(MapKind, &str); 6] = [
+    (MapKind::Terrain, "7761cf883d6d139a"),
+    (MapKind::Islands, "9852106eb30f9467"),
+    (MapKind::Interior, "5fef3889c91126b6"),
+    (MapKind::Arena, "4708a80e0f4b684b"),
+    (MapKind::Tower, "49b21596e020abe1"),
+    (MapKind::Open, "16d614fb089b5ff8"),
+];
+
+fn of_kind(kind: MapKind, seed: u64, side: u32) -> MapSpec {
+    spec(seed, side, "all").with(|it| it.kind = kind).unwrap()
+}
+
+#[test]
+fn each_kind_has_its_recorded_hash_on_any_number_of_threads() {
+    let hashes = |threads| {
+        GOLDEN_KINDS.map(|(kind, _)| Map::generate_with(&of_kind(kind, 11, 120), threads, |_| {}).hash().to_string())
+    };
+    assert_eq!(hashes(1), GOLDEN_KINDS.map(|(_, hash)| hash.to_owned()));
+    assert_eq!(hashes(2), GOLDEN_KINDS.map(|(_, hash)| hash.to_owned()));
+}
+
+#[test]
+fn maps_of_every_kind_and_size_have_ground_that_is_connected_by_some_means() {
+    for kind in MapKind::ALL {
+        for (seed, side, height) in [(1, 50, 40), (2, 140, 80), (3, 140, 200)] {
+            let size = MapSize { width: side, height, depth: side };
+            let map = Map::generate(&of_kind(kind, seed, side).with(|it| it.size = size).unwrap());
+            let reach = Reach::survey(&map, &CharacterProfile::default(), 2);
+            let share = reach.share_by(|_| true);
+            assert!(share > 0.85, "{} {seed}: {share}", kind.name());
+        }
+    }
+}
+
+#[test]
+fn what_walks_off_ground_that_is_not_terrain_falls_for_good() {
+    for kind in [MapKind::Islands, MapKind::Tower, MapKind::Open] {
+        let map = Arc::new(Map::generate(&of_kind(kind, 5, 80)));
+        let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+        // Beyond the rim of what stands there.
+        let slot = world.spawn(Vec3::new(1.0, map.extent().y, 1.0), 0.0);
+        world.set_goal(slot, 0.5 * map.extent());
+        let end = (0..200).find_map(|_| {
+            world.decide(slot, Action::default());
+            world.tick_decision();
+            world.close_decision(slot).and_then(|outcome| outcome.end)
+        });
+        assert_eq!(end, Some(End::Fell), "{}", kind.name());
+    }
+}
+
 #[test]
 fn generation_reports_its_stages_in_order() {
-    let mut stages = Vec::new();
-    Map::generate_with(&spec(1, 60, "paper"), 1, |stage| stages.push(stage));
-    assert_eq!(stages, Stage::ALL);
+    for kind in [MapKind::Terrain, MapKind::Arena] {
+        let mut stages = Vec::new();
+        Map::generate_with(&of_kind(kind, 1, 60), 1, |stage| stages.push(stage));
+        assert_eq!(stages, Stage::ALL);
+    }
 }
 
 #[test]

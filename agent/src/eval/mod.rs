@@ -10,6 +10,6 @@ pub mod suite;
 pub mod unit;
 pub mod variants;
 
-pub use config::{EvalConfig, EvalError, Method};
-pub use report::{Rate, Report, Success};
+pub use config::{EvalConfig, EvalError, EvalMap, MapName, Method};
+pub use report::{MapReport, Rate, Report, Success};
 pub use run::{evaluate, run_units};

@@ -1,6 +1,6 @@
 //! Reports: success rates and mean figures over units.
 
-use super::config::EvalConfig;
+use super::config::{EvalConfig, EvalMap, MapName};
 use super::unit::{GraphFigures, Unit};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -63,8 +63,8 @@ pub struct Report {
     pub method: String,
     /// Name of the model.
     pub model: String,
-    /// Seeds of the maps.
-    pub maps: Vec<u64>,
+    /// Seeds of generated maps, names of levels.
+    pub maps: Vec<MapName>,
     /// Number of goals per map and seed.
     pub goals: usize,
     /// Seeds of goals, graphs and noise.
@@ -74,6 +74,8 @@ pub struct Report {
     /// Standard deviation of the overall rate between seeds; absent with one seed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<f64>,
+    /// What was reached on each map, in the order of `maps`.
+    pub per_map: Vec<MapReport>,
     /// Number of attempts by outcome.
     pub ends: BTreeMap<String, usize>,
     /// Number of failed attempts that followed plans, by fault.
@@ -90,6 +92,47 @@ pub struct Report {
     pub graph: Option<GraphFigures>,
 }
 
+/// What was reached on one map. All shares are 0 to 1.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MapReport {
+    /// Seed of a generated map, name of a level.
+    pub map: MapName,
+    /// Share of goals that a survey or a proved edge connects with their start.
+    pub reachable: f64,
+    /// Share of the reachable goals that were reached.
+    pub success_reachable: f64,
+    /// Share of the attempts at reachable goals that came to harm.
+    pub died: f64,
+    /// Share of the attempts at unreachable goals that ended by saying so; absent without such goals.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub told: Option<f64>,
+    /// Share of the attempts at unreachable goals that came to harm; absent without such goals.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub died_unreachable: Option<f64>,
+}
+
+impl MapReport {
+    fn of(map: &MapName, units: &[Unit]) -> Self {
+        let of_map = || units.iter().filter(|unit| unit.map == *map);
+        let all: Vec<(bool, End)> = of_map()
+            .flat_map(|unit| unit.reachable.iter().copied().zip(unit.attempts.iter().map(|attempt| attempt.end)))
+            .collect();
+        let share = |among_reachable: bool, counts: fn(End) -> bool| {
+            let ends = || all.iter().filter(|&&(reachable, _)| reachable == among_reachable);
+            let total = ends().count();
+            (total > 0).then(|| ends().filter(|&&(_, end)| counts(end)).count() as f64 / total as f64)
+        };
+        Self {
+            map: map.clone(),
+            reachable: all.iter().filter(|(reachable, _)| *reachable).count() as f64 / all.len().max(1) as f64,
+            success_reachable: share(true, |end| end == End::Reached).unwrap_or_default(),
+            died: share(true, End::is_harm).unwrap_or_default(),
+            told: share(false, |end| end == End::Unreachable),
+            died_unreachable: share(false, End::is_harm),
+        }
+    }
+}
+
 /// Summarises units.
 pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report {
     let reached: Vec<(f32, &Attempt)> = units
@@ -103,7 +146,8 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
     Report {
         method: config.method.name().to_owned(),
         model: policy.manifest().name.clone(),
-        maps: config.maps.iter().map(|spec| spec.seed).collect(),
+        per_map: config.maps.iter().map(|map| MapReport::of(&map.name(), units)).collect(),
+        maps: config.maps.iter().map(EvalMap::name).collect(),
         goals: config.goals,
         seeds: config.seeds.clone(),
         success: success(units),

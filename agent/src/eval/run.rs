@@ -24,11 +24,11 @@ pub fn run_units(
 ) -> Result<Vec<Unit>, EvalError> {
     let total = config.maps.len() * config.seeds.len() * config.goals;
     let mut units = Vec::with_capacity(config.maps.len() * config.seeds.len());
-    for spec in &config.maps {
-        // Generated for the first unit that is not loaded.
-        let mut map = None;
+    for choice in &config.maps {
+        // Made for the first unit that is not loaded.
+        let mut ground = None;
         for &seed in &config.seeds {
-            units.push(unit::load_or_run(policy, config, spec, seed, &mut map)?);
+            units.push(unit::load_or_run(policy, config, choice, seed, &mut ground)?);
             progress(units.len() * config.goals, total);
         }
     }

@@ -1,6 +1,6 @@
 //! The paper's table beside our results.
 
-use super::config::{EvalConfig, EvalError, Method};
+use super::config::{EvalConfig, EvalError, EvalMap, MapName, Method};
 use super::report::{self, Rate, Success};
 use super::run::run_units;
 use super::unit::{GraphFigures, Unit};
@@ -135,7 +135,11 @@ pub fn run(
         let total = entry.models.iter().map(|(_, maps)| maps.len()).sum::<usize>() * base.seeds.len() * base.goals;
         let mut units = Vec::new();
         for (policy, maps) in &entry.models {
-            let config = EvalConfig { maps: maps.clone(), method: entry.method, ..base.clone() };
+            let config = EvalConfig {
+                maps: maps.iter().copied().map(EvalMap::from).collect(),
+                method: entry.method,
+                ..base.clone()
+            };
             let before = units.len() * base.goals;
             units.extend(run_units(policy, &config, |done, _| progress(entry.name, before + done, total))?);
         }
@@ -146,7 +150,12 @@ pub fn run(
         let mut shares = Vec::new();
         for (split, maps) in splits {
             let seeds = base.seeds[..1].to_vec();
-            let config = EvalConfig { maps: maps.clone(), method: entry.method, seeds, ..base.clone() };
+            let config = EvalConfig {
+                maps: maps.iter().copied().map(EvalMap::from).collect(),
+                method: entry.method,
+                seeds,
+                ..base.clone()
+            };
             let units = run_units(&entry.models[0].0, &config, |done, total| progress(split, done, total))?;
             shares.push(((*split).to_owned(), report::success(&units).all));
         }
@@ -160,15 +169,15 @@ pub fn run(
     Ok(SuiteReport { goals: base.goals, seeds: base.seeds.clone(), maps, rows, generalisation })
 }
 
-/// Identifies a goal: map seed, seed, and index in the unit.
-type GoalKey = (u64, u64, usize);
+/// Identifies a goal: map, seed, and index in the unit.
+type GoalKey = (MapName, u64, usize);
 
 /// Length of the shortest successful path to each goal over all rows, m.
 fn shortest_lengths(outcomes: &[Outcome<'_>]) -> HashMap<GoalKey, f32> {
     let mut shortest = HashMap::new();
     for unit in outcomes.iter().flat_map(|outcome| &outcome.units) {
         for (idx, attempt) in unit.attempts.iter().enumerate().filter(|(_, attempt)| attempt.end == End::Reached) {
-            let length = shortest.entry((unit.map, unit.seed, idx)).or_insert(f32::INFINITY);
+            let length = shortest.entry((unit.map.clone(), unit.seed, idx)).or_insert(f32::INFINITY);
             *length = attempt.length.min(*length);
         }
     }
@@ -182,7 +191,7 @@ impl Outcome<'_> {
         let mut efficiency = 0.0;
         for unit in units {
             for (idx, attempt) in unit.attempts.iter().enumerate().filter(|(_, attempt)| attempt.end == End::Reached) {
-                let best = shortest[&(unit.map, unit.seed, idx)];
+                let best = shortest[&(unit.map.clone(), unit.seed, idx)];
                 efficiency += f64::from(best / attempt.length.max(best).max(f32::EPSILON));
             }
         }

@@ -1,9 +1,10 @@
 //! Units: all goals of one map and seed, each attempted once.
 
-use super::config::{EvalConfig, EvalError, Method};
+use super::config::{EvalConfig, EvalError, EvalMap, MapName, Method};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::Mutex;
@@ -18,24 +19,27 @@ use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{Attempt, Goal, Rollout};
-use surefoot_world::{CharacterProfile, Map, MapSpec, TaskConfig, navigable};
+use surefoot_world::reach::{Reach, flood};
+use surefoot_world::{Map, TaskConfig, navigable};
 
 /// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
 /// Most goals in a batch. Independent of the number of threads, so that results are too.
 const GOALS_PER_BATCH: usize = 128;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// The attempts at all goals of one map and seed, the nearest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unit {
-    /// Seed of the map.
-    pub map: u64,
+    /// Name of the map.
+    pub map: MapName,
     /// Seed of goals, graph and noise.
     pub seed: u64,
     /// Straight-line distance of each goal, m, ascending.
     pub distances: Vec<f32>,
+    /// Whether each goal can be reached: a survey or a proved edge connects it with the start.
+    pub reachable: Vec<bool>,
     /// Result of the attempt at each goal.
     pub attempts: Vec<Attempt>,
     /// Figures of the graph, if one was used.
@@ -65,26 +69,33 @@ pub struct GraphFigures {
     pub search_us_median: f64,
 }
 
-/// Loads a saved unit, or runs and saves it. `map` caches the generated map between units.
+/// A map, and what a character can reach on it.
+pub struct Surveyed {
+    map: Arc<Map>,
+    reach: Reach,
+}
+
+/// Loads a saved unit, or runs and saves it. `surveyed` caches the map between units.
 ///
 /// # Errors
 /// As for [`super::evaluate`].
 pub fn load_or_run(
     policy: &Policy,
     config: &EvalConfig,
-    spec: &MapSpec,
+    choice: &EvalMap,
     seed: u64,
-    map: &mut Option<Arc<Map>>,
+    surveyed: &mut Option<Surveyed>,
 ) -> Result<Unit, EvalError> {
-    let path = config.keep_in.as_ref().map(|folder| folder.join(format!("{}.json", key(policy, config, spec, seed))));
+    let path = config.keep_in.as_ref().map(|folder| folder.join(format!("{}.json", key(policy, config, choice, seed))));
     if let Some(unit) = path.as_deref().and_then(|path| load(path, config.goals)) {
         return Ok(unit);
     }
-    let map = match map {
-        Some(map) => map.clone(),
-        None => map.insert(Arc::new(Map::generate(spec))).clone(),
-    };
-    let unit = run(policy, config, &map, spec.seed, seed)?;
+    let surveyed = surveyed.get_or_insert_with(|| {
+        let map = choice.load();
+        let reach = Reach::survey(&map, &config.profile, config.thread_count);
+        Surveyed { map, reach }
+    });
+    let unit = run(policy, config, choice, surveyed, seed)?;
     if let Some(path) = path {
         let bytes = serde_json::to_vec(&unit).expect("a unit is plain data");
         let folder = path.parent().unwrap_or(Path::new("."));
@@ -96,16 +107,17 @@ pub fn load_or_run(
 }
 
 /// File name of a unit, which depends on everything that determines its result.
-fn key(policy: &Policy, config: &EvalConfig, spec: &MapSpec, seed: u64) -> String {
-    let EvalConfig { goals, method, distance, noise_share, .. } = config;
+fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> String {
+    let EvalConfig { goals, method, distance, noise_share, profile, .. } = config;
+    let map = choice.identity();
     let text = format!(
-        "{VERSION} {} {spec:?} {seed} {goals} {method:?} {distance:?} {noise_share} {:?} {:?}{}",
+        "{VERSION} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {:?} {:?}{}",
         policy.weights_hash(),
         TaskConfig::default(),
-        CharacterProfile::default(),
+        profile,
         if *method == Method::Policy { String::new() } else { format!(" {BUILDER_VERSION}") },
     );
-    format!("{}-{}-{seed}-{}", method.name(), spec.seed, &blake3::hash(text.as_bytes()).to_hex()[..16])
+    format!("{}-{}-{seed}-{}", method.name(), choice.seed(), &blake3::hash(text.as_bytes()).to_hex()[..16])
 }
 
 /// Loads a unit; `None` if it is missing, damaged or incomplete.
@@ -114,9 +126,15 @@ fn load(path: &Path, goal_count: usize) -> Option<Unit> {
     (unit.attempts.len() == goal_count && unit.distances.len() == goal_count).then_some(unit)
 }
 
-fn run(policy: &Policy, config: &EvalConfig, map: &Arc<Map>, map_seed: u64, seed: u64) -> Result<Unit, EvalError> {
-    let profile = CharacterProfile::default();
-    let goals = draw_goals(map, &profile, config, map_seed, seed)?;
+fn run(
+    policy: &Policy,
+    config: &EvalConfig,
+    choice: &EvalMap,
+    Surveyed { map, reach }: &Surveyed,
+    seed: u64,
+) -> Result<Unit, EvalError> {
+    let profile = config.profile.clone();
+    let goals = draw_goals(map, config, choice, seed)?;
     let built = match config.method {
         Method::Policy => None,
         Method::Graph(settings) => {
@@ -128,6 +146,7 @@ fn run(policy: &Policy, config: &EvalConfig, map: &Arc<Map>, map_seed: u64, seed
     let stats = built.as_ref().map(|built| built.stats);
     let router = built.map(|built| Router::new(built.graph, DEFAULT_TABLE_LIMIT, config.thread_count));
     let started = Instant::now();
+    let reachable = reachable(reach, router.as_ref(), &goals);
     let (attempts, mut search_us) = run_goals(policy, map, router.as_ref(), &goals, config, seed);
     let eval_s = started.elapsed().as_secs_f64();
     search_us.sort_unstable_by(f64::total_cmp);
@@ -142,22 +161,36 @@ fn run(policy: &Policy, config: &EvalConfig, map: &Arc<Map>, map_seed: u64, seed
         search_us_median: search_us[search_us.len() / 2],
         eval_s,
     });
-    Ok(Unit { map: map_seed, seed, distances: goals.iter().map(Goal::distance).collect(), attempts, graph })
+    let distances = goals.iter().map(Goal::distance).collect();
+    Ok(Unit { map: choice.name(), seed, distances, reachable, attempts, graph })
 }
 
-fn draw_goals(
-    map: &Map,
-    profile: &CharacterProfile,
-    config: &EvalConfig,
-    map_seed: u64,
-    seed: u64,
-) -> Result<Vec<Goal>, EvalError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(map_seed);
+/// Whether links of the survey and proved edges lead from each start to its goal. Where the survey found no ground, nothing does.
+fn reachable(reach: &Reach, router: Option<&Router>, goals: &[Goal]) -> Vec<bool> {
+    let island = |feet| reach.ground.at(feet).map(|cell| cell.island);
+    let mut exits = vec![Vec::new(); reach.ground.islands().len()];
+    reach.links.iter().for_each(|link| exits[link.from as usize].push(link.to));
+    for edge in router.into_iter().flat_map(|router| router.graph().edges()) {
+        let at = |vertex| router.and_then(|router| island(router.graph().position(vertex)));
+        if let Some((from, to)) = at(edge.key.from).zip(at(edge.key.to)) {
+            exits[from as usize].push(to);
+        }
+    }
+    let mut floods: HashMap<u32, Vec<bool>> = HashMap::new();
+    let mut leads = |from: u32, to: u32| floods.entry(from).or_insert_with(|| flood(&exits, from))[to as usize];
+    goals
+        .iter()
+        .map(|goal| island(goal.start).zip(island(goal.goal)).is_some_and(|(from, to)| leads(from, to)))
+        .collect()
+}
+
+fn draw_goals(map: &Map, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Result<Vec<Goal>, EvalError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(choice.seed());
     rng.set_stream(1000 + seed);
-    let points = navigable::sample_many(map, profile, POINTS_PER_MAP, &mut rng)?;
+    let points = navigable::sample_many(map, &config.profile, POINTS_PER_MAP, &mut rng)?;
     let mut goals = Goal::draw(&points, config.distance.clone(), config.goals, &mut rng);
     if goals.len() < config.goals {
-        return Err(EvalError::NoGoals(map_seed));
+        return Err(EvalError::NoGoals(choice.name()));
     }
     goals.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
     Ok(goals)
@@ -184,7 +217,7 @@ fn run_goals(
                         return;
                     }
                     let batch: Vec<Goal> = goals.iter().skip(idx).step_by(batch_count).copied().collect();
-                    let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+                    let mut rollout = Rollout::new(map.clone(), config.profile.clone(), TaskConfig::default());
                     rollout.noise_share = config.noise_share;
                     rollout.seed = seed.wrapping_mul(1_000_003).wrapping_add(idx as u64);
                     let mut times = Vec::new();

@@ -1,6 +1,6 @@
 //! Many variants on one split: graphs of growing size, or the 1 km map with and without graphs.
 
-use super::config::{EvalConfig, EvalError, Method};
+use super::config::{EvalConfig, EvalError, MapName, Method};
 use super::report::{self, Rate, Report};
 use super::run::run_units;
 use serde::{Deserialize, Serialize};
@@ -90,10 +90,12 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     let Some(first) = outcomes.first() else { return String::new() };
     let report = &first.report;
     let mut text = format!(
-        "Maps {:?}, {} goals each, seeds {:?}. Success in % with its 95 % interval.\n\n\
+        "Maps {}, {} goals each, seeds {:?}. Success in % with its 95 % interval.\n\n\
          | variant | weights | all | easy | medium | hard | re-plans | time to goal | probes | build | attempts | search |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|\n",
-        report.maps, report.goals, report.seeds
+        report.maps.iter().map(MapName::to_string).collect::<Vec<_>>().join(", "),
+        report.goals,
+        report.seeds
     );
     for Outcome { name, report, .. } in outcomes {
         let percent = |rate: f64| format!("{:.1}", 100.0 * rate);

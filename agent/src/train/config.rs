@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 use surefoot_policy::ActorConfig;
-use surefoot_world::map::Features;
+use surefoot_world::map::{Features, MapKind};
 use surefoot_world::{MapSpec, SpecError};
 
 /// Name of the configuration file in a run's folder.
@@ -124,6 +124,10 @@ impl Default for TrainConfig {
     }
 }
 
+fn terrain_only() -> Vec<MapKind> {
+    vec![MapKind::Terrain]
+}
+
 fn one() -> usize {
     1
 }
@@ -183,6 +187,12 @@ impl TrainConfig {
         }
         if self.collector.map_seeds.is_empty() {
             return refuse("collector.map_seeds", "is empty");
+        }
+        if self.collector.map_kinds.is_empty() {
+            return refuse("collector.map_kinds", "is empty");
+        }
+        if !(0.0..=1.0).contains(&self.collector.random_bodies) {
+            return refuse("collector.random_bodies", "must be 0 to 1");
         }
         if self.collector.spec(0).is_err() {
             return refuse(
@@ -253,6 +263,12 @@ pub struct CollectorConfig {
     /// Features of the training maps.
     #[serde(default)]
     pub map_features: Features,
+    /// Kinds of the training maps; a map's seed modulo their number chooses one.
+    #[serde(default = "terrain_only")]
+    pub map_kinds: Vec<MapKind>,
+    /// Share of the maps whose NPCs have a random body; the others have the default one.
+    #[serde(default)]
+    pub random_bodies: f64,
     /// Number of maps in use at a time.
     pub world_count: usize,
     /// Number of NPCs on each map.
@@ -286,6 +302,8 @@ impl Default for CollectorConfig {
             map_seeds: (0..128).collect(),
             map_side: 250,
             map_features: Features::default(),
+            map_kinds: terrain_only(),
+            random_bodies: 0.0,
             world_count: 8,
             npcs_per_world: 32,
             rounds_per_map: 120,
@@ -307,7 +325,10 @@ impl CollectorConfig {
     /// # Errors
     /// If the side or the features are out of range.
     pub fn spec(&self, seed: u64) -> Result<MapSpec, SpecError> {
-        MapSpec::with_side(seed, self.map_side)?.with(|spec| spec.features = self.map_features)
+        MapSpec::with_side(seed, self.map_side)?.with(|spec| {
+            spec.features = self.map_features;
+            spec.kind = self.map_kinds[(seed % self.map_kinds.len() as u64) as usize];
+        })
     }
 }
 

@@ -179,7 +179,8 @@ impl WorldTask {
                 Step::Keep => {}
                 Step::Head(waypoint) => self.npc(id).new_waypoint = Some(waypoint),
                 Step::Plan => queries.push((id, attempt, feet)),
-                Step::GiveUp => gave_up.push(wire::GivenUp { npc_id: id, attempt }),
+                Step::GiveUp => gave_up.push(wire::GivenUp { npc_id: id, attempt, unreachable: false }),
+                Step::Unreachable => gave_up.push(wire::GivenUp { npc_id: id, attempt, unreachable: true }),
             }
             attempts.push(attempt);
         }
@@ -454,7 +455,7 @@ mod tests {
             plans: (0..count)
                 .map(|npc_id| wire::CarriedPlan { npc_id, plan: Some(plan.clone()), attempt: 1 })
                 .collect(),
-            gave_up: vec![wire::GivenUp { npc_id: 1, attempt: 1 }],
+            gave_up: vec![wire::GivenUp { npc_id: 1, attempt: 1, unreachable: true }],
             plans_failed: 3,
         };
         assert!(answer.encoded_len() > 2 << 20);

@@ -1,24 +1,26 @@
 //! `surefoot eval`.
 
+use super::map::{Generated, load_level};
 use super::services::GraphArgs;
 use super::{core_count, load_policy, parse_maps, parse_seeds};
 use crate::terminal::{print_json, progress_bar};
 use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::variants::{self, Variant};
-use surefoot_agent::eval::{EvalConfig, Method, Rate, Report, evaluate};
+use surefoot_agent::eval::{EvalConfig, EvalMap, MapName, Method, Rate, Report, evaluate};
 use surefoot_planner::{Placement, Probing};
 use surefoot_policy::Policy;
 use surefoot_report::plots;
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
-use surefoot_world::MapSpec;
+use surefoot_world::{CharacterProfile, MapSpec};
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map"
 )]
 pub struct Args {
     /// Run a whole table instead: the paper's rows for which --models has weights, on the test maps (paper); graphs of
@@ -31,12 +33,11 @@ pub struct Args {
     /// Save finished maps and seeds in this folder and reuse them; with --suite, also write the table, plots and JSON
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Maps to evaluate on: training, validation, test, or seeds such as 7 or 1000,1001 or 0..4
+    /// Maps to evaluate on: training, validation, test, seeds such as 7 or 1000,1001 or 0..4, or files (.sfmap, .glb, .gltf, .obj)
     #[arg(long, default_value = "validation")]
     maps: String,
-    /// Side of the maps in metres
-    #[arg(long, default_value_t = 250, value_name = "METRES")]
-    size: u32,
+    #[command(flatten)]
+    generated: Generated,
     /// Goals per map and seed
     #[arg(long, default_value_t = 200, value_name = "N")]
     goals: usize,
@@ -84,6 +85,20 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
+    /// Generated maps by seed, or levels by file.
+    fn maps(&self) -> anyhow::Result<Vec<EvalMap>> {
+        let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !word.contains("..");
+        if !self.maps.split(',').any(is_file) {
+            let kind = |spec: MapSpec| self.generated.apply(&spec).map(EvalMap::from);
+            return parse_maps(&self.maps, self.generated.size)?.into_iter().map(kind).collect();
+        }
+        let level = |file: &str| {
+            let name = Path::new(file).file_name().map_or(file.into(), |name| name.to_string_lossy());
+            anyhow::Ok(EvalMap::Level { name: name.into_owned(), map: Arc::new(load_level(Path::new(file))?) })
+        };
+        self.maps.split(',').map(level).collect()
+    }
+
     fn config(&self) -> anyhow::Result<EvalConfig> {
         if !(1..=100_000).contains(&self.goals) {
             bail!("--goals is {}, allowed are 1 to 100000", self.goals);
@@ -94,9 +109,10 @@ impl Args {
         let settings = self.graph.settings()?;
         let method = if self.method == "policy" { Method::Policy } else { Method::Graph(settings) };
         Ok(EvalConfig {
-            maps: parse_maps(&self.maps, self.size)?,
+            maps: self.maps()?,
             goals: self.goals,
             seeds: parse_seeds(&self.seed).context("--seed")?,
+            profile: CharacterProfile::default(),
             method,
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
@@ -116,7 +132,7 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
         }
         load_policy(Some(&folder)).map(Some)
     };
-    let maps = parse_maps("test", args.size)?;
+    let maps = parse_maps("test", args.generated.size)?;
     let mut specific = Vec::new();
     for spec in &maps {
         specific.extend(load(&format!("lstm-map-{}", spec.seed))?.map(|policy| (policy, vec![*spec])));
@@ -155,9 +171,10 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
 
 fn run_suite(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let entries = paper_entries(args)?;
-    let splits = [("training", parse_maps("0..4", args.size)?)]
-        .into_iter()
-        .chain([("validation", parse_maps("validation", args.size)?), ("test", parse_maps("test", args.size)?)]);
+    let splits = [("training", parse_maps("0..4", args.generated.size)?)].into_iter().chain([
+        ("validation", parse_maps("validation", args.generated.size)?),
+        ("test", parse_maps("test", args.generated.size)?),
+    ]);
     let bar = progress_bar(1, "evaluating");
     let report = suite::run(&entries, &splits.collect::<Vec<_>>(), base, |row, done, total| {
         bar.set_message(row.to_owned());
@@ -175,9 +192,13 @@ fn run_suite(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
+fn eval_maps(text: &str, side: u32) -> anyhow::Result<Vec<EvalMap>> {
+    Ok(parse_maps(text, side)?.into_iter().map(EvalMap::from).collect())
+}
+
 /// Success and run time over numbers of vertices and neighbours.
 fn run_sweep(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
-    let base = EvalConfig { maps: parse_maps("validation", args.size)?, ..base.clone() };
+    let base = EvalConfig { maps: eval_maps("validation", args.generated.size)?, ..base.clone() };
     let policy = load_policy(Some(&args.models.join("general-reactive")))?;
     let outcomes = run_variants(args, &base, &variants::sweep(&policy), 25.0)?;
     if let Some(folder) = &args.out {
@@ -198,7 +219,7 @@ const BIG_NEIGHBOURS: usize = 20;
 /// The 1 km map: the policy trained on it without a graph and with graphs of growing size, then the general policy.
 fn run_big_map(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let (seed, side) = BIG_MAP;
-    let base = EvalConfig { maps: parse_maps(&seed.to_string(), side)?, ..base.clone() };
+    let base = EvalConfig { maps: eval_maps(&seed.to_string(), side)?, ..base.clone() };
     let specific = load_policy(Some(&args.models.join(format!("lstm-map-{seed}"))))?;
     let general = load_policy(Some(&args.models.join("general-reactive")))?;
     let graph = |vertices| -> anyhow::Result<Method> {
@@ -301,8 +322,12 @@ fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {
 
 fn print_table(report: &Report) -> anyhow::Result<()> {
     println!(
-        "method {}  model {}  maps {:?}  {} goals per map, seeds {:?}",
-        report.method, report.model, report.maps, report.goals, report.seeds
+        "method {}  model {}  maps {}  {} goals per map, seeds {:?}",
+        report.method,
+        report.model,
+        report.maps.iter().map(MapName::to_string).collect::<Vec<_>>().join(", "),
+        report.goals,
+        report.seeds
     );
     println!("{:<8}{:>9}{:>19}{:>8}", "goals", "success", "95 % interval", "n");
     let rows = [
@@ -313,6 +338,20 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
     ];
     for (name, Rate { rate, low, high, n }) in rows {
         println!("{name:<8}{:>8.1}%{:>10.1} - {:>5.1}%{n:>8}", 100.0 * rate, 100.0 * low, 100.0 * high);
+    }
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    for map in &report.per_map {
+        print!(
+            "map {}: {} of the goals can be reached; of these {} were, {} died",
+            map.map,
+            percent(map.reachable),
+            percent(map.success_reachable),
+            percent(map.died)
+        );
+        match map.told.zip(map.died_unreachable) {
+            Some((told, died)) => println!("; of the others {} were told, {} died", percent(told), percent(died)),
+            None => println!(),
+        }
     }
     if let Some(spread) = report.spread {
         println!("spread between seeds {:.2} points", 100.0 * spread);

@@ -8,12 +8,12 @@ use std::sync::Arc;
 use std::time::Instant;
 use surefoot_policy::Policy;
 use surefoot_report::render::{self, Picture, View};
-use surefoot_world::exchange::{self, ImportOptions, UpAxis};
+use surefoot_world::exchange::{self, ImportOptions, Imported, UpAxis};
 use surefoot_world::map::stage::Stage;
-use surefoot_world::map::{Features, MapSize};
+use surefoot_world::map::{Features, MapKind, MapSize};
 use surefoot_world::reach::{Means, Reach};
 use surefoot_world::replay::Recording;
-use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, TICKS_PER_DECISION};
+use surefoot_world::{CharacterProfile, Map, MapSpec, TICKS_PER_DECISION};
 
 /// Generate, show, exchange and replay maps.
 #[derive(clap::Subcommand)]
@@ -35,9 +35,16 @@ pub enum Command {
 /// Selects a map.
 #[derive(clap::Args, Clone)]
 pub(super) struct Source {
-    /// Seed of a generated map, or the file of a saved one
+    /// Seed of a generated map, or a file: a saved map or a level (.glb, .gltf, .obj)
     #[arg(value_name = "SEED|FILE")]
     pub map: String,
+    #[command(flatten)]
+    pub generated: Generated,
+}
+
+/// What generated maps are like, besides their seeds.
+#[derive(clap::Args, Clone)]
+pub(super) struct Generated {
     /// Side in metres of a generated map, 50 to 1000
     #[arg(long, default_value_t = 250, value_name = "METRES")]
     pub size: u32,
@@ -47,22 +54,68 @@ pub(super) struct Source {
     /// Features of a generated map: paper, all or none, followed by changes, such as all,lava=0,zip_lines=2
     #[arg(long, default_value = "paper", value_name = "LIST", value_parser = parse_features)]
     pub features: Features,
+    /// Kind of a generated map: terrain (the paper's), islands, interior, arena, tower or open
+    #[arg(long, default_value = "terrain", value_name = "KIND", value_parser = parse_kind)]
+    pub kind: MapKind,
+}
+
+fn parse_kind(text: &str) -> Result<MapKind, String> {
+    text.parse()
 }
 
 fn parse_features(text: &str) -> Result<Features, String> {
     text.parse()
 }
 
+impl Generated {
+    /// Gives a spec this size, kind and features.
+    pub fn apply(&self, spec: &MapSpec) -> anyhow::Result<MapSpec> {
+        let size = MapSize { width: self.size, height: self.height, depth: self.size };
+        let changed = spec.with(|it| (it.size, it.features, it.kind) = (size, self.features, self.kind));
+        Ok(changed?)
+    }
+}
+
+/// Loads a saved map, or imports a level as it is.
+pub(super) fn load_level(path: &Path) -> anyhow::Result<Map> {
+    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+    if matches!(extension.as_deref(), Some("glb" | "gltf" | "obj")) {
+        return Ok(import_level(path, None, &ImportOptions { scale: 1.0, up: UpAxis::Y })?.map);
+    }
+    exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))
+}
+
+/// Imports a level with a sidecar file, or the one beside it, and prints warnings.
+fn import_level(level: &Path, sidecar: Option<&Path>, options: &ImportOptions) -> anyhow::Result<Imported> {
+    let bytes = read(level)?;
+    let beside = level.with_extension("surefoot.json");
+    let sidecar = match sidecar {
+        Some(path) => Some(path.to_owned()),
+        None => beside.exists().then_some(beside),
+    };
+    let sidecar = sidecar
+        .map(|path| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())))
+        .transpose()?;
+    let extension = level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+    let imported = match extension.as_deref() {
+        Some("glb" | "gltf") => exchange::import_gltf(&bytes, sidecar.as_deref(), options),
+        Some("obj") => exchange::import_obj(&bytes, sidecar.as_deref(), options),
+        _ => bail!("{} is not a .glb, .gltf or .obj file", level.display()),
+    }
+    .with_context(|| format!("cannot import {}", level.display()))?;
+    for warning in &imported.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(imported)
+}
+
 impl Source {
     pub fn load(&self) -> anyhow::Result<Map> {
         let Ok(seed) = self.map.parse::<u64>() else {
-            let path = Path::new(&self.map);
-            let bytes = std::fs::read(path)
-                .with_context(|| format!("`{}` is neither a seed nor a file that can be read", self.map))?;
-            return exchange::decode(&bytes).with_context(|| format!("cannot use {}", path.display()));
+            return load_level(Path::new(&self.map))
+                .with_context(|| format!("`{}` is neither a seed nor a file that can be used", self.map));
         };
-        let size = MapSize { width: self.size, height: self.height, depth: self.size };
-        let spec = MapSpec::try_from(RawMapSpec { seed, size, features: self.features })?;
+        let spec = self.generated.apply(&MapSpec::new(seed))?;
         let bar = progress_bar(Stage::ALL.len() as u64 - 1, "map");
         let map = Map::generate_with(&spec, core_count(), |stage| {
             bar.set_position(Stage::ALL.iter().position(|&other| other == stage).unwrap_or(0) as u64);
@@ -355,27 +408,8 @@ impl Stats {
 }
 
 fn import(args: &ImportArgs) -> anyhow::Result<()> {
-    let bytes = read(&args.level)?;
-    let beside = args.level.with_extension("surefoot.json");
-    let sidecar = match &args.sidecar {
-        Some(path) => Some(path.clone()),
-        None => beside.exists().then_some(beside),
-    };
-    let sidecar = sidecar
-        .map(|path| std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display())))
-        .transpose()?;
     let up = if args.up == "z" { UpAxis::Z } else { UpAxis::Y };
-    let options = ImportOptions { scale: args.scale, up };
-    let extension = args.level.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    let imported = match extension.as_deref() {
-        Some("glb" | "gltf") => exchange::import_gltf(&bytes, sidecar.as_deref(), &options),
-        Some("obj") => exchange::import_obj(&bytes, sidecar.as_deref(), &options),
-        _ => bail!("{} is not a .glb, .gltf or .obj file", args.level.display()),
-    }
-    .with_context(|| format!("cannot import {}", args.level.display()))?;
-    for warning in &imported.warnings {
-        eprintln!("warning: {warning}");
-    }
+    let imported = import_level(&args.level, args.sidecar.as_deref(), &ImportOptions { scale: args.scale, up })?;
     let size = imported.map.size();
     println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
     write(&args.out, &exchange::encode(&imported.map))

@@ -114,7 +114,9 @@ fn row(text: &mut String, sample: &Sample, old: Option<&Sample>, span: Duration)
     let times = |stats: &WorldStats| TickTimes::from_counts(&stats.tick_histogram);
     let recent = times(stats).since(&times(&past));
     let count = |status: NpcStatus| sample.npcs.iter().filter(|npc| npc.status() == status).count();
-    let ends = |stats: &WorldStats| stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress;
+    let ends = |stats: &WorldStats| {
+        stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress + stats.unreachable
+    };
     let percent = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
     // Writing to a string cannot fail.
     let _ = writeln!(

@@ -222,7 +222,7 @@ fn stats(watching: &watch::Receiver<WatchStatsResponse>) -> WorldStats {
 }
 
 fn attempts(stats: &WorldStats) -> u64 {
-    stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress
+    stats.reached + stats.fell + stats.burnt + stats.drowned + stats.no_progress + stats.unreachable
 }
 
 fn percent(part: u64, whole: u64) -> f64 {
@@ -275,7 +275,7 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
             "arrivals": arrivals,
             "attempts": attempted,
             "success": arrivals as f64 / attempted.max(1) as f64,
-            "ends": { "reached": arrivals, "fell": sum(|s| s.fell), "burnt": sum(|s| s.burnt), "drowned": sum(|s| s.drowned), "no_progress": sum(|s| s.no_progress) },
+            "ends": { "reached": arrivals, "fell": sum(|s| s.fell), "burnt": sum(|s| s.burnt), "drowned": sum(|s| s.drowned), "no_progress": sum(|s| s.no_progress), "unreachable": sum(|s| s.unreachable) },
             "tick_ms_p50": worst(|s| s.tick_us_p50) / 1000.0,
             "tick_ms_p99": worst(|s| s.tick_us_p99) / 1000.0,
             "ticks_dropped": sum(|s| s.ticks_dropped),
@@ -284,12 +284,13 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
         }))?;
     } else {
         println!(
-            "{arrivals} arrivals in {attempted} finished attempts: {:.1} % success (fell {}, burnt {}, drowned {}, no progress {})",
+            "{arrivals} arrivals in {attempted} finished attempts: {:.1} % success (fell {}, burnt {}, drowned {}, no progress {}, unreachable {})",
             percent(arrivals, attempted),
             sum(|s| s.fell),
             sum(|s| s.burnt),
             sum(|s| s.drowned),
-            sum(|s| s.no_progress)
+            sum(|s| s.no_progress),
+            sum(|s| s.unreachable)
         );
         println!(
             "tick p50 {:.2} ms, p99 {:.2} ms, {} ticks dropped, {:.2} % of {} decisions missed",

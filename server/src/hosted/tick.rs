@@ -137,9 +137,9 @@ impl HostedWorld {
                 self.world.set_goal(record.slot, position);
             }
         }
-        for (id, attempt) in answer.gave_up {
+        for (id, attempt, end) in answer.gave_up {
             if self.records.get(&id).is_some_and(|it| it.is_sought_by(worker, attempt)) {
-                self.end_attempt(id, End::NoProgress);
+                self.end_attempt(id, end);
             }
         }
     }

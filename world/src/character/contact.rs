@@ -7,8 +7,10 @@ use super::surroundings::{MoveScratch, Slope};
 use crate::mesh::{Contact, Mesh};
 use crate::{TICK_SECONDS, Vec3};
 
-/// Longest move between two contact passes, in metres: below the capsule's radius, so that nothing tunnels.
+/// Longest move between two contact passes, m, of a capsule with a radius of [`SUBSTEP_RADIUS_M`] or more; proportionally shorter
+/// for slimmer ones: below the radius, so that nothing tunnels.
 const SUBSTEP_M: f32 = 0.22;
+const SUBSTEP_RADIUS_M: f32 = 0.3;
 /// Contact passes after each move.
 const MAX_PUSHES: usize = 6;
 /// Speed below which a body wedged between steep faces counts as standing, m/s.
@@ -32,7 +34,8 @@ impl Body {
         scratch.select(mesh, low, high, self.velocity);
 
         self.support = Support::Air;
-        let substep_count = (delta.length() / SUBSTEP_M).ceil().max(1.0);
+        let substep = SUBSTEP_M * (profile.radius / SUBSTEP_RADIUS_M).min(1.0);
+        let substep_count = (delta.length() / substep).ceil().max(1.0);
         for _ in 0..substep_count as u32 {
             self.feet += self.velocity * (TICK_SECONDS / substep_count);
             self.push_out(profile, slope, scratch, was_grounded);

@@ -123,7 +123,7 @@ impl TryFrom<RawCharacterProfile> for CharacterProfile {
 impl RawCharacterProfile {
     fn check(&self) -> Result<(), ProfileError> {
         let ranges = [
-            ("radius", self.radius, 0.25, 1.0),
+            ("radius", self.radius, 0.15, 1.0),
             ("height", self.height, 2.0 * self.radius, 4.0),
             ("forward_speed", self.forward_speed, 0.1, 20.0),
             ("side_speed_share", self.side_speed_share, 0.0, 1.0),

@@ -13,13 +13,17 @@
 use super::load::{Overload, check_load, is_allowed};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::{Map, MapHash, MapSize, MapSpec, Placed, RawMapSpec, SpecError};
+use crate::map::{Features, Map, MapHash, MapSize, MapSpec, Placed, RawMapSpec, SpecError};
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+/// Format whose specs have no kind.
+const VERSION_WITHOUT_KIND: u32 = 1;
+/// Seed, size and features of a spec in that format.
+type SpecWithoutKind = (u64, MapSize, Features);
 const HEADER_LEN: usize = MAGIC.len() + 4 + 8 + blake3::OUT_LEN;
 const VERTEX_LEN: usize = 12;
 const CORNERS_LEN: usize = 12;
@@ -164,10 +168,11 @@ pub fn encode(map: &Map) -> Vec<u8> {
 /// # Errors
 /// If the bytes are not a complete, undamaged saved map in this format version.
 pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
-    let mut payload = Reader(checked_payload(bytes)?);
+    let (version, payload) = checked_payload(bytes)?;
+    let mut payload = Reader(payload);
     let saved = MapHash(*payload.array()?);
     let description_len = payload.number()?;
-    let (spec, size, placed) = read_description(payload.bytes(description_len as usize)?)?;
+    let (spec, size, placed) = read_description(payload.bytes(description_len as usize)?, version)?;
     let (vertex_count, triangle_count) = (payload.number()?, payload.number()?);
     let claimed = u64::from(vertex_count) * VERTEX_LEN as u64 + u64::from(triangle_count) * (CORNERS_LEN as u64 + 1);
     if claimed != payload.0.len() as u64 {
@@ -181,8 +186,8 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     if map.hash() == saved { Ok(map) } else { Err(FileError::Hash { found: map.hash(), saved }) }
 }
 
-/// Checks the header and returns the payload.
-fn checked_payload(bytes: &[u8]) -> Result<&[u8], FileError> {
+/// Checks the header and returns the format version and the payload.
+fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     if !bytes.starts_with(&MAGIC) {
         let is_beginning = !bytes.is_empty() && MAGIC.starts_with(bytes);
         let cut_off = FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
@@ -191,7 +196,7 @@ fn checked_payload(bytes: &[u8]) -> Result<&[u8], FileError> {
     let mut header = Reader(&bytes[MAGIC.len()..]);
     let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
     let found = header.number().map_err(too_short)?;
-    if found != VERSION {
+    if ![VERSION_WITHOUT_KIND, VERSION].contains(&found) {
         return Err(FileError::Version { found });
     }
     let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
@@ -204,12 +209,21 @@ fn checked_payload(bytes: &[u8]) -> Result<&[u8], FileError> {
     if len > payload_len {
         return Err(FileError::TrailingBytes { count: len - payload_len });
     }
-    if blake3::hash(payload).as_bytes() == checksum { Ok(payload) } else { Err(FileError::Damaged) }
+    if blake3::hash(payload).as_bytes() == checksum { Ok((found, payload)) } else { Err(FileError::Damaged) }
 }
 
-fn read_description(bytes: &[u8]) -> Result<(Option<MapSpec>, MapSize, Placed), FileError> {
-    let ((spec, size, placed), rest) = postcard::take_from_bytes::<(Option<RawMapSpec>, MapSize, Placed)>(bytes)
-        .map_err(|error| FileError::Description(error.to_string()))?;
+fn read_description(bytes: &[u8], version: u32) -> Result<(Option<MapSpec>, MapSize, Placed), FileError> {
+    let read = if version == VERSION_WITHOUT_KIND {
+        postcard::take_from_bytes::<(Option<SpecWithoutKind>, MapSize, Placed)>(bytes).map(
+            |((spec, size, placed), rest)| {
+                let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
+                ((spec, size, placed), rest)
+            },
+        )
+    } else {
+        postcard::take_from_bytes::<(Option<RawMapSpec>, MapSize, Placed)>(bytes)
+    };
+    let ((spec, size, placed), rest) = read.map_err(|error| FileError::Description(error.to_string()))?;
     if !rest.is_empty() {
         return Err(FileError::Description(format!("{} bytes too long", rest.len())));
     }

@@ -8,10 +8,11 @@ use super::features::{
 use super::stage::{Stage, count_on, pad};
 use super::structures::{self, MIN_HOUSE_HALF, STOREY_M};
 use super::terrain::{Lattice, VOXEL_M};
-use super::{Map, MapSpec, repair};
+use super::{Map, MapKind, MapSpec, built, repair};
 use crate::float::hypot;
 use crate::mesh::{Surface, Triangle};
 use crate::{Vec3, parallel};
+use noise::{NoiseFn, Perlin};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::f32::consts::TAU;
@@ -27,6 +28,8 @@ const CLIFF_PAD_COUNT: f32 = 16.0;
 const RAVINE_COUNT: f32 = 2.0;
 const CAVE_COUNT: f32 = 4.0;
 const JETPACK_COUNT: f32 = 5.0;
+/// Holes in open terrain.
+const HOLE_COUNT: f32 = 8.0;
 /// Smallest distance of a feature from the rim of the map, m.
 const RIM_M: f32 = 14.0;
 /// Highest rise without a pad, m: a double jump reaches 5 m.
@@ -43,21 +46,14 @@ impl Map {
     pub fn generate_with(spec: &MapSpec, thread_count: usize, mut progress: impl FnMut(Stage)) -> Self {
         let mut placer = Placer::new(spec);
         progress(Stage::Terrain);
-        let mut lattice = Lattice::sample(spec.seed, spec.size, thread_count);
-        progress(Stage::Features);
-        let mut placed = Placed::default();
-        placed.ravines = placer.ravines(&mut lattice);
-        placed.plateaus = placer.plateaus(&mut lattice);
-        placed.pools = placer.pools(&mut lattice);
-        placed.buildings = placer.buildings(&mut lattice);
-        placed.caves = placer.caves(&mut lattice);
-        placed.pads = placer.pads(&lattice, &placed);
-        placed.jetpacks = placer.jetpacks(&lattice, &placed);
-        progress(Stage::Mesh);
-        let mut triangles: Vec<Triangle> =
-            lattice.surface().into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
-        drop(lattice);
-        structures::add_buildings(&placed.buildings, &mut triangles);
+        let (triangles, placed) = match built::triangles(spec) {
+            Some(triangles) => {
+                progress(Stage::Features);
+                progress(Stage::Mesh);
+                (triangles, Placed::default())
+            }
+            None => placer.terrain(thread_count, &mut progress),
+        };
         let bare = Self::draft(Some(*spec), spec.size, triangles, placed);
         let connected = repair::connect(bare, spec, &mut placer.rng, thread_count, &mut progress);
         let complete = connected.complete();
@@ -80,6 +76,52 @@ impl Placer {
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
         rng.set_stream(1);
         Self { spec: *spec, rng, occupied: Vec::new() }
+    }
+
+    /// The solid triangles of terrain, and what is placed on it.
+    fn terrain(&mut self, thread_count: usize, progress: &mut impl FnMut(Stage)) -> (Vec<Triangle>, Placed) {
+        let mut lattice = Lattice::sample(self.spec.seed, self.spec.size, thread_count);
+        progress(Stage::Features);
+        if self.spec.kind == MapKind::Open {
+            self.open(&mut lattice);
+        }
+        let mut placed = Placed::default();
+        placed.ravines = self.ravines(&mut lattice);
+        placed.plateaus = self.plateaus(&mut lattice);
+        placed.pools = self.pools(&mut lattice);
+        placed.buildings = self.buildings(&mut lattice);
+        placed.caves = self.caves(&mut lattice);
+        placed.pads = self.pads(&lattice, &placed);
+        placed.jetpacks = self.jetpacks(&lattice, &placed);
+        progress(Stage::Mesh);
+        let mut triangles: Vec<Triangle> =
+            lattice.surface().into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
+        drop(lattice);
+        structures::add_buildings(&placed.buildings, &mut triangles);
+        (triangles, placed)
+    }
+
+    /// Cuts the ground off along a winding border and in a few holes.
+    fn open(&mut self, lattice: &mut Lattice) {
+        const BORDER_M: std::ops::Range<f32> = 4.0..RIM_M - 1.0;
+        const WAVELENGTH_M: f64 = 30.0;
+        let noise = Perlin::new(self.rng.random());
+        let size = self.spec.size.extent();
+        lattice.edit_box(Vec3::ZERO, size + Vec3::splat(VOXEL_M), |point, density| {
+            let inside = point.x.min(point.z).min(size.x - point.x).min(size.z - point.z);
+            if inside > BORDER_M.end {
+                return density;
+            }
+            let share =
+                0.5 + 0.5 * noise.get([f64::from(point.x) / WAVELENGTH_M, f64::from(point.z) / WAVELENGTH_M]) as f32;
+            density.min(inside - (BORDER_M.start + share * (BORDER_M.end - BORDER_M.start)))
+        });
+        for _ in 0..self.count(HOLE_COUNT, 1.0) {
+            let radius = self.rng.random_range(3.0..9.0);
+            let Some((x, z)) = self.spot(radius) else { continue };
+            lattice.edit_column(x, z, radius + 2.0 * VOXEL_M, |distance, _, density| density.min(distance - radius));
+            self.occupied.push((x, z, radius));
+        }
     }
 
     fn count(&self, reference: f32, density: f32) -> usize {

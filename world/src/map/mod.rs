@@ -3,6 +3,7 @@
 //! A [`Map`] is immutable once built and shared behind an `Arc` by all worlds, probes and trainers that
 //! use it. A map is identified by the hash of its content, never by its seed.
 
+mod built;
 pub mod features;
 pub mod generate;
 mod repair;
@@ -19,7 +20,7 @@ pub use features::{
     Teleporter, ZipLine,
 };
 use serde::{Deserialize, Serialize};
-pub use spec::{Features, MapSize, MapSpec, RawMapSpec, SpecError};
+pub use spec::{Features, MapKind, MapSize, MapSpec, RawMapSpec, SpecError};
 use std::fmt;
 pub use zones::Zone;
 use zones::ZoneGrid;

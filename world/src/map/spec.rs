@@ -32,6 +32,58 @@ pub struct RawMapSpec {
     pub size: MapSize,
     /// Density of each feature.
     pub features: Features,
+    /// What the ground is like.
+    #[serde(default)]
+    pub kind: MapKind,
+}
+
+/// What the ground of a generated map is like. Only terrain and open terrain have every feature; the others have devices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MapKind {
+    /// The paper's: rolling and terraced ground with overhangs over a floor of rock.
+    #[default]
+    Terrain,
+    /// Platforms over a void, joined by bridges, beams and stepping stones.
+    Islands,
+    /// Rooms on several storeys with doorways, stairs and shafts.
+    Interior,
+    /// Tiles at several levels with ramps, pits, crates and walls.
+    Arena,
+    /// Towers with ledges that wind up around them.
+    Tower,
+    /// Terrain whose borders and holes drop into nothing.
+    Open,
+}
+
+impl MapKind {
+    /// All kinds.
+    pub const ALL: [MapKind; 6] =
+        [MapKind::Terrain, MapKind::Islands, MapKind::Interior, MapKind::Arena, MapKind::Tower, MapKind::Open];
+
+    /// Lower-case name, as in commands and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            MapKind::Terrain => "terrain",
+            MapKind::Islands => "islands",
+            MapKind::Interior => "interior",
+            MapKind::Arena => "arena",
+            MapKind::Tower => "tower",
+            MapKind::Open => "open",
+        }
+    }
+}
+
+impl FromStr for MapKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = || Self::ALL.map(Self::name).join(", ");
+        Self::ALL
+            .into_iter()
+            .find(|kind| kind.name() == text)
+            .ok_or_else(|| format!("no kind `{text}`; there are {}", names()))
+    }
 }
 
 /// Extent of a map in metres; the map spans `0..width`, `0..height`, `0..depth`.
@@ -204,7 +256,8 @@ impl TryFrom<RawMapSpec> for MapSpec {
 impl RawMapSpec {
     /// The default map: 250 x 80 x 250 m with the paper's set of features.
     pub fn new(seed: u64) -> Self {
-        Self { seed, size: MapSize { width: 250, height: 80, depth: 250 }, features: Features::default() }
+        let size = MapSize { width: 250, height: 80, depth: 250 };
+        Self { seed, size, features: Features::default(), kind: MapKind::default() }
     }
 
     fn check(&self) -> Result<(), SpecError> {

@@ -80,7 +80,7 @@ fn add_disc(triangles: &mut Vec<Triangle>, centre: Vec3, radius: f32, surface: S
 
 /// A box whose top and bottom may slant along x.
 #[derive(Debug, Clone, Copy)]
-struct Block {
+pub(super) struct Block {
     min: Vec3,
     max: Vec3,
     /// Height added to top and bottom at `max.x`, m.
@@ -88,12 +88,17 @@ struct Block {
 }
 
 impl Block {
-    fn new(min: [f32; 3], max: [f32; 3]) -> Self {
+    pub fn new(min: [f32; 3], max: [f32; 3]) -> Self {
         Self { min: min.into(), max: max.into(), rise: 0.0 }
     }
 
+    /// The block with a top and bottom that rise by `rise` metres along x.
+    pub fn rising(self, rise: f32) -> Self {
+        Self { rise, ..self }
+    }
+
     /// The twelve triangles of the box, facing outwards.
-    fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
+    pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
         let corner = |x: usize, y: usize, z: usize| {
             let pick = |bit: usize, min: f32, max: f32| if bit == 1 { max } else { min };
             let lift = if x == 1 { self.rise } else { 0.0 };
@@ -187,7 +192,7 @@ fn add_stairs(blocks: &mut Vec<Block>, [hx, hz]: [f32; 2], floor: f32, side: f32
     let (z0, z1) = z(near, far);
     // Stairs rise towards +x on one side and towards -x on the other.
     let (low, rise) = if side < 0.0 { (floor, STOREY_M) } else { (floor + STOREY_M, -STOREY_M) };
-    blocks.push(Block { min: Vec3::new(-half_run, low - SLAB_M, z0), max: Vec3::new(half_run, low, z1), rise });
+    blocks.push(Block::new([-half_run, low - SLAB_M, z0], [half_run, low, z1]).rising(rise));
     blocks.push(Block::new([-hx, bottom, z0], [-half_run, top, z1]));
     blocks.push(Block::new([half_run, bottom, z0], [hx, top, z1]));
     let (rest0, rest1) = z(-hz, near);

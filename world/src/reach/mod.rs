@@ -182,7 +182,8 @@ impl Regions {
     }
 }
 
-fn flood(exits: &[Vec<u32>], start: u32) -> Vec<bool> {
+/// For each node, whether the directed edges `exits` lead to it from `start`; true for `start` itself.
+pub fn flood(exits: &[Vec<u32>], start: u32) -> Vec<bool> {
     let mut reached = vec![false; exits.len()];
     let mut open = vec![start];
     while let Some(node) = open.pop() {

@@ -11,6 +11,7 @@ use surefoot_agent::train::Run;
 use surefoot_agent::train::TrainConfig;
 use surefoot_agent::train::replay::Batch;
 use surefoot_policy::{Manifest, Policy};
+use surefoot_rollout::env::Env;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
 
@@ -30,6 +31,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         Figure::new("train_decisions_s", train_decisions_per_second()?, "1/s, reactive, collecting and learning"),
     ];
     let shipped = load_policy(None)?;
+    figures.push(Figure::new("env_steps_s", env_steps_per_second(&shipped)?, "1/s on one thread, with inference"));
     let lstm = untrained(&recurrent);
     for (rows, reactive_name, lstm_name) in INFERENCE {
         figures.push(Figure::new(reactive_name, inference_us(&shipped, rows), "us"));
@@ -65,6 +67,21 @@ fn train_decisions_per_second() -> anyhow::Result<f64> {
         }
     });
     Ok((run.decisions() - before) as f64 / seconds)
+}
+
+/// Steps of all NPCs per second: 256 NPCs of one environment, acted for in one batch.
+fn env_steps_per_second(policy: &Policy) -> anyhow::Result<f64> {
+    const NPCS: usize = 256;
+    const STEPS: usize = 100;
+    let mut env = Env::new(Arc::new(Map::generate(&MapSpec::new(0))), NPCS, (0.0, 25.0), 0)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let (mut memory, mut actions) = (vec![0.0; NPCS * policy.memory_len()], Vec::new());
+    let mut step = || {
+        policy.act(env.observations(), &mut memory, 0.0, &mut rng, &mut actions);
+        black_box(env.step(&actions));
+    };
+    let times = (0..STEPS).map(|_| timed(&mut step));
+    Ok(NPCS as f64 / median(times.collect()))
 }
 
 /// SAC updates per second on random batches of the shape that `config` gives.

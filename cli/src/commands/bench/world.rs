@@ -1,6 +1,7 @@
 //! The world: decisions, rays, moves, and the generation, memory and loading of maps, compared with rapier and parry.
 
 use super::{Figure, median, timed};
+use crate::commands::core_count;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
@@ -29,6 +30,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         Figure::new("load_250_s", load, "s").at_most(0.1 * generate).with_reference("generating it", generate, false),
         Figure::new("map_250_mb", map.memory_bytes() as f64 / 1.0e6, "MB").at_most(150.0),
     ]);
+    figures.splice(0..0, scaling(&map)?);
     figures.splice(0..0, simulation(&map)?);
     Ok(figures)
 }
@@ -57,39 +59,111 @@ fn peak_memory_mb() -> Option<f64> {
     Some(super::process_status("self", "VmHWM")? * 1024.0 / 1.0e6)
 }
 
-/// Decisions, rays and moves of a running crowd, on one core.
-fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
-    let profile = CharacterProfile::default();
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let points = navigable::sample_many(map, &profile, 2 * NPCS, &mut rng)?;
-    let mut world = World::new(map.clone(), profile.clone(), TaskConfig::default());
-    for pair in points.chunks_exact(2) {
-        let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
-        world.set_goal(slot, pair[1]);
+/// NPCs that run to goals and are set back where they came to harm.
+struct Crowd {
+    world: World,
+    /// Start and goal of each NPC.
+    points: Vec<Vec3>,
+    rng: ChaCha8Rng,
+    row: Vec<f32>,
+}
+
+impl Crowd {
+    fn new(map: &Arc<Map>, seed: u64) -> anyhow::Result<Self> {
+        let profile = CharacterProfile::default();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let points = navigable::sample_many(map, &profile, 2 * NPCS, &mut rng)?;
+        let mut world = World::new(map.clone(), profile, TaskConfig::default());
+        for pair in points.chunks_exact(2) {
+            let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
+            world.set_goal(slot, pair[1]);
+        }
+        Ok(Self { world, points, rng, row: vec![0.0; OBSERVATION_LEN] })
     }
-    let mut row = vec![0.0; OBSERVATION_LEN];
-    let (mut observing, mut moving) = (Vec::new(), Vec::new());
-    for _ in 0..DECISIONS {
-        observing.push(timed(|| (0..NPCS).for_each(|idx| _ = world.observe(NpcSlot(idx as u32), &mut row))));
+
+    fn observe(&mut self) {
+        (0..NPCS).for_each(|idx| _ = self.world.observe(NpcSlot(idx as u32), &mut self.row));
+    }
+
+    fn decide(&mut self) {
+        let Self { world, rng, .. } = self;
         for idx in 0..NPCS {
-            let action = Action::from_array([
+            let action = [
                 rng.random_range(0.0..1.0),
                 rng.random_range(-0.5..0.5),
                 rng.random_range(-0.5..0.5),
                 rng.random_range(-1.0..0.4),
-            ])?;
-            world.decide(NpcSlot(idx as u32), action);
+            ];
+            world.decide(NpcSlot(idx as u32), Action::from_array(action).expect("values in range"));
         }
-        moving.push(timed(|| world.tick_decision()));
-        for idx in 0..NPCS {
+    }
+
+    fn close(&mut self) {
+        let Self { world, points, .. } = self;
+        for (idx, pair) in points.chunks_exact(2).enumerate() {
             let slot = NpcSlot(idx as u32);
             world.close_decision(slot);
             if world.npc(slot).is_some_and(|npc| npc.harm.is_some()) {
-                world.teleport(slot, points[2 * idx], 0.0);
-                world.set_goal(slot, points[2 * idx + 1]);
+                world.teleport(slot, pair[0], 0.0);
+                world.set_goal(slot, pair[1]);
             }
         }
     }
+}
+
+/// Decisions per second of a crowd on each of several threads, which share the map.
+fn decisions_of_threads(map: &Arc<Map>, threads: usize) -> anyhow::Result<f64> {
+    let mut crowds: Vec<Crowd> =
+        (0..threads).map(|seed| Crowd::new(map, seed as u64)).collect::<anyhow::Result<_>>()?;
+    let seconds = timed(|| {
+        std::thread::scope(|scope| {
+            for crowd in &mut crowds {
+                scope.spawn(move || {
+                    for _ in 0..DECISIONS / 3 {
+                        crowd.observe();
+                        crowd.decide();
+                        crowd.world.tick_decision();
+                        crowd.close();
+                    }
+                });
+            }
+        });
+    });
+    Ok((threads * NPCS * (DECISIONS / 3)) as f64 / seconds)
+}
+
+/// Decisions per second on 1, 2, 4, 8 and 16 threads, as far as there are cores, beside as many times those of one thread.
+fn scaling(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
+    let one = decisions_of_threads(map, 1)?;
+    let mut figures =
+        vec![Figure::new("decisions_1_thread_s", one, "1/s, drawing actions and closing decisions included")];
+    for (threads, name) in [
+        (2, "decisions_2_threads_s"),
+        (4, "decisions_4_threads_s"),
+        (8, "decisions_8_threads_s"),
+        (16, "decisions_16_threads_s"),
+    ] {
+        if threads <= core_count() {
+            let all = decisions_of_threads(map, threads)?;
+            let ideal = threads as f64 * one;
+            figures.push(Figure::new(name, all, "1/s").with_reference("that many times one thread", ideal, true));
+        }
+    }
+    Ok(figures)
+}
+
+/// Decisions, rays and moves of a running crowd, on one core.
+fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
+    let profile = CharacterProfile::default();
+    let mut crowd = Crowd::new(map, 0)?;
+    let (mut observing, mut moving) = (Vec::new(), Vec::new());
+    for _ in 0..DECISIONS {
+        observing.push(timed(|| crowd.observe()));
+        crowd.decide();
+        moving.push(timed(|| crowd.world.tick_decision()));
+        crowd.close();
+    }
+    let Crowd { world, points, .. } = crowd;
     let (observe_s, move_s) = (median(observing) / NPCS as f64, median(moving) / NPCS as f64);
     let cone = RayCone::default();
     let bodies: Vec<_> = world.npcs().map(|(_, npc)| npc.body).collect();

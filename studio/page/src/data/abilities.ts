@@ -58,6 +58,7 @@ const OUTCOME_NAMES: Record<Outcome, string> = {
   [Outcome.BURNT]: 'Burnt',
   [Outcome.DROWNED]: 'Drowned',
   [Outcome.NO_PROGRESS]: 'Gave up',
+  [Outcome.UNREACHABLE]: 'Cannot be reached',
 }
 
 export function outcomeName(outcome: Outcome): string {

@@ -82,7 +82,7 @@ function NpcPlan({ followed, studio }: { followed: Followed; studio: Studio }) {
   return (
     <>
       <h3>Plan</h3>
-      {plan.noPath !== '' && <p class="warn">No path: {plan.noPath}. It heads straight for its goal.</p>}
+      {plan.noPath !== '' && <p class="warn">No path: {plan.noPath}. It goes as near as it can.</p>}
       <ol class="legs" aria-label="Legs of its plan">
         {plan.legs.map((leg, index) => (
           <li
