@@ -2,7 +2,7 @@
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use surefoot_agent::eval::{EvalConfig, EvalError, Method, Rate, evaluate};
+use surefoot_agent::eval::{EvalConfig, EvalError, MapName, Method, Rate, evaluate};
 use surefoot_planner::{BuildSettings, EdgeKey, Leg, NoPath, Plan};
 use surefoot_policy::Policy;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
@@ -145,5 +145,5 @@ fn an_evaluation_by_plan_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn goals_that_cannot_exist_are_an_error() {
     let far = EvalConfig { distance: 900.0..1000.0, ..config(Method::Policy) };
-    assert!(matches!(evaluate(&Policy::shipped().unwrap(), &far, |_, _| {}), Err(EvalError::NoGoals(1000))));
+    assert!(matches!(evaluate(&Policy::shipped().unwrap(), &far, |_, _| {}), Err(EvalError::NoGoals(MapName::Seed(1000)))));
 }

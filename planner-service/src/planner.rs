@@ -293,7 +293,13 @@ impl Planner {
                 found.ok_or(PlannerError::UnknownVertex { field, vertex, count })
             })
         };
-        let trial = Trial { start: position(from, "from")?, goal: position(to, "to")?, stream: 0, keep_track: false };
+        let trial = Trial {
+            start: position(from, "from")?,
+            via: None,
+            goal: position(to, "to")?,
+            stream: 0,
+            keep_track: false,
+        };
         let Ok(permit) = self.shared.probing.clone().acquire_owned().await else {
             return Err(PlannerError::ShuttingDown);
         };

@@ -178,4 +178,4 @@ pub fn price(decisions: Decisions, chance: Chance) -> f64 {
 /// Lower bound on the estimated chance of an edge.
 const MIN_CHANCE: f64 = 1.0e-3;
 /// Weight of risk: the number of additional decisions that a plan may take to avoid a leg with a chance of 1/e.
-pub(crate) const RISK_DECISIONS: f64 = 60.0;
+pub(crate) const RISK_DECISIONS: f64 = 200.0;

@@ -86,6 +86,38 @@ pub fn measure(map: &Map, from: Vec3, to: Vec3) -> Geometry {
     ]
 }
 
+/// Returns whether a body that strays a little from the straight way between two places, or overshoots its end, falls out of the
+/// map or into lava.
+pub fn is_perilous(map: &Map, from: Vec3, to: Vec3) -> bool {
+    /// Distance between the places that are looked at along the way, and how far aside and beyond the end, m.
+    const STEP_M: f32 = 2.0;
+    const STRAY_M: f32 = 1.5;
+    /// Height above the way at which a body is held back, m.
+    const KNEE_M: f32 = 0.6;
+    let offset = to - from;
+    let length = hypot(offset.x, offset.z).max(1.0e-3);
+    let (along, across) = (
+        Vec3::new(offset.x / length, 0.0, offset.z / length) * STRAY_M,
+        Vec3::new(-offset.z / length, 0.0, offset.x / length) * STRAY_M,
+    );
+    let knee = Vec3::Y * KNEE_M;
+    let is_fatal = |point: Vec3, stray: Vec3| {
+        // What is solid holds a body back.
+        let is_held =
+            map.mesh().cast_ray(point + knee, stray / STRAY_M, STRAY_M).is_some_and(|hit| hit.surface.is_solid());
+        let beside = point + stray + knee;
+        !is_held
+            && map.mesh().cast_ray(beside, DOWN, beside.y.max(KNEE_M)).is_none_or(|hit| hit.surface == Surface::Lava)
+    };
+    let steps = (length / STEP_M).ceil();
+    (0..=steps as u32).any(|step| {
+        let point = from + offset * (step as f32 / steps);
+        // The straight way may lead through a hill.
+        let is_inside = map.mesh().solid_depth_at(point + knee) > 0;
+        !is_inside && (is_fatal(point, across) || is_fatal(point, -across))
+    }) || is_fatal(to, along)
+}
+
 /// Outcomes of the probes that leave, or that reach, a vertex.
 #[derive(Debug, Clone, Copy, Default)]
 struct Record {

@@ -8,6 +8,8 @@ use surefoot_world::{Ability, Vec3};
 pub struct Trial {
     /// Position of the feet at the start, m.
     pub start: Vec3,
+    /// Position that the feet should reach first, m: the goal is then headed for on the run, as NPCs do that follow a plan.
+    pub via: Option<Vec3>,
     /// Position that the feet should reach, m.
     pub goal: Vec3,
     /// Number of the probe's random stream under the seed of the run.
@@ -30,6 +32,27 @@ pub struct Outcome {
     /// Positions of the feet at the start and after each decision, m; `None` in the air. Empty unless the trial asked to record
     /// the track.
     pub track: Vec<Option<Vec3>>,
+    /// Outcome of the way to [`Trial::via`], if there was one; all else is about the way from there to the goal.
+    pub approach: Option<Box<Outcome>>,
+}
+
+impl Outcome {
+    /// The outcome of a probe that has just begun at `start`, m.
+    pub fn begin(start: Vec3) -> Self {
+        Self {
+            reached: false,
+            decisions: 0,
+            ability: Ability::Walk,
+            bounds: [start; 2],
+            track: Vec::new(),
+            approach: None,
+        }
+    }
+
+    /// Whether the way to the goal was begun: the way to [`Trial::via`] may have failed before.
+    pub fn was_begun(&self) -> bool {
+        self.approach.as_ref().is_none_or(|approach| approach.reached)
+    }
 }
 
 /// Runs probes.

@@ -6,12 +6,15 @@
 //! to the same vertex at less than the candidate's expected cost. A hopeless candidate is probed after all if no proved
 //! edges lead from its one end to the other. Finally, candidates whose outcome the predictor did not clearly
 //! expect are probed again, up to the number of repeats in the settings.
+//!
+//! Where a miss is fatal, beside a void or lava, edges are then probed as NPCs use them that follow a plan: on the run, from an
+//! edge before.
 
 use crate::candidates::Candidate;
 use crate::evidence::{Evidence, price};
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
-use crate::predictor::{Geometry, Predictor, measure};
+use crate::predictor::{Geometry, Predictor, is_perilous, measure};
 use crate::probe::{ProbeExecutor, Trial};
 use crate::settings::Probing;
 use std::cmp::Reverse;
@@ -56,6 +59,13 @@ const BRIDGE_SHARE: usize = 8;
 /// A candidate is needless if proved edges lead to its end at no more than this fraction of its expected cost.
 const NEEDLESS: f64 = 0.85;
 
+/// Probes on the run of an edge beside which a miss is fatal.
+const RUNS: u32 = 4;
+/// Success rate below which an edge is not probed on the run any more.
+const FORLORN: f64 = 0.5;
+/// Number of the first random stream of probes on the run.
+const FIRST_RUN: u32 = 1 << 12;
+
 /// Returns the random stream of one probe of a candidate.
 fn stream(EdgeKey { from, to }: Candidate, attempt: u32) -> u64 {
     u64::from(from.0) << 40 | u64::from(to.0) << 16 | u64::from(attempt)
@@ -86,7 +96,7 @@ impl ProbeRun<'_> {
                 let attempt = attempts.entry(idx).or_insert(evidence[idx as usize].tries);
                 *attempt += 1;
                 let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
-                Trial { start, goal, stream: stream(candidate, *attempt), keep_track: false }
+                Trial { start, via: None, goal, stream: stream(candidate, *attempt), keep_track: false }
             })
             .collect();
         let outcomes = self.executor.run(&trials, self.seed, self.progress, self.cancel)?;
@@ -127,9 +137,65 @@ impl ProbeRun<'_> {
                 .collect();
             self.try_once_each(&doubtful, evidence)?;
         }
+        self.prove_on_the_run(evidence)?;
         let predictor = fit(evidence);
         let priors: Vec<f64> = (0..evidence.len()).map(|idx| predictor.chance(idx, evidence)).collect();
         evidence.iter_mut().zip(priors).for_each(|(evidence, prior)| evidence.prior = prior as f32);
+        Some(())
+    }
+
+    /// Probes edges beside which a miss is fatal on the run, each time from another edge that leads to their start.
+    fn prove_on_the_run(&self, evidence: &mut [Evidence]) -> Option<()> {
+        let position = |vertex: VertexId| self.vertices[vertex.idx()];
+        let perilous: Vec<u32> = (0..self.candidates.len() as u32)
+            .filter(|&idx| {
+                let EdgeKey { from, to } = self.candidates[idx as usize];
+                evidence[idx as usize].successes > 0 && is_perilous(self.map, position(from), position(to))
+            })
+            .collect();
+        for run in 0..RUNS {
+            let is_forlorn = |own: &Evidence| own.success_rate() < FORLORN;
+            let mut entrances: Vec<Vec<u32>> = vec![Vec::new(); self.vertices.len()];
+            for (idx, key) in (0..).zip(self.candidates) {
+                if !is_forlorn(&evidence[idx as usize]) {
+                    entrances[key.to.idx()].push(idx);
+                }
+            }
+            let tried: Vec<(u32, Option<u32>)> = perilous
+                .iter()
+                .filter(|&&idx| !is_forlorn(&evidence[idx as usize]))
+                .map(|&idx| {
+                    let EdgeKey { from, to } = self.candidates[idx as usize];
+                    // Nobody comes back at once.
+                    let mut before =
+                        entrances[from.idx()].iter().copied().filter(|&it| self.candidates[it as usize].from != to);
+                    let count = before.clone().count();
+                    (idx, before.nth((idx as usize + run as usize) % count.max(1)))
+                })
+                .collect();
+            let trial = |&(idx, before): &(u32, Option<u32>)| {
+                let candidate = self.candidates[idx as usize];
+                let start = before.map_or(candidate.from, |before| self.candidates[before as usize].from);
+                Trial {
+                    start: position(start),
+                    via: before.map(|_| position(candidate.from)),
+                    goal: position(candidate.to),
+                    stream: stream(candidate, FIRST_RUN + run),
+                    keep_track: false,
+                }
+            };
+            let trials: Vec<Trial> = tried.iter().map(trial).collect();
+            self.total.fetch_add(trials.len() as u64, Ordering::Relaxed);
+            let outcomes = self.executor.run(&trials, self.seed, self.progress, self.cancel)?;
+            for ((idx, before), outcome) in tried.into_iter().zip(&outcomes) {
+                if let Some((before, approach)) = before.zip(outcome.approach.as_deref()) {
+                    evidence[before as usize].note_probe(approach);
+                }
+                if outcome.was_begun() {
+                    evidence[idx as usize].note_probe(outcome);
+                }
+            }
+        }
         Some(())
     }
 

@@ -222,7 +222,10 @@ fn without_a_path_the_plan_gives_the_reason_and_leads_to_the_nearest_place() {
     let plan = router(two_islands(Vec::new())).find_path(&query(start, goal));
     assert_eq!((plan.no_path, plan.nearest), (Some(NoPath::DifferentIslands), Some(Vec3::new(210.0, 0.0, 0.0))));
     assert_eq!((plan.waypoints.len(), plan.waypoints.last()), (plan.legs.len(), plan.nearest.as_ref()));
-    assert_eq!((plan.legs[0].key.from, plan.legs[plan.legs.len() - 1].key.to), (Stop::Start, Stop::Vertex(VertexId(7))));
+    assert_eq!(
+        (plan.legs[0].key.from, plan.legs[plan.legs.len() - 1].key.to),
+        (Stop::Start, Stop::Vertex(VertexId(7)))
+    );
     let plan = router(two_islands(vec![edge(8, 7, 10, 2, 2)])).find_path(&query(start, goal));
     assert_eq!(plan.no_path, Some(NoPath::OneWay));
     let plan = router(two_islands(vec![edge(7, 8, 10, 2, 2)])).find_path(&query(start, goal));

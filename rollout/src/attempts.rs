@@ -26,6 +26,9 @@ pub struct Attempt {
     pub replans: u32,
     /// Length of the path from decision to decision, m.
     pub length: f32,
+    /// Chance of arriving that the first plan gave; `None` without a plan that leads to the goal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub promised: Option<f32>,
     /// Why the attempt failed; `None` if it succeeded or did not follow a plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
@@ -98,6 +101,7 @@ impl Rollout {
             if let (Some(follower), Some(router)) = (&mut walker.follower, router) {
                 let waypoint = plan(follower, router, walker.track[0], search_us);
                 worlds[0].set_goal(walker.lane.slot, waypoint);
+                walker.promised = follower.promised();
             }
         }
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
@@ -146,6 +150,7 @@ impl Rollout {
 struct Walker {
     lane: Lane,
     follower: Option<Follower>,
+    promised: Option<f32>,
     track: Track,
     end: Option<End>,
 }
@@ -156,7 +161,7 @@ impl Walker {
         let slot = world.spawn(goal.start, goal.yaw);
         world.set_goal(slot, goal.goal);
         let follower = by_plan.map(|config| Follower::new(goal.goal, config));
-        Self { lane: Lane::of(slot), follower, track: vec![goal.start], end: None }
+        Self { lane: Lane::of(slot), follower, promised: None, track: vec![goal.start], end: None }
     }
 
     fn finish(self) -> (Attempt, Track) {
@@ -165,6 +170,7 @@ impl Walker {
         let attempt = Attempt {
             end,
             decisions: self.track.len() as u32 - 1,
+            promised: self.promised,
             replans: self.follower.as_ref().map_or(0, Follower::replans),
             length: self.track.windows(2).fold(0.0, |length, step| length + step[0].distance(step[1])),
             fault: failed.map(|follower| follower.fault(end.is_harm())),

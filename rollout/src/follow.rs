@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{LegKey, Plan, Query};
+use surefoot_planner::{LegKey, Plan, Query, Stop};
 use surefoot_world::Vec3;
 
 /// Constants of plan following.
@@ -87,12 +87,16 @@ pub struct Follower {
     stalled: u32,
     replans: u32,
     failed_legs: Vec<LegKey>,
+    /// Legs to the goal itself that failed.
+    failed_arrivals: u32,
     decisions_on_leg: u32,
     traversals: Vec<Traversal>,
 }
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
 const SWITCH_DECISIONS: u32 = 3;
+/// Legs to the goal that fail, each from another vertex, until the goal counts as unreachable.
+const MAX_FAILED_ARRIVALS: u32 = 5;
 /// Most failed legs kept for an attempt; the oldest is dropped first.
 const MAX_FAILED_LEGS: usize = 12;
 
@@ -110,6 +114,7 @@ impl Follower {
             stalled: 0,
             replans: 0,
             failed_legs: Vec::new(),
+            failed_arrivals: 0,
             decisions_on_leg: 0,
             traversals: Vec::new(),
         }
@@ -157,6 +162,11 @@ impl Follower {
     /// Whether the current leg is the last one of the plan.
     pub fn is_last_leg(&self) -> bool {
         self.plan.as_ref().is_some_and(|plan| self.leg + 1 == plan.waypoints.len())
+    }
+
+    /// Chance of arriving that the plan gives; `None` without a plan that leads to the goal.
+    pub fn promised(&self) -> Option<f32> {
+        self.plan.as_ref().filter(|plan| plan.no_path.is_none()).map(|plan| plan.chance().get() as f32)
     }
 
     /// Whether the plan leads elsewhere than to the goal, because no path leads there.
@@ -239,6 +249,11 @@ impl Follower {
         }
         self.replans += 1;
         self.plan = None;
+        self.failed_arrivals += u32::from(failed.key.to == Stop::Goal);
+        if self.failed_arrivals >= MAX_FAILED_ARRIVALS {
+            // As near as paths lead.
+            return Step::Unreachable;
+        }
         Step::Plan
     }
 }

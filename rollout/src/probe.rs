@@ -193,6 +193,8 @@ struct Running {
     slot: NpcSlot,
     trial_idx: usize,
     keep_track: bool,
+    /// Where the probe goes after the place that it heads for now.
+    next: Option<Vec3>,
     give_up_after: u32,
     rng: ChaCha8Rng,
     outcome: Outcome,
@@ -203,20 +205,24 @@ impl Running {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(trial.stream);
         let slot = world.spawn(trial.start, random_yaw(&mut rng));
-        world.set_goal(slot, trial.goal);
-        let outcome = Outcome {
-            reached: false,
-            decisions: 0,
-            ability: Ability::Walk,
-            bounds: [trial.start; 2],
-            track: if trial.keep_track { vec![Some(trial.start)] } else { Vec::new() },
+        let (first, next) = match trial.via {
+            Some(via) => (via, Some(trial.goal)),
+            None => (trial.goal, None),
         };
+        let mut outcome = Outcome::begin(trial.start);
+        outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
+        let give_up_after = Self::head_for(world, slot, first);
+        Self { slot, trial_idx, keep_track: trial.keep_track, next, give_up_after, rng, outcome }
+    }
+
+    /// Sets the goal and returns after how many decisions without progress towards it the probe has failed.
+    fn head_for(world: &mut World, slot: NpcSlot, goal: Vec3) -> u32 {
+        world.set_goal(slot, goal);
         let profile = &world.config().profiles[0];
         let jumps = 1.0 + f32::from(profile.extra_jumps);
         let reach = jumps * profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity);
-        let is_out_of_reach = trial.goal.y - trial.start.y > reach;
-        let give_up_after = if is_out_of_reach { GIVE_UP_CLIMB_AFTER } else { GIVE_UP_AFTER };
-        Self { slot, trial_idx, keep_track: trial.keep_track, give_up_after, rng, outcome }
+        let feet = world.npc(slot).expect("a trial has an NPC").body.feet;
+        if goal.y - feet.y > reach { GIVE_UP_CLIMB_AFTER } else { GIVE_UP_AFTER }
     }
 
     /// Noise that is added to the next action, in units of the policy's standard deviation.
@@ -225,7 +231,7 @@ impl Running {
     }
 
     /// Records one decision and returns whether the trial continues.
-    fn note(&mut self, world: &World, closed: DecisionOutcome) -> bool {
+    fn note(&mut self, world: &mut World, closed: DecisionOutcome) -> bool {
         let npc = world.npc(self.slot).expect("a trial has an NPC");
         let episode = npc.episode.expect("a trial has an episode");
         let outcome = &mut self.outcome;
@@ -238,6 +244,14 @@ impl Running {
         let Some(end) = closed.end.or(gave_up) else { return true };
         outcome.reached = end == End::Reached;
         outcome.decisions = episode.decisions;
-        false
+        let Some(next) = self.next.take() else { return false };
+        let feet = npc.body.feet;
+        let approach = std::mem::replace(outcome, Outcome::begin(feet));
+        let goes_on = approach.reached;
+        outcome.approach = Some(Box::new(approach));
+        if goes_on {
+            self.give_up_after = Self::head_for(world, self.slot, next);
+        }
+        goes_on
     }
 }

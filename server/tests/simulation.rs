@@ -12,7 +12,7 @@ use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{Action, Map, TICKS_PER_SECOND, Vec3};
+use surefoot_world::{Action, End, Map, TICKS_PER_SECOND, Vec3};
 use tokio::sync::mpsc::{Receiver, channel};
 
 const SEEDS: u64 = 1000;

@@ -11,5 +11,5 @@ pub mod unit;
 pub mod variants;
 
 pub use config::{EvalConfig, EvalError, EvalMap, MapName, Method};
-pub use report::{MapReport, Rate, Report, Success};
+pub use report::{Calibration, MapReport, Rate, Report, Success};
 pub use run::{evaluate, run_units};

@@ -103,12 +103,66 @@ pub struct MapReport {
     pub success_reachable: f64,
     /// Share of the attempts at reachable goals that came to harm.
     pub died: f64,
+    /// How far plans keep what they promise; absent without plans.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Calibration>,
     /// Share of the attempts at unreachable goals that ended by saying so; absent without such goals.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub told: Option<f64>,
     /// Share of the attempts at unreachable goals that came to harm; absent without such goals.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub died_unreachable: Option<f64>,
+}
+
+/// How often NPCs arrive for which a plan gave a certain chance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Mean square of the difference between promise and arrival (Brier 1950): 0 is best.
+    pub brier: f64,
+    /// Attempts by what their first plans promised, where there are any.
+    pub bins: Vec<CalibrationBin>,
+}
+
+/// Attempts whose first plans promised about the same chance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationBin {
+    /// Lower bound of the promised chance.
+    pub low: f64,
+    /// Upper bound of the promised chance.
+    pub high: f64,
+    /// Mean of the promised chances.
+    pub promised: f64,
+    /// Share that arrived, re-plans included.
+    pub arrived: f64,
+    /// Number of attempts.
+    pub n: usize,
+}
+
+impl Calibration {
+    /// Bounds of the bins.
+    const BOUNDS: [f64; 9] = [0.0, 0.5, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98, 1.0];
+
+    fn of<'u>(attempts: impl Iterator<Item = &'u Attempt>) -> Option<Self> {
+        let promised = attempts.filter_map(|it| Some((f64::from(it.promised?), it.end == End::Reached)));
+        let all: Vec<(f64, f64)> = promised.map(|(chance, arrived)| (chance, f64::from(u8::from(arrived)))).collect();
+        let mean = |values: &mut dyn Iterator<Item = f64>, n: usize| values.sum::<f64>() / n as f64;
+        let bin = |bounds: &[f64]| {
+            let (low, high) = (bounds[0], bounds[1]);
+            let within: Vec<_> =
+                all.iter().filter(|&&(chance, _)| chance >= low && (chance < high || high == 1.0)).collect();
+            (!within.is_empty()).then(|| CalibrationBin {
+                low,
+                high,
+                promised: mean(&mut within.iter().map(|it| it.0), within.len()),
+                arrived: mean(&mut within.iter().map(|it| it.1), within.len()),
+                n: within.len(),
+            })
+        };
+        (!all.is_empty()).then(|| Self {
+            brier: mean(&mut all.iter().map(|(chance, arrived)| (chance - arrived).powi(2)), all.len()),
+            bins: Self::BOUNDS.windows(2).filter_map(bin).collect(),
+        })
+    }
 }
 
 impl MapReport {
@@ -127,6 +181,7 @@ impl MapReport {
             reachable: all.iter().filter(|(reachable, _)| *reachable).count() as f64 / all.len().max(1) as f64,
             success_reachable: share(true, |end| end == End::Reached).unwrap_or_default(),
             died: share(true, End::is_harm).unwrap_or_default(),
+            calibration: Calibration::of(of_map().flat_map(|unit| &unit.attempts)),
             told: share(false, |end| end == End::Unreachable),
             died_unreachable: share(false, End::is_harm),
         }

@@ -1,6 +1,6 @@
 //! `surefoot eval`.
 
-use super::map::{Generated, load_level};
+use super::map::{BodyArg, Generated, load_level};
 use super::services::GraphArgs;
 use super::{core_count, load_policy, parse_maps, parse_seeds};
 use crate::terminal::{print_json, progress_bar};
@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_agent::eval::report::CalibrationBin;
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::variants::{self, Variant};
 use surefoot_agent::eval::{EvalConfig, EvalMap, MapName, Method, Rate, Report, evaluate};
@@ -15,7 +16,7 @@ use surefoot_planner::{Placement, Probing};
 use surefoot_policy::Policy;
 use surefoot_report::plots;
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
-use surefoot_world::{CharacterProfile, MapSpec};
+use surefoot_world::MapSpec;
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
@@ -38,6 +39,8 @@ pub struct Args {
     maps: String,
     #[command(flatten)]
     generated: Generated,
+    #[command(flatten)]
+    body: BodyArg,
     /// Goals per map and seed
     #[arg(long, default_value_t = 200, value_name = "N")]
     goals: usize,
@@ -112,7 +115,7 @@ impl Args {
             maps: self.maps()?,
             goals: self.goals,
             seeds: parse_seeds(&self.seed).context("--seed")?,
-            profile: CharacterProfile::default(),
+            profile: self.body.profile()?,
             method,
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
@@ -351,6 +354,11 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
         match map.told.zip(map.died_unreachable) {
             Some((told, died)) => println!("; of the others {} were told, {} died", percent(told), percent(died)),
             None => println!(),
+        }
+        if let Some(calibration) = &map.calibration {
+            let bin = |it: &CalibrationBin| format!("{} -> {} ({})", percent(it.promised), percent(it.arrived), it.n);
+            let bins: Vec<String> = calibration.bins.iter().map(bin).collect();
+            println!("    promised -> arrived: {}; Brier score {:.3}", bins.join(", "), calibration.brier);
         }
     }
     if let Some(spread) = report.spread {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use surefoot_policy::Policy;
 use surefoot_report::render::{self, Picture, View};
+use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::exchange::{self, ImportOptions, Imported, UpAxis};
 use surefoot_world::map::stage::Stage;
 use surefoot_world::map::{Features, MapKind, MapSize};
@@ -40,6 +41,33 @@ pub(super) struct Source {
     pub map: String,
     #[command(flatten)]
     pub generated: Generated,
+}
+
+/// The body of the characters.
+#[derive(clap::Args, Clone)]
+pub(super) struct BodyArg {
+    /// Body of the characters: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a profile
+    #[arg(long, default_value = "surefoot", value_name = "NAME|FILE")]
+    body: String,
+}
+
+impl BodyArg {
+    pub fn profile(&self) -> anyhow::Result<CharacterProfile> {
+        if let Some(body) = NamedBody::find(&self.body) {
+            return Ok(body.profile());
+        }
+        let path = Path::new(&self.body);
+        let names = || BODIES.map(|body| body.name).join(", ");
+        if path.extension().is_none_or(|it| it != "toml") {
+            bail!(
+                "there is no body `{}`: there are {}, or a .toml file with the fields of a profile",
+                self.body,
+                names()
+            );
+        }
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        toml::from_str(&text).with_context(|| format!("{} is not a body", path.display()))
+    }
 }
 
 /// What generated maps are like, besides their seeds.
@@ -145,6 +173,8 @@ pub struct GenerateArgs {
 pub struct ShowArgs {
     #[command(flatten)]
     source: Source,
+    #[command(flatten)]
+    body: BodyArg,
     /// Measure the share of random goals that can be reached, on foot and by every means
     #[arg(long)]
     stats: bool,
@@ -266,7 +296,8 @@ fn show(args: &ShowArgs) -> anyhow::Result<()> {
     let started = Instant::now();
     let map = args.source.load()?;
     let seconds = started.elapsed().as_secs_f64();
-    let reach = (args.stats || args.islands).then(|| Reach::survey(&map, &CharacterProfile::default(), core_count()));
+    let profile = args.body.profile()?;
+    let reach = (args.stats || args.islands).then(|| Reach::survey(&map, &profile, core_count()));
     if let Some(path) = &args.png {
         draw(args, &map, reach.as_ref())?.save(path)?;
     }

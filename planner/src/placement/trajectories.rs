@@ -52,7 +52,7 @@ pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Dra
                     .filter(|&goal| RUN_M.contains(&pool[goal as usize].distance(start)))
                     .collect();
                 let goal = pool[*goals.get(rng.random_range(0..goals.len().max(1)))? as usize];
-                Some(Trial { start, goal, stream: round * ROUND as u64 + idx, keep_track: true })
+                Some(Trial { start, via: None, goal, stream: round * ROUND as u64 + idx, keep_track: true })
             })
             .collect();
         let before = merger.draft.vertices.len();

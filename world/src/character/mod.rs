@@ -8,6 +8,7 @@
 //! `devices` handles pads, zip lines, teleporters and jetpacks.
 
 mod action;
+pub mod bodies;
 mod body;
 mod contact;
 mod devices;

@@ -12,8 +12,9 @@ pub struct CharacterProfile(RawCharacterProfile);
 
 /// The values of a [`CharacterProfile`] before they are checked.
 ///
-/// Defaults follow the figures of the environment that the paper's authors released.
+/// Defaults follow the figures of the environment that the paper's authors released. In files, fields that are left out have them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct RawCharacterProfile {
     /// Height from soles to crown, m.
     pub height: f32,

@@ -5,7 +5,7 @@ mod export;
 mod reach;
 mod show;
 
-use super::map::Source;
+use super::map::{BodyArg, Source};
 use super::services::{CacheArgs, GraphArgs};
 use super::{core_count, load_policy};
 use crate::terminal::progress_bar;
@@ -19,7 +19,7 @@ use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId, Na
 use surefoot_planner_service::store::DiskStore;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
-use surefoot_world::{CharacterProfile, Map};
+use surefoot_world::Map;
 
 /// Build, show, check, edit and export graphs.
 #[derive(clap::Subcommand)]
@@ -60,6 +60,8 @@ pub struct Target {
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
+    #[command(flatten)]
+    body: BodyArg,
     /// Ignore the edits of the level
     #[arg(long)]
     without_edits: bool,
@@ -86,7 +88,7 @@ impl Target {
     fn context(&self) -> anyhow::Result<ProbeContext> {
         Ok(ProbeContext {
             map: Arc::new(self.source.load()?),
-            profile: CharacterProfile::default(),
+            profile: self.body.profile()?,
             policy: load_policy(self.model.as_deref())?,
         })
     }

@@ -6,13 +6,12 @@ use crate::terminal::print_json;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::path::PathBuf;
-use std::sync::Arc;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::{NavGraph, Router};
-use surefoot_policy::Policy;
 use surefoot_report::render::Picture;
+use surefoot_rollout::ProbeContext;
 use surefoot_rollout::{Goal, Rollout};
-use surefoot_world::{Ability, CharacterProfile, End, Map, TaskConfig, Vec3, navigable};
+use surefoot_world::{Ability, End, TaskConfig, Vec3, navigable};
 
 /// Build the graph of a map, or take it from the cache, and describe or draw it.
 #[derive(clap::Args)]
@@ -47,7 +46,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let router = Router::new(graph.clone(), DEFAULT_TABLE_LIMIT, core_count());
         let mut picture = Picture::top_view(&context.map, args.scale);
         draw_graph(&mut picture, graph);
-        let arrived = draw_tracks(&mut picture, &context.map, &context.policy, &router, args.tracks)?;
+        let arrived = draw_tracks(&mut picture, context, &router, args.tracks)?;
         picture.save(path)?;
         if args.tracks > 0 && !args.json {
             println!("{arrived} of {} NPCs arrived", args.tracks);
@@ -126,18 +125,16 @@ fn draw_graph(picture: &mut Picture, graph: &NavGraph) {
 /// Runs NPCs to random goals by plan, draws their tracks, and returns how many arrived.
 fn draw_tracks(
     picture: &mut Picture,
-    map: &Arc<Map>,
-    policy: &Policy,
+    ProbeContext { map, profile, policy }: &ProbeContext,
     router: &Router,
     count: usize,
 ) -> anyhow::Result<usize> {
     const COLOURS: [[u8; 3]; 6] =
         [[255, 80, 160], [255, 150, 40], [160, 90, 255], [40, 230, 170], [255, 60, 60], [60, 200, 255]];
-    let profile = CharacterProfile::default();
-    let points = navigable::sample_many(map, &profile, 2 * count, &mut ChaCha8Rng::seed_from_u64(7))?;
+    let points = navigable::sample_many(map, profile, 2 * count, &mut ChaCha8Rng::seed_from_u64(7))?;
     let goal = |pair: &[Vec3]| Goal { start: pair[0], yaw: 0.0, goal: pair[1] };
     let goals: Vec<Goal> = points.chunks_exact(2).map(goal).collect();
-    let rollout = Rollout::new(map.clone(), profile, TaskConfig::default());
+    let rollout = Rollout::new(map.clone(), profile.clone(), TaskConfig::default());
     let tracks = rollout.track_by_plan(policy, router, &goals);
     for ((goal, (_, track)), colour) in goals.iter().zip(&tracks).zip(COLOURS.iter().cycle()) {
         for step in track.windows(2) {
