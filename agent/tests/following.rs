@@ -145,5 +145,8 @@ fn an_evaluation_by_plan_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn goals_that_cannot_exist_are_an_error() {
     let far = EvalConfig { distance: 900.0..1000.0, ..config(Method::Policy) };
-    assert!(matches!(evaluate(&Policy::shipped().unwrap(), &far, |_, _| {}), Err(EvalError::NoGoals(MapName::Seed(1000)))));
+    assert!(matches!(
+        evaluate(&Policy::shipped().unwrap(), &far, |_, _| {}),
+        Err(EvalError::NoGoals(MapName::Seed(1000)))
+    ));
 }

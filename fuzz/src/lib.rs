@@ -391,7 +391,7 @@ static SOME_GRAPH: LazyLock<NavGraph> = LazyLock::new(|| {
     NavGraph::prove(vertices, &[(0, 1), (1, 2), (2, 1)].map(|(from, to)| EdgeKey::new(from, to)), &[proved; 3], 0.5)
 });
 
-/// Checks that plans on a graph have a leg for each waypoint and end at the goal.
+/// Checks that plans on a graph have a leg for each waypoint and end at the goal, or as near to it as paths lead.
 fn graph_answers(graph: NavGraph) {
     let router = Router::new(graph, TABLE_LIMIT, 1);
     for (start, goal) in [([0.0; 3], [9.0, 1.0, 30.0]), ([1.0e9; 3], [-1.0e9; 3])] {
@@ -399,7 +399,7 @@ fn graph_answers(graph: NavGraph) {
             let query = Query { start: start.into(), goal: goal.into(), avoid };
             let plan = router.find_path(&query);
             assert_eq!(plan.waypoints.len(), plan.legs.len());
-            assert_eq!(plan.waypoints.last(), Some(&query.goal));
+            assert_eq!(plan.waypoints.last(), Some(&plan.nearest.unwrap_or(query.goal)));
         }
     }
 }

@@ -154,25 +154,7 @@ impl ProbeRun<'_> {
             })
             .collect();
         for run in 0..RUNS {
-            let is_forlorn = |own: &Evidence| own.success_rate() < FORLORN;
-            let mut entrances: Vec<Vec<u32>> = vec![Vec::new(); self.vertices.len()];
-            for (idx, key) in (0..).zip(self.candidates) {
-                if !is_forlorn(&evidence[idx as usize]) {
-                    entrances[key.to.idx()].push(idx);
-                }
-            }
-            let tried: Vec<(u32, Option<u32>)> = perilous
-                .iter()
-                .filter(|&&idx| !is_forlorn(&evidence[idx as usize]))
-                .map(|&idx| {
-                    let EdgeKey { from, to } = self.candidates[idx as usize];
-                    // Nobody comes back at once.
-                    let mut before =
-                        entrances[from.idx()].iter().copied().filter(|&it| self.candidates[it as usize].from != to);
-                    let count = before.clone().count();
-                    (idx, before.nth((idx as usize + run as usize) % count.max(1)))
-                })
-                .collect();
+            let runs = self.run_ups(&perilous, evidence, run);
             let trial = |&(idx, before): &(u32, Option<u32>)| {
                 let candidate = self.candidates[idx as usize];
                 let start = before.map_or(candidate.from, |before| self.candidates[before as usize].from);
@@ -184,10 +166,10 @@ impl ProbeRun<'_> {
                     keep_track: false,
                 }
             };
-            let trials: Vec<Trial> = tried.iter().map(trial).collect();
+            let trials: Vec<Trial> = runs.iter().map(trial).collect();
             self.total.fetch_add(trials.len() as u64, Ordering::Relaxed);
             let outcomes = self.executor.run(&trials, self.seed, self.progress, self.cancel)?;
-            for ((idx, before), outcome) in tried.into_iter().zip(&outcomes) {
+            for ((idx, before), outcome) in runs.into_iter().zip(&outcomes) {
                 if let Some((before, approach)) = before.zip(outcome.approach.as_deref()) {
                     evidence[before as usize].note_probe(approach);
                 }
@@ -197,6 +179,25 @@ impl ProbeRun<'_> {
             }
         }
         Some(())
+    }
+
+    /// Those of `edges` that still succeed often enough, each with an edge that leads to its start, another one in each `run`; `None`
+    /// if no other does.
+    fn run_ups(&self, edges: &[u32], evidence: &[Evidence], run: u32) -> Vec<(u32, Option<u32>)> {
+        let succeeds = |idx: u32| evidence[idx as usize].success_rate() >= FORLORN;
+        let mut entrances: Vec<Vec<u32>> = vec![Vec::new(); self.vertices.len()];
+        for (idx, key) in (0..).zip(self.candidates).filter(|&(idx, _)| succeeds(idx)) {
+            entrances[key.to.idx()].push(idx);
+        }
+        let run_up = |idx: u32| {
+            let EdgeKey { from, to } = self.candidates[idx as usize];
+            // Nobody comes back at once.
+            let mut before =
+                entrances[from.idx()].iter().copied().filter(|&it| self.candidates[it as usize].from != to);
+            let count = before.clone().count();
+            (idx, before.nth((idx as usize + run as usize) % count.max(1)))
+        };
+        edges.iter().copied().filter(|&idx| succeeds(idx)).map(run_up).collect()
     }
 
     /// Returns whether further probes would hardly change the estimate of an edge.
