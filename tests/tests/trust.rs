@@ -551,7 +551,7 @@ async fn a_worker_with_a_token_works_where_tokens_are_required() {
 
 /// Everything that happens on a lockstep world with a real worker up to a tick, NPCs by the order in which they were spawned.
 ///
-/// All NPCs get their next goals together, once all attempts have ended: until then the world stands still.
+/// All NPCs get their next places and goals together, once all attempts have ended: until then the world stands still.
 async fn history_of_lockstep_world(
     server: &Running,
     seed: u64,
@@ -581,6 +581,10 @@ async fn history_of_lockstep_world(
     let mut open = 0;
     loop {
         if open == 0 {
+            // Some may have died.
+            let place = |(&npc_id, at)| wire::TeleportNpcRequest { npc_id, position: Some(at), yaw: 0.0 };
+            let teleports = npc_ids.iter().zip(places.by_ref()).map(place).collect();
+            client.batch_teleport_npcs(wire::BatchTeleportNpcsRequest { teleports }).await.unwrap();
             let goal = |(&npc_id, goal)| wire::SetGoalRequest { npc_id, goal: Some(goal) };
             let goals: Vec<_> = npc_ids.iter().zip(places.by_ref()).map(goal).collect();
             open = goals.len();
