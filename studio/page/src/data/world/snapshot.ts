@@ -112,7 +112,9 @@ export function healthOf(samples: readonly StatsSample[]): Health {
   const seconds = (last.atMs - first.atMs) / 1000
   const answered = Number(stats.decisionsAnswered - first.stats.decisionsAnswered)
   const missed = Number(stats.decisionsMissed - first.stats.decisionsMissed)
-  const attempts = Number(stats.reached + stats.fell + stats.burnt + stats.drowned + stats.noProgress + stats.unreachable)
+  const attempts = Number(
+    stats.reached + stats.fell + stats.burnt + stats.drowned + stats.noProgress + stats.unreachable,
+  )
   return {
     decisionsPerSecond: seconds > 0 ? answered / seconds : undefined,
     inTime: answered + missed > 0 ? answered / (answered + missed) : undefined,
