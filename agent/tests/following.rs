@@ -109,6 +109,7 @@ fn config(method: Method) -> EvalConfig {
         method,
         distance: 1.0..f32::INFINITY,
         noise_share: DEFAULT_NOISE_SHARE,
+        rehearses: true,
         thread_count: 2,
         keep_in: None,
     }

@@ -19,6 +19,7 @@ fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfi
         method: Method::Policy,
         distance: 1.0..f32::INFINITY,
         noise_share: 0.5,
+        rehearses: true,
         thread_count,
         keep_in: keep_in.map(|folder| folder.path().to_owned()),
     }

@@ -8,7 +8,7 @@ use crate::graph::NavGraph;
 use crate::placement::{self, PlacementContext};
 use crate::probe::ProbeExecutor;
 use crate::prove::ProbeRun;
-use crate::settings::{BuildError, BuildSettings, Placement};
+use crate::settings::{BuildError, BuildSettings, Placement, Probing};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -80,14 +80,18 @@ impl Builder<'_> {
         let draft = placement::place(&self.placing())?;
         self.progress.done.store(0, Ordering::Relaxed);
         let placing_s = (self.clock)() - started_s;
-        let (candidates, special) = match draft.candidates {
+        let (mut candidates, special) = match draft.candidates {
             Some(candidates) => (candidates, 0),
             None => find_candidates(self.site, self.settings, &draft.vertices),
         };
         let probes_edges = self.settings.placement != Placement::Trajectories;
         let evidence: Vec<Evidence> = if probes_edges {
             let proving = self.proving(&draft.vertices, &candidates);
-            proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?
+            let mut evidence = proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?;
+            if self.settings.probing == Probing::Frugal {
+                self.join_islands(&draft.vertices, &mut candidates, &mut evidence)?;
+            }
+            evidence
         } else {
             candidates.iter().map(|candidate| draft.seen[candidate]).collect()
         };

@@ -44,6 +44,11 @@ impl Default for Evidence {
 const UNKNOWN_PRIOR: f32 = 0.9;
 
 impl Evidence {
+    /// Evidence without any tries, with a prior in [0, 1].
+    pub fn expected(prior: f32) -> Self {
+        Self { prior, ..Self::default() }
+    }
+
     /// Adds the outcome of a probe, and widens the bounds by its track.
     pub fn note_probe(&mut self, outcome: &Outcome) {
         self.note(outcome.reached, outcome.decisions, outcome.ability);

@@ -57,6 +57,12 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Returns the plan of one unproved leg straight to `goal`, m, of which nothing is known.
+    pub fn straight(goal: Vec3) -> Self {
+        let leg = Leg::lasting(LegKey::DIRECT, Decisions(1.0), Chance::new(1.0), Ability::Walk);
+        Self { waypoints: vec![goal], legs: vec![leg], no_path: None, nearest: None }
+    }
+
     /// Returns the expected duration of all legs, including what failures cost.
     pub fn seconds(&self) -> Seconds {
         self.legs.iter().map(|leg| leg.seconds).sum()

@@ -137,17 +137,20 @@ impl ProbeRun<'_> {
                 .collect();
             self.try_once_each(&doubtful, evidence)?;
         }
-        self.prove_on_the_run(evidence)?;
+        let all: Vec<u32> = (0..self.candidates.len() as u32).collect();
+        self.prove_on_the_run(&all, evidence)?;
         let predictor = fit(evidence);
         let priors: Vec<f64> = (0..evidence.len()).map(|idx| predictor.chance(idx, evidence)).collect();
         evidence.iter_mut().zip(priors).for_each(|(evidence, prior)| evidence.prior = prior as f32);
         Some(())
     }
 
-    /// Probes edges beside which a miss is fatal on the run, each time from another edge that leads to their start.
-    fn prove_on_the_run(&self, evidence: &mut [Evidence]) -> Option<()> {
+    /// Probes those of `which` beside which a miss is fatal on the run, each time from another edge that leads to their start.
+    pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
         let position = |vertex: VertexId| self.vertices[vertex.idx()];
-        let perilous: Vec<u32> = (0..self.candidates.len() as u32)
+        let perilous: Vec<u32> = which
+            .iter()
+            .copied()
             .filter(|&idx| {
                 let EdgeKey { from, to } = self.candidates[idx as usize];
                 evidence[idx as usize].successes > 0 && is_perilous(self.map, position(from), position(to))

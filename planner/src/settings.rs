@@ -9,7 +9,7 @@ use std::ops::Deref;
 use surefoot_world::navigable::NoGround;
 
 /// Version of the builder; changes whenever the same settings would yield a different graph.
-pub const BUILDER_VERSION: u32 = 6;
+pub const BUILDER_VERSION: u32 = 7;
 
 /// How vertices are placed and candidate edges are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -102,7 +102,7 @@ pub struct RawBuildSettings {
     pub neighbours: usize,
     /// Maximum number of probes per candidate edge, 1 to 32. Default: 2.
     pub repeats: u32,
-    /// Share of probes that must succeed to prove an edge, 1e-6 to 1. Default: 0.5.
+    /// Share of probes that must succeed to prove an edge, 1e-6 to 1. Default: 0.2.
     pub threshold: f64,
     /// Seed of placement and probes. Default: 0.
     pub seed: u64,
@@ -115,7 +115,8 @@ pub struct RawBuildSettings {
 impl BuildSettings {
     /// Returns the settings of the paper for a placement: exhaustive probing and no special moves.
     pub fn of_paper(placement: Placement) -> Self {
-        Self(RawBuildSettings { placement, probing: Probing::Exhaustive, special_moves: false, ..Default::default() })
+        let raw = RawBuildSettings::default();
+        Self(RawBuildSettings { placement, threshold: 0.5, probing: Probing::Exhaustive, special_moves: false, ..raw })
     }
 
     /// Returns these settings with a change applied.
@@ -158,7 +159,7 @@ impl Default for RawBuildSettings {
             vertices: 300,
             neighbours: 12,
             repeats: 2,
-            threshold: 0.5,
+            threshold: 0.2,
             seed: 0,
             probing: Probing::Frugal,
             special_moves: true,

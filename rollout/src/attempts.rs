@@ -3,14 +3,13 @@
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
 use crate::follow::{Fault, FollowConfig, Follower, Step};
 use crate::goals::Goal;
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
+use crate::rehearse::{Actor, Ghost, NoiseStream, Rehearsal, Resort, Tally};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::Router;
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, NpcSlot, TaskConfig, Vec3, World};
+use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World};
 
 /// Most NPCs of one batch.
 const BATCH: usize = 256;
@@ -46,6 +45,8 @@ pub struct Rollout {
     pub noise_share: f32,
     /// Seed of the noise.
     pub seed: u64,
+    /// Whether NPCs that follow plans rehearse their next legs.
+    pub rehearses: bool,
 }
 
 /// Positions of the feet of one NPC, m: the start, then the position after each decision.
@@ -54,7 +55,15 @@ pub type Track = Vec<Vec3>;
 impl Rollout {
     /// Prepares attempts on `map` with the default noise; attempts end early at the patience of `task`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
-        Self { map, profile, give_up_after: task.patience, task, noise_share: DEFAULT_NOISE_SHARE, seed: 0 }
+        Self {
+            map,
+            profile,
+            give_up_after: task.patience,
+            task,
+            noise_share: DEFAULT_NOISE_SHARE,
+            seed: 0,
+            rehearses: true,
+        }
     }
 
     /// Runs one attempt for each goal, heading straight for the goal, and returns the attempts in the order of the goals.
@@ -92,33 +101,44 @@ impl Rollout {
     ) -> (Vec<Attempt>, Vec<Track>) {
         let mut worlds = [World::new(self.map.clone(), self.profile.clone(), self.task.clone())];
         let mut decisions = DecisionLoop::new(policy);
-        let mut walkers: Vec<Walker> = goals
-            .iter()
-            .map(|goal| Walker::start(&mut worlds[0], goal, router.map(|_| self.follow_config())))
+        let mut walkers: Vec<Walker> = (0..)
+            .zip(goals)
+            .map(|(idx, goal)| {
+                let noise = NoiseStream::new(self.noise_share, self.seed, idx);
+                Walker::start(&mut worlds[0], goal, noise, router.map(|_| self.follow_config()))
+            })
             .collect();
+        let mut guide = router.map(|router| Guide {
+            router,
+            policy,
+            rehearsal: Rehearsal::new(self.map.clone(), self.profile.clone(), self.task.clone(), policy),
+            rehearses: self.rehearses,
+            search_us,
+        });
         for walker in &mut walkers {
             decisions.begin(walker.lane.row_idx);
-            if let (Some(follower), Some(router)) = (&mut walker.follower, router) {
-                let waypoint = plan(follower, router, walker.track[0], search_us);
+            if let (Some(follower), Some(guide)) = (&mut walker.follower, &mut guide) {
+                let waypoint = guide.plan(follower, walker.track[0]);
                 worlds[0].set_goal(walker.lane.slot, waypoint);
                 walker.promised = follower.promised();
+                walker.rehearses_next = true;
             }
         }
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let mut lanes: Vec<Lane> = walkers.iter().map(|walker| walker.lane).collect();
-        while !lanes.is_empty() {
+        loop {
+            if let Some(guide) = &mut guide {
+                guide.rehearse(&mut worlds[0], &mut walkers, &decisions);
+            }
+            lanes.retain(|lane| walkers[lane.slot.0 as usize].goes_on(&mut worlds[0]));
+            if lanes.is_empty() {
+                break;
+            }
+            let noise = lanes.iter().flat_map(|lane| walkers[lane.slot.0 as usize].noise.draw()).collect();
             let mut stage = Stage { worlds: &mut worlds, lanes: &lanes };
-            let closed = decisions.decide(&mut stage, policy, Noise::Shared(self.noise_share, &mut rng));
-            let mut closed = closed.iter();
-            let [world] = &mut worlds;
-            lanes.retain(|lane| {
-                let outcome = *closed.next().expect("an outcome for each lane");
-                let walker = &mut walkers[lane.slot.0 as usize];
-                let Some(end) = self.settle(world, walker, router, outcome, search_us) else { return true };
-                walker.end = Some(end);
-                world.despawn(lane.slot);
-                false
-            });
+            let closed = decisions.decide(&mut stage, policy, Noise::Rows(noise));
+            for (lane, outcome) in lanes.iter().zip(closed) {
+                self.settle(&mut worlds[0], &mut walkers[lane.slot.0 as usize], guide.as_mut(), *outcome);
+            }
         }
         walkers.into_iter().map(Walker::finish).unzip()
     }
@@ -127,21 +147,14 @@ impl Rollout {
         FollowConfig { patience: self.give_up_after, ..FollowConfig::default() }
     }
 
-    /// Processes one decision of one NPC and returns how the attempt ended, if it did.
-    fn settle(
-        &self,
-        world: &mut World,
-        walker: &mut Walker,
-        router: Option<&Router>,
-        outcome: DecisionOutcome,
-        search_us: &mut Vec<f64>,
-    ) -> Option<End> {
+    /// Processes one decision of one NPC.
+    fn settle(&self, world: &mut World, walker: &mut Walker, guide: Option<&mut Guide<'_>>, outcome: DecisionOutcome) {
         let npc = world.npc(walker.lane.slot).expect("an NPC in every slot");
         let stalled = npc.episode.expect("an episode in every slot").stalled_decisions;
         walker.track.push(npc.body.feet);
-        match (&mut walker.follower, router) {
-            (Some(follower), Some(router)) => follow(world, walker.lane.slot, follower, router, outcome.end, search_us),
-            _ => outcome.end.or((stalled >= self.give_up_after).then_some(End::NoProgress)),
+        match guide {
+            Some(guide) => guide.follow(world, walker, outcome.end),
+            None => walker.end = outcome.end.or((stalled >= self.give_up_after).then_some(End::NoProgress)),
         }
     }
 }
@@ -149,19 +162,44 @@ impl Rollout {
 /// One NPC with its running attempt.
 struct Walker {
     lane: Lane,
+    noise: NoiseStream,
     follower: Option<Follower>,
     promised: Option<f32>,
+    /// Whether what lies ahead must be rehearsed before the next decision.
+    rehearses_next: bool,
+    ghost: Option<Ghost>,
+    /// Whether it runs the present leg whatever rehearsals show.
+    resigned: bool,
     track: Track,
     end: Option<End>,
 }
 
 impl Walker {
     /// Spawns an NPC that follows plans with the configuration `by_plan`, or heads straight for the goal without one.
-    fn start(world: &mut World, goal: &Goal, by_plan: Option<FollowConfig>) -> Self {
+    fn start(world: &mut World, goal: &Goal, noise: NoiseStream, by_plan: Option<FollowConfig>) -> Self {
         let slot = world.spawn(goal.start, goal.yaw);
         world.set_goal(slot, goal.goal);
         let follower = by_plan.map(|config| Follower::new(goal.goal, config));
-        Self { lane: Lane::of(slot), follower, promised: None, track: vec![goal.start], end: None }
+        let track = vec![goal.start];
+        Self {
+            lane: Lane::of(slot),
+            noise,
+            follower,
+            promised: None,
+            rehearses_next: false,
+            ghost: None,
+            resigned: false,
+            track,
+            end: None,
+        }
+    }
+
+    /// Whether the attempt goes on; removes the NPC otherwise.
+    fn goes_on(&self, world: &mut World) -> bool {
+        if self.end.is_some() {
+            world.despawn(self.lane.slot);
+        }
+        self.end.is_none()
     }
 
     fn finish(self) -> (Attempt, Track) {
@@ -179,43 +217,111 @@ impl Walker {
     }
 }
 
-/// Processes one decision of an NPC that follows a plan and returns how the attempt ended, if it did.
-///
-/// `leg_end` is the end of the episode towards the current waypoint, if the episode ended.
-fn follow(
-    world: &mut World,
-    slot: NpcSlot,
-    follower: &mut Follower,
-    router: &Router,
-    leg_end: Option<End>,
-    search_us: &mut Vec<f64>,
-) -> Option<End> {
-    let feet = world.npc(slot).expect("a running NPC").body.feet;
-    let waypoint_reached = leg_end == Some(End::Reached);
-    if waypoint_reached && follower.is_last_leg() && !follower.is_second_best() {
-        return leg_end;
-    }
-    if let Some(end) = leg_end.filter(|end| !end.is_truncation() && *end != End::Reached) {
-        return Some(end);
-    }
-    match follower.note(feet, waypoint_reached) {
-        Step::Keep => {}
-        Step::Head(waypoint) => world.set_goal(slot, waypoint),
-        Step::Plan => {
-            let waypoint = plan(follower, router, feet, search_us);
-            world.set_goal(slot, waypoint);
-        }
-        Step::GiveUp => return Some(End::NoProgress),
-        Step::Unreachable => return Some(End::Unreachable),
-    }
-    None
+/// Where plans come from, and what tries them out.
+struct Guide<'a> {
+    router: &'a Router,
+    policy: &'a Policy,
+    rehearsal: Rehearsal,
+    rehearses: bool,
+    search_us: &'a mut Vec<f64>,
 }
 
-/// Plans from `feet` and returns the first waypoint; appends the duration of the search, us, to `search_us`.
-fn plan(follower: &mut Follower, router: &Router, feet: Vec3, search_us: &mut Vec<f64>) -> Vec3 {
-    let query = follower.query(feet);
-    let started = Instant::now();
-    let plan = router.find_path(&query);
-    search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
-    follower.take_plan(plan)
+impl Guide<'_> {
+    /// Processes one decision of an NPC. `leg_end` is the end of the episode towards the current waypoint, if it ended.
+    fn follow(&mut self, world: &mut World, walker: &mut Walker, leg_end: Option<End>) {
+        let slot = walker.lane.slot;
+        let body = world.npc(slot).expect("a running NPC").body;
+        let feet = body.feet;
+        if self.rehearses && !walker.resigned && !walker.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&body)) {
+            (walker.ghost, walker.rehearses_next) = (None, true);
+        }
+        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
+        let waypoint_reached = leg_end == Some(End::Reached);
+        let is_arrival = waypoint_reached && follower.is_last_leg() && !follower.is_second_best();
+        if is_arrival || leg_end.is_some_and(End::is_harm) {
+            walker.end = leg_end;
+            return;
+        }
+        let waypoint = match follower.note(feet, waypoint_reached) {
+            Step::Keep => return,
+            Step::Head(waypoint) => waypoint,
+            Step::Plan => {
+                walker.ghost = None;
+                self.plan(follower, feet)
+            }
+            Step::GiveUp => return walker.end = Some(End::NoProgress),
+            Step::Unreachable => return walker.end = Some(End::Unreachable),
+        };
+        world.set_goal(slot, waypoint);
+        (walker.rehearses_next, walker.resigned) = (true, false);
+    }
+
+    /// Plans from `feet`, m, and returns the first waypoint, m.
+    fn plan(&mut self, follower: &mut Follower, feet: Vec3) -> Vec3 {
+        let query = follower.query(feet);
+        let started = Instant::now();
+        let plan = self.router.find_path(&query);
+        self.search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
+        follower.take_plan(plan)
+    }
+
+    /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more.
+    fn rehearse(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
+        let hidden_len = self.policy.memory_len();
+        let mut waiting: Vec<(usize, Tally)> = Vec::new();
+        for (idx, walker) in walkers.iter_mut().enumerate() {
+            let is_due = std::mem::take(&mut walker.rehearses_next) && walker.end.is_none();
+            if self.rehearses && is_due {
+                waiting.push((idx, Tally::default()));
+            }
+        }
+        while !waiting.is_empty() {
+            let ghosts: Vec<Option<Ghost>> = waiting.iter().map(|(idx, _)| walkers[*idx].ghost.take()).collect();
+            let actors = waiting.iter().zip(ghosts).map(|((idx, _), ghost)| {
+                let Walker { lane, follower, noise, .. } = &walkers[*idx];
+                let npc = *world.npc(lane.slot).expect("a running NPC");
+                let follower = follower.as_ref().expect("NPCs with a guide follow plans");
+                let hidden = decisions.hidden()[lane.row_idx * hidden_len..][..hidden_len].to_vec();
+                Actor { npc, follower: follower.clone(), hidden, noise: *noise, ghost }
+            });
+            let actors: Vec<Actor> = actors.collect();
+            let results = self.rehearsal.run(self.policy, actors);
+            let mut results = results.into_iter();
+            waiting.retain_mut(|(idx, tally)| {
+                let walker = &mut walkers[*idx];
+                match results.next().expect("a result for each actor") {
+                    Ok(ghost) => {
+                        walker.ghost = Some(ghost);
+                        false
+                    }
+                    Err(mishap) => self.resort(world, walker, tally.note(mishap)),
+                }
+            });
+        }
+    }
+
+    /// Does what is left for an NPC after a mishap in a rehearsal, and returns whether it rehearses again.
+    fn resort(&mut self, world: &mut World, walker: &mut Walker, resort: Resort) -> bool {
+        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
+        match resort {
+            Resort::Redraw => {
+                walker.noise.change();
+                true
+            }
+            Resort::Avoid(leg) if follower.avoid(leg) == Step::Plan => {
+                let feet = world.npc(walker.lane.slot).expect("a running NPC").body.feet;
+                let waypoint = self.plan(follower, feet);
+                world.set_goal(walker.lane.slot, waypoint);
+                true
+            }
+            Resort::Avoid(_) | Resort::Stop => {
+                walker.end = Some(End::Unreachable);
+                false
+            }
+            Resort::Go => {
+                walker.resigned = true;
+                false
+            }
+        }
+    }
 }

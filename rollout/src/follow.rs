@@ -97,8 +97,10 @@ pub struct Follower {
 const SWITCH_DECISIONS: u32 = 3;
 /// Legs to the goal that fail, each from another vertex, until the goal counts as unreachable.
 const MAX_FAILED_ARRIVALS: u32 = 5;
+/// The same where they only failed in rehearsals, which cost no time.
+const MAX_AVOIDED_ARRIVALS: u32 = 12;
 /// Most failed legs kept for an attempt; the oldest is dropped first.
-const MAX_FAILED_LEGS: usize = 12;
+const MAX_FAILED_LEGS: usize = 48;
 
 impl Follower {
     /// Starts an attempt at `goal`, m, without a plan.
@@ -157,6 +159,31 @@ impl Follower {
     /// Current waypoint, m; `None` without a plan.
     pub fn waypoint(&self) -> Option<Vec3> {
         self.plan.as_ref().map(|plan| plan.waypoints[self.leg])
+    }
+
+    /// Index of the current leg in the plan.
+    pub fn leg_idx(&self) -> usize {
+        self.leg
+    }
+
+    /// A copy that begins its leg anew and counts it as failed after `replan_after` decisions without coming closer.
+    pub fn rehearsing(&self, replan_after: u32) -> Self {
+        let mut copy = Self { config: FollowConfig { replan_after, ..self.config }, ..self.clone() };
+        copy.start_leg(self.leg);
+        copy.stalled = 0;
+        copy
+    }
+
+    /// A follower that heads straight for the goal, as NPCs do that have no plan.
+    pub fn straight(&self) -> Self {
+        let mut straight = Self::new(self.goal, self.config);
+        straight.take_plan(Plan::straight(self.goal));
+        straight
+    }
+
+    /// The current leg; `None` without a plan.
+    pub fn leg_key(&self) -> Option<LegKey> {
+        self.plan.as_ref().map(|plan| plan.legs[self.leg].key)
     }
 
     /// Whether the current leg is the last one of the plan.
@@ -241,16 +268,29 @@ impl Follower {
         if self.replans >= self.config.max_replans {
             return Step::GiveUp;
         }
-        let failed = plan.legs[self.leg];
+        let failed = plan.legs[self.leg].key;
         self.end_leg(false);
-        self.failed_legs.push(failed.key);
+        self.replans += 1;
+        self.plan_without(failed, MAX_FAILED_ARRIVALS)
+    }
+
+    /// Drops the plan because `leg` of it would end in harm.
+    pub fn avoid(&mut self, leg: LegKey) -> Step {
+        if self.plan.as_ref().is_some_and(|plan| plan.no_path.is_some() && plan.nearest.is_none()) {
+            // No vertex is reachable: the plan was the straight way to the goal, and there is no other.
+            return Step::Unreachable;
+        }
+        self.plan_without(leg, MAX_AVOIDED_ARRIVALS)
+    }
+
+    fn plan_without(&mut self, leg: LegKey, max_failed_arrivals: u32) -> Step {
+        self.plan = None;
+        self.failed_legs.push(leg);
         if self.failed_legs.len() > MAX_FAILED_LEGS {
             self.failed_legs.remove(0);
         }
-        self.replans += 1;
-        self.plan = None;
-        self.failed_arrivals += u32::from(failed.key.to == Stop::Goal);
-        if self.failed_arrivals >= MAX_FAILED_ARRIVALS {
+        self.failed_arrivals += u32::from(leg.to == Stop::Goal);
+        if self.failed_arrivals >= max_failed_arrivals {
             // As near as paths lead.
             return Step::Unreachable;
         }

@@ -1,9 +1,9 @@
 //! The decision loop, and what training, probing, evaluation, environments and pictures share around it.
 //!
 //! [`decision`] is the loop: observe, act, ten ticks, close. [`goals`] draws starts and goals, [`follow`] follows a plan,
-//! [`attempts`] runs whole episodes, straight or by plan, [`probe`] runs the short episodes that prove edges, [`env`](mod@env)
-//! lets a caller choose the actions, [`crowd`] keeps NPCs moving for recordings, and [`graphs`] builds graphs with probes that
-//! run in this process.
+//! [`attempts`] runs whole episodes, straight or by plan, [`probe`] runs the short episodes that prove edges, [`rehearse`]
+//! runs legs ahead of NPCs, [`env`](mod@env) lets a caller choose the actions, [`crowd`] keeps NPCs moving for recordings, and
+//! [`graphs`] builds graphs with probes that run in this process.
 //!
 //! This crate neither learns nor uses the network.
 
@@ -15,6 +15,7 @@ pub mod follow;
 pub mod goals;
 pub mod graphs;
 pub mod probe;
+pub mod rehearse;
 
 pub use attempts::{Attempt, Rollout};
 pub use decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};

@@ -71,6 +71,8 @@ pub struct ObservationBatch {
     pub waypoint_reached: Vec<bool>,
     /// Whether each NPC stands on walkable ground.
     pub grounded: Vec<bool>,
+    /// Whole state of each NPC, see [`Npc::to_bytes`](surefoot_world::Npc::to_bytes).
+    pub states: Vec<Vec<u8>>,
 }
 
 impl ObservationBatch {
@@ -86,6 +88,7 @@ impl ObservationBatch {
             attempts: Vec::new(),
             waypoint_reached: Vec::new(),
             grounded: Vec::new(),
+            states: Vec::new(),
         }
     }
 }

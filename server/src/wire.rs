@@ -19,7 +19,7 @@ use surefoot_world::character::ACTION_LEN;
 use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{OBSERVATION_VERSION, Sight};
-use surefoot_world::{Action, Chance, End, Map, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
+use surefoot_world::{Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
 use tonic::Status;
 
 /// Greatest capacity of a worker, NPCs.
@@ -440,6 +440,8 @@ fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
         attempts: batch.attempts,
         waypoint_reached: batch.waypoint_reached,
         grounded: batch.grounded,
+        states: batch.states,
+        state_version: NPC_STATE_VERSION,
     }
 }
 

@@ -96,6 +96,8 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         attempts: vec![1],
         waypoint_reached: vec![true],
         grounded: vec![true],
+        states: vec![vec![0; 64]],
+        state_version: 1,
     };
     let hello = wire::Hello {
         name: "worker".to_owned(),

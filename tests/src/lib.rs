@@ -160,6 +160,8 @@ pub fn start_worker_as(
             })
             .unwrap(),
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
+        rehearses: true,
+        max_memory_bytes: surefoot_agent::work::DEFAULT_MAP_BYTES,
     };
     let stop = shutdown.clone();
     Worker { shutdown, task: tokio::spawn(work(config, policy, stop)) }

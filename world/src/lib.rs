@@ -33,7 +33,7 @@ pub use ability::Ability;
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use glam::Vec3;
 pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};
-pub use npc::{Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
+pub use npc::{NPC_STATE_VERSION, Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 pub use sense::{OBSERVATION_LEN, RAY_COUNT};
 pub use task::{End, Episode, TaskConfig};
 pub use units::{Chance, Decisions, Seconds, Seed, Tick};

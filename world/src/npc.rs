@@ -43,6 +43,34 @@ pub struct Npc {
     pub harm: Option<End>,
 }
 
+/// Version of [`Npc::to_bytes`]; changes whenever the meaning of the bytes changes.
+pub const NPC_STATE_VERSION: u32 = 1;
+
+impl Npc {
+    /// The state as bytes, for a process that holds the same map.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        postcard::to_stdvec(self).expect("plain data")
+    }
+
+    /// Reads the state of an NPC of a world with `profile_count` profiles on a map with `zip_line_count` zip lines; `None` if the bytes
+    /// are not such a state.
+    pub fn from_bytes(bytes: &[u8], profile_count: usize, zip_line_count: usize) -> Option<Self> {
+        let npc: Self = postcard::from_bytes(bytes).ok()?;
+        npc.fits(profile_count, zip_line_count).then_some(npc)
+    }
+
+    fn fits(&self, profile_count: usize, zip_line_count: usize) -> bool {
+        let counts = [
+            Some(self.last.ticks_in_water),
+            self.episode.map(|episode| episode.decisions),
+            self.episode.map(|episode| episode.stalled_decisions),
+        ];
+        usize::from(self.profile.0) < profile_count
+            && self.body.is_sound(zip_line_count)
+            && counts.into_iter().flatten().all(|count| count <= MAX_COUNT)
+    }
+}
+
 /// Largest count of ticks or decisions accepted in a stored NPC; counting on from a larger one might overflow.
 const MAX_COUNT: u32 = 1 << 30;
 
@@ -61,16 +89,7 @@ impl WorldState {
 
     /// Whether this can be the state of a world with `profile_count` profiles on a map with `zip_line_count` zip lines.
     pub fn fits(&self, profile_count: usize, zip_line_count: usize) -> bool {
-        self.npcs.iter().flatten().all(|npc| {
-            let counts = [
-                Some(npc.last.ticks_in_water),
-                npc.episode.map(|episode| episode.decisions),
-                npc.episode.map(|episode| episode.stalled_decisions),
-            ];
-            usize::from(npc.profile.0) < profile_count
-                && npc.body.is_sound(zip_line_count)
-                && counts.into_iter().flatten().all(|count| count <= MAX_COUNT)
-        })
+        self.npcs.iter().flatten().all(|npc| npc.fits(profile_count, zip_line_count))
     }
 
     /// Occupied slots in ascending order.

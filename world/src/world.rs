@@ -148,6 +148,26 @@ impl World {
         NpcSlot(free as u32)
     }
 
+    /// Adds a copy of an NPC of another world, with the same map and configuration, and returns its slot. A recording in progress
+    /// would lack it and is discarded.
+    ///
+    /// # Panics
+    /// If the world has no such profile.
+    pub fn adopt(&mut self, npc: Npc) -> NpcSlot {
+        self.recording = None;
+        let slot = self.spawn_as(npc.profile, npc.body.feet, npc.body.yaw);
+        *self.npc_mut(slot) = npc;
+        slot
+    }
+
+    /// Removes all NPCs; the next one gets the first slot.
+    pub fn clear(&mut self) {
+        self.recording = None;
+        self.npcs.clear();
+        self.tick_events.clear();
+        self.scratch.clear();
+    }
+
     /// Removes an NPC; false if the slot was empty.
     pub fn despawn(&mut self, slot: NpcSlot) -> bool {
         self.note(Input::Despawn(slot));

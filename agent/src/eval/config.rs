@@ -118,6 +118,8 @@ pub struct EvalConfig {
     pub distance: Range<f32>,
     /// Share of the policy's exploration noise to add to actions, 0 to 1.
     pub noise_share: f32,
+    /// Whether NPCs that follow plans rehearse what lies ahead; the paper's do not.
+    pub rehearses: bool,
     /// Number of threads.
     pub thread_count: usize,
     /// Folder to save finished units in and to load them from; `None` to run every unit and save none.

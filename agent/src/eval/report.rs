@@ -106,11 +106,9 @@ pub struct MapReport {
     /// How far plans keep what they promise; absent without plans.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
-    /// Share of the attempts at unreachable goals that ended by saying so; absent without such goals.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Share of the attempts at unreachable goals that ended by saying so; null without such goals.
     pub told: Option<f64>,
-    /// Share of the attempts at unreachable goals that came to harm; absent without such goals.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Share of the attempts at unreachable goals that came to harm; null without such goals.
     pub died_unreachable: Option<f64>,
 }
 

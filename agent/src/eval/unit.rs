@@ -27,7 +27,7 @@ const POINTS_PER_MAP: usize = 3000;
 /// Most goals in a batch. Independent of the number of threads, so that results are too.
 const GOALS_PER_BATCH: usize = 128;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// The attempts at all goals of one map and seed, the nearest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -108,10 +108,10 @@ pub fn load_or_run(
 
 /// File name of a unit, which depends on everything that determines its result.
 fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> String {
-    let EvalConfig { goals, method, distance, noise_share, profile, .. } = config;
+    let EvalConfig { goals, method, distance, noise_share, rehearses, profile, .. } = config;
     let map = choice.identity();
     let text = format!(
-        "{VERSION} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {:?} {:?}{}",
+        "{VERSION} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {:?} {:?}{}",
         policy.weights_hash(),
         TaskConfig::default(),
         profile,
@@ -219,6 +219,7 @@ fn run_goals(
                     let batch: Vec<Goal> = goals.iter().skip(idx).step_by(batch_count).copied().collect();
                     let mut rollout = Rollout::new(map.clone(), config.profile.clone(), TaskConfig::default());
                     rollout.noise_share = config.noise_share;
+                    rollout.rehearses = config.rehearses;
                     rollout.seed = seed.wrapping_mul(1_000_003).wrapping_add(idx as u64);
                     let mut times = Vec::new();
                     let attempts = match router {

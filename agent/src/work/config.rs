@@ -21,7 +21,14 @@ pub struct WorkConfig {
     pub graph: BuildSettings,
     /// Share of the policy's exploration noise to add to actions, 0 to 1.
     pub noise_share: f32,
+    /// Whether NPCs rehearse the next legs of their plans, for which the worker holds the maps of its worlds.
+    pub rehearses: bool,
+    /// Most memory for these maps, bytes; NPCs on further maps go without rehearsals.
+    pub max_memory_bytes: u64,
 }
+
+/// Default for [`WorkConfig::max_memory_bytes`].
+pub const DEFAULT_MAP_BYTES: u64 = 1_000_000_000;
 
 /// First pause before a retry; doubled up to [`MAX_PAUSE`].
 pub(super) const MIN_PAUSE: Duration = Duration::from_millis(100);

@@ -9,11 +9,13 @@ use std::sync::{Arc, Mutex, Weak};
 use std::time::Duration;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
+use surefoot_proto::convert;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as planner, BuildStage};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use surefoot_world::MapSpec;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
@@ -41,13 +43,30 @@ pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
 #[derive(Debug, Clone)]
 pub(super) struct GraphKey {
     map: Option<wire::MapSpec>,
-    map_hash: String,
+    pub map_hash: String,
 }
 
 impl GraphKey {
     /// The key of an assignment's map.
     pub fn of(assignment: &wire::Assignment) -> Self {
         Self { map: assignment.map, map_hash: assignment.map_hash.clone() }
+    }
+
+    /// The spec of the map; `None` if it was imported.
+    pub fn spec(&self) -> Option<Result<MapSpec, String>> {
+        self.map.as_ref().map(|spec| convert::map_spec(Some(spec)).map_err(|error| error.to_string()))
+    }
+
+    /// Downloads an imported map from the server, as a saved map.
+    pub async fn download(&self, server: Link) -> Result<Vec<u8>, String> {
+        let mut client = MapServiceClient::new(server).max_decoding_message_size(MAX_MESSAGE_BYTES);
+        let request = wire::GetMapRequest { map_hash: self.map_hash.clone() };
+        let mut chunks = client.get_map(request).await.map_err(|status| status.to_string())?.into_inner();
+        let mut bytes = Vec::new();
+        while let Some(message) = chunks.next().await {
+            bytes.extend(message.map_err(|status| status.to_string())?.chunk);
+        }
+        Ok(bytes)
     }
 }
 

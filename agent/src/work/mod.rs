@@ -2,18 +2,22 @@
 //!
 //! Each connection is a session (`session`) with one task per world (`world`). The policy runs on blocking threads, never on
 //! those that move messages. A lost connection is retried with growing pauses. Without a planner, or while it is unavailable,
-//! NPCs head straight for their goals. `graph` follows the planner's graph of a world's map.
+//! NPCs head straight for their goals. `graph` follows the planner's graph of a world's map; `ahead`
+//! holds the map itself, on which NPCs rehearse the legs of their plans.
 
+mod ahead;
 mod config;
 mod graph;
 mod session;
 mod world;
 
-pub use config::WorkConfig;
+pub use config::{DEFAULT_MAP_BYTES, WorkConfig};
 
+use ahead::Maps;
 use config::{MAX_PAUSE, MIN_PAUSE};
 use graph::Graphs;
 use session::{Session, SessionEnd};
+use std::sync::Arc;
 use surefoot_net::client::LinkError;
 use surefoot_net::serving::Shutdown;
 use surefoot_policy::Policy;
@@ -44,9 +48,10 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
     let planner = config.planner.as_ref().map(|uri| config.credentials.dial(uri)).transpose()?;
     let policy_hash = &policy.manifest().weights_hash;
     let graphs = planner.map(|planner| Graphs::new(&planner, settings_to_wire(&config.graph), policy_hash.clone()));
+    let maps = config.rehearses.then(|| Arc::new(Maps::new(config.max_memory_bytes)));
     let mut pause = MIN_PAUSE;
     while !shutdown.is_triggered() {
-        let session = Session { config: &config, policy: &policy, graphs: graphs.as_ref() };
+        let session = Session { config: &config, policy: &policy, graphs: graphs.as_ref(), maps: maps.as_ref() };
         let end = tokio::select! {
             end = session.run(&server) => end,
             () = shutdown.wait() => return Ok(()),

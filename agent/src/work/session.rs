@@ -1,8 +1,9 @@
 //! One connection to the server: sends hello, then dispatches messages to the tasks of the worlds.
 
+use super::ahead::Maps;
 use super::config::WorkConfig;
 use super::graph::{Graph, GraphKey, Graphs};
-use super::world::{WorldError, WorldMessage, WorldTask};
+use super::world::{Stage, WorldError, WorldMessage, WorldTask};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use surefoot_net::client::{Dialer, Link};
@@ -32,6 +33,8 @@ pub(super) struct Session<'a> {
     pub policy: &'a Policy,
     /// The planner's graphs; none without a planner.
     pub graphs: Option<&'a Graphs>,
+    /// Maps to rehearse on; none without rehearsals.
+    pub maps: Option<&'a Arc<Maps>>,
 }
 
 /// How a connection ended.
@@ -143,8 +146,11 @@ impl Session<'_> {
         out: mpsc::Sender<wire::WorkRequest>,
     ) {
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
-        let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(GraphKey::of(assignment), server));
-        let world = WorldTask::new(assignment, self.policy.clone(), self.config.noise_share, graph, out);
+        let key = GraphKey::of(assignment);
+        let maps = self.maps.filter(|_| self.graphs.is_some());
+        let stage = maps.map(|maps| Stage { maps: maps.clone(), map: maps.of(&key, server.clone()) });
+        let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key, server));
+        let world = WorldTask::new(assignment, self.policy.clone(), self.config.noise_share, graph, stage, out);
         worlds.tasks.spawn(world.run(messages));
         worlds.queues.insert(assignment.world_id, sender);
     }

@@ -1,9 +1,10 @@
 //! A worker's NPCs of one world: plans, waypoints and decisions.
 
+mod rehearse;
+
+use super::ahead::{Arrival, Maps};
 use super::graph::{Graph, revision_from_wire};
 use prost::Message;
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,8 +16,9 @@ use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::plans::{self, npc_plan_to_wire, query_to_wire, traversal_to_wire};
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
-use surefoot_world::{OBSERVATION_LEN, Vec3};
-use tokio::sync::mpsc;
+use surefoot_rollout::rehearse::{Ghost, NoiseStream, Rehearsal};
+use surefoot_world::{Action, OBSERVATION_LEN, Vec3};
+use tokio::sync::{mpsc, watch};
 use tonic::Code;
 use tracing::warn;
 
@@ -34,6 +36,8 @@ const PLANNER_SILENCE: Duration = Duration::from_secs(15);
 const MAX_ANSWER_BYTES: usize = 512 * 1024;
 /// Longest wait for a batch of plans.
 const PLAN_LIMIT: Duration = Duration::from_secs(5);
+/// Longest wait of a realtime world for plans after a mishap in a rehearsal.
+const RESORT_LIMIT: Duration = Duration::from_millis(40);
 
 /// Bytes of a field's tag and length, at most.
 const FIELD_BYTES: usize = 6;
@@ -72,7 +76,22 @@ struct Npc {
     new_plan: Option<wire::NpcPlan>,
     /// The policy's memory row for the attempt.
     memory: Vec<f32>,
+    noise: NoiseStream,
+    /// Whether what lies ahead is still to be rehearsed.
+    rehearses_next: bool,
+    ghost: Option<Ghost>,
+    /// Whether it runs the present leg whatever rehearsals show.
+    resigned: bool,
+    /// Decisions since it lacks a plan.
+    unplanned: u32,
+    /// Decision without a plan at which it tries, in a rehearsal, to head straight for its goal.
+    next_try: u32,
+    /// Whether it stands still until it has a plan.
+    holds: bool,
 }
+
+/// State of an NPC's body and episode, from the server.
+type State = surefoot_world::Npc;
 
 /// A received batch of plans.
 struct PlanBatch {
@@ -80,6 +99,14 @@ struct PlanBatch {
     plans: Vec<(u64, u32, Option<Plan>)>,
     /// Revision of designers' edits that the plans were made with.
     revision: Option<u64>,
+}
+
+/// What a world's NPCs rehearse on.
+pub(super) struct Stage {
+    /// The maps, whose pace all realtime worlds share.
+    pub maps: Arc<Maps>,
+    /// The world's map.
+    pub map: watch::Receiver<Arrival>,
 }
 
 /// The task for all NPCs of one world that this worker decides for.
@@ -91,6 +118,9 @@ pub(super) struct WorldTask {
     policy: Policy,
     noise_share: f32,
     graph: Option<Arc<Graph>>,
+    stage: Option<Stage>,
+    /// Made once the map is there.
+    rehearsal: Option<Rehearsal>,
     /// Whether a lockstep world has waited for the graph, in vain.
     has_waited: bool,
     /// Plans that failed since the last answer.
@@ -110,6 +140,7 @@ impl WorldTask {
         policy: Policy,
         noise_share: f32,
         graph: Option<Arc<Graph>>,
+        stage: Option<Stage>,
         out: mpsc::Sender<wire::WorkRequest>,
     ) -> Self {
         let (planned, plans) = mpsc::channel(PLAN_QUEUE);
@@ -120,6 +151,8 @@ impl WorldTask {
             policy,
             noise_share,
             graph,
+            stage,
+            rehearsal: None,
             has_waited: false,
             plans_failed: 0,
             npcs: BTreeMap::new(),
@@ -157,7 +190,7 @@ impl WorldTask {
     async fn decide(&mut self, batch: wire::ObservationBatch) -> Result<wire::ActionBatch, WorldError> {
         let count = batch.npc_ids.len();
         let vectors = |bytes: &[u8], field| convert::unpack(bytes, count * 3, field);
-        let (observations, positions, goals) = match (
+        let (mut observations, positions, goals) = match (
             convert::unpack(&batch.observations, count * OBSERVATION_LEN, "observations"),
             vectors(&batch.positions, "positions"),
             vectors(&batch.goals, "goals"),
@@ -175,9 +208,14 @@ impl WorldTask {
             let attempt = batch.attempts.get(idx).copied().unwrap_or(0);
             let touched = batch.waypoint_reached.get(idx).copied().unwrap_or(false);
             let grounded = batch.grounded.get(idx).copied().unwrap_or(true);
-            match self.note(id, attempt, [feet, goal], touched, grounded) {
+            self.meet(id, attempt, goal, (batch.tick, idx));
+            match self.note(id, feet, touched, grounded) {
                 Step::Keep => {}
-                Step::Head(waypoint) => self.npc(id).new_waypoint = Some(waypoint),
+                Step::Head(waypoint) => {
+                    let npc = self.npc(id);
+                    npc.new_waypoint = Some(waypoint);
+                    (npc.rehearses_next, npc.resigned) = (true, false);
+                }
                 Step::Plan => queries.push((id, attempt, feet)),
                 Step::GiveUp => gave_up.push(wire::GivenUp { npc_id: id, attempt, unreachable: false }),
                 Step::Unreachable => gave_up.push(wire::GivenUp { npc_id: id, attempt, unreachable: true }),
@@ -186,8 +224,15 @@ impl WorldTask {
         }
         self.report();
         for queries in queries.chunks(MAX_QUERIES) {
-            self.request_plans(queries).await;
+            self.request_plans(queries, false).await;
         }
+        let states = self.states(&batch.npc_ids, &batch.states, batch.state_version).await;
+        let mut no_way = Vec::new();
+        self.rehearse(&states, &mut no_way).await?;
+        let no_way = no_way.into_iter();
+        gave_up.extend(no_way.map(|(npc_id, attempt)| wire::GivenUp { npc_id, attempt, unreachable: true }));
+        self.rehearse_straight(&states, &batch.npc_ids).await?;
+        self.aim(&states, &batch.npc_ids, &mut observations);
         let waypoints = batch.npc_ids.iter().filter_map(|&id| {
             let npc = self.npcs.get_mut(&id)?;
             let position = Some(convert::to_wire(npc.new_waypoint.take()?));
@@ -200,7 +245,7 @@ impl WorldTask {
             Some(wire::CarriedPlan { npc_id: id, plan, attempt: npc.attempt })
         });
         let plans = plans.collect();
-        let actions = self.act(&batch.npc_ids, observations, batch.tick).await?;
+        let actions = self.act(&batch.npc_ids, observations).await?;
         Ok(wire::ActionBatch {
             world_id: self.world_id,
             tick: batch.tick,
@@ -218,10 +263,8 @@ impl WorldTask {
         self.npcs.get_mut(&id).expect("noted in this batch")
     }
 
-    /// Updates an NPC's follower with its position and returns the follower's step; a new attempt gets a new follower.
-    fn note(&mut self, id: u64, attempt: u32, [feet, goal]: [Vec3; 2], touched: bool, grounded: bool) -> Step {
-        let has_planner = self.graph.is_some();
-        let latest = self.graph.as_ref().and_then(|graph| *graph.revision.borrow());
+    /// Makes the NPC known; a new attempt begins anew.
+    fn meet(&mut self, id: u64, attempt: u32, goal: Vec3, (tick, idx): (u64, usize)) {
         let memory_len = self.policy.memory_len();
         let begin = || Npc {
             attempt,
@@ -232,11 +275,26 @@ impl WorldTask {
             new_waypoint: None,
             new_plan: None,
             memory: vec![0.0; memory_len],
+            // Worlds that repeat themselves in lockstep repeat their noise, whatever the ids of their NPCs are.
+            noise: NoiseStream::new(self.noise_share, self.seed, tick << 16 | idx as u64 & 0xffff),
+            rehearses_next: false,
+            ghost: None,
+            resigned: false,
+            unplanned: 0,
+            next_try: 0,
+            holds: false,
         };
         let npc = self.npcs.entry(id).or_insert_with(begin);
         if npc.attempt != attempt {
             *npc = begin();
         }
+    }
+
+    /// Updates an NPC's follower with its position and returns the follower's step.
+    fn note(&mut self, id: u64, feet: Vec3, touched: bool, grounded: bool) -> Step {
+        let has_planner = self.graph.is_some();
+        let latest = self.graph.as_ref().and_then(|graph| *graph.revision.borrow());
+        let npc = self.npcs.get_mut(&id).expect("met in this batch");
         if !has_planner || npc.is_planning {
             // The server itself ends attempts that make no progress.
             return Step::Keep;
@@ -288,9 +346,9 @@ impl WorldTask {
         });
     }
 
-    /// Requests plans. In lockstep waits for the answer, otherwise the plans apply from a later decision on. Without an answer NPCs go
+    /// Requests plans. In lockstep waits for the answer, otherwise the plans apply from a later decision on, unless they are urgent. Without an answer NPCs go
     /// on without a plan, which is counted.
-    async fn request_plans(&mut self, queries: &[(u64, u32, Vec3)]) {
+    async fn request_plans(&mut self, queries: &[(u64, u32, Vec3)], is_urgent: bool) {
         let Some(graph) = self.graph.clone() else { return };
         if self.is_lockstep && !self.has_waited && !graph.wait(GRAPH_LIMIT, PLANNER_SILENCE).await {
             warn!(world = self.world_id, "no graph in time: NPCs go on without plans");
@@ -312,6 +370,13 @@ impl WorldTask {
         if self.is_lockstep {
             let plans = find_paths(&graph, request, requested).await;
             self.apply(plans);
+        } else if is_urgent {
+            let lost: Vec<u64> = requested.iter().map(|&(id, _)| id).collect();
+            match tokio::time::timeout(RESORT_LIMIT, find_paths(&graph, request, requested)).await {
+                Ok(plans) => self.apply(plans),
+                // The followers ask again.
+                Err(_) => lost.into_iter().for_each(|id| self.npc(id).is_planning = false),
+            }
         } else {
             let planned = self.planned.clone();
             tokio::spawn(async move {
@@ -337,19 +402,26 @@ impl WorldTask {
                 npc.revision = planned.revision;
                 npc.new_plan = Some(npc_plan_to_wire(&plan));
                 npc.new_waypoint = Some(npc.follower.take_plan(plan));
+                (npc.rehearses_next, npc.resigned, npc.ghost) = (true, false, None);
+                (npc.unplanned, npc.next_try) = (0, 0);
             }
         }
     }
 
     /// Evaluates the policy for these NPCs on a blocking thread and returns packed actions.
-    async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>, tick: u64) -> Result<Vec<u8>, WorldError> {
-        let (policy, noise_share, seed) = (self.policy.clone(), self.noise_share, self.seed);
+    async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>) -> Result<Vec<u8>, WorldError> {
+        let policy = self.policy.clone();
         let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).memory.clone()).collect();
+        let noise: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).noise.draw()).collect();
+        let holds: Vec<bool> = npc_ids.iter().map(|&id| self.npc(id).holds).collect();
         let task = tokio::task::spawn_blocking(move || {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            rng.set_stream(tick);
             let mut actions = Vec::new();
-            policy.act(&observations, &mut memory, noise_share, &mut rng, &mut actions);
+            policy.act_with_noise(&observations, &mut memory, noise, &mut actions);
+            actions
+                .iter_mut()
+                .zip(holds)
+                .filter(|(_, holds)| *holds)
+                .for_each(|(action, _)| *action = Action::default());
             (memory, convert::pack(actions.iter().flat_map(|action| action.to_array())))
         });
         let (memory, actions) = task.await?;

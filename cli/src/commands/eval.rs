@@ -61,6 +61,9 @@ pub struct Args {
     /// Share of the policy's exploration noise to add to actions, 0 to 1
     #[arg(long, default_value_t = DEFAULT_NOISE_SHARE, value_name = "SHARE")]
     noise: f32,
+    /// Let NPCs follow their plans without rehearsing what lies ahead, as in the suites paper and sweep
+    #[arg(long)]
+    no_rehearsals: bool,
     /// Number of threads; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -119,6 +122,7 @@ impl Args {
             method,
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
+            rehearses: !self.no_rehearsals && !matches!(self.suite.as_deref(), Some("paper" | "sweep")),
             keep_in: self.out.as_ref().map(|folder| folder.join(UNITS)),
             thread_count: self.threads.unwrap_or_else(core_count),
         })

@@ -6,7 +6,7 @@ use crate::signals::shutdown_signal;
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use surefoot_agent::work::{WorkConfig, work};
+use surefoot_agent::work::{DEFAULT_MAP_BYTES, WorkConfig, work};
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
@@ -202,6 +202,12 @@ pub struct WorkArgs {
     /// Most NPCs to decide for
     #[arg(long, default_value_t = 512, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     npcs: u32,
+    /// Let NPCs follow their plans without rehearsing the next legs on a copy of the map
+    #[arg(long)]
+    no_rehearsals: bool,
+    /// Memory budget for these copies, in MB; NPCs on further maps do not rehearse
+    #[arg(long, default_value_t = DEFAULT_MAP_BYTES / MB, value_name = "MB")]
+    max_memory: u64,
     /// Name that the server shows; default: host name and process id
     #[arg(long)]
     name: Option<String>,
@@ -230,7 +236,7 @@ pub struct GraphArgs {
     #[arg(long, default_value_t = 2, value_name = "R")]
     pub repeats: u32,
     /// Share of probes that must arrive to prove an edge
-    #[arg(long, default_value_t = 0.5, value_name = "T")]
+    #[arg(long, default_value_t = 0.2, value_name = "T")]
     pub threshold: f32,
     /// Run all probes of every candidate instead of stopping when the result is settled
     #[arg(long)]
@@ -334,6 +340,8 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
         name: args.name.clone().unwrap_or_else(default_name),
         graph: args.graph.settings()?,
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
+        rehearses: !args.no_rehearsals,
+        max_memory_bytes: args.max_memory.saturating_mul(MB),
     };
     run_until_signal(|shutdown| async move { Ok(work(config, policy, shutdown).await?) })
 }

@@ -120,6 +120,8 @@ async fn scene(
             name: format!("up-{idx}"),
             graph: args.graph.settings()?,
             noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
+            rehearses: true,
+            max_memory_bytes: surefoot_agent::work::DEFAULT_MAP_BYTES,
         };
         let (policy, stop) = (policy.clone(), shutdown.clone());
         parts.spawn(async move { Ok(work(config, policy, stop).await?) });

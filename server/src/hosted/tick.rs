@@ -31,7 +31,14 @@ impl HostedWorld {
     }
 
     /// Steps the world by one tick. For lockstep worlds, [`HostedWorld::is_ready`] has requested the decisions already.
+    ///
+    /// Realtime worlds request decisions after the tick, so that what is answered before the next one acts on the very state that was
+    /// observed.
     pub fn step(&mut self) {
+        self.waited = Duration::ZERO;
+        self.world.tick();
+        self.note_motion();
+        self.settle();
         if self.mode == TimeMode::Realtime {
             if self.tick().0.is_multiple_of(ASSIGN_EVERY) {
                 self.assign_workers();
@@ -39,10 +46,6 @@ impl HostedWorld {
             }
             self.request_decisions();
         }
-        self.waited = Duration::ZERO;
-        self.world.tick();
-        self.note_motion();
-        self.settle();
     }
 
     /// Logs the events of NPCs in this tick.
@@ -92,6 +95,7 @@ impl HostedWorld {
             let touched = npc.episode.and_then(|episode| episode.end) == Some(End::Reached);
             batch.waypoint_reached.push(touched);
             batch.grounded.push(npc.body.is_grounded());
+            batch.states.push(npc.to_bytes());
             record.awaiting = Some(tick);
             self.unanswered_since.entry(worker).or_insert(tick);
             self.counters.asked += 1;

@@ -40,7 +40,7 @@ const MAX_P99_RATIO: f64 = 1.2;
 /// In a run of less than this, min, event logs and caches still fill: only what grows much faster counts, MiB per minute.
 const LONG_MIN: f64 = 30.0;
 const MAX_SHORT_SLOPE_MIB: f64 = 20.0;
-/// Descriptors and threads that a service may have more at the end than after the warm-up.
+/// Descriptors and threads that a service may have more of in the last third of the samples than in the first, at the least.
 const MAX_GROWTH: f64 = 16.0;
 
 /// What the system says of a process.
@@ -120,10 +120,14 @@ fn summary(samples: &[Sample], panics: f64, rounds: u64) -> Vec<Figure> {
     let warm = (samples.len() as f64 * WARM_UP_SHARE).ceil() as usize;
     let (first, rest) = samples.split_at(warm);
     let slope = |idx: usize| slope(rest.iter().map(|sample| (sample.minutes, sample.usage[idx].memory_mib)));
+    let third = rest.len() / 3;
     let growth = |value: fn(&Usage) -> f64| {
-        let of = |sample: &Sample| sample.usage.iter().map(value).collect::<Vec<f64>>();
-        let (begin, end) = (of(&rest[0]), of(&rest[rest.len() - 1]));
-        begin.iter().zip(end).map(|(begin, end)| end - begin).fold(f64::NEG_INFINITY, f64::max)
+        // Pools grow and shrink with the load: what leaks is never given back, and raises the least.
+        let least = |samples: &[Sample], idx: usize| {
+            samples.iter().map(|sample| value(&sample.usage[idx])).fold(f64::INFINITY, f64::min)
+        };
+        let of = |idx| least(&rest[rest.len() - third..], idx) - least(&rest[..third], idx);
+        (0..rest[0].usage.len()).map(of).fold(f64::NEG_INFINITY, f64::max)
     };
     let p99 = |samples: &[Sample]| super::median(samples.iter().map(|sample| sample.p99_ms).collect());
     let minutes = samples[samples.len() - 1].minutes;

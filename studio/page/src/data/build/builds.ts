@@ -22,7 +22,7 @@ export const RANGES = {
   vertices: { min: 2, max: 4096, step: 1, standard: 300 },
   neighbours: { min: 1, max: 64, step: 1, standard: 12 },
   repeats: { min: 1, max: 32, step: 1, standard: 2 },
-  threshold: { min: 0.05, max: 1, step: 0.05, standard: 0.5 },
+  threshold: { min: 0.05, max: 1, step: 0.05, standard: 0.2 },
 } as const
 
 export function standardSettings(): BuildSettings {

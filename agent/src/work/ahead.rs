@@ -1,0 +1,160 @@
+//! What a worker needs to rehearse: the worlds' maps, which worlds on equal maps share, and a bound on the time that it takes.
+
+use super::graph::GraphKey;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, Weak};
+use std::time::{Duration, Instant};
+use surefoot_net::client::Link;
+use surefoot_net::levels::{MapPool, MapSource, SharedMap};
+use surefoot_net::memory::{MemoryBudget, Reservation};
+use surefoot_world::{Map, MapSpec, exchange};
+use tokio::sync::watch;
+use tracing::warn;
+
+/// Longest download of a level.
+const LEVEL_LIMIT: Duration = Duration::from_secs(60);
+/// Share of one core that rehearsals of realtime worlds may take.
+const PACE: f64 = 1.0;
+/// Most seconds of rehearsals that may be saved up.
+const MAX_SAVED_S: f64 = 0.25;
+/// Seconds that a rehearsal takes, at a guess.
+const REHEARSAL_S: f64 = 0.002;
+const POISON: &str = "no holder of this lock panics";
+
+/// The maps of a worker's worlds.
+pub(super) struct Maps {
+    pool: MapPool,
+    levels: Mutex<BTreeMap<String, Weak<Level>>>,
+    /// Bounds the rehearsals of all realtime worlds together.
+    pub pace: Pace,
+}
+
+/// A level that was downloaded.
+pub(super) struct Level {
+    map: Arc<Map>,
+    _memory: Reservation,
+}
+
+/// A map, and what keeps its memory reserved.
+#[derive(Clone)]
+pub(super) enum HeldMap {
+    Generated(Arc<SharedMap>),
+    Level(Arc<Level>),
+}
+
+/// Whether the map of a world is there.
+#[derive(Clone)]
+pub(super) enum Arrival {
+    Awaited,
+    Here(HeldMap),
+    /// It cannot be had: NPCs go without rehearsals.
+    Never,
+}
+
+impl HeldMap {
+    pub fn map(&self) -> &Arc<Map> {
+        match self {
+            Self::Generated(shared) => shared.map(),
+            Self::Level(level) => &level.map,
+        }
+    }
+}
+
+impl Maps {
+    /// No maps yet; they may take `max_bytes` in all.
+    pub fn new(max_bytes: u64) -> Self {
+        Self { pool: MapPool::new(MemoryBudget::new(max_bytes)), levels: Mutex::default(), pace: Pace::default() }
+    }
+
+    /// The map of a world, which arrives later; a level is downloaded from `server`.
+    pub fn of(self: &Arc<Self>, key: &GraphKey, server: Link) -> watch::Receiver<Arrival> {
+        let (sender, receiver) = watch::channel(Arrival::Awaited);
+        let (maps, key) = (self.clone(), key.clone());
+        tokio::spawn(async move {
+            let loading = async {
+                match key.spec() {
+                    Some(spec) => maps.generated(spec?, &key.map_hash).await,
+                    None => maps.level(&key, server).await,
+                }
+            };
+            let arrival = tokio::select! {
+                ground = loading => ground,
+                // The world is gone.
+                () = sender.closed() => return,
+            };
+            let arrival = arrival.map(Arrival::Here).unwrap_or_else(|error| {
+                warn!(map = key.map_hash, %error, "NPCs go without rehearsals");
+                Arrival::Never
+            });
+            sender.send_replace(arrival);
+        });
+        receiver
+    }
+
+    async fn generated(&self, spec: MapSpec, map_hash: &str) -> Result<HeldMap, String> {
+        let shared = self.pool.get("worlds", &MapSource::Spec(spec)).await.map_err(|error| error.to_string())?;
+        if shared.map().hash().to_hex() != map_hash {
+            return Err("this version generates another map than the server".to_owned());
+        }
+        Ok(HeldMap::Generated(shared))
+    }
+
+    async fn level(&self, key: &GraphKey, server: Link) -> Result<HeldMap, String> {
+        let known = self.levels.lock().expect(POISON).get(&key.map_hash).and_then(Weak::upgrade);
+        if let Some(level) = known {
+            return Ok(HeldMap::Level(level));
+        }
+        let bytes = tokio::time::timeout(LEVEL_LIMIT, key.download(server));
+        let bytes = bytes.await.map_err(|_| "the server did not send the level in time")??;
+        let decoded = tokio::task::spawn_blocking(move || exchange::decode(&bytes));
+        let map = decoded.await.map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
+        let memory = self.pool.memory().reserve("levels", map.memory_bytes() as u64).map_err(|it| it.to_string())?;
+        let level = Arc::new(Level { map: Arc::new(map), _memory: memory });
+        let mut levels = self.levels.lock().expect(POISON);
+        levels.retain(|_, level| level.strong_count() > 0);
+        levels.insert(key.map_hash.clone(), Arc::downgrade(&level));
+        Ok(HeldMap::Level(level))
+    }
+}
+
+/// A bound on time spent: what is saved up at a steady pace may be spent.
+#[derive(Debug)]
+pub(super) struct Pace {
+    /// Seconds saved up, and when they were last counted.
+    saved: Mutex<(f64, Instant)>,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self { saved: Mutex::new((MAX_SAVED_S, Instant::now())) }
+    }
+}
+
+impl Pace {
+    /// How many rehearsals can be paid for now.
+    pub fn affordable(&self) -> usize {
+        let mut saved = self.saved.lock().expect(POISON);
+        let now = Instant::now();
+        saved.0 = (saved.0 + PACE * now.duration_since(saved.1).as_secs_f64()).min(MAX_SAVED_S);
+        saved.1 = now;
+        (saved.0 / REHEARSAL_S).max(0.0) as usize
+    }
+
+    /// Records what rehearsals took.
+    pub fn spend(&self, time: Duration) {
+        self.saved.lock().expect(POISON).0 -= time.as_secs_f64();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_spent_must_be_saved_up_again() {
+        let pace = Pace::default();
+        assert!(pace.affordable() > 10);
+        pace.spend(Duration::from_secs(3600));
+        assert_eq!(pace.affordable(), 0);
+    }
+}

@@ -1,0 +1,111 @@
+//! Joins what frugal probing left apart: candidates between islands that no path connects are probed again and again, over longer
+//! distances than elsewhere. A leg that rarely succeeds is worth more than none, since NPCs rehearse what may harm them.
+
+use crate::build::Builder;
+use crate::candidates::Candidate;
+use crate::evidence::Evidence;
+use crate::graph::NavGraph;
+use crate::grid::PointGrid;
+use crate::ids::{EdgeKey, VertexId};
+use crate::settings::BuildError;
+use std::collections::{BTreeMap, HashMap};
+use surefoot_world::float::hypot;
+use surefoot_world::{CharacterProfile, Vec3};
+
+/// Rounds of probes; each looks anew at what is still apart.
+const ROUNDS: u32 = 6;
+/// Most probes of one candidate.
+const MAX_TRIES: u32 = 8;
+/// Candidates from one island to another in a round: the easiest.
+const PAIRS: usize = 4;
+/// Greatest distance on the plane, m: a run and two jumps.
+const REACH_M: f32 = 24.0;
+/// Metres on the plane that a metre upwards counts for.
+const CLIMB_WEIGHT: f32 = 3.0;
+/// A round probes at most one in this many of all candidates, but at least [`MIN_PROBES`].
+const SHARE: usize = 10;
+const MIN_PROBES: usize = 64;
+/// Most islands, the largest first; the rest of a graph in crumbs stays as it is.
+const MAX_ISLANDS: usize = 256;
+/// Prior of a candidate that only this search has found.
+const PRIOR: f32 = 0.3;
+
+impl Builder<'_> {
+    /// Probes candidates between islands, new ones included, which are appended.
+    pub(crate) fn join_islands(
+        &self,
+        vertices: &[Vec3],
+        candidates: &mut Vec<Candidate>,
+        evidence: &mut Vec<Evidence>,
+    ) -> Result<(), BuildError> {
+        let mut index: HashMap<Candidate, u32> = candidates.iter().copied().zip(0..).collect();
+        let grid = PointGrid::new(vertices, REACH_M);
+        let mut joined = Vec::new();
+        for _ in 0..ROUNDS {
+            let graph = NavGraph::prove(vertices.to_vec(), candidates, evidence, self.settings.threshold);
+            let tries = |key: &Candidate| index.get(key).map_or(0, |&idx| evidence[idx as usize].tries);
+            let mut found = apart(&graph, vertices, &grid, &self.site.profile, tries);
+            found.truncate((candidates.len() / SHARE).max(MIN_PROBES));
+            if found.is_empty() {
+                break;
+            }
+            let which: Vec<u32> = found
+                .into_iter()
+                .map(|key| {
+                    *index.entry(key).or_insert_with(|| {
+                        candidates.push(key);
+                        evidence.push(Evidence::expected(PRIOR));
+                        candidates.len() as u32 - 1
+                    })
+                })
+                .collect();
+            let proving = self.proving(vertices, candidates);
+            proving.try_once_each(&which, evidence).ok_or(BuildError::Cancelled)?;
+            joined.extend(which);
+        }
+        joined.sort_unstable();
+        joined.dedup();
+        self.proving(vertices, candidates).prove_on_the_run(&joined, evidence).ok_or(BuildError::Cancelled)
+    }
+}
+
+/// Pairs of near vertices of which no path leads from the first to the second, the easiest first.
+fn apart(
+    graph: &NavGraph,
+    vertices: &[Vec3],
+    grid: &PointGrid,
+    profile: &CharacterProfile,
+    tries: impl Fn(&Candidate) -> u32,
+) -> Vec<Candidate> {
+    let islands = graph.islands();
+    let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
+    graph.vertices().for_each(|vertex| members.entry(islands[vertex.idx()]).or_default().push(vertex));
+    let mut largest: Vec<&Vec<VertexId>> = members.values().collect();
+    largest.sort_by_key(|members| (std::cmp::Reverse(members.len()), members[0]));
+    largest.truncate(MAX_ISLANDS);
+    let jumps = 1.0 + f32::from(profile.extra_jumps);
+    let rise = profile.step_height + jumps * 0.5 * profile.jump_speed * profile.jump_speed / profile.gravity;
+    let mut found = Vec::new();
+    for members in largest {
+        let reached = graph.reachable_from(members[0]);
+        let mut by_island: BTreeMap<u32, Vec<(f32, Candidate)>> = BTreeMap::new();
+        for &from in members {
+            let start = vertices[from.idx()];
+            for to in grid.within(start, REACH_M).filter(|&to| !reached[to as usize]) {
+                let offset = vertices[to as usize] - start;
+                let distance = hypot(offset.x, offset.z);
+                let key = EdgeKey { from, to: VertexId(to) };
+                if distance <= REACH_M && offset.y <= rise && tries(&key) < MAX_TRIES {
+                    let effort = distance + CLIMB_WEIGHT * offset.y.max(0.0);
+                    by_island.entry(islands[to as usize]).or_default().push((effort, key));
+                }
+            }
+        }
+        for mut pairs in by_island.into_values() {
+            pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            found.extend(pairs.into_iter().take(PAIRS));
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    found.into_iter().map(|(_, key)| key).collect()
+}

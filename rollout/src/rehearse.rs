@@ -1,0 +1,257 @@
+//! Rehearsals: legs of plans that are run ahead of time, from the very states of the NPCs that are about to run them.
+//!
+//! Steps and noise are deterministic, so that a rehearsal foretells what its NPC will do as long as nothing else interferes. An NPC
+//! that would come to harm or get stuck draws other noise, or takes another way.
+
+use crate::decision::{DecisionLoop, Lane, Noise, Stage};
+use crate::follow::{Follower, Step};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use surefoot_planner::LegKey;
+use surefoot_policy::Policy;
+use surefoot_policy::actor::gaussian;
+use surefoot_world::character::{ACTION_LEN, Body};
+use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, SenseContext, state_vector};
+use surefoot_world::{CharacterProfile, End, Episode, Map, Npc, NpcSlot, TaskConfig, Vec3, World};
+
+/// Legs that a rehearsal runs ahead: where the first one ends, the second must be possible.
+const LEGS: usize = 2;
+/// Most decisions of a rehearsal.
+const MAX_DECISIONS: u32 = 160;
+/// Decisions without coming closer after which a leg that is rehearsed has failed.
+const STALLED_AFTER: u32 = 40;
+/// Rehearsals of the same legs, with other noise each time, before another way is looked for.
+const HARM_DRAWS: u32 = 3;
+const STALL_DRAWS: u32 = 2;
+/// Most rehearsals before one leg.
+const MAX_REHEARSALS: u32 = 48;
+/// Words of a random stream that one action takes: a block.
+const WORDS_PER_ACTION: u128 = 16;
+/// Distance between the numbers of the streams that an NPC changes to.
+const NEXT_STREAM: u64 = 1 << 32;
+
+/// The exploration noise of one NPC: a random stream of its own, so that a copy foretells it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseStream {
+    share: f32,
+    seed: u64,
+    stream: u64,
+    /// Actions drawn so far.
+    drawn: u32,
+}
+
+impl NoiseStream {
+    /// The stream of that number under a seed; `share` of the policy's exploration noise is 0 or more.
+    pub fn new(share: f32, seed: u64, stream: u64) -> Self {
+        Self { share, seed, stream, drawn: 0 }
+    }
+
+    /// Noise that is added to the next action, in units of the policy's standard deviation.
+    pub fn draw(&mut self) -> impl Iterator<Item = f32> + use<> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(self.stream);
+        rng.set_word_pos(u128::from(self.drawn) * WORDS_PER_ACTION);
+        self.drawn = self.drawn.wrapping_add(1);
+        let share = self.share;
+        gaussian(&mut rng, ACTION_LEN).into_iter().map(move |value| value * share)
+    }
+
+    /// Goes on with other noise.
+    pub fn change(&mut self) {
+        self.stream = self.stream.wrapping_add(NEXT_STREAM);
+    }
+}
+
+/// An NPC that is about to begin a leg of its plan.
+#[derive(Debug)]
+pub struct Actor {
+    /// Its state.
+    pub npc: Npc,
+    /// Its plan and its leg.
+    pub follower: Follower,
+    /// Its row of the policy's hidden state.
+    pub hidden: Vec<f32>,
+    /// Its noise.
+    pub noise: NoiseStream,
+    /// How far it was rehearsed before; `None` to rehearse anew from its state.
+    pub ghost: Option<Ghost>,
+}
+
+/// An NPC as it will be once it has run the legs that were rehearsed.
+#[derive(Debug, Clone)]
+pub struct Ghost {
+    npc: Npc,
+    follower: Follower,
+    hidden: Vec<f32>,
+    noise: NoiseStream,
+    /// Bodies at the decisions on the way there, the next one first.
+    ahead: VecDeque<Body>,
+}
+
+impl Ghost {
+    /// Whether an NPC that has made one more decision did what was rehearsed, as far as it was.
+    pub fn foretold(&mut self, body: &Body) -> bool {
+        self.ahead.pop_front().is_some_and(|foretold| foretold == *body)
+    }
+}
+
+/// What went wrong in a rehearsal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mishap {
+    /// The leg.
+    pub leg: LegKey,
+    /// Whether the NPC came to harm; otherwise it made no progress.
+    pub is_harm: bool,
+}
+
+/// What an NPC does after a mishap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Resort {
+    /// Rehearse the same legs once more, with other noise.
+    Redraw,
+    /// Take another way, without this leg.
+    Avoid(LegKey),
+    /// Stop: all ways end in harm.
+    Stop,
+    /// Go: what is left leads nowhere, but harms nobody.
+    Go,
+}
+
+/// What the rehearsals before one leg have shown so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tally {
+    of_plan: u32,
+    in_all: u32,
+}
+
+impl Tally {
+    /// Records a mishap and returns what the NPC does.
+    pub fn note(&mut self, mishap: Mishap) -> Resort {
+        self.of_plan += 1;
+        self.in_all += 1;
+        let draws = if mishap.is_harm { HARM_DRAWS } else { STALL_DRAWS };
+        if self.in_all >= MAX_REHEARSALS {
+            if mishap.is_harm { Resort::Stop } else { Resort::Go }
+        } else if self.of_plan < draws {
+            Resort::Redraw
+        } else {
+            self.of_plan = 0;
+            Resort::Avoid(mishap.leg)
+        }
+    }
+}
+
+/// A world of its own on which rehearsals run.
+#[derive(Debug)]
+pub struct Rehearsal {
+    worlds: [World; 1],
+    decisions: DecisionLoop,
+}
+
+impl Rehearsal {
+    /// Prepares rehearsals on `map` by the body `profile`.
+    pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig, policy: &Policy) -> Self {
+        Self { worlds: [World::new(map, profile, task)], decisions: DecisionLoop::new(policy) }
+    }
+
+    /// Rewrites what an observation of `npc` tells of its goal, for a new one, m.
+    ///
+    /// # Panics
+    /// If `row` is not [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) long.
+    pub fn aim(&self, npc: &Npc, goal: Vec3, row: &mut [f32]) {
+        let [world] = &self.worlds;
+        let context = SenseContext { map: world.map(), profile: &world.config().profiles[0], task: world.task() };
+        let episode = Episode::new(goal, npc.body.feet);
+        row[RAY_COUNT * RAY_CHANNELS..].copy_from_slice(&state_vector(context, &npc.body, &episode, &npc.last));
+    }
+
+    /// The map.
+    pub fn map(&self) -> &Arc<Map> {
+        self.worlds[0].map()
+    }
+
+    /// Runs the next legs of each actor, and returns for each how it will be after them, or what went wrong.
+    pub fn run(&mut self, policy: &Policy, actors: Vec<Actor>) -> Vec<Result<Ghost, Mishap>> {
+        let hidden_len = policy.memory_len();
+        let mut hidden = Vec::with_capacity(actors.len() * hidden_len);
+        let [world] = &mut self.worlds;
+        world.clear();
+        let mut results: Vec<Option<Result<Ghost, Mishap>>> = Vec::new();
+        results.resize_with(actors.len(), || None);
+        let mut running: Vec<Running> = Vec::with_capacity(actors.len());
+        for (idx, Actor { npc, follower, hidden: row, noise, ghost }) in actors.into_iter().enumerate() {
+            let until = follower.leg_idx() + LEGS;
+            let ghost = ghost.unwrap_or_else(|| {
+                let follower = follower.rehearsing(STALLED_AFTER);
+                Ghost { npc, follower, hidden: row, noise, ahead: VecDeque::new() }
+            });
+            let slot = world.adopt(ghost.npc);
+            // An NPC that is under way keeps its episode, of which it is told how long it has lasted.
+            let heads_for = ghost.npc.episode.filter(|episode| episode.end.is_none()).map(|episode| episode.goal);
+            if let Some(waypoint) = ghost.follower.waypoint().filter(|waypoint| heads_for != Some(*waypoint)) {
+                world.set_goal(slot, waypoint);
+            }
+            hidden.extend_from_slice(&ghost.hidden);
+            running.push(Running { idx, slot, until, decisions: 0, ghost });
+        }
+        self.decisions.set_hidden(hidden);
+        while !running.is_empty() {
+            let lanes: Vec<Lane> = running.iter().map(|it| Lane::of(it.slot)).collect();
+            let noise = Noise::Rows(running.iter_mut().flat_map(|it| it.ghost.noise.draw()).collect());
+            let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
+            let closed = self.decisions.decide(&mut stage, policy, noise).to_vec();
+            let mut closed = closed.into_iter();
+            let [world] = &mut self.worlds;
+            let hidden = self.decisions.hidden();
+            running.retain_mut(|it| {
+                let end = closed.next().expect("an outcome for each lane").end;
+                let Some(result) = it.note(world, end) else { return true };
+                let npc = *world.npc(it.slot).expect("a running NPC");
+                results[it.idx] = Some(result.map(|()| {
+                    let row = it.slot.0 as usize * hidden_len;
+                    Ghost { npc, hidden: hidden[row..row + hidden_len].to_vec(), ..it.ghost.clone() }
+                }));
+                world.despawn(it.slot);
+                false
+            });
+        }
+        results.into_iter().map(|result| result.expect("every rehearsal ends")).collect()
+    }
+}
+
+/// One running rehearsal.
+struct Running {
+    idx: usize,
+    slot: NpcSlot,
+    /// The leg before which it ends.
+    until: usize,
+    decisions: u32,
+    ghost: Ghost,
+}
+
+impl Running {
+    /// Records a decision and returns how the rehearsal ended, if it did.
+    fn note(&mut self, world: &mut World, end: Option<End>) -> Option<Result<(), Mishap>> {
+        let body = world.npc(self.slot).expect("a running NPC").body;
+        let follower = &mut self.ghost.follower;
+        self.decisions += 1;
+        self.ghost.ahead.push_back(body);
+        let mishap = |is_harm, leg: Option<LegKey>| leg.map_or(Ok(()), |leg| Err(Mishap { leg, is_harm }));
+        let leg = follower.leg_key();
+        if end.is_some_and(End::is_harm) {
+            return Some(mishap(true, leg));
+        }
+        let reached = end == Some(End::Reached);
+        if reached && follower.is_last_leg() || self.decisions >= MAX_DECISIONS {
+            return Some(Ok(()));
+        }
+        match follower.note(body.feet, reached) {
+            Step::Head(waypoint) => world.set_goal(self.slot, waypoint),
+            Step::Keep => {}
+            Step::Plan | Step::GiveUp | Step::Unreachable => return Some(mishap(false, leg)),
+        }
+        (follower.leg_idx() >= self.until && body.is_grounded()).then_some(Ok(()))
+    }
+}

@@ -1,0 +1,101 @@
+//! Rehearsals: what they foretell happens, and NPCs that rehearse stay alive where others fall.
+
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::sync::Arc;
+use surefoot_planner::{BuildSettings, LegKey, Progress, Router};
+use surefoot_policy::Policy;
+use surefoot_rollout::graphs::build;
+use surefoot_rollout::rehearse::{Actor, Mishap, NoiseStream, Rehearsal, Resort, Tally};
+use surefoot_rollout::{
+    Attempt, DecisionLoop, FollowConfig, Follower, Goal, Lane, Noise, ProbeContext, Rollout, Stage,
+};
+use surefoot_world::map::MapKind;
+use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
+
+/// Platforms over a void.
+fn islands() -> Arc<Map> {
+    let mut spec = RawMapSpec::new(1000);
+    (spec.kind, spec.size.width, spec.size.depth) = (MapKind::Islands, 120, 120);
+    Arc::new(Map::generate(&MapSpec::try_from(spec).unwrap()))
+}
+
+fn goals(map: &Map, count: usize) -> Vec<Goal> {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let points = navigable::sample_many(map, &CharacterProfile::default(), 400, &mut rng).unwrap();
+    Goal::draw(&points, 5.0..200.0, count, &mut rng)
+}
+
+fn harmed(attempts: &[Attempt]) -> usize {
+    attempts.iter().filter(|attempt| attempt.end.is_harm()).count()
+}
+
+#[test]
+fn npcs_that_rehearse_do_not_fall_where_others_do() {
+    let (map, policy) = (islands(), Policy::shipped().unwrap());
+    let settings = BuildSettings::default().with(|it| it.vertices = 120).unwrap();
+    let context = ProbeContext::new(map.clone(), policy.clone());
+    let router = Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2);
+    let goals = goals(&map, 150);
+    let mut rollout = Rollout::new(map, CharacterProfile::default(), TaskConfig::default());
+    let rehearsed = rollout.run_by_plan(&policy, &router, &goals, &mut Vec::new());
+    assert_eq!(
+        rehearsed,
+        rollout.run_by_plan(&policy, &router, &goals, &mut Vec::new()),
+        "the same seed, the same end"
+    );
+    rollout.rehearses = false;
+    let unrehearsed = rollout.run_by_plan(&policy, &router, &goals, &mut Vec::new());
+    assert!(harmed(&unrehearsed) >= 5, "{} of {} fell without rehearsals", harmed(&unrehearsed), goals.len());
+    assert_eq!(harmed(&rehearsed), 0);
+}
+
+#[test]
+fn an_npc_does_what_its_rehearsal_foretold() {
+    let (map, policy) = (islands(), Policy::shipped().unwrap());
+    let (profile, task) = (CharacterProfile::default(), TaskConfig::default());
+    let mut rehearsal = Rehearsal::new(map.clone(), profile.clone(), task.clone(), &policy);
+    let mut foretold = 0;
+    for (stream, goal) in (0..).zip(goals(&map, 12)) {
+        let mut worlds = [World::new(map.clone(), profile.clone(), task.clone())];
+        let lane = Lane::of(worlds[0].spawn(goal.start, goal.yaw));
+        worlds[0].set_goal(lane.slot, goal.goal);
+        let mut noise = NoiseStream::new(0.5, 7, stream);
+        let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
+        let npc = *worlds[0].npc(lane.slot).unwrap();
+        let actor = Actor { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, ghost: None };
+        let Ok(mut ghost) = rehearsal.run(&policy, vec![actor]).remove(0) else { continue };
+        let mut decisions = DecisionLoop::new(&policy);
+        decisions.begin(lane.row_idx);
+        loop {
+            let draw = Noise::Rows(noise.draw().collect());
+            let end = decisions.decide(&mut Stage { worlds: &mut worlds, lanes: &[lane] }, &policy, draw)[0].end;
+            let body = worlds[0].npc(lane.slot).unwrap().body;
+            if end.is_none() && !ghost.foretold(&body) {
+                // As far as it was rehearsed.
+                break;
+            }
+            foretold += 1;
+            if end.is_some() {
+                assert!(ghost.foretold(&body), "the end was foretold, too");
+                break;
+            }
+            let mut elsewhere = body;
+            elsewhere.feet += Vec3::X * 0.001;
+            assert!(!ghost.clone().foretold(&elsewhere), "another body is another story");
+        }
+    }
+    assert!(foretold > 100, "{foretold} decisions were foretold");
+}
+
+#[test]
+fn after_harm_other_noise_is_tried_then_another_way_and_at_last_nothing() {
+    let harm = Mishap { leg: LegKey::DIRECT, is_harm: true };
+    let mut tally = Tally::default();
+    let resorts: Vec<Resort> = (0..48).map(|_| tally.note(harm)).collect();
+    assert_eq!(resorts[..3], [Resort::Redraw, Resort::Redraw, Resort::Avoid(LegKey::DIRECT)]);
+    assert_eq!(resorts[47], Resort::Stop);
+    let stall = Mishap { is_harm: false, ..harm };
+    let mut tally = Tally::default();
+    assert_eq!((0..48).map(|_| tally.note(stall)).last(), Some(Resort::Go), "who only gets stuck may go");
+}
