@@ -54,7 +54,7 @@ describe('graphs to choose from', () => {
 
   it('begin with the settings that workers use', () => {
     const { placement, vertices, neighbours, repeats, threshold } = standardSettings()
-    expect([placement satisfies Placement, vertices, neighbours, repeats, threshold]).toEqual([2, 300, 12, 2, 0.5])
+    expect([placement satisfies Placement, vertices, neighbours, repeats, threshold]).toEqual([2, 300, 12, 2, 0.2])
   })
 })
 
