@@ -3,7 +3,7 @@
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
 use crate::follow::{Fault, FollowConfig, Follower, Step};
 use crate::goals::Goal;
-use crate::rehearse::{Actor, Ghost, NoiseStream, Rehearsal, Resort, Tally};
+use crate::rehearse::{Actor, Ghost, Next, NoiseStream, Rehearsal, Resort, Tally};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
@@ -303,23 +303,20 @@ impl Guide<'_> {
     /// Does what is left for an NPC after a mishap in a rehearsal, and returns whether it rehearses again.
     fn resort(&mut self, world: &mut World, walker: &mut Walker, resort: Resort) -> bool {
         let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
-        match resort {
-            Resort::Redraw => {
-                walker.noise.change();
-                true
-            }
-            Resort::Avoid(leg) if follower.avoid(leg) == Step::Plan => {
+        match resort.take(follower, &mut walker.noise) {
+            Next::Again => true,
+            Next::Plan => {
                 let feet = world.npc(walker.lane.slot).expect("a running NPC").body.feet;
                 let waypoint = self.plan(follower, feet);
                 world.set_goal(walker.lane.slot, waypoint);
                 true
             }
-            Resort::Avoid(_) | Resort::Stop => {
-                walker.end = Some(End::Unreachable);
+            Next::Go => {
+                walker.resigned = true;
                 false
             }
-            Resort::Go => {
-                walker.resigned = true;
+            Next::Stop => {
+                walker.end = Some(End::Unreachable);
                 false
             }
         }

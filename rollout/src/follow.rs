@@ -274,7 +274,7 @@ impl Follower {
         self.plan_without(failed, MAX_FAILED_ARRIVALS)
     }
 
-    /// Drops the plan because `leg` of it would end in harm.
+    /// Drops the plan because a rehearsal of `leg` failed.
     pub fn avoid(&mut self, leg: LegKey) -> Step {
         if self.plan.as_ref().is_some_and(|plan| plan.no_path.is_some() && plan.nearest.is_none()) {
             // No vertex is reachable: the plan was the straight way to the goal, and there is no other.

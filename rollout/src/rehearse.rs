@@ -119,6 +119,34 @@ pub enum Resort {
     Go,
 }
 
+/// What follows once a [`Resort`] was taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Next {
+    /// The NPC rehearses the same legs again.
+    Again,
+    /// The NPC needs another plan, and rehearses that.
+    Plan,
+    /// The NPC runs its leg, whatever rehearsals show.
+    Go,
+    /// The attempt ends as unreachable.
+    Stop,
+}
+
+impl Resort {
+    /// Takes this resort, for the NPC with that plan and that noise.
+    pub fn take(self, follower: &mut Follower, noise: &mut NoiseStream) -> Next {
+        match self {
+            Self::Redraw => {
+                noise.change();
+                Next::Again
+            }
+            Self::Avoid(leg) if follower.avoid(leg) == Step::Plan => Next::Plan,
+            Self::Avoid(_) | Self::Stop => Next::Stop,
+            Self::Go => Next::Go,
+        }
+    }
+}
+
 /// What the rehearsals before one leg have shown so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {

@@ -78,7 +78,7 @@ impl Maps {
                 }
             };
             let arrival = tokio::select! {
-                ground = loading => ground,
+                held = loading => held,
                 // The world is gone.
                 () = sender.closed() => return,
             };

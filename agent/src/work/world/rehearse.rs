@@ -4,8 +4,7 @@ use super::{MAX_QUERIES, Npc, State, WorldError, WorldTask};
 use crate::work::ahead::{Arrival, Pace};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
-use surefoot_rollout::follow::Step;
-use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Rehearsal, Resort, Tally};
+use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
 use surefoot_world::{CharacterProfile, NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
 
 /// Longest wait of a lockstep world for its map.
@@ -101,14 +100,17 @@ impl WorldTask {
                         npc.ghost = Some(ghost);
                         false
                     }
-                    Err(mishap) => match npc.resort(tally, mishap) {
+                    Err(mishap) => match tally.note(mishap).take(&mut npc.follower, &mut npc.noise) {
                         Next::Again => true,
                         Next::Plan => {
                             queries.push((*id, npc.attempt, state.body.feet));
                             true
                         }
-                        Next::Go => false,
-                        Next::GiveUp => {
+                        Next::Go => {
+                            npc.resigned = true;
+                            false
+                        }
+                        Next::Stop => {
                             gave_up.push((*id, npc.attempt));
                             false
                         }
@@ -137,7 +139,7 @@ impl WorldTask {
         let awaits_map = self.stage.is_some() && self.rehearsal.is_none();
         let awaits_graph = self.graph.as_ref().is_some_and(|graph| graph.id.borrow().is_empty() && !graph.is_resting());
         let plan_decisions = if self.is_lockstep { 0 } else { PLAN_DECISIONS };
-        let mut begun = Vec::new();
+        let mut begun = BTreeSet::new();
         for id in npc_ids {
             let npc = self.npcs.get_mut(id).expect("met in this batch");
             if npc.follower.waypoint().is_some() {
@@ -149,7 +151,7 @@ impl WorldTask {
             if npc.unplanned <= patience {
                 npc.holds = true;
             } else if npc.unplanned >= npc.next_try {
-                begun.push(*id);
+                begun.insert(*id);
             }
         }
         if begun.is_empty() {
@@ -218,36 +220,10 @@ fn is_at_rest(state: &State) -> bool {
     state.body.is_grounded() && state.body.velocity.length_squared() < REST_SPEED * REST_SPEED
 }
 
-/// What follows a mishap in a rehearsal.
-enum Next {
-    /// The same legs are rehearsed again.
-    Again,
-    /// Another plan is rehearsed.
-    Plan,
-    /// The NPC goes without.
-    Go,
-    GiveUp,
-}
-
 impl Npc {
     fn actor(&mut self, state: &State) -> Actor {
         let ghost = self.ghost.take();
         let (follower, hidden) = (self.follower.clone(), self.memory.clone());
         Actor { npc: *state, follower, hidden, noise: self.noise, ghost }
-    }
-
-    fn resort(&mut self, tally: &mut Tally, mishap: Mishap) -> Next {
-        match tally.note(mishap) {
-            Resort::Redraw => {
-                self.noise.change();
-                Next::Again
-            }
-            Resort::Avoid(leg) if self.follower.avoid(leg) == Step::Plan => Next::Plan,
-            Resort::Avoid(_) | Resort::Stop => Next::GiveUp,
-            Resort::Go => {
-                self.resigned = true;
-                Next::Go
-            }
-        }
     }
 }
