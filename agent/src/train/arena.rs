@@ -3,9 +3,11 @@
 use super::config::CollectorConfig;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use std::f32::consts::PI;
+use std::collections::HashMap;
 use std::sync::Arc;
 use surefoot_rollout::goals::{goal_at_random_distance, random_point};
+use surefoot_world::character::bodies::BODIES;
+use surefoot_world::reach::{Reach, flood};
 use surefoot_world::{CharacterProfile, Map, TaskConfig, Vec3, World, navigable};
 
 /// Most failed attempts stored per map; further ones overwrite stored ones at random.
@@ -22,6 +24,8 @@ pub(super) struct Arena {
     points: Vec<Vec3>,
     /// Starts and goals of attempts that failed.
     pub failures: Vec<(Vec3, Vec3)>,
+    /// `None` if goals are drawn from all points.
+    surveyed: Option<Surveyed>,
 }
 
 impl Arena {
@@ -41,7 +45,9 @@ impl Arena {
             let points = sample(&profile, &mut rng).expect("generated maps have ground");
             (profile, points)
         });
-        (Self { seed, points, failures: Vec::new() }, World::new(map, profile, TaskConfig::default()))
+        let surveyed = (config.reachable_share > 0.0).then(|| Surveyed::new(&map, &profile, config.reachable_share));
+        let arena = Self { seed, points, failures: Vec::new(), surveyed };
+        (arena, World::new(map, profile, TaskConfig::default()))
     }
 
     /// A random navigable point.
@@ -50,8 +56,9 @@ impl Arena {
     }
 
     /// A navigable goal whose distance from `from`, m, is within `band`, or the nearest miss.
-    pub fn goal(&self, from: Vec3, band: (f32, f32), rng: &mut ChaCha8Rng) -> Vec3 {
-        goal_at_random_distance(&self.points, from, band, GOAL_DRAWS, rng)
+    pub fn goal(&mut self, from: Vec3, band: (f32, f32), rng: &mut ChaCha8Rng) -> Vec3 {
+        let reachable = self.surveyed.as_mut().and_then(|surveyed| surveyed.draw_points(from, &self.points, rng));
+        goal_at_random_distance(reachable.unwrap_or(&self.points), from, band, GOAL_DRAWS, rng)
     }
 
     /// Stores the start and goal of a failed attempt, to be retried.
@@ -72,35 +79,77 @@ impl Arena {
     }
 }
 
-/// Draws a body: half of them resemble the default one, the others come from the whole range that policies are trained for.
+/// What the survey of a map says.
+#[derive(Debug)]
+struct Surveyed {
+    reach: Reach,
+    exits: Vec<Vec<u32>>,
+    /// Share of goals that must be reachable.
+    share: f64,
+    /// For each island from which goals were drawn, the points that are reachable.
+    points: HashMap<u32, Vec<Vec3>>,
+}
+
+impl Surveyed {
+    fn new(map: &Map, profile: &CharacterProfile, share: f64) -> Self {
+        let reach = Reach::survey(map, profile, 1);
+        let mut exits = vec![Vec::new(); reach.ground.islands().len()];
+        reach.links.iter().for_each(|link| exits[link.from as usize].push(link.to));
+        Self { reach, exits, share, points: HashMap::new() }
+    }
+
+    /// For the share of goals that must be reachable, those of `points` that are reachable from `from`; otherwise, and where none is
+    /// known to be, `None`.
+    fn draw_points(&mut self, from: Vec3, points: &[Vec3], rng: &mut ChaCha8Rng) -> Option<&[Vec3]> {
+        if !rng.random_bool(self.share) {
+            return None;
+        }
+        let ground = &self.reach.ground;
+        let island = ground.at(from)?.island;
+        let known = self.points.entry(island).or_insert_with(|| {
+            let reached = flood(&self.exits, island);
+            let is_reached = |point: &Vec3| ground.at(*point).is_some_and(|cell| reached[cell.island as usize]);
+            points.iter().copied().filter(is_reached).collect()
+        });
+        (known.len() > 1).then_some(known.as_slice())
+    }
+}
+
+/// Draws a body: half of them resemble a named one, the others come from the whole range that policies are trained for.
 fn random_body(rng: &mut ChaCha8Rng) -> CharacterProfile {
-    /// Half extents, as logarithms, of what resembles the default body.
-    const LIKENESS: f32 = 0.35;
-    let is_alike = rng.random_bool(0.5);
-    let mut around = |usual: f32, low: f32, high: f32| {
-        let [usual, low, high] = [usual, low, high].map(f32::ln);
-        let (low, high) = if is_alike { (low.max(usual - LIKENESS), high.min(usual + LIKENESS)) } else { (low, high) };
-        rng.random_range(low..high).exp()
+    /// Half extents, as logarithms, of what resembles a named body.
+    const LIKENESS: f32 = 0.3;
+    let named = rng.random_bool(0.5).then(|| BODIES[rng.random_range(0..BODIES.len())].profile());
+    let mut draw = |usual: fn(&CharacterProfile) -> f32, low: f32, high: f32| {
+        let (low, high) = (low.ln(), high.ln());
+        let around = named.as_ref().map(|body| usual(body).max(1e-6).ln().clamp(low, high));
+        let from = around.map_or(low, |usual| low.max(usual - LIKENESS));
+        let to = around.map_or(high, |usual| high.min(usual + LIKENESS));
+        rng.random_range(from..=to).exp()
     };
-    let (height, gravity) = (around(1.8, 0.5, 3.0), around(20.0, 5.0, 30.0));
-    let radius = around(0.3, 0.15, 0.8).min(0.45 * height);
-    let jump_m = around(2.5, 0.3, 4.0);
-    let speed = around(11.0, 1.5, 15.0);
-    let turn_speed = around(PI, 1.5, 12.0);
-    let (ground_acceleration, air_acceleration) = (around(60.0, 10.0, 100.0), around(25.0, 2.0, 50.0));
-    let step_height = around(0.1, 0.05, 0.6).min(0.9 * radius);
-    let max_slope = around(35.0, 20.0, 60.0).to_radians();
+    let (height, gravity) = (draw(|it| it.height, 0.5, 3.0), draw(|it| it.gravity, 5.0, 30.0));
+    let radius = draw(|it| it.radius, 0.15, 0.8).min(0.45 * height);
+    let jump_m = draw(|it| it.jump_speed * it.jump_speed / (2.0 * it.gravity), 0.3, 4.0);
+    let speed = draw(|it| it.forward_speed, 1.5, 15.0);
+    let turn_speed = draw(|it| it.turn_speed, 1.5, 12.0);
+    let ground_acceleration = draw(|it| it.ground_acceleration, 10.0, 100.0);
+    let air_acceleration = draw(|it| it.air_acceleration, 0.5, 50.0);
+    let step_height = draw(|it| it.step_height, 0.03, 0.6).min(0.9 * radius);
+    let max_slope = draw(|it| it.max_slope.to_degrees(), 20.0, 60.0).to_radians();
     let (can_jump, extra_jumps) = (rng.random_bool(0.95), rng.random_range(0..=2));
     let (uses_zip_lines, uses_jetpacks) = (rng.random_bool(0.85), rng.random_bool(0.85));
-    let side_speed_share = if is_alike { 0.6 } else { rng.random_range(0.3..1.0) };
-    let changed = CharacterProfile::default().with(|it| {
+    let side_speed_share = rng.random_range(0.3..1.0);
+    let base = named.clone().unwrap_or_default();
+    let changed = base.with(|it| {
         (it.height, it.radius, it.gravity) = (height, radius, gravity);
         it.jump_speed = if can_jump { (2.0 * gravity * jump_m).sqrt() } else { 0.0 };
-        it.extra_jumps = if is_alike { 1 } else { extra_jumps };
-        (it.forward_speed, it.side_speed_share, it.turn_speed) = (speed, side_speed_share, turn_speed);
+        (it.forward_speed, it.turn_speed) = (speed, turn_speed);
         (it.ground_acceleration, it.air_acceleration) = (ground_acceleration, air_acceleration);
         (it.step_height, it.max_slope) = (step_height, max_slope);
-        (it.uses_zip_lines, it.uses_jetpacks) = (uses_zip_lines, uses_jetpacks);
+        if named.is_none() {
+            (it.extra_jumps, it.side_speed_share) = (extra_jumps, side_speed_share);
+            (it.uses_zip_lines, it.uses_jetpacks) = (uses_zip_lines, uses_jetpacks);
+        }
     });
     changed.expect("drawn values are in range")
 }

@@ -191,8 +191,13 @@ impl TrainConfig {
         if self.collector.map_kinds.is_empty() {
             return refuse("collector.map_kinds", "is empty");
         }
-        if !(0.0..=1.0).contains(&self.collector.random_bodies) {
-            return refuse("collector.random_bodies", "must be 0 to 1");
+        for (field, share) in [
+            ("collector.random_bodies", self.collector.random_bodies),
+            ("collector.reachable_share", self.collector.reachable_share),
+        ] {
+            if !(0.0..=1.0).contains(&share) {
+                return refuse(field, "must be 0 to 1");
+            }
         }
         if self.collector.spec(0).is_err() {
             return refuse(
@@ -269,6 +274,10 @@ pub struct CollectorConfig {
     /// Share of the maps whose NPCs have a random body; the others have the default one.
     #[serde(default)]
     pub random_bodies: f64,
+    /// Share of goals drawn from the places that the survey finds reachable from where the NPC stands; the others are drawn from all
+    /// places.
+    #[serde(default)]
+    pub reachable_share: f64,
     /// Number of maps in use at a time.
     pub world_count: usize,
     /// Number of NPCs on each map.
@@ -304,6 +313,7 @@ impl Default for CollectorConfig {
             map_features: Features::default(),
             map_kinds: terrain_only(),
             random_bodies: 0.0,
+            reachable_share: 0.0,
             world_count: 8,
             npcs_per_world: 32,
             rounds_per_map: 120,
