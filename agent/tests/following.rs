@@ -66,6 +66,26 @@ fn a_leg_without_progress_is_avoided_by_re_plans_until_patience_ends() {
 }
 
 #[test]
+fn legs_without_progress_get_another_chance_where_no_other_way_is_left_and_harmful_ones_never() {
+    let goal = Vec3::new(50.0, 0.0, 0.0);
+    let mut follower = Follower::new(goal, FollowConfig::default());
+    let nowhere = Plan { no_path: Some(NoPath::DifferentIslands), ..plan(&[10.0]) };
+    assert!(!follower.reconsiders(&nowhere), "no leg has failed yet");
+    let (stalled, harmful) = (EdgeKey::new(0, 1).into(), EdgeKey::new(1, 2).into());
+    follower.take_plan(plan(&[10.0, 20.0]));
+    assert_eq!(follower.avoid(harmful, true), Step::Plan);
+    for chance in 0..3 {
+        assert_eq!(follower.avoid(stalled, false), Step::Plan);
+        assert_eq!(follower.query(Vec3::ZERO).avoid, [harmful, stalled]);
+        assert!(!follower.reconsiders(&plan(&[10.0, 20.0])), "another way is left");
+        assert!(follower.reconsiders(&nowhere), "chance {chance}");
+        assert_eq!(follower.query(Vec3::ZERO).avoid, [harmful]);
+    }
+    follower.avoid(stalled, false);
+    assert!(!follower.reconsiders(&nowhere), "three chances are enough");
+}
+
+#[test]
 fn a_plan_to_the_nearest_place_ends_there_as_unreachable() {
     let goal = Vec3::new(50.0, 0.0, 0.0);
     let mut follower = Follower::new(goal, FollowConfig::default());

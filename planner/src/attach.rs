@@ -6,8 +6,10 @@ use crate::ids::VertexId;
 use crate::legs::{LANES, LegPrices};
 use surefoot_world::Vec3;
 
-/// Maximum number of vertices that a start or goal is attached to.
-const ATTACHMENTS: usize = 6;
+/// Maximum number of vertices that a start or goal is attached to at first.
+pub(crate) const ATTACHMENTS: usize = 6;
+/// Maximum number where no path joins the first.
+pub(crate) const MORE_ATTACHMENTS: usize = 48;
 
 /// A vertex and the cost of the unproved leg between it and the start or goal, in decisions.
 pub(crate) type Attachment = (VertexId, f32);
@@ -43,17 +45,18 @@ impl VertexIndex {
         }
     }
 
-    /// The cheapest attachments of `point` among the vertices that `accept` lets pass, at most [`ATTACHMENTS`], in ascending order
+    /// The cheapest attachments of `point` among the vertices that `accept` lets pass, at most `most`, in ascending order
     /// of cost. `leg_of` turns the offset from the point to a vertex into that of the leg, from its start to its end.
     pub fn cheapest(
         &self,
         point: Vec3,
+        most: usize,
         prices: &LegPrices,
         reach_m: f32,
         leg_of: impl Fn(Vec3) -> Vec3,
         accept: impl Fn(VertexId, Vec3) -> bool,
     ) -> Vec<Attachment> {
-        let mut best = Cheapest { entries: Vec::with_capacity(ATTACHMENTS + 1), reach_m, limit_m: reach_m };
+        let mut best = Cheapest { entries: Vec::with_capacity(most + 1), most, reach_m, limit_m: reach_m };
         // Vertices that may be among the cheapest, and their legs, until there are enough of them to be priced together.
         let (mut waiting, mut legs, mut count) = ([VertexId(0); LANES], [[0.0; LANES]; 3], 0);
         self.visit_from(point, |clearance, vertices| {
@@ -86,6 +89,7 @@ impl VertexIndex {
 /// The cheapest attachments found so far.
 struct Cheapest {
     entries: Vec<Attachment>,
+    most: usize,
     reach_m: f32,
     /// Horizontal distance beyond which no vertex is of interest, m.
     limit_m: f32,
@@ -95,12 +99,12 @@ impl Cheapest {
     fn insert(&mut self, vertices: &[VertexId], costs: [f32; LANES], prices: &LegPrices) {
         for (&vertex, cost) in vertices.iter().zip(costs) {
             let place = self.entries.partition_point(|&(_, other)| other <= cost);
-            if place < ATTACHMENTS {
+            if place < self.most {
                 self.entries.insert(place, (vertex, cost));
-                self.entries.truncate(ATTACHMENTS);
+                self.entries.truncate(self.most);
             }
         }
-        if let Some(&(_, worst)) = self.entries.get(ATTACHMENTS - 1) {
+        if let Some(&(_, worst)) = self.entries.get(self.most - 1) {
             self.limit_m = self.reach_m.min(prices.metres_below(worst));
         }
     }

@@ -11,6 +11,7 @@ use crate::prove::ProbeRun;
 use crate::settings::{BuildError, BuildSettings, Placement, Probing};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeSet, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use surefoot_world::Vec3;
 
@@ -53,6 +54,44 @@ pub struct Progress {
     pub cancel: AtomicBool,
 }
 
+/// What a build has so far.
+#[derive(Debug)]
+pub(crate) struct Probed {
+    /// Positions of the vertices, m.
+    pub vertices: Vec<Vec3>,
+    /// Candidate edges.
+    pub candidates: Vec<Candidate>,
+    /// Evidence of each candidate.
+    pub evidence: Vec<Evidence>,
+    index: HashMap<Candidate, u32>,
+}
+
+impl Probed {
+    fn new(vertices: Vec<Vec3>, candidates: Vec<Candidate>, evidence: Vec<Evidence>) -> Self {
+        let index = candidates.iter().copied().zip(0..).collect();
+        Self { vertices, candidates, evidence, index }
+    }
+
+    /// The index of a candidate, which is added with that prior if it is new.
+    pub fn index_of(&mut self, key: Candidate, prior: f32) -> u32 {
+        *self.index.entry(key).or_insert_with(|| {
+            self.candidates.push(key);
+            self.evidence.push(Evidence::expected(prior));
+            self.candidates.len() as u32 - 1
+        })
+    }
+
+    /// Number of probes of a candidate.
+    pub fn tries(&self, key: Candidate) -> u32 {
+        self.index.get(&key).map_or(0, |&idx| self.evidence[idx as usize].tries)
+    }
+
+    /// The graph that is proved so far.
+    pub fn graph(&self, threshold: f64) -> NavGraph {
+        NavGraph::prove(self.vertices.clone(), &self.candidates, &self.evidence, threshold)
+    }
+}
+
 /// Builds and updates graphs.
 #[derive(Clone, Copy)]
 pub struct Builder<'a> {
@@ -80,38 +119,53 @@ impl Builder<'_> {
         let draft = placement::place(&self.placing())?;
         self.progress.done.store(0, Ordering::Relaxed);
         let placing_s = (self.clock)() - started_s;
-        let (mut candidates, special) = match draft.candidates {
+        let (candidates, special) = match draft.candidates {
             Some(candidates) => (candidates, 0),
             None => find_candidates(self.site, self.settings, &draft.vertices),
         };
         let probes_edges = self.settings.placement != Placement::Trajectories;
         let evidence: Vec<Evidence> = if probes_edges {
             let proving = self.proving(&draft.vertices, &candidates);
-            let mut evidence = proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?;
-            if self.settings.probing == Probing::Frugal {
-                self.join_islands(&draft.vertices, &mut candidates, &mut evidence)?;
-            }
-            evidence
+            proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?
         } else {
             candidates.iter().map(|candidate| draft.seen[candidate]).collect()
         };
+        let mut probed = Probed::new(draft.vertices, candidates, evidence);
+        if probes_edges && self.settings.probing == Probing::Frugal {
+            if self.settings.special_moves {
+                self.stitch(&mut probed)?;
+            }
+            self.join_islands(&mut probed)?;
+        }
         let seconds = (self.clock)() - started_s;
         let stats = BuildStats {
-            candidates: candidates.len() as u64,
+            candidates: probed.candidates.len() as u64,
             special,
-            untried: untried(&evidence),
+            untried: untried(&probed.evidence),
             probes: draft.episodes + self.progress.done.load(Ordering::Relaxed),
             placing_s,
             probing_s: seconds - placing_s,
             seconds,
         };
-        let graph = NavGraph::prove(draft.vertices, &candidates, &evidence, self.settings.threshold);
-        Ok(Built { graph, stats })
+        Ok(Built { graph: probed.graph(self.settings.threshold), stats })
     }
 
     fn placing(&self) -> PlacementContext<'_> {
         let Self { site, settings, executor, progress, .. } = *self;
         PlacementContext { site, settings, executor, progress: &progress.done, cancel: &progress.cancel }
+    }
+
+    /// Probes each listed candidate once per listing.
+    pub(crate) fn try_once_each(&self, which: &[u32], probed: &mut Probed) -> Result<(), BuildError> {
+        let proving = self.proving(&probed.vertices, &probed.candidates);
+        proving.try_once_each(which, &mut probed.evidence).ok_or(BuildError::Cancelled)
+    }
+
+    /// Probes those of the listed candidates on the run beside which a miss is fatal.
+    pub(crate) fn prove_on_the_run(&self, which: BTreeSet<u32>, probed: &mut Probed) -> Result<(), BuildError> {
+        let which: Vec<u32> = which.into_iter().collect();
+        let proving = self.proving(&probed.vertices, &probed.candidates);
+        proving.prove_on_the_run(&which, &mut probed.evidence).ok_or(BuildError::Cancelled)
     }
 
     /// Prepares the probing of `candidates` between `vertices`.

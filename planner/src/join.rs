@@ -1,16 +1,15 @@
 //! Joins what frugal probing left apart: candidates between islands that no path connects are probed again and again, over longer
 //! distances than elsewhere. A leg that rarely succeeds is worth more than none, since NPCs rehearse what may harm them.
 
-use crate::build::Builder;
+use crate::build::{Builder, Probed};
 use crate::candidates::Candidate;
-use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::grid::PointGrid;
 use crate::ids::{EdgeKey, VertexId};
 use crate::settings::BuildError;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
+use surefoot_world::CharacterProfile;
 use surefoot_world::float::hypot;
-use surefoot_world::{CharacterProfile, Vec3};
 
 /// Rounds of probes; each looks anew at what is still apart.
 const ROUNDS: u32 = 6;
@@ -31,52 +30,28 @@ const MAX_ISLANDS: usize = 256;
 const PRIOR: f32 = 0.3;
 
 impl Builder<'_> {
-    /// Probes candidates between islands, new ones included, which are appended.
-    pub(crate) fn join_islands(
-        &self,
-        vertices: &[Vec3],
-        candidates: &mut Vec<Candidate>,
-        evidence: &mut Vec<Evidence>,
-    ) -> Result<(), BuildError> {
-        let mut index: HashMap<Candidate, u32> = candidates.iter().copied().zip(0..).collect();
-        let grid = PointGrid::new(vertices, REACH_M);
-        let mut joined = Vec::new();
+    /// Probes candidates between islands, new ones included.
+    pub(crate) fn join_islands(&self, probed: &mut Probed) -> Result<(), BuildError> {
+        let grid = PointGrid::new(&probed.vertices, REACH_M);
+        let mut joined = BTreeSet::new();
         for _ in 0..ROUNDS {
-            let graph = NavGraph::prove(vertices.to_vec(), candidates, evidence, self.settings.threshold);
-            let tries = |key: &Candidate| index.get(key).map_or(0, |&idx| evidence[idx as usize].tries);
-            let mut found = apart(&graph, vertices, &grid, &self.site.profile, tries);
-            found.truncate((candidates.len() / SHARE).max(MIN_PROBES));
+            let graph = probed.graph(self.settings.threshold);
+            let mut found = apart(&graph, &grid, &self.site.profile, probed);
+            found.truncate((probed.candidates.len() / SHARE).max(MIN_PROBES));
             if found.is_empty() {
                 break;
             }
-            let which: Vec<u32> = found
-                .into_iter()
-                .map(|key| {
-                    *index.entry(key).or_insert_with(|| {
-                        candidates.push(key);
-                        evidence.push(Evidence::expected(PRIOR));
-                        candidates.len() as u32 - 1
-                    })
-                })
-                .collect();
-            let proving = self.proving(vertices, candidates);
-            proving.try_once_each(&which, evidence).ok_or(BuildError::Cancelled)?;
+            let which: Vec<u32> = found.into_iter().map(|key| probed.index_of(key, PRIOR)).collect();
+            self.try_once_each(&which, probed)?;
             joined.extend(which);
         }
-        joined.sort_unstable();
-        joined.dedup();
-        self.proving(vertices, candidates).prove_on_the_run(&joined, evidence).ok_or(BuildError::Cancelled)
+        self.prove_on_the_run(joined, probed)
     }
 }
 
 /// Pairs of near vertices of which no path leads from the first to the second, the easiest first.
-fn apart(
-    graph: &NavGraph,
-    vertices: &[Vec3],
-    grid: &PointGrid,
-    profile: &CharacterProfile,
-    tries: impl Fn(&Candidate) -> u32,
-) -> Vec<Candidate> {
+fn apart(graph: &NavGraph, grid: &PointGrid, profile: &CharacterProfile, probed: &Probed) -> Vec<Candidate> {
+    let vertices = &probed.vertices;
     let islands = graph.islands();
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
     graph.vertices().for_each(|vertex| members.entry(islands[vertex.idx()]).or_default().push(vertex));
@@ -95,7 +70,7 @@ fn apart(
                 let offset = vertices[to as usize] - start;
                 let distance = hypot(offset.x, offset.z);
                 let key = EdgeKey { from, to: VertexId(to) };
-                if distance <= REACH_M && offset.y <= rise && tries(&key) < MAX_TRIES {
+                if distance <= REACH_M && offset.y <= rise && probed.tries(key) < MAX_TRIES {
                     let effort = distance + CLIMB_WEIGHT * offset.y.max(0.0);
                     by_island.entry(islands[to as usize]).or_default().push((effort, key));
                 }

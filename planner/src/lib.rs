@@ -33,9 +33,11 @@ mod regression;
 pub mod search;
 pub mod settings;
 pub mod site;
+mod stitch;
 pub mod store;
 mod table;
 pub mod update;
+mod ways;
 
 pub use build::{BuildStats, Builder, Built, Progress};
 pub use graph::{Edge, NavGraph};

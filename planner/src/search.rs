@@ -7,7 +7,7 @@
 //! table uses an avoided or repriced edge.
 
 use crate::adjacency::{Adjacency, EdgeIdx};
-use crate::attach::{Attachment, VertexIndex};
+use crate::attach::{ATTACHMENTS, Attachment, MORE_ATTACHMENTS, VertexIndex};
 use crate::evidence::price;
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
@@ -94,30 +94,41 @@ impl Router {
     /// table and the A* heuristic use the costs that the router was made with.
     pub fn find_path_at(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
         let starts = self.attach_start(query);
-        let goals = self.attach_goal(query);
+        let goals = self.attach_goal(query, ATTACHMENTS);
         let is_near = query.start.distance(query.goal) <= DIRECT_M && !query.avoid.contains(&LegKey::DIRECT);
-        let looked_up = self.table.as_ref().and_then(|table| self.look_up_path(table, &starts, &goals));
-        let is_plain = query.avoid.is_empty() && repriced.is_empty();
-        let is_unaffected = |path: &Path| {
-            let mut edges = path.edges.iter().map(|&edge| self.adjacency.key(edge));
-            is_plain || edges.all(|key| !query.avoid.contains(&key.into()) && !repriced.contains_key(&key))
-        };
-        let path = match (&self.table, looked_up) {
-            (Some(_), None) => None,
-            (Some(_), Some(path)) if is_unaffected(&path) => Some(path),
-            _ => self.a_star(&starts, &goals, &query.avoid, repriced),
-        };
-        match path {
+        match self.join(&starts, &goals, query, repriced) {
             Some(path) if is_near && self.direct_cost(query) <= path.cost => self.direct(query, None),
             Some(path) => self.assemble(query, &path),
             None if is_near => self.direct(query, None),
-            None => {
-                let reason = self.explain(&starts, &goals);
-                match self.nearest_reachable(&starts, query.goal) {
-                    Some(nearest) => self.lead_to(query, &starts, nearest, reason, repriced),
-                    None => self.direct(query, Some(reason)),
-                }
-            }
+            None => self.plan_from_afar(query, repriced),
+        }
+    }
+
+    /// The cheapest path from one of `starts` to one of `goals`.
+    fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
+        let Some(table) = &self.table else { return self.a_star(starts, goals, &query.avoid, repriced) };
+        let path = self.look_up_path(table, starts, goals)?;
+        let is_plain = query.avoid.is_empty() && repriced.is_empty();
+        let mut edges = path.edges.iter().map(|&edge| self.adjacency.key(edge));
+        if is_plain || edges.all(|key| !query.avoid.contains(&key.into()) && !repriced.contains_key(&key)) {
+            Some(path)
+        } else {
+            self.a_star(starts, goals, &query.avoid, repriced)
+        }
+    }
+
+    /// Finds a plan where no path joins the cheapest attachments: between more of them, or else to the reachable vertex that is nearest
+    /// to the goal.
+    fn plan_from_afar(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
+        let starts = self.attach_start_widely(query);
+        let goals = self.attach_goal(query, MORE_ATTACHMENTS);
+        if let Some(path) = self.join(&starts, &goals, query, repriced) {
+            return self.assemble(query, &path);
+        }
+        let reason = self.explain(&starts, &goals);
+        match self.nearest_reachable(&starts, query.goal) {
+            Some(nearest) => self.lead_to(query, &starts, nearest, reason, repriced),
+            None => self.direct(query, Some(reason)),
         }
     }
 
@@ -139,17 +150,24 @@ impl Router {
 
     /// Finds the cheapest vertices to walk to from the start. Those without outgoing edges are left out.
     fn attach_start(&self, query: &Query) -> Vec<Attachment> {
-        let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Start, to: Stop::Vertex(vertex) });
-        self.sources.cheapest(query.start, &self.prices, f32::INFINITY, |offset| offset, |vertex, _| is_open(vertex))
+        let accept = |vertex, _| is_start_open(query, vertex);
+        self.sources.cheapest(query.start, ATTACHMENTS, &self.prices, f32::INFINITY, |offset| offset, accept)
+    }
+
+    /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
+    fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
+        let accept = |vertex, leg| is_start_open(query, vertex) && self.reach.contains(leg);
+        let reach_m = self.reach.length_m;
+        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices, reach_m, |offset| offset, accept)
     }
 
     /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
     /// the goal than any character is known to get on foot.
-    fn attach_goal(&self, query: &Query) -> Vec<Attachment> {
+    fn attach_goal(&self, query: &Query, most: usize) -> Vec<Attachment> {
         let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
         let is_in_reach = |leg| self.reach.contains(leg);
         let accept = |vertex, leg| is_open(vertex) && is_in_reach(leg);
-        self.targets.cheapest(query.goal, &self.prices, self.reach.length_m, |offset| -offset, accept)
+        self.targets.cheapest(query.goal, most, &self.prices, self.reach.length_m, |offset| -offset, accept)
     }
 
     /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
@@ -408,4 +426,9 @@ fn spacing(graph: &NavGraph) -> f32 {
     }
     let area = (high.x - low.x).max(1.0) * (high.z - low.z).max(1.0);
     (area / graph.vertex_count().max(1) as f32).sqrt().max(1.0)
+}
+
+/// Whether the query does not avoid the leg from its start to `vertex`.
+fn is_start_open(query: &Query, vertex: VertexId) -> bool {
+    !query.avoid.contains(&LegKey { from: Stop::Start, to: Stop::Vertex(vertex) })
 }

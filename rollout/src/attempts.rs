@@ -168,8 +168,6 @@ struct Walker {
     /// Whether what lies ahead must be rehearsed before the next decision.
     rehearses_next: bool,
     ghost: Option<Ghost>,
-    /// Whether it runs the present leg whatever rehearsals show.
-    resigned: bool,
     track: Track,
     end: Option<End>,
 }
@@ -188,7 +186,6 @@ impl Walker {
             promised: None,
             rehearses_next: false,
             ghost: None,
-            resigned: false,
             track,
             end: None,
         }
@@ -232,7 +229,7 @@ impl Guide<'_> {
         let slot = walker.lane.slot;
         let body = world.npc(slot).expect("a running NPC").body;
         let feet = body.feet;
-        if self.rehearses && !walker.resigned && !walker.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&body)) {
+        if self.rehearses && !walker.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&body)) {
             (walker.ghost, walker.rehearses_next) = (None, true);
         }
         let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
@@ -253,16 +250,20 @@ impl Guide<'_> {
             Step::Unreachable => return walker.end = Some(End::Unreachable),
         };
         world.set_goal(slot, waypoint);
-        (walker.rehearses_next, walker.resigned) = (true, false);
+        walker.rehearses_next = true;
     }
 
     /// Plans from `feet`, m, and returns the first waypoint, m.
     fn plan(&mut self, follower: &mut Follower, feet: Vec3) -> Vec3 {
-        let query = follower.query(feet);
-        let started = Instant::now();
-        let plan = self.router.find_path(&query);
-        self.search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
-        follower.take_plan(plan)
+        loop {
+            let query = follower.query(feet);
+            let started = Instant::now();
+            let plan = self.router.find_path(&query);
+            self.search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
+            if !follower.reconsiders(&plan) {
+                return follower.take_plan(plan);
+            }
+        }
     }
 
     /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more.
@@ -310,10 +311,6 @@ impl Guide<'_> {
                 let waypoint = self.plan(follower, feet);
                 world.set_goal(walker.lane.slot, waypoint);
                 true
-            }
-            Next::Go => {
-                walker.resigned = true;
-                false
             }
             Next::Stop => {
                 walker.end = Some(End::Unreachable);

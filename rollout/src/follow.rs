@@ -86,11 +86,21 @@ pub struct Follower {
     stalled_on_leg: u32,
     stalled: u32,
     replans: u32,
-    failed_legs: Vec<LegKey>,
+    failed_legs: Vec<FailedLeg>,
     /// Legs to the goal itself that failed.
     failed_arrivals: u32,
+    /// How often legs that failed were given another chance.
+    chances: u32,
     decisions_on_leg: u32,
     traversals: Vec<Traversal>,
+}
+
+/// A leg that failed.
+#[derive(Debug, Clone, Copy)]
+struct FailedLeg {
+    key: LegKey,
+    /// Whether the NPC, or its ghost, came to harm; otherwise it made no progress.
+    is_harm: bool,
 }
 
 /// Decisions after a waypoint during which harm is attributed to the switch to the next waypoint.
@@ -99,6 +109,8 @@ const SWITCH_DECISIONS: u32 = 3;
 const MAX_FAILED_ARRIVALS: u32 = 5;
 /// The same where they only failed in rehearsals, which cost no time.
 const MAX_AVOIDED_ARRIVALS: u32 = 12;
+/// How often legs on which there was no progress are given another chance, where no other way is left.
+const MAX_CHANCES: u32 = 3;
 /// Most failed legs kept for an attempt; the oldest is dropped first.
 const MAX_FAILED_LEGS: usize = 48;
 
@@ -117,6 +129,7 @@ impl Follower {
             replans: 0,
             failed_legs: Vec::new(),
             failed_arrivals: 0,
+            chances: 0,
             decisions_on_leg: 0,
             traversals: Vec::new(),
         }
@@ -208,7 +221,20 @@ impl Follower {
 
     /// The query for a plan from `feet`, m, that avoids the failed legs.
     pub fn query(&self, feet: Vec3) -> Query {
-        Query { start: feet, goal: self.goal, avoid: self.failed_legs.clone() }
+        Query { start: feet, goal: self.goal, avoid: self.failed_legs.iter().map(|leg| leg.key).collect() }
+    }
+
+    /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs on which there was no progress get
+    /// another chance, since other noise may help.
+    pub fn reconsiders(&mut self, plan: &Plan) -> bool {
+        let count = self.failed_legs.len();
+        if plan.no_path.is_none() || self.chances >= MAX_CHANCES {
+            return false;
+        }
+        self.failed_legs.retain(|leg| leg.is_harm);
+        let reconsiders = self.failed_legs.len() < count;
+        self.chances += u32::from(reconsiders);
+        reconsiders
     }
 
     /// Starts to follow a plan and returns its first waypoint, m.
@@ -260,36 +286,37 @@ impl Follower {
             self.stalled_on_leg = 0;
         }
         if self.stalled >= self.config.patience {
-            return Step::GiveUp;
+            // Where every way has failed, the goal cannot be reached, as far as anyone can tell.
+            return if self.chances > 0 { Step::Unreachable } else { Step::GiveUp };
         }
         if self.stalled_on_leg < self.config.replan_after {
             return Step::Keep;
         }
         if self.replans >= self.config.max_replans {
-            return Step::GiveUp;
+            return if self.chances > 0 { Step::Unreachable } else { Step::GiveUp };
         }
-        let failed = plan.legs[self.leg].key;
+        let key = plan.legs[self.leg].key;
         self.end_leg(false);
         self.replans += 1;
-        self.plan_without(failed, MAX_FAILED_ARRIVALS)
+        self.plan_without(FailedLeg { key, is_harm: false }, MAX_FAILED_ARRIVALS)
     }
 
-    /// Drops the plan because a rehearsal of `leg` failed.
-    pub fn avoid(&mut self, leg: LegKey) -> Step {
+    /// Drops the plan because a rehearsal of the leg `key` failed, by harm or for want of progress.
+    pub fn avoid(&mut self, key: LegKey, is_harm: bool) -> Step {
         if self.plan.as_ref().is_some_and(|plan| plan.no_path.is_some() && plan.nearest.is_none()) {
             // No vertex is reachable: the plan was the straight way to the goal, and there is no other.
             return Step::Unreachable;
         }
-        self.plan_without(leg, MAX_AVOIDED_ARRIVALS)
+        self.plan_without(FailedLeg { key, is_harm }, MAX_AVOIDED_ARRIVALS)
     }
 
-    fn plan_without(&mut self, leg: LegKey, max_failed_arrivals: u32) -> Step {
+    fn plan_without(&mut self, leg: FailedLeg, max_failed_arrivals: u32) -> Step {
         self.plan = None;
         self.failed_legs.push(leg);
         if self.failed_legs.len() > MAX_FAILED_LEGS {
             self.failed_legs.remove(0);
         }
-        self.failed_arrivals += u32::from(leg.to == Stop::Goal);
+        self.failed_arrivals += u32::from(leg.key.to == Stop::Goal);
         if self.failed_arrivals >= max_failed_arrivals {
             // As near as paths lead.
             return Step::Unreachable;

@@ -26,7 +26,7 @@ const STALLED_AFTER: u32 = 40;
 const HARM_DRAWS: u32 = 3;
 const STALL_DRAWS: u32 = 2;
 /// Most rehearsals before one leg.
-const MAX_REHEARSALS: u32 = 48;
+const MAX_REHEARSALS: u32 = 96;
 /// Words of a random stream that one action takes: a block.
 const WORDS_PER_ACTION: u128 = 16;
 /// Distance between the numbers of the streams that an NPC changes to.
@@ -111,12 +111,10 @@ pub struct Mishap {
 pub enum Resort {
     /// Rehearse the same legs once more, with other noise.
     Redraw,
-    /// Take another way, without this leg.
-    Avoid(LegKey),
-    /// Stop: all ways end in harm.
+    /// Take another way, without the leg of this mishap.
+    Avoid(Mishap),
+    /// Stop: no way is left.
     Stop,
-    /// Go: what is left leads nowhere, but harms nobody.
-    Go,
 }
 
 /// What follows once a [`Resort`] was taken.
@@ -126,8 +124,6 @@ pub enum Next {
     Again,
     /// The NPC needs another plan, and rehearses that.
     Plan,
-    /// The NPC runs its leg, whatever rehearsals show.
-    Go,
     /// The attempt ends as unreachable.
     Stop,
 }
@@ -140,9 +136,8 @@ impl Resort {
                 noise.change();
                 Next::Again
             }
-            Self::Avoid(leg) if follower.avoid(leg) == Step::Plan => Next::Plan,
+            Self::Avoid(Mishap { leg, is_harm }) if follower.avoid(leg, is_harm) == Step::Plan => Next::Plan,
             Self::Avoid(_) | Self::Stop => Next::Stop,
-            Self::Go => Next::Go,
         }
     }
 }
@@ -161,12 +156,12 @@ impl Tally {
         self.in_all += 1;
         let draws = if mishap.is_harm { HARM_DRAWS } else { STALL_DRAWS };
         if self.in_all >= MAX_REHEARSALS {
-            if mishap.is_harm { Resort::Stop } else { Resort::Go }
+            Resort::Stop
         } else if self.of_plan < draws {
             Resort::Redraw
         } else {
             self.of_plan = 0;
-            Resort::Avoid(mishap.leg)
+            Resort::Avoid(mishap)
         }
     }
 }

@@ -80,8 +80,6 @@ struct Npc {
     /// Whether what lies ahead is still to be rehearsed.
     rehearses_next: bool,
     ghost: Option<Ghost>,
-    /// Whether it runs the present leg whatever rehearsals show.
-    resigned: bool,
     /// Decisions since it lacks a plan.
     unplanned: u32,
     /// Decision without a plan at which it tries, in a rehearsal, to head straight for its goal.
@@ -214,7 +212,7 @@ impl WorldTask {
                 Step::Head(waypoint) => {
                     let npc = self.npc(id);
                     npc.new_waypoint = Some(waypoint);
-                    (npc.rehearses_next, npc.resigned) = (true, false);
+                    npc.rehearses_next = true;
                 }
                 Step::Plan => queries.push((id, attempt, feet)),
                 Step::GiveUp => gave_up.push(wire::GivenUp { npc_id: id, attempt, unreachable: false }),
@@ -224,7 +222,7 @@ impl WorldTask {
         }
         self.report();
         for queries in queries.chunks(MAX_QUERIES) {
-            self.request_plans(queries, false).await;
+            self.request_plans(queries.to_vec(), false).await;
         }
         let states = self.states(&batch.npc_ids, &batch.states, batch.state_version).await;
         let mut no_way = Vec::new();
@@ -279,7 +277,6 @@ impl WorldTask {
             noise: NoiseStream::new(self.noise_share, self.seed, tick << 16 | idx as u64 & 0xffff),
             rehearses_next: false,
             ghost: None,
-            resigned: false,
             unplanned: 0,
             next_try: 0,
             holds: false,
@@ -348,8 +345,16 @@ impl WorldTask {
 
     /// Requests plans. In lockstep waits for the answer, otherwise the plans apply from a later decision on, unless they are urgent. Without an answer NPCs go
     /// on without a plan, which is counted.
-    async fn request_plans(&mut self, queries: &[(u64, u32, Vec3)], is_urgent: bool) {
-        let Some(graph) = self.graph.clone() else { return };
+    async fn request_plans(&mut self, mut queries: Vec<(u64, u32, Vec3)>, is_urgent: bool) {
+        while !queries.is_empty() {
+            let again = self.request_plans_once(&queries, is_urgent).await;
+            queries.retain(|(id, ..)| again.contains(id));
+        }
+    }
+
+    /// Requests plans, and returns the NPCs that want another one at once.
+    async fn request_plans_once(&mut self, queries: &[(u64, u32, Vec3)], is_urgent: bool) -> Vec<u64> {
+        let Some(graph) = self.graph.clone() else { return Vec::new() };
         if self.is_lockstep && !self.has_waited && !graph.wait(GRAPH_LIMIT, PLANNER_SILENCE).await {
             warn!(world = self.world_id, "no graph in time: NPCs go on without plans");
             self.has_waited = true;
@@ -357,7 +362,7 @@ impl WorldTask {
         let graph_id = graph.id.borrow().clone();
         if graph_id.is_empty() || graph.is_resting() {
             self.plans_failed = self.plans_failed.saturating_add(queries.len() as u32);
-            return;
+            return Vec::new();
         }
         self.has_waited = false;
         let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()) };
@@ -369,13 +374,16 @@ impl WorldTask {
         let requested: Vec<(u64, u32)> = queries.iter().map(|&(id, attempt, _)| (id, attempt)).collect();
         if self.is_lockstep {
             let plans = find_paths(&graph, request, requested).await;
-            self.apply(plans);
+            self.apply(plans)
         } else if is_urgent {
             let lost: Vec<u64> = requested.iter().map(|&(id, _)| id).collect();
             match tokio::time::timeout(RESORT_LIMIT, find_paths(&graph, request, requested)).await {
                 Ok(plans) => self.apply(plans),
                 // The followers ask again.
-                Err(_) => lost.into_iter().for_each(|id| self.npc(id).is_planning = false),
+                Err(_) => {
+                    lost.into_iter().for_each(|id| self.npc(id).is_planning = false);
+                    Vec::new()
+                }
             }
         } else {
             let planned = self.planned.clone();
@@ -384,28 +392,37 @@ impl WorldTask {
                 // The receiver is gone if the world's task has ended.
                 let _ = planned.send(plans).await;
             });
+            Vec::new()
         }
     }
 
     fn apply_received(&mut self) {
         while let Ok(plans) = self.plans.try_recv() {
+            // Those who want another plan ask for it at their next decision.
             self.apply(plans);
         }
     }
 
-    fn apply(&mut self, planned: PlanBatch) {
+    /// Hands plans to their NPCs, and returns those that want another one.
+    fn apply(&mut self, planned: PlanBatch) -> Vec<u64> {
+        let mut again = Vec::new();
         for (id, attempt, plan) in planned.plans {
             let Some(npc) = self.npcs.get_mut(&id).filter(|npc| npc.attempt == attempt) else { continue };
             npc.is_planning = false;
             self.plans_failed = self.plans_failed.saturating_add(u32::from(plan.is_none()));
             if let Some(plan) = plan {
+                if npc.follower.reconsiders(&plan) {
+                    again.push(id);
+                    continue;
+                }
                 npc.revision = planned.revision;
                 npc.new_plan = Some(npc_plan_to_wire(&plan));
                 npc.new_waypoint = Some(npc.follower.take_plan(plan));
-                (npc.rehearses_next, npc.resigned, npc.ghost) = (true, false, None);
+                (npc.rehearses_next, npc.ghost) = (true, None);
                 (npc.unplanned, npc.next_try) = (0, 0);
             }
         }
+        again
     }
 
     /// Evaluates the policy for these NPCs on a blocking thread and returns packed actions.

@@ -134,8 +134,18 @@ impl Repair<'_> {
         is_level && discs.all(|disc| disc.distance(feet) > 2.0 * DISC_RADIUS_M + 1.0)
     }
 
-    fn link(&mut self, sources: &[u32], to: u32, means: Means) {
-        let links = sources.iter().filter(|&&from| from != to).map(|&from| Link { from, to, means });
+    /// Links the cells `takeoffs` to the cell at `landing`.
+    fn link(&mut self, takeoffs: &[u32], landing: Vec3, means: Means) {
+        let landing = self.ground().index_at(landing).expect("a cell's place is on the ground") as u32;
+        let links: Vec<Link> = links::between(self.ground(), takeoffs, landing, means).collect();
+        self.reach.links.extend(links);
+    }
+
+    /// Links the islands beside one end of a teleporter to those beside the other end.
+    fn link_all(&mut self, from: Vec3, to: Vec3) {
+        let (near, far) = (links::cells_beside(self.ground(), from), links::cells_beside(self.ground(), to));
+        let links: Vec<Link> =
+            far.iter().flat_map(|&cell| links::between(self.ground(), &near, cell, Means::Teleporter)).collect();
         self.reach.links.extend(links);
     }
 
@@ -168,8 +178,8 @@ impl Repair<'_> {
             return false;
         }
         self.placed.zip_lines.push(line);
-        let sources = links::islands_beside(self.ground(), from.feet);
-        self.link(&sources, to.island, Means::ZipLine);
+        let takeoffs = links::cells_beside(self.ground(), from.feet);
+        self.link(&takeoffs, to.feet, Means::ZipLine);
         true
     }
 
@@ -193,11 +203,9 @@ impl Repair<'_> {
                 }
                 let two_way = nth % 2 == 1;
                 self.placed.teleporters.push(Teleporter { from: from.feet, to: to.feet, two_way });
-                let (near, far) =
-                    (links::islands_beside(self.ground(), from.feet), links::islands_beside(self.ground(), to.feet));
-                far.iter().for_each(|&island| self.link(&near, island, Means::Teleporter));
+                self.link_all(from.feet, to.feet);
                 if two_way {
-                    near.iter().for_each(|&island| self.link(&far, island, Means::Teleporter));
+                    self.link_all(to.feet, from.feet);
                 }
                 break;
             }
@@ -287,7 +295,8 @@ impl Repair<'_> {
         }
         let centre = site.feet - Vec3::new(0.0, 0.1 * CATCH_HEIGHT_M, 0.0);
         self.placed.pads.push(Pad { centre, speed });
-        self.link(&[site.island], target.island, Means::Pad);
+        let takeoff = self.ground().index_at(site.feet).expect("a cell's place is on the ground") as u32;
+        self.link(&[takeoff], target.feet, Means::Pad);
         true
     }
 

@@ -96,20 +96,37 @@ impl Ground {
 
     /// The place nearest to `feet`, at most one column away and less than 0.8 m higher or lower.
     pub fn at(&self, feet: Vec3) -> Option<&Cell> {
+        self.index_at(feet).map(|idx| &self.cells[idx])
+    }
+
+    /// Index of the place nearest to `feet`, as for [`at`](Self::at).
+    pub fn index_at(&self, feet: Vec3) -> Option<usize> {
         let (column, row) = self.column_of(feet);
-        let mut best: Option<(f32, &Cell)> = None;
+        let mut best: Option<(f32, usize)> = None;
         for z in row - 1..=row + 1 {
             for x in column - 1..=column + 1 {
-                for cell in &self.cells[self.column(x, z)] {
-                    let distance = cell.feet.distance_squared(feet);
-                    let near = (cell.feet.y - feet.y).abs() < 0.8;
+                for idx in self.column(x, z) {
+                    let at = self.cells[idx].feet;
+                    let distance = at.distance_squared(feet);
+                    let near = (at.y - feet.y).abs() < 0.8;
                     if near && best.is_none_or(|(least, _)| distance < least) {
-                        best = Some((distance, cell));
+                        best = Some((distance, idx));
                     }
                 }
             }
         }
-        best.map(|(_, cell)| cell)
+        best.map(|(_, idx)| idx)
+    }
+
+    /// Index of the cell to which a cell can walk in the direction `NEIGHBOURS[neighbour]`: the one nearest in height.
+    pub fn neighbour(&self, cell_idx: usize, neighbour: usize) -> Option<usize> {
+        if !self.walks_to(cell_idx, neighbour) {
+            return None;
+        }
+        let feet = self.cells[cell_idx].feet;
+        let ((column, row), (dx, dz)) = (self.column_of(feet), NEIGHBOURS[neighbour]);
+        let rise = |idx: &usize| (self.cells[*idx].feet.y - feet.y).abs();
+        self.column(column + dx, row + dz).min_by(|a, b| rise(a).total_cmp(&rise(b)))
     }
 
     /// Whether a cell can walk to its neighbour `NEIGHBOURS[neighbour]`.

@@ -57,7 +57,7 @@ pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, threa
     let mut links = found.into_inner().expect("no searcher panics");
     device_links(map, profile, ground, &mut links);
     links.sort_unstable();
-    links.dedup();
+    links.dedup_by_key(|link| (link.from, link.to, link.means));
     links
 }
 
@@ -75,7 +75,8 @@ fn borders_by_island(ground: &Ground) -> Vec<Vec<u32>> {
 /// What the search has found about links to another island.
 #[derive(Debug, Clone, Copy, Default)]
 struct Known {
-    means: Option<Means>,
+    /// The least demanding means, and the cells of take-off and landing.
+    best: Option<(Means, u32, u32)>,
     failures: u32,
 }
 
@@ -91,24 +92,29 @@ struct IslandSearch<'a> {
 
 impl IslandSearch<'_> {
     fn links(&self) -> impl Iterator<Item = Link> {
-        self.known.iter().filter_map(|(&to, known)| known.means.map(|means| Link { from: self.island, to, means }))
+        self.known.iter().filter_map(|(&to, known)| {
+            known.best.map(|(means, takeoff, landing)| Link { from: self.island, to, means, takeoff, landing })
+        })
     }
 
     fn is_settled(&self, island: u32, means: Means) -> bool {
         island == self.island
-            || self
-                .known
-                .get(&island)
-                .is_some_and(|known| known.means.is_some_and(|best| best <= means) || known.failures >= MAX_FAILURES)
+            || self.known.get(&island).is_some_and(|known| {
+                known.best.is_some_and(|(best, ..)| best <= means) || known.failures >= MAX_FAILURES
+            })
     }
 
     /// Simulates a leap and links the island on which the body lands; true if that is the island of `target`.
-    fn attempt(&mut self, from: Vec3, target: &Cell, leap: Leap, means: Means) -> bool {
-        let landed = leap::land(self.map, self.profile, from, target.feet, leap, self.scratch);
-        let island = landed.and_then(|feet| self.ground.at(feet)).map(|cell| cell.island);
-        if let Some(island) = island.filter(|&island| island != self.island) {
+    fn attempt(&mut self, from: usize, target: &Cell, leap: Leap, means: Means) -> bool {
+        let start = self.ground.cells()[from].feet;
+        let landed = leap::land(self.map, self.profile, start, target.feet, leap, self.scratch);
+        let landing = landed.and_then(|feet| self.ground.index_at(feet));
+        let island = landing.map(|idx| self.ground.cells()[idx].island);
+        if let Some((landing, island)) = landing.zip(island).filter(|&(_, island)| island != self.island) {
             let known = self.known.entry(island).or_default();
-            known.means = Some(known.means.map_or(means, |best| best.min(means)));
+            if known.best.is_none_or(|(best, ..)| means < best) {
+                known.best = Some((means, from as u32, landing as u32));
+            }
         }
         if island != Some(target.island) {
             self.known.entry(target.island).or_default().failures += 1;
@@ -133,7 +139,7 @@ impl IslandSearch<'_> {
                 }
                 let Some(&target) = self.ground.at(below) else { continue };
                 if !self.is_settled(target.island, Means::Drop) {
-                    self.attempt(feet, &target, Leap::Run, Means::Drop);
+                    self.attempt(cell_idx, &target, Leap::Run, Means::Drop);
                 }
             }
         }
@@ -154,17 +160,17 @@ impl IslandSearch<'_> {
                     if !(-20.0..=MAX_RISE_M).contains(&rise) {
                         continue;
                     }
-                    self.jump_to(feet, &target, rise, reach as f32 * SPACING_M);
+                    self.jump_to(cell_idx, &target, rise, reach as f32 * SPACING_M);
                 }
             }
         }
     }
 
-    fn jump_to(&mut self, feet: Vec3, target: &Cell, rise: f32, run: f32) {
+    fn jump_to(&mut self, from: usize, target: &Cell, rise: f32, run: f32) {
         let single = rise < 2.4 && run < 9.0;
         if single && !self.is_settled(target.island, Means::Jump) {
             let leaps = if rise > 0.3 { [Leap::Jump, Leap::RunAndJump] } else { [Leap::RunAndJump, Leap::Jump] };
-            if leaps.into_iter().any(|leap| self.attempt(feet, target, leap, Means::Jump)) {
+            if leaps.into_iter().any(|leap| self.attempt(from, target, leap, Means::Jump)) {
                 return;
             }
         }
@@ -174,28 +180,41 @@ impl IslandSearch<'_> {
             } else {
                 [Leap::RunAndDoubleJump, Leap::DoubleJump]
             };
-            let _ = leaps.into_iter().any(|leap| self.attempt(feet, target, leap, Means::DoubleJump));
+            let _ = leaps.into_iter().any(|leap| self.attempt(from, target, leap, Means::DoubleJump));
         }
     }
 }
 
-/// Islands with ground so close to `centre` that a character can step on a device there.
-pub(crate) fn islands_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
+/// The cell nearest to `centre` of every island with ground so close that a character can step on a device there, by island.
+pub(crate) fn cells_beside(ground: &Ground, centre: Vec3) -> Vec<u32> {
     let (column, row) = ground.column_of(centre);
-    let mut islands = Vec::new();
+    let mut nearest: BTreeMap<u32, (f32, u32)> = BTreeMap::new();
     for z in row - 2..=row + 2 {
         for x in column - 2..=column + 2 {
-            for cell in &ground.cells()[ground.column(x, z)] {
-                let offset = cell.feet - centre;
-                if offset.y.abs() < 0.8 && hypot(offset.x, offset.z) < 2.4 {
-                    islands.push(cell.island);
+            for idx in ground.column(x, z) {
+                let Cell { feet, island } = ground.cells()[idx];
+                let offset = feet - centre;
+                let distance = hypot(offset.x, offset.z);
+                let is_nearer = nearest.get(&island).is_none_or(|&(least, _)| distance < least);
+                if offset.y.abs() < 0.8 && distance < 2.4 && is_nearer {
+                    nearest.insert(island, (distance, idx as u32));
                 }
             }
         }
     }
-    islands.sort_unstable();
-    islands.dedup();
-    islands
+    nearest.into_values().map(|(_, idx)| idx).collect()
+}
+
+/// Links by `means` from the cells `takeoffs` to the cell `landing`, except from its own island.
+pub(crate) fn between<'a>(
+    ground: &'a Ground,
+    takeoffs: &'a [u32],
+    landing: u32,
+    means: Means,
+) -> impl Iterator<Item = Link> + 'a {
+    let island = |cell: u32| ground.cells()[cell as usize].island;
+    let link = move |&takeoff: &u32| Link { from: island(takeoff), to: island(landing), means, takeoff, landing };
+    takeoffs.iter().map(link).filter(|link| link.from != link.to)
 }
 
 /// Up to six cells of every island within `reach` metres of `centre` and below `rise` metres above it, from near to far.
@@ -228,50 +247,44 @@ pub(crate) fn targets_around(ground: &Ground, centre: Vec3, reach: f32, rise: f3
 
 fn device_links(map: &Map, profile: &CharacterProfile, ground: &Ground, links: &mut Vec<Link>) {
     let mut scratch = MoveScratch::default();
-    let mut connect = |sources: &[u32], to: u32, means: Means| {
-        links.extend(sources.iter().filter(|&&from| from != to).map(|&from| Link { from, to, means }));
-    };
-    let mut throw = |sources: &[u32], centre: Vec3, leap: Leap, rise: f32, means: Means, scratch: &mut MoveScratch| {
+    let island = |cell: u32| ground.cells()[cell as usize].island;
+    let mut throw = |centre: Vec3, leap: Leap, rise: f32, means: Means, scratch: &mut MoveScratch| {
+        let takeoffs = cells_beside(ground, centre);
         let mut reached: Vec<u32> = Vec::new();
         for target in targets_around(ground, centre, THROW_REACH_M, rise) {
-            if reached.contains(&target.island) || sources.contains(&target.island) {
+            if reached.contains(&target.island) || takeoffs.iter().any(|&cell| island(cell) == target.island) {
                 continue;
             }
             let landed = leap::land(map, profile, centre, target.feet, leap, scratch);
-            if let Some(cell) = landed.and_then(|feet| ground.at(feet)) {
-                reached.push(cell.island);
-                connect(sources, cell.island, means);
+            if let Some(landing) = landed.and_then(|feet| ground.index_at(feet)) {
+                reached.push(ground.cells()[landing].island);
+                links.extend(between(ground, &takeoffs, landing as u32, means));
             }
         }
     };
     for pad in &map.placed().pads {
         let rise = 0.5 * pad.speed * pad.speed / profile.gravity + 2.0;
-        let sources = islands_beside(ground, pad.centre);
-        throw(&sources, pad.centre, Leap::Pad(pad.speed), rise, Means::Pad, &mut scratch);
+        throw(pad.centre, Leap::Pad(pad.speed), rise, Means::Pad, &mut scratch);
     }
     if profile.uses_jetpacks {
         for jetpack in &map.placed().jetpacks {
             let rise = profile.jetpack_climb_speed * jetpack.fuel;
-            let sources = islands_beside(ground, jetpack.centre);
-            throw(&sources, jetpack.centre, Leap::Jetpack(jetpack.fuel), rise, Means::Jetpack, &mut scratch);
+            throw(jetpack.centre, Leap::Jetpack(jetpack.fuel), rise, Means::Jetpack, &mut scratch);
         }
     }
     for teleporter in &map.placed().teleporters {
-        for (from, to, usable) in
-            [(teleporter.from, teleporter.to, true), (teleporter.to, teleporter.from, teleporter.two_way)]
-        {
-            if usable {
-                let sources = islands_beside(ground, from);
-                islands_beside(ground, to).iter().for_each(|&island| connect(&sources, island, Means::Teleporter));
-            }
+        let (near, far) = (cells_beside(ground, teleporter.from), cells_beside(ground, teleporter.to));
+        links.extend(far.iter().flat_map(|&cell| between(ground, &near, cell, Means::Teleporter)));
+        if teleporter.two_way {
+            links.extend(near.iter().flat_map(|&cell| between(ground, &far, cell, Means::Teleporter)));
         }
     }
     if profile.uses_zip_lines {
         for line in &map.placed().zip_lines {
-            let sources = islands_beside(ground, line.from);
+            let takeoffs = cells_beside(ground, line.from);
             let landed = ride(map, profile, line.from, &mut scratch);
-            if let Some(cell) = landed.and_then(|feet| ground.at(feet)) {
-                connect(&sources, cell.island, Means::ZipLine);
+            if let Some(landing) = landed.and_then(|feet| ground.index_at(feet)) {
+                links.extend(between(ground, &takeoffs, landing as u32, Means::ZipLine));
             }
         }
     }

@@ -68,6 +68,10 @@ pub struct Link {
     pub to: u32,
     /// What a character must do to follow the link.
     pub means: Means,
+    /// Index of the cell where a character leaves the first island, or that is nearest to the device that takes it away.
+    pub takeoff: u32,
+    /// Index of the cell where it arrives.
+    pub landing: u32,
 }
 
 /// The ground of a map with all links between its islands.
@@ -75,7 +79,7 @@ pub struct Link {
 pub struct Reach {
     /// Places to stand and the islands that they form.
     pub ground: Ground,
-    /// Links between islands, sorted, without duplicates.
+    /// Links between islands, sorted; at most one for each pair of islands and each means.
     pub links: Vec<Link>,
 }
 

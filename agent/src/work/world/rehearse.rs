@@ -60,7 +60,7 @@ impl WorldTask {
         for (id, state) in states {
             let npc = self.npc(*id);
             let was_foretold = npc.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&state.body));
-            if !was_foretold && !npc.resigned && npc.follower.waypoint().is_some() {
+            if !was_foretold && npc.follower.waypoint().is_some() {
                 (npc.ghost, npc.rehearses_next) = (None, true);
             }
         }
@@ -106,10 +106,6 @@ impl WorldTask {
                             queries.push((*id, npc.attempt, state.body.feet));
                             true
                         }
-                        Next::Go => {
-                            npc.resigned = true;
-                            false
-                        }
                         Next::Stop => {
                             gave_up.push((*id, npc.attempt));
                             false
@@ -118,7 +114,7 @@ impl WorldTask {
                 }
             });
             for queries in queries.chunks(MAX_QUERIES) {
-                self.request_plans(queries, true).await;
+                self.request_plans(queries.to_vec(), true).await;
             }
             waiting.retain(|(_, id, _)| {
                 let npc = self.npcs.get_mut(id).expect("met in this batch");

@@ -1,0 +1,184 @@
+//! Joins what probing left apart along the ways that the survey knows: around corners, through doors, up ramps, over gaps.
+//!
+//! Candidates join vertices that are near each other as the crow flies; the policy sees a few metres. Where walls, cliffs or voids lie
+//! between, the survey of the ground knows a way round. Its corners become vertices, and its legs are probed like any other.
+
+use crate::build::{Builder, Probed};
+use crate::candidates::Candidate;
+use crate::graph::NavGraph;
+use crate::ids::{EdgeKey, VertexId};
+use crate::legs::LegModel;
+use crate::settings::BuildError;
+use crate::ways::{Way, Ways};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use surefoot_world::float::hypot;
+use surefoot_world::reach::Reach;
+use surefoot_world::{Decisions, Vec3};
+
+/// Rounds, each of which looks anew at what is still apart.
+const ROUNDS: u32 = 6;
+/// Ways from one island of the graph to another that are tried in a round: the shortest.
+const WAYS: usize = 3;
+/// Longest leg on foot when a way is tried first, then again, m: short legs keep clear of edges and walls.
+const LEGS_M: [f32; 4] = [14.0, 6.0, 3.0, 6.0];
+/// A corner is the vertex that is closer than this share of the longest leg.
+const MERGE: f32 = 0.1;
+/// Probes of a leg in a round.
+const TRIES: u32 = 3;
+/// Prior of a leg.
+const PRIOR: f32 = 0.5;
+/// Distance up to which a place in sight is taken to be reached on foot, m.
+const SIGHT_M: f32 = 16.0;
+/// Places without a vertex in sight that are probed together, and the legs that are probed to and from each.
+const BATCH: usize = 16;
+const ATTACHMENTS: usize = 3;
+/// Share of legs to or from such places, one of three each, of which the policy needs no help.
+const ENOUGH: f32 = 0.9;
+/// There are at most as many corners as vertices, but at least this many.
+const MIN_CORNERS: usize = 64;
+
+impl Builder<'_> {
+    /// Adds vertices and candidates along ways of the survey, and probes them.
+    pub(crate) fn stitch(&self, probed: &mut Probed) -> Result<(), BuildError> {
+        if probed.graph(self.settings.threshold).island_count() == 1 {
+            return Ok(());
+        }
+        let count = probed.vertices.len();
+        let most = count + count.max(MIN_CORNERS);
+        let reach = Reach::survey(&self.site.map, &self.site.profile, self.thread_count);
+        let mut ways = Ways::new(&reach);
+        self.cover(&ways, count + (most - count) / 2, probed)?;
+        let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
+        for _ in 0..ROUNDS {
+            let graph = probed.graph(self.settings.threshold);
+            let (before, after) = (ways.from_vertices(&probed.vertices), ways.to_vertices(&probed.vertices));
+            let mut legs: BTreeMap<Candidate, Vec<u32>> = BTreeMap::new();
+            for way in gaps(&graph, ways.meetings(&before, &after), &tries) {
+                let tries: &mut usize = tries.entry((way.from, way.to)).or_default();
+                let leg_m = LEGS_M[*tries];
+                let found = ways.legs(&way, &before, &after, leg_m);
+                if probed.vertices.len() + found.len() > most + 1 {
+                    break;
+                }
+                *tries += 1;
+                legs.extend(join_legs(&way, &ways, found, MERGE * leg_m, &mut probed.vertices));
+            }
+            if legs.is_empty() {
+                break;
+            }
+            let which: Vec<u32> = legs.keys().map(|&key| probed.index_of(key, PRIOR)).collect();
+            for _ in 0..TRIES {
+                self.try_once_each(&which, probed)?;
+            }
+            for (&idx, cells) in which.iter().zip(legs.values()) {
+                if probed.evidence[idx as usize].successes == 0 {
+                    ways.discourage(cells);
+                }
+            }
+            stitched.extend(which);
+        }
+        self.prove_on_the_run(stitched, probed)
+    }
+
+    /// Adds vertices where none is in sight, up to `most` in all, and probes the legs that a plan would try first between them and the
+    /// others; it ends where the policy needs no help.
+    fn cover(&self, ways: &Ways<'_>, most: usize, probed: &mut Probed) -> Result<(), BuildError> {
+        let legs = LegModel::fit(&probed.vertices, &probed.candidates, &probed.evidence);
+        let mut places = ways.uncovered(&probed.vertices, SIGHT_M);
+        loop {
+            let room = BATCH.min(most.saturating_sub(probed.vertices.len()));
+            let batch: Vec<Vec3> = places.by_ref().take(room).collect();
+            // The legs to each place, and those from it.
+            let mut bundles: Vec<Vec<u32>> = Vec::new();
+            for &place in &batch {
+                let sources = cheapest(&probed.vertices, |at| legs.decisions(at, place));
+                let targets = cheapest(&probed.vertices, |at| legs.decisions(place, at));
+                let added = probed.vertices.len() as u32;
+                probed.vertices.push(place);
+                bundles.push(sources.map(|from| probed.index_of(EdgeKey::new(from, added), PRIOR)).collect());
+                bundles.push(targets.map(|to| probed.index_of(EdgeKey::new(added, to), PRIOR)).collect());
+            }
+            self.try_once_each(&bundles.concat(), probed)?;
+            let arrives = |idx: &u32| probed.evidence[*idx as usize].successes > 0;
+            let attached = bundles.iter().filter(|bundle| bundle.iter().any(arrives)).count();
+            if batch.len() < BATCH || attached as f32 >= ENOUGH * bundles.len() as f32 {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// The vertices whose legs take the fewest decisions, [`ATTACHMENTS`] of them.
+fn cheapest<F: Fn(Vec3) -> Decisions>(vertices: &[Vec3], decisions: F) -> impl Iterator<Item = u32> + use<F> {
+    let mut costs: Vec<(f64, u32)> = vertices.iter().map(|&at| decisions(at).0).zip(0..).collect();
+    costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    costs.into_iter().take(ATTACHMENTS).map(|(_, vertex)| vertex)
+}
+
+/// Adds the corners of a way to the vertices, and returns the candidates along its legs, in both directions, with the cells that they
+/// pass. A corner within `merge_m` metres of a vertex is that vertex.
+fn join_legs(
+    way: &Way,
+    ways: &Ways<'_>,
+    legs: Vec<Vec<u32>>,
+    merge_m: f32,
+    vertices: &mut Vec<Vec3>,
+) -> Vec<(Candidate, Vec<u32>)> {
+    let count = legs.len();
+    let mut found = Vec::with_capacity(2 * count);
+    let mut from = way.from;
+    for (idx, mut cells) in legs.into_iter().enumerate() {
+        let corner = ways.feet(cells[cells.len() - 1]);
+        let is_near = |vertex: &Vec3| {
+            let offset = *vertex - corner;
+            hypot(offset.x, offset.z) <= merge_m && offset.y.abs() <= 0.5 * merge_m
+        };
+        let to = if idx + 1 == count {
+            way.to
+        } else {
+            vertices.iter().position(is_near).unwrap_or_else(|| {
+                vertices.push(corner);
+                vertices.len() - 1
+            }) as u32
+        };
+        if from != to {
+            found.push((EdgeKey::new(from, to), cells.clone()));
+            cells.reverse();
+            found.push((EdgeKey::new(to, from), cells));
+        }
+        from = to;
+    }
+    found
+}
+
+/// The shortest of the `meetings` of vertices of which no path of the graph leads from the first to the second.
+fn gaps(graph: &NavGraph, meetings: impl Iterator<Item = Way>, tries: &BTreeMap<(u32, u32), usize>) -> Vec<Way> {
+    let islands = graph.islands();
+    let mut shortest: BTreeMap<(u32, u32), Way> = BTreeMap::new();
+    for way in meetings.filter(|way| islands[way.from as usize] != islands[way.to as usize]) {
+        let ends = (way.from, way.to);
+        let can_try = tries.get(&ends).is_none_or(|&tries| tries < LEGS_M.len());
+        if can_try && shortest.get(&ends).is_none_or(|known| way.length_m < known.length_m) {
+            shortest.insert(ends, way);
+        }
+    }
+    let mut reached: HashMap<u32, Vec<bool>> = HashMap::new();
+    let mut by_islands: BTreeMap<(u32, u32), Vec<Way>> = BTreeMap::new();
+    for way in shortest.into_values() {
+        let (from, to) = (islands[way.from as usize], islands[way.to as usize]);
+        if !reached.entry(from).or_insert_with(|| graph.reachable_from(VertexId(way.from)))[way.to as usize] {
+            by_islands.entry((from, to)).or_default().push(way);
+        }
+    }
+    let by_length = |a: &Way, b: &Way| a.length_m.total_cmp(&b.length_m).then((a.from, a.to).cmp(&(b.from, b.to)));
+    let mut gaps: Vec<Way> = by_islands
+        .into_values()
+        .flat_map(|mut ways| {
+            ways.sort_by(by_length);
+            ways.truncate(WAYS);
+            ways
+        })
+        .collect();
+    gaps.sort_by(by_length);
+    gaps
+}
