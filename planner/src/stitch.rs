@@ -15,10 +15,8 @@ use surefoot_world::float::hypot;
 use surefoot_world::reach::Reach;
 use surefoot_world::{Decisions, Vec3};
 
-/// Rounds, each of which looks anew at what is still apart.
-const ROUNDS: u32 = 6;
-/// Ways from one island of the graph to another that are tried in a round: the shortest.
-const WAYS: usize = 3;
+/// Ways from one island of the graph to another that are tried in each round, the shortest; each round looks anew at what is apart.
+const WAYS: [usize; 6] = [1, 2, 3, 3, 3, 3];
 /// Longest leg on foot when a way is tried first, then again, m: short legs keep clear of edges and walls.
 const LEGS_M: [f32; 4] = [14.0, 6.0, 3.0, 6.0];
 /// A corner is the vertex that is closer than this share of the longest leg.
@@ -44,16 +42,16 @@ impl Builder<'_> {
             return Ok(());
         }
         let count = probed.vertices.len();
-        let most = count + count.max(MIN_CORNERS);
+        let most = count + (2 * count).max(MIN_CORNERS);
         let reach = Reach::survey(&self.site.map, &self.site.profile, self.thread_count);
         let mut ways = Ways::new(&reach);
-        self.cover(&ways, count + (most - count) / 2, probed)?;
+        self.cover(&ways, count + (most - count) / 4, probed)?;
         let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
-        for _ in 0..ROUNDS {
+        for most_ways in WAYS {
             let graph = probed.graph(self.settings.threshold);
             let (before, after) = (ways.from_vertices(&probed.vertices), ways.to_vertices(&probed.vertices));
             let mut legs: BTreeMap<Candidate, Vec<u32>> = BTreeMap::new();
-            for way in gaps(&graph, ways.meetings(&before, &after), &tries) {
+            for way in gaps(&graph, ways.meetings(&before, &after), &tries, most_ways) {
                 let tries: &mut usize = tries.entry((way.from, way.to)).or_default();
                 let leg_m = LEGS_M[*tries];
                 let found = ways.legs(&way, &before, &after, leg_m);
@@ -75,6 +73,13 @@ impl Builder<'_> {
                     ways.discourage(cells);
                 }
             }
+            eprintln!(
+                "DBG islands {} legs {} proved {} vertices {}",
+                graph.island_count(),
+                which.len(),
+                which.iter().filter(|&&i| probed.evidence[i as usize].proves(self.settings.threshold)).count(),
+                probed.vertices.len()
+            );
             stitched.extend(which);
         }
         self.prove_on_the_run(stitched, probed)
@@ -151,8 +156,13 @@ fn join_legs(
     found
 }
 
-/// The shortest of the `meetings` of vertices of which no path of the graph leads from the first to the second.
-fn gaps(graph: &NavGraph, meetings: impl Iterator<Item = Way>, tries: &BTreeMap<(u32, u32), usize>) -> Vec<Way> {
+/// The `most_ways` shortest of the `meetings` between two islands, of vertices of which no path of the graph leads from the first to the second.
+fn gaps(
+    graph: &NavGraph,
+    meetings: impl Iterator<Item = Way>,
+    tries: &BTreeMap<(u32, u32), usize>,
+    most_ways: usize,
+) -> Vec<Way> {
     let islands = graph.islands();
     let mut shortest: BTreeMap<(u32, u32), Way> = BTreeMap::new();
     for way in meetings.filter(|way| islands[way.from as usize] != islands[way.to as usize]) {
@@ -175,7 +185,7 @@ fn gaps(graph: &NavGraph, meetings: impl Iterator<Item = Way>, tries: &BTreeMap<
         .into_values()
         .flat_map(|mut ways| {
             ways.sort_by(by_length);
-            ways.truncate(WAYS);
+            ways.truncate(most_ways);
             ways
         })
         .collect();
