@@ -281,18 +281,18 @@ fn warnings_report_what_is_odd_about_the_geometry() {
     let quad = "o floor\nv 0 0 0\nv 0 0 9\nv 9 0 9\nv 9 0 0\nf 1 2 3 4\n";
     let cases = [
         (quad.to_owned(), vec![Warning::OpenEdges { count: 4 }]),
-        (quad.replace("1 2 3 4", "4 3 2 1"), vec![Warning::OpenEdges { count: 4 }, Warning::FacesDown { share: 100 }]),
+        (quad.replace("1 2 3 4", "4 3 2 1"), vec![Warning::Plates { count: 2 }, Warning::OpenEdges { count: 4 }]),
         (
             quad.replace("f 1 2 3 4", "v 0 0 -9\nv 9 0 -9\nf 5 1 4 6\nf 1 2 3\nf 1 4 3\nf 1 1 2"),
             vec![
                 Warning::DegenerateTriangles { count: 1 },
+                Warning::TurnedTriangles { count: 1 },
                 Warning::OpenEdges { count: 6 },
-                Warning::InconsistentEdges { count: 2 },
             ],
         ),
         (
             format!("{quad}v 0 5 4.5\nf 1 2 5\nf 2 1 5\n"),
-            vec![Warning::OpenEdges { count: 3 }, Warning::NonManifoldEdges { count: 1 }],
+            vec![Warning::Plates { count: 2 }, Warning::OpenEdges { count: 3 }, Warning::NonManifoldEdges { count: 1 }],
         ),
         (
             format!("{}o water\nv 1 1 1\nv 1 1 2\nv 2 1 2\nf -3 -2 -1", obj_box("floor", [0.0; 3], [9.0; 3])),
@@ -303,6 +303,86 @@ fn warnings_report_what_is_odd_about_the_geometry() {
         let warnings = obj(&text).warnings;
         assert_eq!(warnings, expected, "{text}");
         assert!(warnings.iter().all(|warning| warning.to_string().len() > 20));
+    }
+}
+
+// Sides.
+
+/// The same faces, seen from the other side.
+fn inside_out(text: &str) -> String {
+    let turn = |line: &str| match line.split_ascii_whitespace().collect::<Vec<_>>()[..] {
+        ["f", a, ref rest @ ..] => format!("f {a} {}\n", rest.iter().rev().copied().collect::<Vec<_>>().join(" ")),
+        _ => format!("{line}\n"),
+    };
+    text.lines().map(turn).collect()
+}
+
+/// Where a character that appears at `feet` is after a second and a half, if it stands.
+fn after_a_while(map: &Arc<Map>, feet: Vec3, yaw: f32, forward: f32) -> Option<Vec3> {
+    let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+    let slot = world.spawn(feet, yaw);
+    for _ in 0..9 {
+        world.decide(slot, Action { forward, ..Action::default() });
+        (0..10).for_each(|_| world.tick());
+    }
+    let body = world.npc(slot).expect("an NPC").body;
+    body.is_grounded().then_some(body.feet)
+}
+
+/// Whether a character stands at `feet`.
+fn stands(map: &Arc<Map>, feet: Vec3) -> bool {
+    after_a_while(map, feet, 0.0, 0.0).is_some_and(|after| after.distance(feet) < 0.3)
+}
+
+#[test]
+fn blocks_that_were_modelled_inside_out_are_solid() {
+    let blocks = [("a", 0.0, 3.0), ("b", 6.0, 2.0), ("c", 12.0, 4.0)];
+    let block = |(name, x, top): (&str, f32, f32)| obj_box(name, [x, 0.0, 0.0], [x + 5.0, top, 5.0]);
+    let right = Arc::new(obj(&blocks.map(block).concat()).map);
+    let Imported { map, warnings } = obj(&blocks.map(|it| inside_out(&block(it))).concat());
+    assert_eq!(warnings, [Warning::TurnedShells { count: 3 }]);
+    assert_eq!(map.mesh().triangles().len(), right.mesh().triangles().len());
+    let wrong = Arc::new(map);
+    for (_, x, top) in blocks {
+        let feet = Vec3::new(x + 4.5, top + 1.01, 4.5);
+        assert!(stands(&wrong, feet) && stands(&right, feet));
+        let inside = feet - Vec3::Y * 1.5;
+        assert!(wrong.mesh().solid_depth_at(inside) > 0 && right.mesh().solid_depth_at(inside) > 0);
+    }
+}
+
+#[test]
+fn a_room_seen_from_within_stays_a_room_and_what_stands_in_it_is_turned_alone() {
+    let room = inside_out(&obj_box("room", [0.0; 3], [20.0, 6.0, 20.0]));
+    let Imported { map, warnings } = obj(&room);
+    assert_eq!(warnings, [], "nothing is wrong with a room");
+    let feet = Vec3::new(7.0, 1.01, 7.0);
+    assert_eq!(map.mesh().solid_depth_at(feet + Vec3::Y), 0);
+    assert!(stands(&Arc::new(map), feet));
+    let table = inside_out(&obj_box("table", [12.0, 1.0, 12.0], [14.0, 2.0, 14.0]));
+    let Imported { map, warnings } = obj(&format!("{room}{table}"));
+    assert_eq!(warnings, [Warning::TurnedShells { count: 1 }]);
+    let map = Arc::new(map);
+    assert!(stands(&map, feet) && stands(&map, Vec3::new(15.0, 3.01, 15.0)));
+}
+
+#[test]
+fn surfaces_without_thickness_hold_from_both_sides() {
+    let ground = obj_box("ground", [0.0; 3], [30.0, 1.0, 20.0]);
+    // A deck that faces down, 3 m above the ground, and a wall across the level that faces away.
+    let deck = "o deck\nv 0 4 0\nv 8 4 0\nv 8 4 20\nv 0 4 20\nf -4 -3 -2 -1\n";
+    let wall = "o wall\nv 20 1 0\nv 20 1 20\nv 20 9 20\nv 20 9 0\nf -4 -3 -2 -1\n";
+    let Imported { map, warnings } = obj(&[&ground, deck, wall].concat());
+    assert_eq!(warnings, [Warning::Plates { count: 4 }, Warning::OpenEdges { count: 8 }]);
+    let map = Arc::new(map);
+    assert!(stands(&map, Vec3::new(6.0, 5.07, 12.0)), "on the deck");
+    let below = Vec3::new(6.0, 2.01, 12.0);
+    assert!(stands(&map, below) && map.mesh().solid_depth_at(below + Vec3::Y) == 0, "below the deck");
+    for (x, towards) in [(19.0, 1.0), (25.0, -1.0)] {
+        let start = Vec3::new(x, 2.01, 12.0);
+        let feet = after_a_while(&map, start, std::f32::consts::FRAC_PI_2 * towards, 1.0).expect("it stands");
+        assert!((feet.x - 22.0) * towards < 0.0, "from {x} to {feet}: held by the wall");
+        assert!((feet.x - 22.0).abs() < 0.5, "from {x} to {feet}: ran up to the wall");
     }
 }
 

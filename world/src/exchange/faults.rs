@@ -39,10 +39,20 @@ pub enum Warning {
         /// Number of edges.
         count: usize,
     },
-    /// Most of the ground visible from above faces down.
-    FacesDown {
-        /// Share that faces down, %.
-        share: u32,
+    /// Closed shells were inside out and were turned.
+    TurnedShells {
+        /// Number of shells.
+        count: usize,
+    },
+    /// Triangles faced another way than their neighbours and were turned.
+    TurnedTriangles {
+        /// Number of triangles.
+        count: usize,
+    },
+    /// Surfaces without thickness became plates.
+    Plates {
+        /// Number of their triangles.
+        count: usize,
     },
     /// Nodes of pools have no height.
     FlatPools {
@@ -61,10 +71,9 @@ impl fmt::Display for Warning {
         match self {
             Self::DegenerateTriangles { count } => write!(f, "{count} triangles have no area and were left out"),
             Self::NotTriangles { count } => write!(f, "{count} sets of points or lines were left out"),
-            Self::OpenEdges { count } => write!(
-                f,
-                "{count} edges belong to one triangle only: bodies pass through a wall without thickness from behind"
-            ),
+            Self::OpenEdges { count } => {
+                write!(f, "{count} edges belong to one triangle only: solids that are open there have no inside")
+            }
             Self::NonManifoldEdges { count } => {
                 write!(f, "{count} edges belong to more than two triangles: solids may overlap or have walls inside")
             }
@@ -72,9 +81,15 @@ impl fmt::Display for Warning {
                 f,
                 "{count} edges join triangles that face opposite ways: bodies pass through one of the two; make the normals consistent"
             ),
-            Self::FacesDown { share } => write!(
+            Self::TurnedShells { count } => {
+                write!(f, "{count} closed shells were inside out and were turned: they are solid now")
+            }
+            Self::TurnedTriangles { count } => {
+                write!(f, "{count} triangles faced another way than their neighbours and were turned")
+            }
+            Self::Plates { count } => write!(
                 f,
-                "{share} % of the ground visible from above faces down, and bodies would fall through it: flip the normals"
+                "{count} triangles belong to surfaces without thickness: they became plates of 5 cm, which hold from both sides"
             ),
             Self::FlatPools { count } => {
                 write!(f, "{count} pools are flat: their liquid is 1 m deep; give their nodes a height for more")

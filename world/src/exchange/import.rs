@@ -4,10 +4,11 @@
 //! the map, and the oddities of its geometry (`inspect`).
 
 use super::faults::{ImportError, Warning};
-use super::inspect;
+use super::inspect::{self, EdgeCounts};
 use super::load::{check_load, is_allowed};
 use super::named::{self, Found};
 use super::scene::{Frame, ImportOptions, Scene, node_label};
+use super::sides::{self, Changes};
 use super::{gltf_in, obj_in};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
@@ -60,15 +61,13 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     if let Some(json) = sidecar {
         named::collect_from_sidecar(json, frame, &mut found)?;
     }
-    let solids: Vec<[Vec3; 3]> = scene
-        .nodes
-        .iter()
-        .zip(is_solid)
-        .filter(|(_, solid)| *solid)
-        .flat_map(|(node, _)| &node.triangles)
-        .copied()
-        .collect();
+    let mut meshes: Vec<&mut Vec<[Vec3; 3]>> =
+        scene.nodes.iter_mut().zip(is_solid).filter(|(_, solid)| *solid).map(|(node, _)| &mut node.triangles).collect();
     let former = scene.former_size.filter(|_| *options == ImportOptions::default());
+    let modelled = edges(&meshes);
+    // What was exported from a map is as it should be.
+    let changes = if scene.former_size.is_none() { sides::settle(&mut meshes) } else { Changes::default() };
+    let solids: Vec<[Vec3; 3]> = meshes.iter().flat_map(|triangles| triangles.iter()).copied().collect();
     let place = Place::new(&solids, &found, former)?;
     let triangles: Vec<Triangle> = solids
         .iter()
@@ -78,7 +77,7 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
         return Err(ImportError::Empty);
     }
 
-    let mut warnings = geometry_warnings(&scene, &solids, &triangles);
+    let mut warnings = geometry_warnings(scene.skipped_count, modelled, &changes, solids.len() - triangles.len());
     let flat_count = found.flat_pool_count();
     if flat_count > 0 {
         warnings.push(Warning::FlatPools { count: flat_count });
@@ -92,22 +91,33 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let placed = found.place(place.shift, place.size).map_err(outside)?;
     check_load(place.size, &triangles, &placed)?;
     let map = Map::from_parts(place.size, triangles, placed);
-    let share = inspect::share_facing_down(&map);
-    if share > 0.5 {
-        warnings.push(Warning::FacesDown { share: (share * 100.0) as u32 });
-    }
     Ok(Imported { map, warnings })
 }
 
-fn geometry_warnings(scene: &Scene, solids: &[[Vec3; 3]], triangles: &[Triangle]) -> Vec<Warning> {
-    let edges = inspect::edges(triangles);
-    let degenerate_count = solids.len() - triangles.len();
+/// The irregular edges of a level as it was modelled.
+fn edges(meshes: &[&mut Vec<[Vec3; 3]>]) -> EdgeCounts {
+    let triangles = meshes.iter().flat_map(|triangles| triangles.iter());
+    let triangles: Vec<Triangle> = triangles.filter_map(|corners| Triangle::new(*corners, Surface::Ground)).collect();
+    inspect::edges(&triangles)
+}
+
+fn geometry_warnings(
+    skipped_count: usize,
+    edges: EdgeCounts,
+    changes: &Changes,
+    degenerate_count: usize,
+) -> Vec<Warning> {
+    // Turned triangles make edges consistent.
+    let inconsistent_count = if changes.turned_triangles == 0 { edges.turned } else { 0 };
     let counted = [
         (degenerate_count, Warning::DegenerateTriangles { count: degenerate_count }),
-        (scene.skipped_count, Warning::NotTriangles { count: scene.skipped_count }),
+        (skipped_count, Warning::NotTriangles { count: skipped_count }),
+        (changes.turned_shells, Warning::TurnedShells { count: changes.turned_shells }),
+        (changes.turned_triangles, Warning::TurnedTriangles { count: changes.turned_triangles }),
+        (changes.plates, Warning::Plates { count: changes.plates }),
         (edges.open, Warning::OpenEdges { count: edges.open }),
         (edges.crowded, Warning::NonManifoldEdges { count: edges.crowded }),
-        (edges.turned, Warning::InconsistentEdges { count: edges.turned }),
+        (inconsistent_count, Warning::InconsistentEdges { count: inconsistent_count }),
     ];
     counted.into_iter().filter(|(count, _)| *count > 0).map(|(_, warning)| warning).collect()
 }

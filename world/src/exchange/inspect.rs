@@ -1,14 +1,10 @@
-//! Inspects the geometry of a level for open edges and surfaces that face the wrong way.
+//! Inspects the geometry of a level for irregular edges.
 
-use crate::Vec3;
-use crate::map::Map;
-use crate::mesh::{Surface, Triangle};
+use crate::mesh::Triangle;
 use std::collections::HashMap;
 
 /// Side of a cube whose corners are welded into one vertex, m.
 const WELD_M: f32 = 0.001;
-/// Rays from above along each side of a map.
-const RAYS_PER_SIDE: usize = 64;
 
 /// Counts of irregular edges: a regular edge is shared by exactly two triangles that face the same way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -49,20 +45,4 @@ pub(super) fn edges(triangles: &[Triangle]) -> EdgeCounts {
         }
     }
     counts
-}
-
-/// Share of the solid ground visible from above that faces down, in [0, 1].
-pub(super) fn share_facing_down(map: &Map) -> f64 {
-    let extent = map.extent();
-    let (mut down_count, mut seen_count) = (0, 0);
-    let along = |i: usize, side: f32| (i as f32 + 0.5) / RAYS_PER_SIDE as f32 * side;
-    for i in 0..RAYS_PER_SIDE * RAYS_PER_SIDE {
-        let (x, z) = (along(i / RAYS_PER_SIDE, extent.x), along(i % RAYS_PER_SIDE, extent.z));
-        let hit = map.mesh().cast_ray(Vec3::new(x, extent.y, z), Vec3::NEG_Y, extent.y);
-        if let Some(hit) = hit.filter(|hit| hit.surface == Surface::Ground) {
-            seen_count += 1;
-            down_count += usize::from(map.mesh().triangles()[hit.triangle_idx as usize].normal().y < 0.0);
-        }
-    }
-    if seen_count == 0 { 0.0 } else { down_count as f64 / seen_count as f64 }
 }

@@ -18,6 +18,7 @@ mod load;
 mod named;
 mod obj_in;
 mod scene;
+mod sides;
 
 pub use export::export_glb;
 pub use faults::{ImportError, Warning};
