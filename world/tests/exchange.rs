@@ -281,7 +281,7 @@ fn warnings_report_what_is_odd_about_the_geometry() {
     let quad = "o floor\nv 0 0 0\nv 0 0 9\nv 9 0 9\nv 9 0 0\nf 1 2 3 4\n";
     let cases = [
         (quad.to_owned(), vec![Warning::OpenEdges { count: 4 }]),
-        (quad.replace("1 2 3 4", "4 3 2 1"), vec![Warning::Plates { count: 2 }, Warning::OpenEdges { count: 4 }]),
+        (quad.replace("1 2 3 4", "4 3 2 1"), vec![Warning::OpenEdges { count: 4 }, Warning::Plates { count: 2 }]),
         (
             quad.replace("f 1 2 3 4", "v 0 0 -9\nv 9 0 -9\nf 5 1 4 6\nf 1 2 3\nf 1 4 3\nf 1 1 2"),
             vec![
@@ -292,7 +292,7 @@ fn warnings_report_what_is_odd_about_the_geometry() {
         ),
         (
             format!("{quad}v 0 5 4.5\nf 1 2 5\nf 2 1 5\n"),
-            vec![Warning::Plates { count: 2 }, Warning::OpenEdges { count: 3 }, Warning::NonManifoldEdges { count: 1 }],
+            vec![Warning::OpenEdges { count: 3 }, Warning::NonManifoldEdges { count: 1 }],
         ),
         (
             format!("{}o water\nv 1 1 1\nv 1 1 2\nv 2 1 2\nf -3 -2 -1", obj_box("floor", [0.0; 3], [9.0; 3])),
@@ -373,7 +373,7 @@ fn surfaces_without_thickness_hold_from_both_sides() {
     let deck = "o deck\nv 0 4 0\nv 8 4 0\nv 8 4 20\nv 0 4 20\nf -4 -3 -2 -1\n";
     let wall = "o wall\nv 20 1 0\nv 20 1 20\nv 20 9 20\nv 20 9 0\nf -4 -3 -2 -1\n";
     let Imported { map, warnings } = obj(&[&ground, deck, wall].concat());
-    assert_eq!(warnings, [Warning::Plates { count: 4 }, Warning::OpenEdges { count: 8 }]);
+    assert_eq!(warnings, [Warning::OpenEdges { count: 8 }, Warning::Plates { count: 4 }]);
     let map = Arc::new(map);
     assert!(stands(&map, Vec3::new(6.0, 5.07, 12.0)), "on the deck");
     let below = Vec3::new(6.0, 2.01, 12.0);
@@ -524,6 +524,43 @@ fn strips_and_fans_become_triangles_and_lines_are_left_out() {
 }
 
 #[test]
+fn quantized_positions_are_those_that_they_stand_for() {
+    // A square of 8 m: 16-bit positions, as fractions of the node's scale, then 8-bit ones, as they are.
+    let level = |component: u32, bytes: &[u8], stride: usize, normalized: bool, scale: f32| {
+        let mut level = gltf_level(json!([{ "mesh": 0, "scale": [scale, scale, scale] }]));
+        level["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
+        level["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+        level["meshes"][0]["primitives"] = json!([{ "attributes": { "POSITION": 0 }, "mode": 5 }]);
+        let accessor = json!({
+            "bufferView": 0, "componentType": component, "count": 4, "type": "VEC3", "normalized": normalized
+        });
+        level["accessors"] = json!([accessor]);
+        level["bufferViews"] = json!([{ "buffer": 0, "byteLength": bytes.len(), "byteStride": stride }]);
+        level["buffers"] = json!([{ "byteLength": bytes.len() }]);
+        exchange::import_gltf(&glb(&level, Some(bytes)), None, &PLAIN).expect("a valid level").map
+    };
+    let strip = [[0u8, 0], [0, 1], [1, 0], [1, 1]];
+    let short = |x: u8| if x == 1 { i16::MAX } else { 0 };
+    let shorts: Vec<u8> =
+        strip.iter().flat_map(|&[x, z]| [short(x), 0, short(z), 0]).flat_map(i16::to_le_bytes).collect();
+    let bytes: Vec<u8> = strip.iter().flat_map(|&[x, z]| [8 * x, 0, 8 * z, 0]).collect();
+    let (fine, coarse) = (level(5122, &shorts, 8, true, 8.0), level(5121, &bytes, 4, false, 1.0));
+    assert_eq!(corners(&fine), corners(&coarse));
+    assert_eq!(coarse.size(), MapSize { width: 12, height: 21, depth: 12 });
+}
+
+#[test]
+fn helpers_are_no_part_of_the_level() {
+    let floor = obj_box("floor", [0.0; 3], [20.0, 1.0, 20.0]);
+    let names = ["NavMesh_1", "Trigger Volume", "UCX_crate_01", "walls-occonly", "notes-noimp", "yard-navmesh"];
+    let helpers = names.map(|name| obj_box(name, [5.0, 1.0, 5.0], [8.0, 4.0, 8.0]));
+    let Imported { map, warnings } = obj(&format!("{floor}{}", helpers.concat()));
+    assert_eq!(map.hash(), obj(&floor).map.hash());
+    assert_eq!(warnings, [Warning::Helpers { count: 6 }]);
+    assert_eq!(obj(&format!("{floor}{}", obj_box("crate-col", [5.0, 1.0, 5.0], [8.0, 4.0, 8.0]))).warnings, []);
+}
+
+#[test]
 fn nodes_become_features_by_their_names() {
     let nodes = json!([
         { "name": "Floor", "mesh": 0, "scale": [5, 1, 5] },
@@ -615,7 +652,7 @@ fn each_fault_of_a_gltf_level_has_its_own_message() {
         (changed("/bufferViews/0/byteLength", json!(u64::MAX)), "outside its buffer"),
         (changed("/bufferViews/0/byteStride", json!(4)), "outside its buffer"),
         (changed("/accessors/1/count", json!(0)), "no solid triangles"),
-        (changed("/accessors/0/componentType", json!(5122)), "positions that are not 32-bit floats"),
+        (changed("/accessors/0/componentType", json!(5125)), "positions that are neither floats nor quantized"),
         (changed("/accessors/1/componentType", json!(5126)), "indices that are not unsigned integers"),
         (
             changed(

@@ -54,6 +54,11 @@ pub enum Warning {
         /// Number of their triangles.
         count: usize,
     },
+    /// Nodes are helpers by their names, and were left out.
+    Helpers {
+        /// Number of nodes.
+        count: usize,
+    },
     /// Nodes of pools have no height.
     FlatPools {
         /// Number of pools.
@@ -91,6 +96,12 @@ impl fmt::Display for Warning {
                 f,
                 "{count} triangles belong to surfaces without thickness: they became plates of 5 cm, which hold from both sides"
             ),
+            Self::Helpers { count } => {
+                write!(
+                    f,
+                    "{count} nodes are helpers by their names (navmesh, trigger, UCX_ and the like): they were left out"
+                )
+            }
             Self::FlatPools { count } => {
                 write!(f, "{count} pools are flat: their liquid is 1 m deep; give their nodes a height for more")
             }
@@ -189,7 +200,7 @@ pub enum ImportError {
     Obj(String),
     /// The level has no solid triangles.
     #[error(
-        "the level has no solid triangles: nodes called lava, water, pad, zip_line, teleporter or jetpack are not solid"
+        "the level has no solid triangles: nodes called lava, water, pad, zip_line, teleporter or jetpack, and helpers such as navmesh or trigger, are not solid"
     )]
     Empty,
     /// The level has too many triangles.

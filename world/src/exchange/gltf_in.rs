@@ -17,6 +17,8 @@ use std::borrow::Cow;
 
 /// Extension that repeats a mesh, without a fallback for programs that do not support it.
 const INSTANCING_EXTENSION: &str = "EXT_mesh_gpu_instancing";
+/// Extension that allows positions of other types than 32-bit floats.
+const QUANTIZATION_EXTENSION: &str = "KHR_mesh_quantization";
 /// Prefixes of extensions that only change the appearance, so that a level may require them.
 const APPEARANCE_EXTENSIONS: [&str; 5] =
     ["KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "EXT_lights_"];
@@ -77,7 +79,8 @@ fn check_extensions(root: &Root) -> Result<(), ImportError> {
     let is_appearance = |name: &str| APPEARANCE_EXTENSIONS.iter().any(|start| name.starts_with(start));
     // Other extensions that are used but not required, such as compression, come with a fallback.
     let instancing = root.extensions_used.iter().find(|name| *name == INSTANCING_EXTENSION);
-    let unknown = root.extensions_required.iter().find(|name| !is_appearance(name));
+    let is_known = |name: &String| name == QUANTIZATION_EXTENSION || is_appearance(name);
+    let unknown = root.extensions_required.iter().find(|name| !is_known(name));
     instancing.or(unknown).map_or(Ok(()), |name| Err(ImportError::Extension(name.clone())))
 }
 
@@ -267,11 +270,13 @@ impl Source<'_> {
         if accessor.sparse.is_some() {
             return Err(data_error(mesh, "sparse accessors, which are not supported: export it without them"));
         }
+        let mut encoding = Encoding { component: ComponentType::U32, is_normalized: accessor.normalized };
         let width = match (layout, accessor.type_, accessor.component_type) {
             (Layout::Positions, Checked::Valid(Type::Vec3), Checked::Valid(component))
-                if component.0 == ComponentType::F32 =>
+                if component.0 != ComponentType::U32 =>
             {
-                12
+                encoding.component = component.0;
+                3 * component.0.size()
             }
             (Layout::Indices, Checked::Valid(Type::Scalar), Checked::Valid(component)) => match component.0 {
                 ComponentType::U8 => 1,
@@ -280,7 +285,7 @@ impl Source<'_> {
                 _ => return Err(data_error(mesh, "indices that are not unsigned integers: export it again")),
             },
             (Layout::Positions, ..) => {
-                return Err(data_error(mesh, "positions that are not 32-bit floats: export it without quantization"));
+                return Err(data_error(mesh, "positions that are neither floats nor quantized: export it again"));
             }
             (Layout::Indices, ..) => {
                 return Err(data_error(mesh, "indices that are not unsigned integers: export it again"));
@@ -305,7 +310,7 @@ impl Source<'_> {
         let too_short = || data_error(mesh, "data that lies outside its buffer: the file is damaged; export it again");
         let bytes = bytes.filter(|_| stride >= width).ok_or_else(too_short)?;
         // The bytes exist, so the count fits into a usize.
-        Ok(Elements { bytes, stride, width, count: count as usize })
+        Ok(Elements { bytes, stride, width, count: count as usize, encoding })
     }
 }
 
@@ -357,6 +362,30 @@ struct Elements<'a> {
     stride: usize,
     width: usize,
     count: usize,
+    encoding: Encoding,
+}
+
+/// How the components of a position are stored.
+#[derive(Debug, Clone, Copy)]
+struct Encoding {
+    component: ComponentType,
+    is_normalized: bool,
+}
+
+impl Encoding {
+    /// A component in little-endian `bytes` of its size.
+    fn decode(self, bytes: &[u8]) -> Option<f32> {
+        let (value, most) = match self.component {
+            ComponentType::I8 => (f32::from(*bytes.first()? as i8), f32::from(i8::MAX)),
+            ComponentType::U8 => (f32::from(*bytes.first()?), f32::from(u8::MAX)),
+            ComponentType::I16 => (f32::from(i16::from_le_bytes(*bytes.first_chunk()?)), f32::from(i16::MAX)),
+            ComponentType::U16 => (f32::from(u16::from_le_bytes(*bytes.first_chunk()?)), f32::from(u16::MAX)),
+            ComponentType::F32 => return Some(f32::from_le_bytes(*bytes.first_chunk()?)),
+            ComponentType::U32 => return None,
+        };
+        // glTF 2.0, section 3.6.2.2: the most negative number stands for -1 as well.
+        Some(if self.is_normalized { (value / most).max(-1.0) } else { value })
+    }
 }
 
 impl Elements<'_> {
@@ -365,9 +394,9 @@ impl Elements<'_> {
     }
 
     fn position(&self, idx: usize) -> Option<Vec3> {
-        let (values, _) = self.element(idx)?.as_chunks::<4>();
-        let values: &[[u8; 4]; 3] = values.first_chunk()?;
-        Some(values.map(f32::from_le_bytes).into())
+        let mut components = self.element(idx)?.chunks_exact(self.width / 3);
+        let mut next = || self.encoding.decode(components.next()?);
+        Some(Vec3::new(next()?, next()?, next()?))
     }
 
     /// The vertex index at `idx`, which must be below `count`.

@@ -8,7 +8,7 @@ use super::inspect::{self, EdgeCounts};
 use super::load::{check_load, is_allowed};
 use super::named::{self, Found};
 use super::scene::{Frame, ImportOptions, Scene, node_label};
-use super::sides::{self, Changes};
+use super::sides::{self, Turned};
 use super::{gltf_in, obj_in};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
@@ -66,18 +66,19 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let former = scene.former_size.filter(|_| *options == ImportOptions::default());
     let modelled = edges(&meshes);
     // What was exported from a map is as it should be.
-    let changes = if scene.former_size.is_none() { sides::settle(&mut meshes) } else { Changes::default() };
+    let (turned, open) = if scene.former_size.is_none() { sides::turn(&mut meshes) } else { Default::default() };
     let solids: Vec<[Vec3; 3]> = meshes.iter().flat_map(|triangles| triangles.iter()).copied().collect();
     let place = Place::new(&solids, &found, former)?;
-    let triangles: Vec<Triangle> = solids
-        .iter()
-        .filter_map(|corners| Triangle::new(corners.map(|corner| corner + place.shift), Surface::Ground))
-        .collect();
+    let moved = |corners: &[Vec3; 3]| Triangle::new(corners.map(|corner| corner + place.shift), Surface::Ground);
+    let triangles: Vec<Triangle> = solids.iter().filter_map(moved).collect();
     if triangles.is_empty() {
         return Err(ImportError::Empty);
     }
 
-    let mut warnings = geometry_warnings(scene.skipped_count, modelled, &changes, solids.len() - triangles.len());
+    let mut warnings = geometry_warnings(scene.skipped_count, modelled, turned, solids.len() - triangles.len());
+    if found.helper_count > 0 {
+        warnings.push(Warning::Helpers { count: found.helper_count });
+    }
     let flat_count = found.flat_pool_count();
     if flat_count > 0 {
         warnings.push(Warning::FlatPools { count: flat_count });
@@ -90,6 +91,18 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     };
     let placed = found.place(place.shift, place.size).map_err(outside)?;
     check_load(place.size, &triangles, &placed)?;
+    let map = Map::from_parts(place.size, triangles.clone(), placed.clone());
+    let plates: Vec<Triangle> = open
+        .iter()
+        .filter_map(|surface| surface.backs(place.shift, map.mesh()))
+        .flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>())
+        .collect();
+    if plates.is_empty() {
+        return Ok(Imported { map, warnings });
+    }
+    warnings.push(Warning::Plates { count: plates.len() });
+    let triangles: Vec<Triangle> = triangles.into_iter().chain(plates).collect();
+    check_load(place.size, &triangles, &placed)?;
     let map = Map::from_parts(place.size, triangles, placed);
     Ok(Imported { map, warnings })
 }
@@ -101,20 +114,14 @@ fn edges(meshes: &[&mut Vec<[Vec3; 3]>]) -> EdgeCounts {
     inspect::edges(&triangles)
 }
 
-fn geometry_warnings(
-    skipped_count: usize,
-    edges: EdgeCounts,
-    changes: &Changes,
-    degenerate_count: usize,
-) -> Vec<Warning> {
+fn geometry_warnings(skipped_count: usize, edges: EdgeCounts, turned: Turned, degenerate_count: usize) -> Vec<Warning> {
     // Turned triangles make edges consistent.
-    let inconsistent_count = if changes.turned_triangles == 0 { edges.turned } else { 0 };
+    let inconsistent_count = if turned.triangles == 0 { edges.turned } else { 0 };
     let counted = [
         (degenerate_count, Warning::DegenerateTriangles { count: degenerate_count }),
         (skipped_count, Warning::NotTriangles { count: skipped_count }),
-        (changes.turned_shells, Warning::TurnedShells { count: changes.turned_shells }),
-        (changes.turned_triangles, Warning::TurnedTriangles { count: changes.turned_triangles }),
-        (changes.plates, Warning::Plates { count: changes.plates }),
+        (turned.shells, Warning::TurnedShells { count: turned.shells }),
+        (turned.triangles, Warning::TurnedTriangles { count: turned.triangles }),
         (edges.open, Warning::OpenEdges { count: edges.open }),
         (edges.crowded, Warning::NonManifoldEdges { count: edges.crowded }),
         (inconsistent_count, Warning::InconsistentEdges { count: inconsistent_count }),

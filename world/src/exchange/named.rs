@@ -3,6 +3,9 @@
 //! Nodes: `lava*` and `water*` fill their bounding box; `pad*` and `jetpack*` stand at the centre of the bottom of their
 //! bounding box; `zip_line*:from` and `:to`, `teleporter*:from` and `:to` pair up by the name before the end (`_from` works
 //! like `:from`, for tools that do not allow colons). Case does not matter. Such nodes and their children are not solid.
+//!
+//! Helpers are left out: `navmesh*`, `trigger*`, `occluder*`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot), and the simple
+//! colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
 //! The position of a node without a mesh is its origin; if there are feature nodes below it, it is only a group.
 
 use super::faults::ImportError;
@@ -32,6 +35,8 @@ pub(super) struct Found {
     zip_lines: Vec<(String, ZipLine)>,
     teleporters: Vec<(String, Teleporter)>,
     jetpacks: Vec<(String, Jetpack)>,
+    /// Number of helpers, which are left out.
+    pub(super) helper_count: usize,
 }
 
 struct FoundPool {
@@ -145,7 +150,13 @@ enum Kind {
     /// The end and the name of the pair; `None` if the node's name does not say which end it is.
     ZipLine(Option<(End, String)>),
     Teleporter(Option<(End, String)>),
+    /// No part of the level.
+    Helper,
 }
+
+/// How the names of helpers begin and end, in lower case.
+const HELPER_STARTS: [&str; 7] = ["navmesh", "trigger", "occluder", "ucx_", "ubx_", "ucp_", "usp_"];
+const HELPER_ENDS: [&str; 3] = ["-navmesh", "-noimp", "-occonly"];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
@@ -180,6 +191,8 @@ impl Kind {
             () if name.starts_with("jetpack") => Kind::Jetpack,
             () if name.starts_with("zip_line") => Kind::ZipLine(pair()),
             () if name.starts_with("teleporter") => Kind::Teleporter(pair()),
+            () if HELPER_STARTS.iter().any(|start| name.starts_with(start)) => Kind::Helper,
+            () if HELPER_ENDS.iter().any(|end| name.ends_with(end)) => Kind::Helper,
             () => return None,
         })
     }
@@ -245,6 +258,7 @@ pub(super) fn collect_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Ve
                 let two_way = extras.flag("two_way")?;
                 teleporters.add(pair, end, Half { node, at: bounds.bottom(), two_way })?;
             }
+            Kind::Helper => found.helper_count += 1,
             Kind::ZipLine(None) | Kind::Teleporter(None) => {
                 return Err(ImportError::NoEnd { node: node.name.clone() });
             }

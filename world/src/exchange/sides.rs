@@ -5,19 +5,21 @@
 //! both sides, so that levels look right whose faces are not.
 
 use crate::Vec3;
+use crate::mesh::Mesh;
 use std::collections::{BTreeMap, HashMap};
 
 /// Side of a cube whose corners are welded into one vertex, m.
 const WELD_M: f32 = 0.001;
 /// Thickness of a plate, m: behind the front of the surface.
 const PLATE_M: f32 = 0.05;
-/// Upright component of the normal from which a face is ground.
-const UPRIGHT: f32 = 0.3;
-/// Share of the area of an open surface that is ground with nothing below, from which it is terrain: nobody comes behind it.
-const TERRAIN_SHARE: f64 = 0.95;
-/// Side of the columns in which the lowest point of the level is noted, m, and the room that makes a place below another one.
-const COLUMN_M: f32 = 2.0;
-const BELOW_M: f32 = 0.75;
+/// Upright component of the normal, downwards, from which a face is a ceiling.
+const UPRIGHT: f32 = 0.5;
+/// Triangles of an open surface that are looked at, and the share of their area behind which bodies may come that makes it a plate.
+const SAMPLES: usize = 256;
+const BARE_SHARE: f64 = 0.5;
+/// Distance behind a face from which, and up to which, other faces are looked for, m.
+const CLEARANCE_M: f32 = 0.02;
+const SIGHT_M: f32 = 100.0;
 /// Mean thickness below which a closed shell is no room, m: twice its volume over its area.
 const ROOM_M: f64 = 1.0;
 /// Share of the level's area from which a shell that is inside out is the level itself, seen from within.
@@ -25,40 +27,67 @@ const LEVEL_SHARE: f64 = 0.5;
 /// Most other shells that are looked for inside one.
 const MAX_OTHERS: usize = 4096;
 
-/// What was changed.
+/// What was turned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Changes {
+pub(super) struct Turned {
     /// Closed shells that were inside out.
-    pub turned_shells: usize,
+    pub shells: usize,
     /// Triangles whose neighbours faced the other way.
-    pub turned_triangles: usize,
-    /// Triangles of surfaces without thickness.
-    pub plates: usize,
+    pub triangles: usize,
 }
 
-/// Settles the sides of all `meshes`, each of which is a list of triangles, m, counter-clockwise seen from the front.
-pub(super) fn settle(meshes: &mut [&mut Vec<[Vec3; 3]>]) -> Changes {
-    let mut changes = Changes::default();
+/// Turns what is inside out in `meshes`, each of which is a list of triangles, m, counter-clockwise seen from the front. Also returns the
+/// surfaces that are not closed.
+pub(super) fn turn(meshes: &mut [&mut Vec<[Vec3; 3]>]) -> (Turned, Vec<Surface>) {
+    let mut turned = Turned::default();
     let mut shells: Vec<(usize, Shell)> = Vec::new();
     for (mesh, triangles) in meshes.iter_mut().enumerate() {
-        for shell in shells_of(triangles, &mut changes) {
-            shells.push((mesh, shell));
-        }
+        shells.extend(shells_of(triangles, &mut turned.triangles).into_iter().map(|shell| (mesh, shell)));
     }
-    let is_turned = inside_out(&shells, meshes);
-    let lowest = lowest_by_column(meshes);
-    for ((mesh, shell), is_turned) in shells.iter().zip(is_turned) {
+    let mut open = Vec::new();
+    for ((mesh, shell), is_inside_out) in shells.iter().zip(inside_out(&shells, meshes)) {
         let triangles = &mut *meshes[*mesh];
-        if is_turned {
+        if is_inside_out {
             shell.triangles.iter().for_each(|&idx| triangles[idx as usize].swap(1, 2));
-            changes.turned_shells += 1;
-        } else if !shell.is_closed && !is_terrain(shell, triangles, &lowest) {
-            changes.plates += shell.triangles.len();
-            let backs = shell.backs(triangles);
-            triangles.extend(backs);
+            turned.shells += 1;
+        } else if !shell.is_closed {
+            open.push(Surface(shell.triangles.iter().map(|&idx| triangles[idx as usize]).collect()));
         }
     }
-    changes
+    (turned, open)
+}
+
+/// The triangles of a surface that is not closed, m.
+pub(super) struct Surface(Vec<[Vec3; 3]>);
+
+impl Surface {
+    /// The backs of the surface's triangles, if bodies may come behind it on `mesh`, which holds the surface moved by `shift`.
+    pub fn backs(&self, shift: Vec3, mesh: &Mesh) -> Option<Vec<[Vec3; 3]>> {
+        let step = self.0.len().div_ceil(SAMPLES);
+        let (mut bare, mut total) = (0.0, 0.0);
+        for corners in self.0.iter().step_by(step) {
+            let area = double_area(corners);
+            total += area;
+            bare += if is_bare_behind(corners.map(|corner| corner + shift), mesh) { area } else { 0.0 };
+        }
+        (bare > BARE_SHARE * total).then(|| plate(&self.0))
+    }
+}
+
+/// Whether bodies may come behind a triangle: the first face in sight from there is seen from its front. Behind ground, walls and ceilings
+/// of something solid, faces are seen from their backs, or there is nothing at all.
+fn is_bare_behind([a, b, c]: [Vec3; 3], mesh: &Mesh) -> bool {
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    if normal.y < -UPRIGHT {
+        // Ground that faces down, or the ceiling of something that is open elsewhere: it holds what comes from above.
+        return true;
+    }
+    let origin = (a + b + c) / 3.0 - normal * CLEARANCE_M;
+    let ways = [-normal, (-normal - Vec3::Y).normalize_or_zero()];
+    ways.into_iter().filter(|way| *way != Vec3::ZERO).any(|way| {
+        let hit = mesh.cast_ray(origin, way, SIGHT_M);
+        hit.is_some_and(|hit| mesh.triangles()[hit.triangle_idx as usize].normal().dot(way) < 0.0)
+    })
 }
 
 /// Triangles that are joined by edges of exactly two, all of which face the same way.
@@ -74,7 +103,7 @@ struct Shell {
 }
 
 /// Splits a mesh into shells, and turns triangles that face another way than most of their shell. Triangles without area are left out.
-fn shells_of(triangles: &mut [[Vec3; 3]], changes: &mut Changes) -> Vec<Shell> {
+fn shells_of(triangles: &mut [[Vec3; 3]], turned_count: &mut usize) -> Vec<Shell> {
     let vertices = weld(triangles);
     // Each edge: its lower vertex, its higher vertex, the triangle, and whether it runs from low to high.
     let mut edges: Vec<(u32, u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
@@ -109,7 +138,7 @@ fn shells_of(triangles: &mut [[Vec3; 3]], changes: &mut Changes) -> Vec<Shell> {
         let minority = if turned.iter().map(area).sum::<f64>() > kept.iter().map(area).sum() { &kept } else { &turned };
         if is_consistent {
             minority.iter().for_each(|&(idx, _)| triangles[idx as usize].swap(1, 2));
-            changes.turned_triangles += minority.len();
+            *turned_count += minority.len();
         }
         let members: Vec<u32> = members.into_iter().map(|(idx, _)| idx).collect();
         let is_closed = is_consistent && members.iter().all(|&idx| !is_open[idx as usize]);
@@ -172,28 +201,6 @@ impl Shell {
         }
     }
 
-    /// The backs of all triangles, behind their fronts by the thickness of a plate.
-    fn backs(&self, triangles: &[[Vec3; 3]]) -> Vec<[Vec3; 3]> {
-        let mut normals: HashMap<[i32; 3], Vec3> = HashMap::new();
-        let place = |corner: Vec3| (corner / WELD_M).round().to_array().map(|value| value as i32);
-        let normal = |&[a, b, c]: &[Vec3; 3]| (b - a).cross(c - a).normalize_or_zero();
-        let own = || self.triangles.iter().map(|&idx| &triangles[idx as usize]);
-        for corners in own() {
-            corners.iter().for_each(|&corner| *normals.entry(place(corner)).or_default() += normal(corners));
-        }
-        let behind = |corner: Vec3, normal: Vec3| {
-            let mean = normals[&place(corner)].normalize_or_zero();
-            // At a sharp edge the faces' mean tells nothing.
-            corner - PLATE_M * if mean.dot(normal) > 0.3 { mean } else { normal }
-        };
-        own()
-            .map(|corners| {
-                let [a, b, c] = corners.map(|corner| behind(corner, normal(corners)));
-                [a, c, b]
-            })
-            .collect()
-    }
-
     /// Whether a point lies inside a closed shell, by the faces that a ray passes.
     fn contains(&self, point: Vec3, triangles: &[[Vec3; 3]]) -> bool {
         if point.cmple(self.low).any() || point.cmpge(self.high).any() {
@@ -237,35 +244,22 @@ fn inside_out(shells: &[(usize, Shell)], meshes: &[&mut Vec<[Vec3; 3]>]) -> Vec<
     candidates.into_iter().enumerate().map(is_turned).collect()
 }
 
-type Columns = HashMap<(i32, i32), f32>;
-
-fn column_of(at: Vec3) -> (i32, i32) {
-    ((at.x / COLUMN_M).floor() as i32, (at.z / COLUMN_M).floor() as i32)
-}
-
-/// The lowest corner or centre of a triangle in each column.
-fn lowest_by_column(meshes: &[&mut Vec<[Vec3; 3]>]) -> Columns {
-    let mut lowest = Columns::new();
-    for [a, b, c] in meshes.iter().flat_map(|triangles| triangles.iter()) {
-        let centre = (*a + *b + *c) / 3.0;
-        for at in [*a, *b, *c, centre, (*a + *b) * 0.5, (*b + *c) * 0.5, (*c + *a) * 0.5] {
-            let low = lowest.entry(column_of(at)).or_insert(at.y);
-            *low = low.min(at.y);
-        }
+/// The backs of all triangles of a surface, behind their fronts by the thickness of a plate.
+fn plate(triangles: &[[Vec3; 3]]) -> Vec<[Vec3; 3]> {
+    let mut normals: HashMap<[i32; 3], Vec3> = HashMap::new();
+    let place = |corner: Vec3| (corner / WELD_M).round().to_array().map(|value| value as i32);
+    let normal = |&[a, b, c]: &[Vec3; 3]| (b - a).cross(c - a).normalize_or_zero();
+    for corners in triangles {
+        corners.iter().for_each(|&corner| *normals.entry(place(corner)).or_default() += normal(corners));
     }
-    lowest
-}
-
-/// Whether nearly all of an open surface is ground with nothing below.
-fn is_terrain(shell: &Shell, triangles: &[[Vec3; 3]], lowest: &Columns) -> bool {
-    let is_ground = |&&idx: &&u32| {
-        let corners @ [a, b, c] = &triangles[idx as usize];
-        let upright = (*b - *a).cross(*c - *a).normalize_or_zero().y;
-        let bottom = a.y.min(b.y).min(c.y);
-        let centre = (*a + *b + *c) / 3.0;
-        let mut ends = corners.iter().chain([&centre]);
-        upright > UPRIGHT && ends.all(|&at| lowest.get(&column_of(at)).is_none_or(|&low| low > bottom - BELOW_M))
+    let behind = |corner: Vec3, normal: Vec3| {
+        let mean = normals[&place(corner)].normalize_or_zero();
+        // At a sharp edge the faces' mean tells nothing.
+        corner - PLATE_M * if mean.dot(normal) > 0.3 { mean } else { normal }
     };
-    let area = |idx: &u32| 0.5 * double_area(&triangles[*idx as usize]);
-    shell.triangles.iter().filter(is_ground).map(area).sum::<f64>() >= TERRAIN_SHARE * shell.area
+    let back = |corners: &[Vec3; 3]| {
+        let [a, b, c] = corners.map(|corner| behind(corner, normal(corners)));
+        [a, c, b]
+    };
+    triangles.iter().map(back).collect()
 }
