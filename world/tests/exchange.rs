@@ -281,7 +281,7 @@ fn warnings_report_what_is_odd_about_the_geometry() {
     let quad = "o floor\nv 0 0 0\nv 0 0 9\nv 9 0 9\nv 9 0 0\nf 1 2 3 4\n";
     let cases = [
         (quad.to_owned(), vec![Warning::OpenEdges { count: 4 }]),
-        (quad.replace("1 2 3 4", "4 3 2 1"), vec![Warning::OpenEdges { count: 4 }, Warning::Plates { count: 2 }]),
+        (quad.replace("1 2 3 4", "4 3 2 1"), vec![Warning::TurnedShells { count: 1 }, Warning::OpenEdges { count: 4 }]),
         (
             quad.replace("f 1 2 3 4", "v 0 0 -9\nv 9 0 -9\nf 5 1 4 6\nf 1 2 3\nf 1 4 3\nf 1 1 2"),
             vec![

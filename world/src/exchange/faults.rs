@@ -39,7 +39,7 @@ pub enum Warning {
         /// Number of edges.
         count: usize,
     },
-    /// Closed shells were inside out and were turned.
+    /// Shells were inside out and were turned.
     TurnedShells {
         /// Number of shells.
         count: usize,
@@ -87,7 +87,7 @@ impl fmt::Display for Warning {
                 "{count} edges join triangles that face opposite ways: bodies pass through one of the two; make the normals consistent"
             ),
             Self::TurnedShells { count } => {
-                write!(f, "{count} closed shells were inside out and were turned: they are solid now")
+                write!(f, "{count} shells were inside out and were turned: their fronts look out now")
             }
             Self::TurnedTriangles { count } => {
                 write!(f, "{count} triangles faced another way than their neighbours and were turned")

@@ -22,8 +22,11 @@ const CLEARANCE_M: f32 = 0.02;
 const SIGHT_M: f32 = 100.0;
 /// Mean thickness below which a closed shell is no room, m: twice its volume over its area.
 const ROOM_M: f64 = 1.0;
-/// Share of the level's area from which a shell that is inside out is the level itself, seen from within.
+/// Share of the level's area from which a shell is the level itself.
 const LEVEL_SHARE: f64 = 0.5;
+/// Times as many faces as look up that must look down for the level itself to be inside out: ground is modelled in more detail than what
+/// is below it, or than ceilings.
+const GROUND_DETAIL: f64 = 1.5;
 /// Most other shells that are looked for inside one.
 const MAX_OTHERS: usize = 4096;
 
@@ -201,6 +204,16 @@ impl Shell {
         }
     }
 
+    /// Whether many more faces look down than up.
+    fn looks_down(&self, triangles: &[[Vec3; 3]]) -> bool {
+        let upright = |&idx: &u32| {
+            let [a, b, c] = triangles[idx as usize];
+            (b - a).cross(c - a).normalize_or_zero().y
+        };
+        let count = |sign: f32| self.triangles.iter().map(upright).filter(|y| y * sign > UPRIGHT).count() as f64;
+        count(-1.0) > GROUND_DETAIL * count(1.0)
+    }
+
     /// Whether a point lies inside a closed shell, by the faces that a ray passes.
     fn contains(&self, point: Vec3, triangles: &[[Vec3; 3]]) -> bool {
         if point.cmple(self.low).any() || point.cmpge(self.high).any() {
@@ -217,7 +230,7 @@ impl Shell {
     }
 }
 
-/// For each shell, whether it is a solid whose fronts face inwards, not a room.
+/// For each shell, whether its fronts face the wrong way: inwards, unless it is a room; or, if it is the level itself, mostly down.
 fn inside_out(shells: &[(usize, Shell)], meshes: &[&mut Vec<[Vec3; 3]>]) -> Vec<bool> {
     let total: f64 = shells.iter().map(|(_, shell)| shell.area).sum();
     let holds_others = |own: usize| {
@@ -237,9 +250,10 @@ fn inside_out(shells: &[(usize, Shell)], meshes: &[&mut Vec<[Vec3; 3]>]) -> Vec<
     // Who turned most of the level inside out did so with all of it.
     let is_habit = candidate_count >= 3 && 2 * candidate_count > closed_count;
     let is_turned = |(idx, is_candidate): (usize, bool)| {
-        let (_, shell) = &shells[idx];
+        let (mesh, shell) = &shells[idx];
         let is_thin = -2.0 * shell.volume / shell.area < ROOM_M;
-        is_candidate && (is_habit || is_thin || shell.area < LEVEL_SHARE * total)
+        let is_level = shell.area >= LEVEL_SHARE * total;
+        is_candidate && (is_habit || is_thin || !is_level) || is_level && shell.looks_down(meshes[*mesh])
     };
     candidates.into_iter().enumerate().map(is_turned).collect()
 }
