@@ -96,7 +96,8 @@ pub struct BuildSettings(RawBuildSettings);
 pub struct RawBuildSettings {
     /// How vertices are placed. Default: [`Placement::Spaced`].
     pub placement: Placement,
-    /// Number of vertices, 2 to [`MAX_VERTICES`]. Default: 300.
+    /// Number of vertices, 2 to [`MAX_VERTICES`]; with special moves and frugal probing, up to twice as many are added where it takes
+    /// them to join what straight legs leave apart. Default: 300.
     pub vertices: usize,
     /// Number of nearest neighbours that each vertex is probed against, 1 to 64. Default: 12.
     pub neighbours: usize,
@@ -108,7 +109,7 @@ pub struct RawBuildSettings {
     pub seed: u64,
     /// How many probes the build spends. Default: [`Probing::Frugal`].
     pub probing: Probing,
-    /// Whether vertices and candidate edges also come from devices and ledges, unlike in the paper. Default: true.
+    /// Whether vertices and candidate edges also come from devices, ledges and ways of the survey, unlike in the paper. Default: true.
     pub special_moves: bool,
 }
 

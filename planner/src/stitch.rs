@@ -8,7 +8,7 @@ use crate::candidates::Candidate;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
-use crate::settings::BuildError;
+use crate::settings::{BuildError, MAX_VERTICES};
 use crate::ways::{Way, Ways};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use surefoot_world::float::hypot;
@@ -32,7 +32,8 @@ const BATCH: usize = 16;
 const ATTACHMENTS: usize = 3;
 /// Share of legs to or from such places, one of three each, of which the policy needs no help.
 const ENOUGH: f32 = 0.9;
-/// There are at most as many corners as vertices, but at least this many.
+/// There are at most so many corners for each vertex, but at least so many in all.
+const CORNERS_PER_VERTEX: usize = 2;
 const MIN_CORNERS: usize = 64;
 
 impl Builder<'_> {
@@ -42,14 +43,14 @@ impl Builder<'_> {
             return Ok(());
         }
         let count = probed.vertices.len();
-        let most = count + (2 * count).max(MIN_CORNERS);
+        let most = (count + (CORNERS_PER_VERTEX * count).max(MIN_CORNERS)).min(MAX_VERTICES.max(count));
         let reach = Reach::survey(&self.site.map, &self.site.profile, self.thread_count);
         let mut ways = Ways::new(&reach);
         self.cover(&ways, count + (most - count) / 4, probed)?;
         let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
         for most_ways in WAYS {
             let graph = probed.graph(self.settings.threshold);
-            let (before, after) = (ways.from_vertices(&probed.vertices), ways.to_vertices(&probed.vertices));
+            let (before, after) = (ways.nearest_before(&probed.vertices), ways.nearest_after(&probed.vertices));
             let mut legs: BTreeMap<Candidate, Vec<u32>> = BTreeMap::new();
             for way in gaps(&graph, ways.meetings(&before, &after), &tries, most_ways) {
                 let tries: &mut usize = tries.entry((way.from, way.to)).or_default();

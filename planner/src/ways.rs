@@ -71,12 +71,12 @@ impl<'a> Ways<'a> {
     }
 
     /// For each cell, the vertex from which it is reached on the shortest way.
-    pub fn from_vertices(&self, vertices: &[Vec3]) -> Nearest {
+    pub fn nearest_before(&self, vertices: &[Vec3]) -> Nearest {
         self.spread(vertices, &self.exits)
     }
 
     /// For each cell, the vertex that is reached from it on the shortest way.
-    pub fn to_vertices(&self, vertices: &[Vec3]) -> Nearest {
+    pub fn nearest_after(&self, vertices: &[Vec3]) -> Nearest {
         self.spread(vertices, &self.entrances)
     }
 

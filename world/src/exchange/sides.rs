@@ -6,7 +6,7 @@
 
 use crate::Vec3;
 use crate::mesh::Mesh;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 /// Side of a cube whose corners are welded into one vertex, m.
 const WELD_M: f32 = 0.001;
@@ -105,6 +105,9 @@ struct Shell {
     high: Vec3,
 }
 
+/// The triangles beyond a triangle's edges, each with whether it faces the other way.
+type Neighbours = [Option<(u32, bool)>; 3];
+
 /// Splits a mesh into shells, and turns triangles that face another way than most of their shell. Triangles without area are left out.
 fn shells_of(triangles: &mut [[Vec3; 3]], turned_count: &mut usize) -> Vec<Shell> {
     let vertices = weld(triangles);
@@ -118,32 +121,34 @@ fn shells_of(triangles: &mut [[Vec3; 3]], turned_count: &mut usize) -> Vec<Shell
         }
     }
     edges.sort_unstable();
-    let mut neighbours: Vec<Vec<(u32, bool)>> = vec![Vec::new(); triangles.len()];
+    let mut neighbours: Vec<Neighbours> = vec![[None; 3]; triangles.len()];
     let mut is_open = vec![false; triangles.len()];
     for shared in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         if let &[(_, _, one, one_rises), (_, _, other, other_rises)] = shared {
             let is_turned = one_rises == other_rises;
-            neighbours[one as usize].push((other, is_turned));
-            neighbours[other as usize].push((one, is_turned));
+            for (own, neighbour) in [(one, other), (other, one)] {
+                let free = neighbours[own as usize].iter_mut().find(|it| it.is_none());
+                *free.expect("a triangle has three edges") = Some((neighbour, is_turned));
+            }
         } else {
             shared.iter().for_each(|&(_, _, triangle, _)| is_open[triangle as usize] = true);
         }
     }
     let mut shells = Vec::new();
-    let mut is_seen: Vec<bool> = vertices.iter().map(|&corners| !is_sound(corners)).collect();
+    let mut sides: Vec<Option<bool>> = vec![None; triangles.len()];
     for first in 0..triangles.len() as u32 {
-        if is_seen[first as usize] {
+        if sides[first as usize].is_some() || !is_sound(vertices[first as usize]) {
             continue;
         }
-        let (members, is_consistent) = flood(first, &neighbours, &mut is_seen);
-        let area = |&(idx, _): &(u32, bool)| double_area(&triangles[idx as usize]);
-        let (turned, kept): (Vec<_>, Vec<_>) = members.iter().copied().partition(|&(_, is_turned)| is_turned);
+        let (members, is_consistent) = flood(first, &neighbours, &mut sides);
+        let area = |&idx: &u32| double_area(&triangles[idx as usize]);
+        let (turned, kept): (Vec<u32>, Vec<u32>) =
+            members.iter().copied().partition(|&idx| sides[idx as usize] == Some(true));
         let minority = if turned.iter().map(area).sum::<f64>() > kept.iter().map(area).sum() { &kept } else { &turned };
         if is_consistent {
-            minority.iter().for_each(|&(idx, _)| triangles[idx as usize].swap(1, 2));
+            minority.iter().for_each(|&idx| triangles[idx as usize].swap(1, 2));
             *turned_count += minority.len();
         }
-        let members: Vec<u32> = members.into_iter().map(|(idx, _)| idx).collect();
         let is_closed = is_consistent && members.iter().all(|&idx| !is_open[idx as usize]);
         shells.push(Shell::new(members, is_closed, triangles));
     }
@@ -161,24 +166,25 @@ fn weld(triangles: &[[Vec3; 3]]) -> Vec<[u32; 3]> {
     triangles.iter().map(|corners| corners.map(&mut number)).collect()
 }
 
-/// The triangles that are joined to `first`, each with whether it faces another way than `first`; and whether all ways round agree.
-fn flood(first: u32, neighbours: &[Vec<(u32, bool)>], is_seen: &mut [bool]) -> (Vec<(u32, bool)>, bool) {
-    let mut sides: BTreeMap<u32, bool> = BTreeMap::from([(first, false)]);
-    let mut open = vec![first];
-    let mut is_consistent = true;
-    is_seen[first as usize] = true;
-    while let Some(idx) = open.pop() {
-        let side = sides[&idx];
-        for &(other, is_turned) in &neighbours[idx as usize] {
-            if !std::mem::replace(&mut is_seen[other as usize], true) {
-                sides.insert(other, side != is_turned);
-                open.push(other);
-            } else {
-                is_consistent &= sides[&other] == (side != is_turned);
+/// The triangles that are joined to `first`, in ascending order, and whether all ways round agree on which of them face another way than
+/// `first`. That is noted in `sides`, where triangles that were not met yet have `None`.
+fn flood(first: u32, neighbours: &[Neighbours], sides: &mut [Option<bool>]) -> (Vec<u32>, bool) {
+    let (mut members, mut is_consistent) = (vec![first], true);
+    sides[first as usize] = Some(false);
+    let mut next = 0;
+    while let Some(&idx) = members.get(next) {
+        next += 1;
+        for &(other, is_turned) in neighbours[idx as usize].iter().flatten() {
+            let side = sides[idx as usize].map(|side| side != is_turned);
+            if sides[other as usize].is_none() {
+                sides[other as usize] = side;
+                members.push(other);
             }
+            is_consistent &= sides[other as usize] == side;
         }
     }
-    (sides.into_iter().collect(), is_consistent)
+    members.sort_unstable();
+    (members, is_consistent)
 }
 
 fn double_area(&[a, b, c]: &[Vec3; 3]) -> f64 {
