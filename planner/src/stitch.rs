@@ -74,13 +74,6 @@ impl Builder<'_> {
                     ways.discourage(cells);
                 }
             }
-            eprintln!(
-                "DBG islands {} legs {} proved {} vertices {}",
-                graph.island_count(),
-                which.len(),
-                which.iter().filter(|&&i| probed.evidence[i as usize].proves(self.settings.threshold)).count(),
-                probed.vertices.len()
-            );
             stitched.extend(which);
         }
         self.prove_on_the_run(stitched, probed)

@@ -14,7 +14,7 @@ use tracing::warn;
 /// Longest download of a level.
 const LEVEL_LIMIT: Duration = Duration::from_secs(60);
 /// Share of one core that rehearsals of realtime worlds may take.
-const PACE: f64 = 1.0;
+const PACE: f64 = 0.25;
 /// Most seconds of rehearsals that may be saved up.
 const MAX_SAVED_S: f64 = 0.25;
 /// Seconds that a rehearsal takes, at a guess.
