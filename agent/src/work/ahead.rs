@@ -16,7 +16,7 @@ const LEVEL_LIMIT: Duration = Duration::from_secs(60);
 /// Share of one core that rehearsals of realtime worlds may take.
 const PACE: f64 = 0.25;
 /// Most seconds of rehearsals that may be saved up.
-const MAX_SAVED_S: f64 = 0.25;
+const MAX_SAVED_S: f64 = 0.05;
 /// Seconds that a rehearsal takes, at a guess.
 const REHEARSAL_S: f64 = 0.002;
 const POISON: &str = "no holder of this lock panics";
