@@ -286,19 +286,24 @@ impl Follower {
             self.stalled_on_leg = 0;
         }
         if self.stalled >= self.config.patience {
-            // Where every way has failed, the goal cannot be reached, as far as anyone can tell.
-            return if self.chances > 0 { Step::Unreachable } else { Step::GiveUp };
+            return self.end();
         }
         if self.stalled_on_leg < self.config.replan_after {
             return Step::Keep;
         }
         if self.replans >= self.config.max_replans {
-            return if self.chances > 0 { Step::Unreachable } else { Step::GiveUp };
+            return self.end();
         }
         let key = plan.legs[self.leg].key;
         self.end_leg(false);
         self.replans += 1;
         self.plan_without(FailedLeg { key, is_harm: false }, MAX_FAILED_ARRIVALS)
+    }
+
+    /// How an attempt ends whose patience or re-plans have run out: where every way has failed, the goal cannot be reached, as far as
+    /// anyone can tell.
+    fn end(&self) -> Step {
+        if self.chances > 0 { Step::Unreachable } else { Step::GiveUp }
     }
 
     /// Drops the plan because a rehearsal of the leg `key` failed, by harm or for want of progress.

@@ -168,8 +168,7 @@ fn run(
 /// Whether links of the survey and proved edges lead from each start to its goal. Where the survey found no ground, nothing does.
 fn reachable(reach: &Reach, router: Option<&Router>, goals: &[Goal]) -> Vec<bool> {
     let island = |feet| reach.ground.at(feet).map(|cell| cell.island);
-    let mut exits = vec![Vec::new(); reach.ground.islands().len()];
-    reach.links.iter().for_each(|link| exits[link.from as usize].push(link.to));
+    let mut exits = reach.exits(|_| true);
     for edge in router.into_iter().flat_map(|router| router.graph().edges()) {
         let at = |vertex| router.and_then(|router| island(router.graph().position(vertex)));
         if let Some((from, to)) = at(edge.key.from).zip(at(edge.key.to)) {

@@ -93,8 +93,7 @@ struct Surveyed {
 impl Surveyed {
     fn new(map: &Map, profile: &CharacterProfile, share: f64) -> Self {
         let reach = Reach::survey(map, profile, 1);
-        let mut exits = vec![Vec::new(); reach.ground.islands().len()];
-        reach.links.iter().for_each(|link| exits[link.from as usize].push(link.to));
+        let exits = reach.exits(|_| true);
         Self { reach, exits, share, points: HashMap::new() }
     }
 

@@ -91,6 +91,9 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     };
     let placed = found.place(place.shift, place.size).map_err(outside)?;
     check_load(place.size, &triangles, &placed)?;
+    if open.is_empty() {
+        return Ok(Imported { map: Map::from_parts(place.size, triangles, placed), warnings });
+    }
     let map = Map::from_parts(place.size, triangles.clone(), placed.clone());
     let plates: Vec<Triangle> = open
         .iter()
@@ -110,8 +113,8 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
 /// The irregular edges of a level as it was modelled.
 fn edges(meshes: &[&mut Vec<[Vec3; 3]>]) -> EdgeCounts {
     let triangles = meshes.iter().flat_map(|triangles| triangles.iter());
-    let triangles: Vec<Triangle> = triangles.filter_map(|corners| Triangle::new(*corners, Surface::Ground)).collect();
-    inspect::edges(&triangles)
+    let has_area = |corners: &[Vec3; 3]| Triangle::new(*corners, Surface::Ground).is_some();
+    inspect::edges(&triangles.copied().filter(has_area).collect::<Vec<_>>())
 }
 
 fn geometry_warnings(skipped_count: usize, edges: EdgeCounts, turned: Turned, degenerate_count: usize) -> Vec<Warning> {

@@ -1,10 +1,25 @@
 //! Inspects the geometry of a level for irregular edges.
 
-use crate::mesh::Triangle;
+use crate::Vec3;
 use std::collections::HashMap;
 
 /// Side of a cube whose corners are welded into one vertex, m.
 const WELD_M: f32 = 0.001;
+
+/// The cube of a corner; corners in the same cube are one vertex.
+pub(super) fn cube(corner: Vec3) -> [i32; 3] {
+    (corner / WELD_M).round().to_array().map(|value| value as i32)
+}
+
+/// The number of the welded vertex at each corner.
+pub(super) fn weld(triangles: &[[Vec3; 3]]) -> Vec<[u32; 3]> {
+    let mut numbers: HashMap<[i32; 3], u32> = HashMap::with_capacity(triangles.len());
+    let mut number = |corner: Vec3| {
+        let next = numbers.len() as u32;
+        *numbers.entry(cube(corner)).or_insert(next)
+    };
+    triangles.iter().map(|corners| corners.map(&mut number)).collect()
+}
 
 /// Counts of irregular edges: a regular edge is shared by exactly two triangles that face the same way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,16 +33,11 @@ pub(super) struct EdgeCounts {
 }
 
 /// Welds the corners and counts the edges.
-pub(super) fn edges(triangles: &[Triangle]) -> EdgeCounts {
-    let mut numbers: HashMap<[i32; 3], u64> = HashMap::with_capacity(triangles.len());
+pub(super) fn edges(triangles: &[[Vec3; 3]]) -> EdgeCounts {
     // Each edge is packed as its lower vertex, its higher vertex, and whether it runs from low to high.
     let mut edges: Vec<u64> = Vec::with_capacity(triangles.len() * 3);
-    for triangle in triangles {
-        let corners = triangle.corners().map(|corner| {
-            let cube = (corner / WELD_M).round().to_array().map(|value| value as i32);
-            let next = numbers.len() as u64;
-            *numbers.entry(cube).or_insert(next)
-        });
+    for corners in weld(triangles) {
+        let corners = corners.map(u64::from);
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = (corners[from], corners[to]);
             if from != to {

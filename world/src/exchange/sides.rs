@@ -4,12 +4,11 @@
 //! Bodies collide with the front of a face, and tell by fronts and backs whether a place lies inside something solid. Renderers often draw
 //! both sides, so that levels look right whose faces are not.
 
+use super::inspect::{cube, weld};
 use crate::Vec3;
 use crate::mesh::Mesh;
 use std::collections::HashMap;
 
-/// Side of a cube whose corners are welded into one vertex, m.
-const WELD_M: f32 = 0.001;
 /// Thickness of a plate, m: behind the front of the surface.
 const PLATE_M: f32 = 0.05;
 /// Upright component of the normal, downwards, from which a face is a ceiling.
@@ -155,17 +154,6 @@ fn shells_of(triangles: &mut [[Vec3; 3]], turned_count: &mut usize) -> Vec<Shell
     shells
 }
 
-/// The number of the welded vertex at each corner.
-fn weld(triangles: &[[Vec3; 3]]) -> Vec<[u32; 3]> {
-    let mut numbers: HashMap<[i32; 3], u32> = HashMap::with_capacity(triangles.len());
-    let mut number = |corner: Vec3| {
-        let cube = (corner / WELD_M).round().to_array().map(|value| value as i32);
-        let next = numbers.len() as u32;
-        *numbers.entry(cube).or_insert(next)
-    };
-    triangles.iter().map(|corners| corners.map(&mut number)).collect()
-}
-
 /// The triangles that are joined to `first`, in ascending order, and whether all ways round agree on which of them face another way than
 /// `first`. That is noted in `sides`, where triangles that were not met yet have `None`.
 fn flood(first: u32, neighbours: &[Neighbours], sides: &mut [Option<bool>]) -> (Vec<u32>, bool) {
@@ -267,13 +255,12 @@ fn inside_out(shells: &[(usize, Shell)], meshes: &[&mut Vec<[Vec3; 3]>]) -> Vec<
 /// The backs of all triangles of a surface, behind their fronts by the thickness of a plate.
 fn plate(triangles: &[[Vec3; 3]]) -> Vec<[Vec3; 3]> {
     let mut normals: HashMap<[i32; 3], Vec3> = HashMap::new();
-    let place = |corner: Vec3| (corner / WELD_M).round().to_array().map(|value| value as i32);
     let normal = |&[a, b, c]: &[Vec3; 3]| (b - a).cross(c - a).normalize_or_zero();
     for corners in triangles {
-        corners.iter().for_each(|&corner| *normals.entry(place(corner)).or_default() += normal(corners));
+        corners.iter().for_each(|&corner| *normals.entry(cube(corner)).or_default() += normal(corners));
     }
     let behind = |corner: Vec3, normal: Vec3| {
-        let mean = normals[&place(corner)].normalize_or_zero();
+        let mean = normals[&cube(corner)].normalize_or_zero();
         // At a sharp edge the faces' mean tells nothing.
         corner - PLATE_M * if mean.dot(normal) > 0.3 { mean } else { normal }
     };

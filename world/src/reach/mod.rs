@@ -120,13 +120,19 @@ impl Reach {
         sum / START_COUNT as f64
     }
 
+    /// For each island, the islands to which its links lead whose means are `usable`.
+    pub fn exits(&self, usable: impl Fn(Means) -> bool) -> Vec<Vec<u32>> {
+        let mut exits = vec![Vec::new(); self.ground.islands().len()];
+        for link in self.links.iter().filter(|link| usable(link.means)) {
+            exits[link.from as usize].push(link.to);
+        }
+        exits
+    }
+
     /// Merges islands that can reach one another over links whose means are `usable`.
     pub fn regions(&self, usable: impl Fn(Means) -> bool) -> Regions {
         let islands = self.ground.islands();
-        let mut forward = vec![Vec::new(); islands.len()];
-        for link in self.links.iter().filter(|link| usable(link.means)) {
-            forward[link.from as usize].push(link.to);
-        }
+        let forward = self.exits(usable);
         let (of_island, region_count) = strongly_connected(&forward);
         let mut cell_counts = vec![0u64; region_count];
         let mut exits = vec![Vec::new(); region_count];
