@@ -1,7 +1,7 @@
 //! The trainer: exact resumption, configuration errors, early stopping and determinism.
 
-use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
 use std::sync::atomic::AtomicBool;
 use surefoot_agent::train::CollectorConfig;
 use surefoot_agent::train::SacConfig;
@@ -152,4 +152,49 @@ fn equal_seeds_train_equal_networks() {
     assert_eq!(parameters(&one), parameters(&same));
     assert_ne!(parameters(&one), parameters(&other));
     assert!(!module_bytes(one.actor()).unwrap().is_empty());
+}
+
+#[test]
+fn a_state_that_was_made_up_is_refused_or_resumes() {
+    let folder = tempfile::tempdir().unwrap();
+    let stop = AtomicBool::new(true);
+    run(TrainConfig { total_updates: 4, ..tiny() }, folder.path(), false, &AtomicBool::new(false), |_| {}).unwrap();
+    let path = folder.path().join("state.bin");
+    let bytes = std::fs::read(&path).unwrap();
+    let body = &bytes[..bytes.len() - 4];
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let (mut refused, mut resumed) = (0, 0);
+    for trial in 0..64 {
+        let mut made_up = body.to_vec();
+        // What is not the replay buffer or a network comes first, or between them.
+        let end = if trial % 2 == 0 { 3000 } else { made_up.len() };
+        for _ in 0..=trial % 4 {
+            let at = rng.random_range(0..end);
+            made_up[at] = rng.random();
+        }
+        if trial % 16 == 0 {
+            made_up.truncate(end / 2);
+        }
+        let checksum = crc32c::crc32c(&made_up).to_le_bytes();
+        std::fs::write(&path, [&made_up[..], &checksum].concat()).unwrap();
+        match run(tiny(), folder.path(), true, &stop, |_| {}) {
+            Ok(()) => resumed += 1,
+            Err(error) => {
+                assert!(error.to_string().len() > 10, "{error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 10 && resumed > 10, "{refused} refused, {resumed} resumed");
+}
+
+#[test]
+fn a_run_whose_configuration_was_changed_to_other_lanes_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    run(TrainConfig { total_updates: 4, ..tiny() }, folder.path(), false, &AtomicBool::new(false), |_| {}).unwrap();
+    let path = folder.path().join("config.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("\"npcs_per_world\": 4", "\"npcs_per_world\": 5")).unwrap();
+    let refusal = run(tiny(), folder.path(), true, &AtomicBool::new(true), |_| {}).unwrap_err();
+    assert!(refusal.to_string().contains("other lanes"), "{refusal}");
 }

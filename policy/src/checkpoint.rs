@@ -14,6 +14,8 @@ use std::path::Path;
 
 /// Name of the weights file inside a model's folder.
 pub const WEIGHTS_FILE: &str = "weights.bpk";
+/// Where weights wait until their manifest is written.
+const NEXT_WEIGHTS_FILE: &str = "weights.next";
 
 /// A model compiled into the program.
 struct Shipped {
@@ -63,7 +65,9 @@ impl Policy {
     /// # Errors
     /// If a file is missing, damaged, or does not fit this program's network or observation.
     pub fn load(folder: &Path) -> Result<Self, CheckpointError> {
-        Self::from_bytes(Manifest::load(folder)?, &read(&folder.join(WEIGHTS_FILE))?)
+        let manifest = Manifest::load(folder)?;
+        let weights = weights(folder, &manifest)?;
+        Self::from_bytes(manifest, &weights)
     }
 
     /// Decodes a policy from the contents of a model's files.
@@ -83,15 +87,29 @@ impl Policy {
     }
 }
 
-/// Writes a model's folder. Each file is written atomically.
+/// Reads the weights that a manifest describes from its folder.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn weights(folder: &Path, manifest: &Manifest) -> Result<Vec<u8>, CheckpointError> {
+    // A program that is killed between the manifest and the weights leaves these beside the former ones.
+    match read(&folder.join(NEXT_WEIGHTS_FILE)) {
+        Ok(next) if manifest.check(&next).is_ok() => Ok(next),
+        _ => read(&folder.join(WEIGHTS_FILE)),
+    }
+}
+
+/// Writes a model's folder. Whenever the program is killed, the folder holds the former model or this one.
 ///
 /// # Errors
 /// If a file cannot be written.
 pub fn save(folder: &Path, manifest: &Manifest, weights: &[u8]) -> Result<(), CheckpointError> {
     let text = serde_json::to_vec_pretty(manifest).expect("a manifest is plain data");
     std::fs::create_dir_all(folder).map_err(|source| CheckpointError::Io { path: folder.to_owned(), source })?;
-    write_atomically(&folder.join(WEIGHTS_FILE), weights)?;
-    write_atomically(&folder.join(MANIFEST_FILE), &text)
+    let (next, path) = (folder.join(NEXT_WEIGHTS_FILE), folder.join(WEIGHTS_FILE));
+    write_atomically(&next, weights)?;
+    write_atomically(&folder.join(MANIFEST_FILE), &text)?;
+    std::fs::rename(&next, &path).map_err(|source| CheckpointError::Io { path, source })
 }
 
 /// Writes a file atomically: writes `bytes` beside `path`, then renames, so that readers never see a partial file.

@@ -56,6 +56,8 @@ impl Text {
 pub struct ProcessFigures {
     /// Worlds that panicked since the start.
     pub failed_worlds: u64,
+    /// Times that a world could not be saved since the start.
+    pub failed_saves: u64,
     /// Memory in use for maps and environments.
     pub memory_bytes: u64,
 }
@@ -70,6 +72,8 @@ pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad], process: ProcessF
     text.family("worlds", "gauge", "Running worlds.", [(String::new(), worlds.len() as f64)]);
     let failed = process.failed_worlds as f64;
     text.family("worlds_failed_total", "counter", "Worlds that panicked.", [(String::new(), failed)]);
+    let failed = process.failed_saves as f64;
+    text.family("saves_failed_total", "counter", "Times that a world could not be saved.", [(String::new(), failed)]);
     let memory = process.memory_bytes as f64;
     text.family("memory_budget_bytes", "gauge", "Memory in use for maps and environments.", [(String::new(), memory)]);
     let by_state = worlds.iter().flat_map(|world| {

@@ -135,6 +135,8 @@ struct Shared {
     state: OnceLock<StateFolder>,
     /// Worlds that panicked.
     failed_count: AtomicU64,
+    /// Times that a world could not be saved.
+    failed_save_count: AtomicU64,
     shutdown: Shutdown,
 }
 
@@ -160,6 +162,7 @@ impl Worlds {
             saving: tokio::sync::Mutex::default(),
             state: OnceLock::new(),
             failed_count: AtomicU64::new(0),
+            failed_save_count: AtomicU64::new(0),
             shutdown,
         };
         Self { shared: Arc::new(shared) }
@@ -348,6 +351,7 @@ impl Worlds {
         }
         let process = ProcessFigures {
             failed_worlds: self.shared.failed_count.load(Ordering::Relaxed),
+            failed_saves: self.shared.failed_save_count.load(Ordering::Relaxed),
             memory_bytes: self.shared.maps.memory().used_bytes(),
         };
         metrics::render(&worlds, &self.shared.registry.load(), process)
@@ -577,6 +581,7 @@ impl Worlds {
                 Ok(Some(Ok(Ok(())) | Err(_))) => {}
                 Ok(Some(Ok(Err(error)))) => {
                     warn!(%error, "a world is not saved");
+                    self.shared.failed_save_count.fetch_add(1, Ordering::Relaxed);
                     first_error.get_or_insert(error);
                 }
                 Err(_) => {

@@ -65,6 +65,21 @@ struct ArenaState {
     failures: Vec<(Vec3, Vec3)>,
 }
 
+impl ArenaState {
+    /// The arena and its world; `None` if this cannot be their state.
+    fn restore(self, config: &CollectorConfig) -> Option<(Arena, World)> {
+        let (mut arena, mut world) = Arena::new(self.seed, config);
+        let is_whole = self.world.fits(1, world.map().placed().zip_lines.len())
+            && self.world.slots().eq((0..config.npcs_per_world as u32).map(NpcSlot))
+            && self.failures.iter().flat_map(|(start, goal)| [start, goal]).all(|place| place.is_finite());
+        is_whole.then(|| {
+            world.restore(self.world);
+            arena.failures = self.failures;
+            (arena, world)
+        })
+    }
+}
+
 /// A collector's state as plain data.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CollectorState {
@@ -329,19 +344,23 @@ impl Collector {
         }
     }
 
-    /// Restores a collector from saved state.
-    pub fn restore(config: CollectorConfig, state: CollectorState) -> Self {
-        let restored = state.worlds.into_iter().map(|ArenaState { seed, world: saved, failures }| {
-            let (mut arena, mut world) = Arena::new(seed, &config);
-            world.restore(saved);
-            arena.failures = failures;
-            (arena, world)
-        });
-        let (arenas, worlds) = restored.unzip();
+    /// Restores a collector from saved state; `None` if it cannot be the state of a collector with `config` whose NPCs have hidden
+    /// states of `hidden_len` values.
+    pub fn restore(config: CollectorConfig, hidden_len: usize, state: CollectorState) -> Option<Self> {
         let lanes = lanes_of(&config);
-        let mut decisions = DecisionLoop::with_hidden_len(state.memory.len() / lanes.len());
+        let lens = [state.starts.len(), state.boundaries.len(), state.is_fresh.len()];
+        let is_whole = lens.into_iter().all(|len| len == lanes.len())
+            && state.memory.len() == lanes.len() * hidden_len
+            && state.worlds.len() == config.world_count
+            && state.starts.iter().flatten().all(|start| start.is_finite());
+        if !is_whole {
+            return None;
+        }
+        let restored = state.worlds.into_iter().map(|state| state.restore(&config)).collect::<Option<Vec<_>>>()?;
+        let (arenas, worlds) = restored.into_iter().unzip();
+        let mut decisions = DecisionLoop::with_hidden_len(hidden_len);
         decisions.set_hidden(state.memory);
-        Self {
+        Some(Self {
             arenas,
             worlds,
             lanes,
@@ -354,6 +373,6 @@ impl Collector {
             total_decisions: state.total_decisions,
             stats: state.stats,
             config,
-        }
+        })
     }
 }

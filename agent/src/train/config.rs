@@ -113,7 +113,7 @@ impl Default for TrainConfig {
             mirror: true,
             replay_capacity: 1_000_000,
             validate_every: 400,
-            checkpoint_every: 1500,
+            checkpoint_every: 500,
             validation_goals: 100,
             validation_seeds: vec![1000, 1001, 1002, 1003],
             stop_after: NonZeroU64::new(24_000),
@@ -157,6 +157,11 @@ impl TrainConfig {
             self.validation_goals *= 4;
         }
         self.collector.map_seeds = map_seeds;
+    }
+
+    /// Number of values of an NPC's hidden and cell state.
+    pub(super) fn hidden_len(&self) -> usize {
+        2 * self.sac.network.memory_len()
     }
 
     /// Checks the configuration.

@@ -18,7 +18,7 @@ use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use surefoot_policy::actor::gaussian;
-use surefoot_policy::checkpoint::{WEIGHTS_FILE, load_module, module_bytes};
+use surefoot_policy::checkpoint::{self, load_module, module_bytes};
 use surefoot_policy::network::Encoding;
 use surefoot_policy::state::HiddenState;
 use surefoot_policy::{Actor, CheckpointError, Manifest};
@@ -105,12 +105,10 @@ impl Learner {
     /// If the model cannot be read or does not fit the configured networks.
     pub fn start_from(&mut self, folder: &Path) -> Result<(), CheckpointError> {
         let manifest = Manifest::load(folder)?;
-        let read = |file: &str| {
-            let path = folder.join(file);
-            std::fs::read(&path).map_err(|source| CheckpointError::Io { path, source })
-        };
-        let (weights, critics) = (read(WEIGHTS_FILE)?, read(CRITICS_FILE)?);
+        let weights = checkpoint::weights(folder, &manifest)?;
         manifest.check(&weights)?;
+        let path = folder.join(CRITICS_FILE);
+        let critics = std::fs::read(&path).map_err(|source| CheckpointError::Io { path, source })?;
         let mut actor = load_module(Actor::new(&manifest.actor, &self.device, &mut self.rng), &weights)?;
         let mut critic = load_module(Critics::new(&manifest.actor, &self.device, &mut self.rng), &critics)?;
         if let (None, Some(size)) = (manifest.actor.memory, self.config.network.memory) {

@@ -148,6 +148,16 @@ impl Replay {
         Self { lane_count, step_capacity, steps_written: 0, rows: Vec::new(), memories: Vec::new() }
     }
 
+    /// Whether this can be the buffer of `lane_count` lanes for about `capacity` rows, with hidden states of `hidden_len` values.
+    pub fn fits(&self, lane_count: usize, capacity: usize, hidden_len: usize) -> bool {
+        let empty = Self::new(lane_count, capacity);
+        let steps = self.steps_written.min(empty.step_capacity as u64) as usize;
+        self.lane_count == lane_count
+            && self.step_capacity == empty.step_capacity
+            && self.rows.len() == steps * lane_count
+            && self.memories.len() == steps.div_ceil(MEMORY_STRIDE as usize) * lane_count * hidden_len
+    }
+
     /// Number of rows stored.
     pub fn len(&self) -> usize {
         self.rows.len()

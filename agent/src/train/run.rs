@@ -58,8 +58,7 @@ impl Run {
             rng.set_stream(number);
             rng
         };
-        let hidden_len = 2 * config.sac.network.memory_len();
-        let collector = Collector::new(config.collector.clone(), hidden_len, stream(10));
+        let collector = Collector::new(config.collector.clone(), config.hidden_len(), stream(10));
         let replay = Replay::new(collector.lane_count(), config.replay_capacity);
         let mut learner = Learner::on(config.processor.device()?, config.sac.clone(), stream(11));
         if let Some(folder) = &config.start_from {

@@ -63,9 +63,9 @@ impl Run {
             "validation": validation,
         });
         let manifest = Manifest::new(&self.config.name, self.config.sac.network, &weights, training);
-        checkpoint::save(folder, &manifest, &weights)?;
+        std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
         write_atomically(&folder.join(CRITICS_FILE), &module_bytes(self.learner.critics())?)?;
-        Ok(())
+        Ok(checkpoint::save(folder, &manifest, &weights)?)
     }
 
     /// Loads the run in `folder`.
@@ -76,6 +76,11 @@ impl Run {
         let (path, bytes) = read(folder.join(CONFIG_FILE))?;
         let config: TrainConfig =
             serde_json::from_slice(&bytes).map_err(|error| TrainError::Damaged { path, reason: error.to_string() })?;
+        config.validate()?;
+        if !folder.join(STATE_FILE).exists() {
+            // It was killed before its first checkpoint.
+            return Self::new(config);
+        }
         let (path, bytes) = read(folder.join(STATE_FILE))?;
         let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
         let (body, crc) = bytes.split_last_chunk::<4>().ok_or_else(|| damaged("too short"))?;
@@ -83,8 +88,15 @@ impl Run {
             return Err(damaged("its checksum does not match"));
         }
         let state: RunState = postcard::from_bytes(body).map_err(|error| damaged(&error.to_string()))?;
+        let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
+        let hidden_len = config.hidden_len();
+        let collector =
+            Collector::restore(config.collector.clone(), hidden_len, state.collector).ok_or_else(foreign)?;
+        if !state.replay.fits(collector.lane_count(), config.replay_capacity, hidden_len) {
+            return Err(foreign());
+        }
         Ok(Self {
-            collector: Collector::restore(config.collector.clone(), state.collector),
+            collector,
             learner: Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?,
             replay: state.replay,
             rounds: state.rounds,

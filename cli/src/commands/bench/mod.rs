@@ -1,5 +1,6 @@
 //! `surefoot bench`: speed measurements on this machine, as one JSON document.
 
+mod floods;
 mod learn;
 mod plan;
 #[cfg(feature = "reference")]
@@ -15,14 +16,14 @@ use std::time::Instant;
 /// Measure speed.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3"
+    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods"
 )]
 pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
-    /// soak: all services under a mixed load for long
-    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak"])]
+    /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server
+    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods"])]
     what: String,
-    /// serve, soak: Number of NPCs, on 8 worlds; default: 1024 and 256
+    /// serve, soak, floods: Number of NPCs, on 8 worlds; default: 1024, 256 and 256
     #[arg(long, value_name = "N")]
     npcs: Option<usize>,
     /// serve, soak: Duration of the measurement, above 0
@@ -91,6 +92,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "learn" => learn::figures()?,
         "serve" => serve::figures(args)?,
         "soak" => soak::figures(args)?,
+        "floods" => floods::figures(args)?,
         _ => plan::figures()?,
     };
     if args.json {
@@ -114,7 +116,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// Fails if a service missed a target. Speed depends on the machine, so the other benches only print.
 fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
     let missed: Vec<&str> = figures.iter().filter(|it| it.met == Some(false)).map(|it| it.name).collect();
-    if !missed.is_empty() && ["serve", "soak"].contains(&args.what.as_str()) {
+    if !missed.is_empty() && ["serve", "soak", "floods"].contains(&args.what.as_str()) {
         anyhow::bail!("targets missed: {}", missed.join(", "));
     }
     Ok(())

@@ -29,7 +29,7 @@ const WORKERS: usize = 2;
 const DEFAULT_NPCS: usize = 1024;
 /// Limits within which a number of NPCs counts as sustained: 99th percentile of the tick time in ms, share of late ticks, and
 /// share of decisions answered in time.
-const TARGET_P99_MS: f64 = 12.0;
+pub(super) const TARGET_P99_MS: f64 = 12.0;
 const TARGET_LATE_SHARE: f64 = 0.001;
 const TARGET_ON_TIME: f64 = 0.999;
 /// Numbers of NPCs that are tried in turn until one is not sustained.
