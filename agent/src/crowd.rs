@@ -29,17 +29,20 @@ pub struct Crowd {
 }
 
 impl Crowd {
-    /// Creates a realtime world on `map` and spawns `npc_count` NPCs with goals.
+    /// Creates a world and spawns `npc_count` NPCs with goals.
     ///
     /// # Errors
     /// The status of the first call that fails, or of the first NPC that cannot be spawned.
-    pub async fn start(link: impl Into<Link>, map: wire::MapSpec, npc_count: usize, seed: u64) -> Result<Self, Status> {
+    pub async fn start(
+        link: impl Into<Link>,
+        world: wire::CreateWorldRequest,
+        npc_count: usize,
+        seed: u64,
+    ) -> Result<Self, Status> {
         let mut client = WorldServiceClient::new(link.into()).max_decoding_message_size(MAX_MESSAGE_BYTES);
-        let request =
-            wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into(), ..Default::default() };
-        let created = client.create_world(request).await?.into_inner();
+        let created = client.create_world(world).await?.into_inner();
         let world = created.world.ok_or_else(|| Status::internal("the server described no world"))?;
-        let request = wire::SampleGroundRequest { world_id: world.world_id, count: GROUND_POINTS, seed };
+        let request = wire::SampleGroundRequest { world_id: world.world_id, count: GROUND_POINTS, seed, body: None };
         let points = client.sample_ground(request).await?.into_inner().points;
         let mut crowd = Self { client, world, points, rng: ChaCha8Rng::seed_from_u64(seed) };
         let spawns: Vec<wire::Spawn> = (0..npc_count).map(|_| crowd.spawn()).collect();
@@ -72,7 +75,7 @@ impl Crowd {
     }
 
     fn spawn(&mut self) -> wire::Spawn {
-        wire::Spawn { position: Some(self.point()), yaw: self.yaw(), goal: Some(self.point()) }
+        wire::Spawn { position: Some(self.point()), yaw: self.yaw(), goal: Some(self.point()), body: None }
     }
 
     /// Gives idle NPCs new goals and revives NPCs that are down, until a stream ends. Sends figures of the world to `latest`.

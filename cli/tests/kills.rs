@@ -112,8 +112,11 @@ async fn every_world_that_was_saved_is_restored_after_any_kill() {
             let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
             assert!(world_id > greatest, "no id is used again");
             greatest = world_id;
-            let points = client.sample_ground(wire::SampleGroundRequest { world_id, count: 2, seed: 1 }).await.unwrap();
-            let spawn = |at: &wire::Vec3| wire::Spawn { position: Some(*at), yaw: 0.0, goal: None };
+            let points = client
+                .sample_ground(wire::SampleGroundRequest { world_id, count: 2, seed: 1, body: None })
+                .await
+                .unwrap();
+            let spawn = |at: &wire::Vec3| wire::Spawn { position: Some(*at), yaw: 0.0, goal: None, body: None };
             let spawns = points.into_inner().points.iter().map(spawn).collect();
             // Saved before or after: a world without its NPCs is dropped again.
             client

@@ -100,7 +100,7 @@ impl Scene {
         let request =
             wire::CreateWorldRequest { map: Some(map), mode: wire::TimeMode::Realtime.into(), ..Default::default() };
         let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-        let request = wire::SampleGroundRequest { world_id, count: 100, seed: 3 };
+        let request = wire::SampleGroundRequest { world_id, count: 100, seed: 3, body: None };
         let points = client.sample_ground(request).await.unwrap().into_inner().points;
         for point in &points[..NPCS] {
             let request = wire::SpawnNpcRequest { world_id, position: Some(*point), ..Default::default() };

@@ -14,6 +14,7 @@ use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::{BuildError, BuildSettings, Built, GraphId};
 use surefoot_rollout::graphs;
 use surefoot_rollout::probe::ProbeContext;
+use surefoot_world::CharacterProfile;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tracing::{info, warn};
 
@@ -32,8 +33,13 @@ impl Planner {
     ///
     /// # Errors
     /// If too many builds are running or waiting.
-    pub fn start_build(&self, source: MapSource, settings: BuildSettings) -> Result<Arc<Job>, PlannerError> {
-        let (job, is_new) = self.shared.jobs.find_or_add(source, settings, self.shared.config.max_builds)?;
+    pub fn start_build(
+        &self,
+        source: MapSource,
+        body: CharacterProfile,
+        settings: BuildSettings,
+    ) -> Result<Arc<Job>, PlannerError> {
+        let (job, is_new) = self.shared.jobs.find_or_add(source, body, settings, self.shared.config.max_builds)?;
         if is_new {
             let (planner, job) = (self.clone(), job.clone());
             tokio::spawn(async move {
@@ -65,8 +71,10 @@ impl Planner {
     /// Returns the graph of a job if it is in memory and may be used for plans, and marks it as used.
     fn find_ready(&self, job: &Job) -> Option<Arc<Hosted>> {
         let source = job.source.key();
-        let is_same =
-            |hosted: &Arc<Hosted>| hosted.origin.settings == job.settings && hosted.origin.source.key() == source;
+        let is_same = |hosted: &Arc<Hosted>| {
+            let Origin { settings, body, source: of, .. } = &hosted.origin;
+            *settings == job.settings && *body == job.body && of.key() == source
+        };
         let found = self.all_ready().into_iter().find(is_same).filter(|hosted| hosted.check_layers().is_ok())?;
         self.note_use(&found.origin.id);
         Some(found)
@@ -168,11 +176,12 @@ impl<'a> Wanted<'a> {
         let map = job.source.map();
         let (map_hash, extent) = (map.hash().to_hex(), map.extent());
         let policy = planner.shared.policy.clone();
-        let context = ProbeContext::new(map, policy.clone());
+        let context = ProbeContext { map, profile: job.body.clone(), policy: policy.clone() };
         let id = graphs::id_of(&context, &job.settings);
         let origin = Origin {
             id,
             source: job.source.clone(),
+            body: job.body.clone(),
             settings: job.settings,
             map_hash,
             extent,

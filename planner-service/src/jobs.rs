@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::MapSource;
 use surefoot_planner::{BuildError, BuildSettings, GraphId, Progress};
+use surefoot_world::CharacterProfile;
 use tokio::sync::watch;
 
 /// Time for which a build is listed after it has ended.
@@ -88,6 +89,8 @@ pub struct Job {
     pub id: BuildId,
     /// Source of the map.
     pub source: MapSource,
+    /// Body of the NPCs.
+    pub body: CharacterProfile,
     /// Settings of the build.
     pub settings: BuildSettings,
     /// When the build was requested.
@@ -172,7 +175,7 @@ impl Job {
     }
 
     fn key(&self) -> String {
-        format!("{} {:?}", self.source.key(), self.settings)
+        format!("{} {:?} {:?}", self.source.key(), self.body, self.settings)
     }
 }
 
@@ -191,6 +194,7 @@ impl Jobs {
     pub(crate) fn find_or_add(
         &self,
         source: MapSource,
+        body: CharacterProfile,
         settings: BuildSettings,
         limit: usize,
     ) -> Result<(Arc<Job>, bool), PlannerError> {
@@ -202,6 +206,7 @@ impl Jobs {
         let job = Job {
             id: BuildId((since.as_micros() as u64).max(last + 1)),
             source,
+            body,
             settings,
             started,
             progress: Arc::default(),

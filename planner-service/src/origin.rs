@@ -1,10 +1,10 @@
-//! Where a graph comes from: its map, settings and policy, and the level that its layers belong to.
+//! Where a graph comes from: its map, body, settings and policy, and the level that its layers belong to.
 
 use surefoot_net::levels::MapSource;
 use surefoot_planner::store::LevelId;
 use surefoot_planner::{BuildSettings, GraphId, NavGraph, Router};
 use surefoot_policy::Policy;
-use surefoot_world::Vec3;
+use surefoot_world::{CharacterProfile, Vec3};
 
 /// Distance from the map within which starts and goals may lie, m: characters fall and fly out of it.
 pub const MARGIN_M: f32 = 50.0;
@@ -16,6 +16,8 @@ pub struct Origin {
     pub id: GraphId,
     /// Source of the map.
     pub source: MapSource,
+    /// Body of the NPCs.
+    pub body: CharacterProfile,
     /// Settings of the build.
     pub settings: BuildSettings,
     /// Content hash of the map, 64 hexadecimal digits.

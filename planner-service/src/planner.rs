@@ -324,6 +324,6 @@ impl Planner {
         };
         *kept = Some(map.clone());
         drop(kept);
-        Ok(ProbeContext::new(map, self.shared.policy.clone()))
+        Ok(ProbeContext { map, profile: hosted.origin.body.clone(), policy: self.shared.policy.clone() })
     }
 }

@@ -44,8 +44,9 @@ struct LazyTerrain<'a> {
 impl LazyTerrain<'_> {
     fn terrain(&self) -> &MapTerrain {
         self.terrain.get_or_init(|| {
-            let Origin { source, policy, settings, thread_count, .. } = self.origin;
-            let terrain = graphs::terrain(&ProbeContext::new(source.map(), policy.clone()), *settings, *thread_count);
+            let Origin { source, body, policy, settings, thread_count, .. } = self.origin;
+            let context = ProbeContext { map: source.map(), profile: body.clone(), policy: policy.clone() };
+            let terrain = graphs::terrain(&context, *settings, *thread_count);
             MapTerrain { progress: self.progress.clone(), ..terrain }
         })
     }

@@ -210,6 +210,7 @@ pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
         level,
         settings: Some(settings_to_wire(&hosted.origin.settings)),
         summary: Some(summary_to_wire(&hosted.figures())),
+        body: Some(convert::body_to_wire(&hosted.origin.body)),
     }
 }
 
@@ -245,6 +246,7 @@ pub fn build_to_wire(job: &Job, stage: Stage) -> wire::Build {
         level,
         settings: Some(settings_to_wire(&job.settings)),
         start_time: Some(job.started.into()),
+        body: Some(convert::body_to_wire(&job.body)),
     }
 }
 

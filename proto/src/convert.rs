@@ -2,8 +2,10 @@
 
 use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
+use surefoot_world::character::bodies::{BODIES, NamedBody};
+use surefoot_world::character::{ProfileError, RawCharacterProfile};
 use surefoot_world::map::{Features, MapKind, MapSize};
-use surefoot_world::{Ability, End, MapSpec, RawMapSpec, SpecError, Vec3};
+use surefoot_world::{Ability, CharacterProfile, End, MapSpec, RawMapSpec, SpecError, Vec3};
 use tonic_types::{ErrorDetails, StatusExt};
 
 /// Why a field of a message is invalid.
@@ -18,6 +20,15 @@ pub enum FieldError {
     /// A number of the map spec is out of range.
     #[error("map.{0}")]
     Spec(#[from] SpecError),
+    /// A number of a body is out of range.
+    #[error("{0}")]
+    Body(#[from] ProfileError),
+    /// No body has this name.
+    #[error("body.preset is \"{found}\"; there are {names}", names = BODIES.map(|body| body.name).join(", "))]
+    UnknownBody {
+        /// The name.
+        found: String,
+    },
     /// A number is out of range.
     #[error("{field} is {value}; it must be between {min} and {max}")]
     Range {
@@ -68,6 +79,8 @@ impl FieldError {
         match self {
             FieldError::Missing(field) | FieldError::NotFinite(field) => (*field).to_owned(),
             FieldError::Spec(SpecError { field, .. }) => format!("map.{field}"),
+            FieldError::Body(ProfileError { field, .. }) => format!("body.{field}"),
+            FieldError::UnknownBody { .. } => "body.preset".to_owned(),
             FieldError::Range { field, .. }
             | FieldError::Count { field, .. }
             | FieldError::Unknown { field, .. }
@@ -136,6 +149,73 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
         Err(_) => return Err(FieldError::Unknown { field: "map.kind", value: value.kind }),
     };
     Ok(spec.try_into()?)
+}
+
+/// Converts a body from the wire; absent means the default body, absent fields those of its preset.
+///
+/// # Errors
+/// If there is no such preset, or a number is out of range.
+pub fn body(value: Option<&wire::Body>) -> Result<CharacterProfile, FieldError> {
+    let Some(value) = value else { return Ok(CharacterProfile::default()) };
+    let preset = match value.preset.as_str() {
+        "" => CharacterProfile::default(),
+        name => NamedBody::find(name).ok_or_else(|| FieldError::UnknownBody { found: name.to_owned() })?.profile(),
+    };
+    let count = |value: Option<u32>, default: u8, field| {
+        let value = value.map(|value| in_range(f64::from(value), 0.0, f64::from(u8::MAX), field)).transpose()?;
+        Ok::<u8, FieldError>(value.map_or(default, |value| value as u8))
+    };
+    let extra_jumps = count(value.extra_jumps, preset.extra_jumps, "body.extra_jumps")?;
+    let coyote_ticks = count(value.coyote_ticks, preset.coyote_ticks, "body.coyote_ticks")?;
+    let changed = preset.with(|it| {
+        *it = RawCharacterProfile {
+            height: value.height.unwrap_or(it.height),
+            radius: value.radius.unwrap_or(it.radius),
+            forward_speed: value.forward_speed.unwrap_or(it.forward_speed),
+            side_speed_share: value.side_speed_share.unwrap_or(it.side_speed_share),
+            turn_speed: value.turn_speed.unwrap_or(it.turn_speed),
+            jump_speed: value.jump_speed.unwrap_or(it.jump_speed),
+            gravity: value.gravity.unwrap_or(it.gravity),
+            extra_jumps,
+            max_slope: value.max_slope.unwrap_or(it.max_slope),
+            step_height: value.step_height.unwrap_or(it.step_height),
+            ground_acceleration: value.ground_acceleration.unwrap_or(it.ground_acceleration),
+            air_acceleration: value.air_acceleration.unwrap_or(it.air_acceleration),
+            coyote_ticks,
+            uses_zip_lines: value.uses_zip_lines.unwrap_or(it.uses_zip_lines),
+            zip_line_speed: value.zip_line_speed.unwrap_or(it.zip_line_speed),
+            uses_jetpacks: value.uses_jetpacks.unwrap_or(it.uses_jetpacks),
+            jetpack_acceleration: value.jetpack_acceleration.unwrap_or(it.jetpack_acceleration),
+            jetpack_climb_speed: value.jetpack_climb_speed.unwrap_or(it.jetpack_climb_speed),
+        }
+    });
+    Ok(changed?)
+}
+
+/// Converts a body to the wire, with all of its numbers, and with the preset that it equals, if there is one.
+pub fn body_to_wire(body: &CharacterProfile) -> wire::Body {
+    let preset = BODIES.iter().find(|preset| preset.profile() == *body);
+    wire::Body {
+        preset: preset.map_or_else(String::new, |preset| preset.name.to_owned()),
+        height: Some(body.height),
+        radius: Some(body.radius),
+        forward_speed: Some(body.forward_speed),
+        side_speed_share: Some(body.side_speed_share),
+        turn_speed: Some(body.turn_speed),
+        jump_speed: Some(body.jump_speed),
+        gravity: Some(body.gravity),
+        extra_jumps: Some(body.extra_jumps.into()),
+        max_slope: Some(body.max_slope),
+        step_height: Some(body.step_height),
+        ground_acceleration: Some(body.ground_acceleration),
+        air_acceleration: Some(body.air_acceleration),
+        coyote_ticks: Some(body.coyote_ticks.into()),
+        uses_zip_lines: Some(body.uses_zip_lines),
+        zip_line_speed: Some(body.zip_line_speed),
+        uses_jetpacks: Some(body.uses_jetpacks),
+        jetpack_acceleration: Some(body.jetpack_acceleration),
+        jetpack_climb_speed: Some(body.jetpack_climb_speed),
+    }
 }
 
 /// Converts the extent of a map to the wire.

@@ -58,6 +58,7 @@ reasons! {
     ObservationMismatch "OBSERVATION_MISMATCH" FailedPrecondition "The worker expects another layout of observations.",
     TooManyWorlds "TOO_MANY_WORLDS" ResourceExhausted "The server or this client has as many worlds as allowed.",
     TooManyNpcs "TOO_MANY_NPCS" ResourceExhausted "The world or this client has as many NPCs as allowed.",
+    TooManyBodies "TOO_MANY_BODIES" ResourceExhausted "The world has NPCs of as many bodies as allowed.",
     TooManyEnvs "TOO_MANY_ENVS" ResourceExhausted "The server has as many environments as allowed.",
     OutOfMemory "OUT_OF_MEMORY" ResourceExhausted "The service's memory budget does not hold this as well; the message says how much is used by whom.",
     TooManyMaps "TOO_MANY_MAPS" ResourceExhausted "All kept maps are in use.",

@@ -41,12 +41,17 @@ pub struct Ended {
 }
 
 impl Env {
-    /// Spawns `npc_count` NPCs on `map`, with goals at distances in `band`, m.
+    /// Spawns `npc_count` NPCs with the body `profile` on `map`, with goals at distances in `band`, m.
     ///
     /// # Errors
     /// If no place to stand is found on the map.
-    pub fn new(map: Arc<Map>, npc_count: usize, band: (f32, f32), seed: u64) -> Result<Self, NoGround> {
-        let profile = CharacterProfile::default();
+    pub fn new(
+        map: Arc<Map>,
+        profile: CharacterProfile,
+        npc_count: usize,
+        band: (f32, f32),
+        seed: u64,
+    ) -> Result<Self, NoGround> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut scratch = MoveScratch::default();
         let places = (0..PLACES).map(|_| navigable::sample(&map, &profile, &mut rng, &mut scratch));

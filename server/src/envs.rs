@@ -8,7 +8,7 @@ use surefoot_net::memory::{MemoryError, Reservation};
 use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env};
 use surefoot_world::navigable::NoGround;
-use surefoot_world::{Action, MapSpec, Seed};
+use surefoot_world::{Action, CharacterProfile, Seed};
 
 /// An environment that was unused for this long is removed when another is created.
 const IDLE_LIMIT: Duration = Duration::from_secs(600);
@@ -59,10 +59,12 @@ impl std::fmt::Display for EnvId {
 }
 
 /// Settings of a new environment.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct EnvSettings {
-    /// Spec of the map.
-    pub spec: MapSpec,
+    /// Source of the map.
+    pub source: MapSource,
+    /// Body of the NPCs.
+    pub body: CharacterProfile,
     /// Number of NPCs.
     pub npc_count: usize,
     /// Least and greatest distance of goals, m.
@@ -151,11 +153,11 @@ impl Envs {
     /// If there are too many, or its map cannot be made.
     pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
         let reserved = self.reserve()?;
-        let EnvSettings { spec, npc_count, goal_band, seed } = settings;
+        let EnvSettings { source, body, npc_count, goal_band, seed } = settings;
         let memory = self.maps.memory().reserve(&caller.name, npc_count as u64 * NPC_BYTES)?;
-        let shared = self.maps.get(&caller.name, &MapSource::Spec(spec)).await?;
+        let shared = self.maps.get(&caller.name, &source).await?;
         let map = shared.map().clone();
-        let env = tokio::task::spawn_blocking(move || Env::new(map, npc_count, goal_band, seed.0)).await??;
+        let env = tokio::task::spawn_blocking(move || Env::new(map, body, npc_count, goal_band, seed.0)).await??;
         let observations = env.observations().to_vec();
         let kept = Kept {
             env: Mutex::new(env),

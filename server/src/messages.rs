@@ -3,7 +3,7 @@
 use crate::hosted::{NpcPlan, TimeMode};
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
-use surefoot_world::{Action, End, MapHash, MapSpec, Tick, Vec3};
+use surefoot_world::{Action, CharacterProfile, End, MapHash, MapSpec, ProfileIdx, Tick, Vec3};
 
 /// A message to a worker.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +37,8 @@ pub struct Assignment {
     pub mode: TimeMode,
     /// The assigned NPCs.
     pub npcs: Vec<NpcId>,
+    /// Index of their body among those of the world, and the body.
+    pub body: (ProfileIdx, CharacterProfile),
 }
 
 /// An attempt that ended.
@@ -71,14 +73,17 @@ pub struct ObservationBatch {
     pub waypoint_reached: Vec<bool>,
     /// Whether each NPC stands on walkable ground.
     pub grounded: Vec<bool>,
-    /// Whole state of each NPC, see [`Npc::to_bytes`](surefoot_world::Npc::to_bytes).
+    /// Whole state of each NPC, see [`Npc::to_bytes`](surefoot_world::Npc::to_bytes), as that of an NPC of a world's first profile.
     pub states: Vec<Vec<u8>>,
+    /// Index of their body among those of the world.
+    pub body: ProfileIdx,
 }
 
 impl ObservationBatch {
     /// An empty batch.
-    pub fn new(world: WorldId, tick: Tick) -> Self {
+    pub fn new(world: WorldId, tick: Tick, body: ProfileIdx) -> Self {
         Self {
+            body,
             world,
             tick,
             npcs: Vec::new(),

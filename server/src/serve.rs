@@ -70,6 +70,7 @@ fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBu
     let limits = endpoint.limits();
     let envs = EnvApi {
         envs: Envs::new(worlds.config().max_envs, worlds.maps().clone()),
+        levels: worlds.levels().clone(),
         shutdown: shutdown.clone(),
         created: AnswerCache::default(),
     };

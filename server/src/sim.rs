@@ -222,7 +222,7 @@ mod tests {
         let (failed, has_failed) = oneshot::channel();
         let sim = SimHandle::start("test".to_owned(), world, 0.0, || _ = failed.send(())).unwrap();
         let ticket = Quota::new(8, "NPCs").grant("test");
-        let order = SpawnOrder { position: Vec3::new(25.0, 40.0, 25.0), yaw: 0.0, goal: None };
+        let order = SpawnOrder { position: Vec3::new(25.0, 40.0, 25.0), yaw: 0.0, goal: None, body: None };
         sim.call(move |state| state.world.spawn_to(order, 8, ticket)).await.unwrap().unwrap();
         assert_eq!(registry.load()[0].npc_count, 1);
         let panicked = sim.call(|_| -> () { panic!("a test's panic") }).await;

@@ -10,6 +10,7 @@ use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToW
 use crate::view::{Region, Shown};
 use crate::worlds::WorldSummary;
 use std::collections::BTreeSet;
+use surefoot_net::levels::MapSource;
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::reason::Reason;
@@ -159,19 +160,20 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity })
 }
 
-/// Reads the settings of a new environment.
+/// Reads the settings of a new environment on the map of `source`.
 ///
 /// # Errors
 /// If a number is out of range.
-pub fn env_settings(request: &wire::CreateEnvRequest) -> Result<EnvSettings, FieldError> {
-    let spec = convert::map_spec(request.map.as_ref())?;
+pub fn env_settings(request: &wire::CreateEnvRequest, source: MapSource) -> Result<EnvSettings, FieldError> {
+    let body = convert::body(request.body.as_ref())?;
     let npc_count = convert::in_range(f64::from(request.npc_count), 1.0, MAX_ENV_NPCS, "npc_count")? as usize;
     let nearest = convert::in_range(f64::from(request.goal_min_m), 0.0, MAX_GOAL_M, "goal_min_m")?;
     let farthest = match request.goal_max_m {
         0.0 => MAX_GOAL_M,
         farthest => convert::in_range(f64::from(farthest), nearest, MAX_GOAL_M, "goal_max_m")?,
     };
-    Ok(EnvSettings { spec, npc_count, goal_band: (nearest as f32, farthest as f32), seed: Seed(request.seed) })
+    let goal_band = (nearest as f32, farthest as f32);
+    Ok(EnvSettings { source, body, npc_count, goal_band, seed: Seed(request.seed) })
 }
 
 /// Reads the actions of an environment's NPCs.
@@ -203,6 +205,7 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
         mode: time_mode_to_wire(world.mode).into(),
         npc_count: world.npc_count as u32,
         tick: world.tick.0,
+        bodies: world.bodies.iter().map(convert::body_to_wire).collect(),
     }
 }
 
@@ -223,6 +226,7 @@ pub fn npc_to_wire(npc: &NpcState) -> wire::Npc {
         support: support_to_wire(npc.support).into(),
         ability: convert::ability_to_wire(npc.ability).into(),
         cause: convert::outcome(npc.cause).into(),
+        body_idx: npc.body.0.into(),
     }
 }
 
@@ -425,6 +429,8 @@ fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
         npc_ids: npc_ids(&assignment.npcs),
         mode: time_mode_to_wire(assignment.mode).into(),
         map_hash: assignment.map_hash.to_hex(),
+        body: Some(convert::body_to_wire(&assignment.body.1)),
+        body_idx: assignment.body.0.0.into(),
     }
 }
 
@@ -442,6 +448,7 @@ fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
         grounded: batch.grounded,
         states: batch.states,
         state_version: NPC_STATE_VERSION,
+        body_idx: batch.body.0.into(),
     }
 }
 

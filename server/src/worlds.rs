@@ -16,7 +16,7 @@ use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::{Caller, Shutdown};
-use surefoot_world::{Map, Seed, Tick, Vec3};
+use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -79,6 +79,8 @@ pub struct WorldHandle {
     pub map: Arc<Map>,
     /// How the world's time passes.
     pub mode: TimeMode,
+    /// Usual body of its NPCs.
+    pub body: CharacterProfile,
     /// The world's place in its client's quota.
     ticket: Arc<Ticket>,
     /// What the map takes of the memory budget.
@@ -109,6 +111,8 @@ pub struct WorldSummary {
     pub npc_count: usize,
     /// Number of ticks stepped.
     pub tick: Tick,
+    /// Bodies that its NPCs have or had, the usual one first.
+    pub bodies: Vec<CharacterProfile>,
 }
 
 /// All worlds; clones share them.
@@ -199,6 +203,7 @@ impl Worlds {
         caller: &Caller,
         source: MapSource,
         mode: TimeMode,
+        body: CharacterProfile,
     ) -> Result<WorldSummary, WorldsError> {
         let limit = self.shared.config.max_worlds;
         if self.shared.worlds.read().expect(POISON).len() >= limit {
@@ -208,7 +213,7 @@ impl Worlds {
         let map = self.shared.maps.get(&caller.name, &source).await?;
         let id = self.next_id().await;
         let map_hash = map.map().hash();
-        let world = HostedWorld::new(id, map.map().clone(), mode, self.shared.registry.clone());
+        let world = HostedWorld::new(id, map.map().clone(), mode, self.shared.registry.clone()).with_bodies(vec![body]);
         self.start(id, world, map, ticket)?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
         self.describe(caller, id).await
@@ -238,7 +243,7 @@ impl Worlds {
     /// Starts a world's thread and lists it.
     fn start(&self, id: WorldId, world: HostedWorld, map: Arc<SharedMap>, ticket: Ticket) -> Result<(), WorldsError> {
         let limit = self.shared.config.max_worlds;
-        let mode = world.mode();
+        let (mode, body) = (world.mode(), world.bodies()[0].clone());
         let mut worlds = self.shared.worlds.write().expect(POISON);
         if worlds.len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
@@ -261,6 +266,7 @@ impl Worlds {
                 map: map.map().clone(),
                 _memory: map,
                 mode,
+                body,
                 ticket: Arc::new(ticket),
                 is_dropped: Arc::default(),
             },
@@ -292,8 +298,9 @@ impl Worlds {
     /// If there is none of that id, or its thread does not answer.
     pub async fn describe(&self, caller: &Caller, id: WorldId) -> Result<WorldSummary, WorldsError> {
         let WorldHandle { sim, map, mode, .. } = self.handle_for(caller, id)?;
-        let (npc_count, tick) = sim.call(|state| (state.world.npc_count(), state.world.tick())).await?;
-        Ok(WorldSummary { id, map, mode, npc_count, tick })
+        let (npc_count, tick, bodies) =
+            sim.call(|SimState { world, .. }| (world.npc_count(), world.tick(), world.bodies().to_vec())).await?;
+        Ok(WorldSummary { id, map, mode, npc_count, tick, bodies })
     }
 
     /// Returns the ids of all worlds in ascending order.
@@ -460,9 +467,16 @@ impl Worlds {
     ///
     /// # Errors
     /// If there is no such world, or its map has no navigable ground.
-    pub async fn sample_ground(&self, world: WorldId, count: usize, seed: Seed) -> Result<Vec<Vec3>, WorldsError> {
-        let map = self.handle(world)?.map;
-        Ok(in_background("sampling", move || HostedWorld::sample_ground(&map, count, seed)).await??)
+    pub async fn sample_ground(
+        &self,
+        world: WorldId,
+        body: Option<CharacterProfile>,
+        count: usize,
+        seed: Seed,
+    ) -> Result<Vec<Vec3>, WorldsError> {
+        let WorldHandle { map, body: usual, .. } = self.handle(world)?;
+        let body = body.unwrap_or(usual);
+        Ok(in_background("sampling", move || HostedWorld::sample_ground(&map, &body, count, seed)).await??)
     }
 
     // --- workers ---

@@ -98,6 +98,7 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         grounded: vec![true],
         states: vec![vec![0; 64]],
         state_version: 1,
+        body_idx: 0,
     };
     let hello = wire::Hello {
         name: "worker".to_owned(),

@@ -205,7 +205,7 @@ pub async fn create_world(client: &mut WorldServiceClient<Channel>, seed: u64, m
 
 /// Random points on the ground of a world.
 pub async fn ground(client: &mut WorldServiceClient<Channel>, world_id: u64, count: u32) -> Vec<world::Vec3> {
-    let request = world::SampleGroundRequest { world_id, count, seed: 1 };
+    let request = world::SampleGroundRequest { world_id, count, seed: 1, body: None };
     client.sample_ground(request).await.expect("ground").into_inner().points
 }
 

@@ -46,7 +46,7 @@ async fn the_world_server_refuses_what_it_cannot_use() {
     refused(client.create_world(create(Some(small_map(3)), 0)).await, Code::ResourceExhausted, "--max-worlds");
 
     refused(client.drop_world(wire::DropWorldRequest { world_id: 99 }).await, Code::NotFound, "world 99");
-    let sample = |world_id, count| wire::SampleGroundRequest { world_id, count, seed: 0 };
+    let sample = |world_id, count| wire::SampleGroundRequest { world_id, count, seed: 0, body: None };
     refused(client.sample_ground(sample(99, 1)).await, Code::NotFound, "world 99");
     refused(client.sample_ground(sample(world_id, 0)).await, Code::InvalidArgument, "count is 0");
     refused(client.sample_ground(sample(world_id, 1_000_000)).await, Code::InvalidArgument, "count");

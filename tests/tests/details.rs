@@ -49,7 +49,7 @@ async fn the_world_server_gives_details() {
     };
     assert_eq!(fields(&client.create_world(small).await.unwrap_err()), ["map.size.width"]);
     let world_id = create_world(&mut client, 1, wire::TimeMode::Realtime).await.world_id;
-    let many = wire::SampleGroundRequest { world_id, count: 0, seed: 0 };
+    let many = wire::SampleGroundRequest { world_id, count: 0, seed: 0, body: None };
     assert_eq!(fields(&client.sample_ground(many).await.unwrap_err()), ["count"]);
     let at = |position| wire::SpawnNpcRequest { world_id, position: Some(position), ..Default::default() };
     let outside = client.spawn_npc(at(wire::Vec3 { x: 5000.0, y: 1.0, z: 1.0 })).await.unwrap_err();

@@ -387,7 +387,7 @@ async fn drain(load: Load) {
     let map = Some(map_spec_to_wire(&MapSpec::with_side(1, 60).unwrap()));
     let world = client.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
     let world_id = world.unwrap().world_id;
-    let points = SampleGroundRequest { world_id, count: 64, seed: 1 };
+    let points = SampleGroundRequest { world_id, count: 64, seed: 1, body: None };
     let points = client.sample_ground(points).await.unwrap().into_inner().points;
     let spawn = |position| Spawn { position: Some(position), ..Default::default() };
     let spawns = points.into_iter().map(spawn).collect();

@@ -423,7 +423,8 @@ async fn worlds_npcs_environments_and_levels_belong_to_who_made_them() {
     let mut root = WorldServiceClient::new(link(&server, "root").await);
     let request = wire::CreateWorldRequest { map: Some(small_map(1)), ..Default::default() };
     let world_id = ann.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    let places = ann.sample_ground(wire::SampleGroundRequest { world_id, count: 2, seed: 1 }).await.unwrap();
+    let places =
+        ann.sample_ground(wire::SampleGroundRequest { world_id, count: 2, seed: 1, body: None }).await.unwrap();
     let place = places.into_inner().points[0];
     let spawn = wire::SpawnNpcRequest { world_id, position: Some(place), ..Default::default() };
     let npc_id = ann.spawn_npc(spawn.clone()).await.unwrap().into_inner().npc_id;
@@ -532,7 +533,8 @@ async fn a_worker_with_a_token_works_where_tokens_are_required() {
     let mut ann: WorldServiceClient<Link> = WorldServiceClient::new(link(&server, "ann").await);
     let request = wire::CreateWorldRequest { map: Some(small_map(1)), ..Default::default() };
     let world_id = ann.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    let places = ann.sample_ground(wire::SampleGroundRequest { world_id, count: 1, seed: 1 }).await.unwrap();
+    let places =
+        ann.sample_ground(wire::SampleGroundRequest { world_id, count: 1, seed: 1, body: None }).await.unwrap();
     let place = places.into_inner().points[0];
     let spawns = wire::Spawn { position: Some(place), goal: Some(place), ..Default::default() };
     let batch = wire::BatchSpawnNpcsRequest { world_id, spawns: vec![spawns], ..Default::default() };

@@ -116,6 +116,20 @@ impl World {
         self.tick
     }
 
+    /// Index of a profile, which is added if the world does not have it; `None` if it has 256 others.
+    pub fn profile_idx(&mut self, profile: &CharacterProfile) -> Option<ProfileIdx> {
+        let profiles = &mut self.config.profiles;
+        let known = profiles.iter().position(|known| known == profile);
+        let idx = u8::try_from(known.unwrap_or(profiles.len())).ok()?;
+        if known.is_none() {
+            profiles.push(profile.clone());
+            if let Some(recording) = &mut self.recording {
+                recording.profiles.push(profile.clone());
+            }
+        }
+        Some(ProfileIdx(idx))
+    }
+
     /// Adds an NPC of the first profile at rest and returns its slot; `feet` is in m, `yaw` in rad.
     pub fn spawn(&mut self, feet: Vec3, yaw: f32) -> NpcSlot {
         self.spawn_as(ProfileIdx::default(), feet, yaw)

@@ -4,6 +4,7 @@
 //! queries never wait behind them.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
+use prost::Message;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::Duration;
@@ -39,17 +40,24 @@ pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
     (revision != 0).then_some(revision)
 }
 
-/// What distinguishes the graphs of worlds: the map.
+/// What distinguishes the graphs of worlds: the map and the body.
 #[derive(Debug, Clone)]
 pub(super) struct GraphKey {
     map: Option<wire::MapSpec>,
     pub map_hash: String,
+    body: Option<wire::Body>,
 }
 
 impl GraphKey {
-    /// The key of an assignment's map.
+    /// The key of an assignment's map and body.
     pub fn of(assignment: &wire::Assignment) -> Self {
-        Self { map: assignment.map, map_hash: assignment.map_hash.clone() }
+        let wire::Assignment { map, map_hash, body, .. } = assignment.clone();
+        Self { map, map_hash, body }
+    }
+
+    /// The same for equal maps and bodies.
+    fn identity(&self) -> (String, Vec<u8>) {
+        (self.map_hash.clone(), self.body.as_ref().map(Message::encode_to_vec).unwrap_or_default())
     }
 
     /// The spec of the map; `None` if it was imported.
@@ -76,7 +84,7 @@ pub(super) struct Graphs {
     streams: Link,
     settings: planner::BuildSettings,
     policy_hash: String,
-    by_map: Mutex<BTreeMap<String, Weak<Graph>>>,
+    by_key: Mutex<BTreeMap<(String, Vec<u8>), Weak<Graph>>>,
     watched_builds: Arc<Semaphore>,
     watched_graphs: Arc<Semaphore>,
     other_policy: watch::Sender<Option<Status>>,
@@ -91,24 +99,24 @@ impl Graphs {
             streams: planner.connect_lazy(),
             settings,
             policy_hash,
-            by_map: Mutex::default(),
+            by_key: Mutex::default(),
             watched_builds: Arc::new(Semaphore::new(WATCHED_BUILDS)),
             watched_graphs: Arc::new(Semaphore::new(WATCHED_GRAPHS)),
             other_policy: watch::Sender::new(None),
         }
     }
 
-    /// The graph of a map, which is requested from the planner unless some world uses it already. An imported map is fetched from
-    /// `server`.
+    /// The graph of a map for a body, which is requested from the planner unless some world uses it already. An imported map is fetched
+    /// from `server`.
     pub fn of(&self, key: GraphKey, server: Link) -> Arc<Graph> {
-        let mut by_map = self.by_map.lock().expect(POISON);
-        by_map.retain(|_, graph| graph.strong_count() > 0);
-        if let Some(graph) = by_map.get(&key.map_hash).and_then(Weak::upgrade) {
+        let mut by_key = self.by_key.lock().expect(POISON);
+        by_key.retain(|_, graph| graph.strong_count() > 0);
+        let identity = key.identity();
+        if let Some(graph) = by_key.get(&identity).and_then(Weak::upgrade) {
             return graph;
         }
-        let map_hash = key.map_hash.clone();
         let graph = Arc::new(self.start(key, server));
-        by_map.insert(map_hash, Arc::downgrade(&graph));
+        by_key.insert(identity, Arc::downgrade(&graph));
         graph
     }
 
@@ -137,6 +145,7 @@ impl Graphs {
                 map_hash: if is_imported { key.map_hash } else { String::new() },
                 settings: Some(self.settings),
                 policy_hash: self.policy_hash.clone(),
+                body: key.body,
             },
             server_maps: maps(server),
             planner_maps: maps(self.streams.clone()),
@@ -157,7 +166,7 @@ impl Graphs {
     }
 }
 
-/// The planner's graph of one map.
+/// The planner's graph of one map for one body.
 pub(super) struct Graph {
     pub client: PlannerServiceClient<Link>,
     /// Id of the graph; empty until it is built, and again when the planner no longer knows it.

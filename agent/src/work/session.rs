@@ -9,6 +9,7 @@ use std::sync::Arc;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_policy::Policy;
+use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::work_response::Message;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
@@ -48,9 +49,10 @@ pub(super) enum SessionEnd {
     OtherPolicy(Status),
 }
 
-/// Tasks of worlds, by id. They end with the session.
+/// Tasks of worlds, one for each body of their NPCs. They end with the session.
 struct Worlds {
-    queues: BTreeMap<u64, mpsc::Sender<WorldMessage>>,
+    /// By the id of the world and the index of the body.
+    queues: BTreeMap<(u64, u32), mpsc::Sender<WorldMessage>>,
     tasks: JoinSet<Result<(), WorldError>>,
 }
 
@@ -95,19 +97,24 @@ impl Session<'_> {
                     Ok(())
                 }
                 Some(Message::Assignment(assignment)) => {
-                    if !worlds.queues.contains_key(&assignment.world_id) {
-                        self.start_world(&mut worlds, channel.clone(), &assignment, out.clone());
+                    if worlds.queues.contains_key(&(assignment.world_id, assignment.body_idx)) {
+                        Ok(())
+                    } else {
+                        self.start_world(&mut worlds, channel.clone(), &assignment, out.clone())
                     }
-                    Ok(())
                 }
                 Some(Message::Release(release)) => {
-                    worlds.pass(release.world_id, WorldMessage::Release(release.npc_ids))
+                    worlds.pass_to_all(release.world_id, || WorldMessage::Release(release.npc_ids.clone()))
                 }
-                Some(Message::Ended(ended)) => worlds.pass(ended.world_id, WorldMessage::Ended(ended)),
-                Some(Message::Observations(batch)) => worlds.pass(batch.world_id, WorldMessage::Observations(batch)),
+                Some(Message::Ended(ended)) => {
+                    worlds.pass_to_all(ended.world_id, || WorldMessage::Ended(ended.clone()))
+                }
+                Some(Message::Observations(batch)) => {
+                    worlds.pass((batch.world_id, batch.body_idx), WorldMessage::Observations(batch))
+                }
                 Some(Message::Over(over)) => {
-                    // Its task ends with the queue.
-                    worlds.queues.remove(&over.world_id);
+                    // Its tasks end with the queues.
+                    worlds.queues.retain(|(world_id, _), _| *world_id != over.world_id);
                     Ok(())
                 }
                 None => Ok(()),
@@ -144,24 +151,32 @@ impl Session<'_> {
         server: Link,
         assignment: &wire::Assignment,
         out: mpsc::Sender<wire::WorkRequest>,
-    ) {
+    ) -> Result<(), Status> {
+        let body = convert::body(assignment.body.as_ref())?;
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
         let key = GraphKey::of(assignment);
         let maps = self.maps.filter(|_| self.graphs.is_some());
-        let stage = maps.map(|maps| Stage { maps: maps.clone(), map: maps.of(&key, server.clone()) });
+        let stage = maps.map(|maps| Stage { maps: maps.clone(), map: maps.of(&key, server.clone()), body });
         let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key, server));
         let world = WorldTask::new(assignment, self.policy.clone(), self.config.noise_share, graph, stage, out);
         worlds.tasks.spawn(world.run(messages));
-        worlds.queues.insert(assignment.world_id, sender);
+        worlds.queues.insert((assignment.world_id, assignment.body_idx), sender);
+        Ok(())
     }
 }
 
 impl Worlds {
+    /// Passes a message to all tasks of a world: each picks the NPCs that are its own.
+    fn pass_to_all(&self, world_id: u64, message: impl Fn() -> WorldMessage) -> Result<(), Status> {
+        self.queues.range((world_id, 0)..=(world_id, u32::MAX)).try_for_each(|(&task, _)| self.pass(task, message()))
+    }
+
     /// Passes a message to a world's task. Observations that find a full queue are dropped; any other message must not be lost, so
     /// the session ends and the server assigns its NPCs anew.
-    fn pass(&self, world_id: u64, message: WorldMessage) -> Result<(), Status> {
+    fn pass(&self, task: (u64, u32), message: WorldMessage) -> Result<(), Status> {
         // The server may have had a message under way when the world ended.
-        let Some(queue) = self.queues.get(&world_id) else { return Ok(()) };
+        let Some(queue) = self.queues.get(&task) else { return Ok(()) };
+        let (world_id, _) = task;
         match queue.try_send(message) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(WorldMessage::Observations(_))) => {

@@ -17,7 +17,7 @@ use surefoot_proto::plans::{self, npc_plan_to_wire, query_to_wire, traversal_to_
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::{Ghost, NoiseStream, Rehearsal};
-use surefoot_world::{Action, OBSERVATION_LEN, Vec3};
+use surefoot_world::{Action, CharacterProfile, OBSERVATION_LEN, Vec3};
 use tokio::sync::{mpsc, watch};
 use tonic::Code;
 use tracing::warn;
@@ -105,9 +105,11 @@ pub(super) struct Stage {
     pub maps: Arc<Maps>,
     /// The world's map.
     pub map: watch::Receiver<Arrival>,
+    /// The body of the NPCs.
+    pub body: CharacterProfile,
 }
 
-/// The task for all NPCs of one world that this worker decides for.
+/// The task for the NPCs of one world that have one body and that this worker decides for.
 pub(super) struct WorldTask {
     world_id: u64,
     /// Seed of the exploration noise: equal for worlds on equal maps, so that lockstep worlds repeat themselves.
@@ -132,7 +134,7 @@ pub(super) struct WorldTask {
 }
 
 impl WorldTask {
-    /// Creates a task for the NPCs of one world. Answers go to `out`.
+    /// Creates a task for the NPCs of an assignment. Answers go to `out`.
     pub fn new(
         assignment: &wire::Assignment,
         policy: Policy,

@@ -1,6 +1,6 @@
 //! `surefoot eval`.
 
-use super::map::{BodyArg, Generated, load_level};
+use super::map::{BodyArg, Generated, file_name, level_files, load_level};
 use super::services::GraphArgs;
 use super::{core_count, load_policy, parse_maps, parse_seeds};
 use crate::terminal::{print_json, progress_bar};
@@ -93,16 +93,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 impl Args {
     /// Generated maps by seed, or levels by file.
     fn maps(&self) -> anyhow::Result<Vec<EvalMap>> {
-        let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !word.contains("..");
-        if !self.maps.split(',').any(is_file) {
+        let Some(files) = level_files(&self.maps) else {
             let kind = |spec: MapSpec| self.generated.apply(&spec).map(EvalMap::from);
             return parse_maps(&self.maps, self.generated.size)?.into_iter().map(kind).collect();
-        }
-        let level = |file: &str| {
-            let name = Path::new(file).file_name().map_or(file.into(), |name| name.to_string_lossy());
-            anyhow::Ok(EvalMap::Level { name: name.into_owned(), map: Arc::new(load_level(Path::new(file))?) })
         };
-        self.maps.split(',').map(level).collect()
+        let level = |file: &Path| Ok(EvalMap::Level { name: file_name(file), map: Arc::new(load_level(file)?) });
+        files.into_iter().map(level).collect()
     }
 
     fn config(&self) -> anyhow::Result<EvalConfig> {

@@ -104,6 +104,17 @@ impl Generated {
     }
 }
 
+/// The files of a list of maps, if it names files and not seeds.
+pub(super) fn level_files(maps: &str) -> Option<Vec<&Path>> {
+    let is_file = |word: &str| Path::new(word).extension().is_some_and(|it| !it.is_empty()) && !word.contains("..");
+    maps.split(',').any(is_file).then(|| maps.split(',').map(Path::new).collect())
+}
+
+/// Name of a level's file, without folders.
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
 /// Loads a saved map, or imports a level as it is.
 pub(super) fn load_level(path: &Path) -> anyhow::Result<Map> {
     let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);

@@ -1,24 +1,26 @@
 //! `surefoot up`: all services in one process, with a crowd to watch.
 
 use super::endpoint::{CredentialArgs, EndpointArgs};
+use super::map::{BodyArg, Generated, file_name, level_files, load_level};
 use super::services::{CacheArgs, GraphArgs, ServerLimits, StudioArgs, run_until_signal};
 use super::{core_count, load_policy};
 use crate::terminal::{is_interactive, print_json};
 use anyhow::{Context, bail};
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_agent::work::{WorkConfig, work};
 use surefoot_net::client::{Credentials, Link};
 use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_planner_service::{self as planner, PlannerConfig};
-use surefoot_proto::convert::map_spec_to_wire;
+use surefoot_proto::convert::{body_to_wire, map_spec_to_wire};
 use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, WatchStatsResponse, WorldStats};
 use surefoot_studio::PlannerAddress;
-use surefoot_world::MapSpec;
+use surefoot_world::{CharacterProfile, MapSpec, exchange};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
@@ -26,12 +28,16 @@ use tokio::task::JoinSet;
 const FIRST_SEED: u64 = 5000;
 /// Seeds from [`FIRST_SEED`] on that belong to the scene.
 const MAX_SCENE_MAPS: u64 = 1000;
+/// Bytes of a level that are uploaded at a time; servers take 1 MiB in a message unless configured.
+const UPLOAD_BYTES: usize = 512 * 1024;
 /// Pause between two looks at a server that is starting.
 const START_PAUSE: Duration = Duration::from_millis(200);
 
 /// Run everything in one process: world server, planner, NPC workers and a crowd with random goals.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  surefoot up\n  surefoot up --for 120 --json\n  surefoot up --maps 4 --npcs 512")]
+#[command(
+    after_help = "Examples:\n  surefoot up\n  surefoot up --for 120 --json\n  surefoot up --maps 4 --npcs 512\n  surefoot up --kind islands --body unity\n  surefoot up --maps level.glb,other.obj"
+)]
 pub struct Args {
     /// Address of the world server; port 0 picks a free port
     #[arg(long, default_value = "127.0.0.1:7600")]
@@ -39,9 +45,13 @@ pub struct Args {
     /// Address of the planner; port 0 picks a free port
     #[arg(long, default_value = "127.0.0.1:7601")]
     planner_listen: SocketAddr,
-    /// Number of worlds, each on its own unseen map
-    #[arg(long, default_value_t = 2, value_name = "N")]
-    maps: u64,
+    /// Number of worlds, each on its own unseen map; or files (.sfmap, .glb, .gltf, .obj), each with a world of its own
+    #[arg(long, default_value = "2", value_name = "N|FILE,...")]
+    maps: String,
+    #[command(flatten)]
+    generated: Generated,
+    #[command(flatten)]
+    body: BodyArg,
     /// Total number of NPCs
     #[arg(long, default_value_t = 128, value_name = "N")]
     npcs: usize,
@@ -72,9 +82,11 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    if args.maps == 0 || args.npcs == 0 || args.workers == 0 {
-        bail!("--maps, --npcs and --workers must be at least 1");
+    if args.npcs == 0 || args.workers == 0 {
+        bail!("--npcs and --workers must be at least 1");
     }
+    let maps = args.maps()?;
+    let body = args.body.profile()?;
     let endpoints = args.endpoint.config()?;
     if endpoints.security.tokens.is_some() && !args.credentials.has_token() {
         bail!(
@@ -82,11 +94,34 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     let credentials = args.credentials.credentials()?;
-    run_until_signal(|shutdown| scene(args, endpoints, credentials, shutdown))
+    run_until_signal(|shutdown| scene(args, (maps, body), endpoints, credentials, shutdown))
+}
+
+/// The map of a world of the scene.
+enum SceneMap {
+    Generated(MapSpec),
+    /// Name and saved map of a level.
+    Level(String, Vec<u8>),
+}
+
+impl Args {
+    fn maps(&self) -> anyhow::Result<Vec<SceneMap>> {
+        if let Some(files) = level_files(&self.maps) {
+            let level = |file: &Path| Ok(SceneMap::Level(file_name(file), exchange::encode(&load_level(file)?)));
+            return files.into_iter().map(level).collect();
+        }
+        let count = self.maps.parse().ok().filter(|count| (1..=MAX_SCENE_MAPS).contains(count));
+        let count: u64 = count.with_context(|| {
+            format!("--maps is `{}`: give a number from 1 to {MAX_SCENE_MAPS}, or files", self.maps)
+        })?;
+        let generated = |idx| Ok(SceneMap::Generated(self.generated.apply(&MapSpec::new(FIRST_SEED + idx))?));
+        (0..count).map(generated).collect()
+    }
 }
 
 async fn scene(
     args: &Args,
+    (maps, body): (Vec<SceneMap>, CharacterProfile),
     endpoints: EndpointConfig,
     credentials: Credentials,
     shutdown: Shutdown,
@@ -129,11 +164,21 @@ async fn scene(
     let link = credentials.dial(&server_uri)?.connect().await.context("cannot connect to the world server")?;
     drop_former_scene(&link).await.context("cannot prepare the world server")?;
     let mut watches = Vec::new();
-    for idx in 0..args.maps {
-        let share = args.npcs / args.maps as usize + usize::from((idx as usize) < args.npcs % args.maps as usize);
-        let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
-        let crowd =
-            Crowd::start(link.clone(), map, share, FIRST_SEED + idx).await.context("cannot populate a world")?;
+    let map_count = maps.len();
+    for (idx, map) in maps.into_iter().enumerate() {
+        let share = args.npcs / map_count + usize::from(idx < args.npcs % map_count);
+        let mut request = wire::CreateWorldRequest { body: Some(body_to_wire(&body)), ..Default::default() };
+        match map {
+            SceneMap::Generated(spec) => request.map = Some(map_spec_to_wire(&spec)),
+            SceneMap::Level(name, file) => {
+                request.map_hash =
+                    import(&link, &name, &file).await.with_context(|| format!("cannot import {name}"))?;
+                drop_worlds(&link, |world| world.map_hash == request.map_hash).await?;
+            }
+        }
+        let crowd = Crowd::start(link.clone(), request, share, FIRST_SEED + idx as u64)
+            .await
+            .context("cannot populate a world")?;
         let (latest, watching) = watch::channel(WatchStatsResponse::default());
         watches.push(Watched { world_id: crowd.world().world_id, npcs: share, latest: watching });
         let stop = shutdown.clone();
@@ -144,7 +189,7 @@ async fn scene(
             }
         });
     }
-    eprintln!("{} NPCs on {} maps, ready after {:.1} s", args.npcs, args.maps, started.elapsed().as_secs_f64());
+    eprintln!("{} NPCs on {map_count} maps, ready after {:.1} s", args.npcs, started.elapsed().as_secs_f64());
     let failure = watch_scene(args, started, &watches, &mut parts, &shutdown).await;
     shutdown.trigger();
     while let Some(ended) = parts.join_next().await {
@@ -164,13 +209,33 @@ async fn drop_former_scene(link: &Link) -> anyhow::Result<()> {
         }
         tokio::time::sleep(START_PAUSE).await;
     }
+    let seeds = FIRST_SEED..FIRST_SEED + MAX_SCENE_MAPS;
+    drop_worlds(link, |world| world.map.is_some_and(|map| seeds.contains(&map.seed))).await
+}
+
+/// Imports a saved map into the server, and returns its hash.
+async fn import(link: &Link, name: &str, file: &[u8]) -> anyhow::Result<String> {
+    let mut client = MapServiceClient::new(link.clone());
+    let upload_id = format!("up-{name}");
+    for (idx, part) in file.chunks(UPLOAD_BYTES).enumerate() {
+        let offset = (idx * UPLOAD_BYTES) as u64;
+        let request = wire::UploadChunkRequest { upload_id: upload_id.clone(), offset, data: part.to_vec() };
+        client.upload_chunk(request).await?;
+    }
+    let format = wire::MapFormat::Saved.into();
+    let request = wire::ImportMapRequest { name: name.to_owned(), format, upload_id, ..Default::default() };
+    Ok(client.import_map(request).await?.into_inner().map.unwrap_or_default().map_hash)
+}
+
+/// Drops the worlds that `is_former` says.
+async fn drop_worlds(link: &Link, is_former: impl Fn(&wire::World) -> bool) -> anyhow::Result<()> {
+    let mut client = WorldServiceClient::new(link.clone());
     let mut page_token = String::new();
     loop {
         let request = wire::ListWorldsRequest { page_size: 0, page_token };
         let wire::ListWorldsResponse { worlds, next_page_token } = client.list_worlds(request).await?.into_inner();
         for world in worlds {
-            let seeds = FIRST_SEED..FIRST_SEED + MAX_SCENE_MAPS;
-            if world.map.is_some_and(|map| seeds.contains(&map.seed)) {
+            if is_former(&world) {
                 client.drop_world(wire::DropWorldRequest { world_id: world.world_id }).await?;
             }
         }
@@ -273,7 +338,7 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
         print_json(&serde_json::json!({
             "seconds": started.elapsed().as_secs_f64(),
             "npcs": args.npcs,
-            "maps": args.maps,
+            "maps": watches.len(),
             "arrivals": arrivals,
             "attempts": attempted,
             "success": arrivals as f64 / attempted.max(1) as f64,

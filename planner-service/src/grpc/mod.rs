@@ -86,7 +86,8 @@ impl PlannerService for PlannerApi {
         self.planner.check_policy(&request.policy_hash)?;
         let source = levels::source(self.planner.levels(), request.map.as_ref(), &request.map_hash)?;
         let settings = settings_from_wire(request.settings.as_ref(), self.planner.config())?;
-        let job = self.planner.start_build(source, settings)?;
+        let body = convert::body(request.body.as_ref())?;
+        let job = self.planner.start_build(source, body, settings)?;
         Ok(Response::new(wire::StartBuildResponse { build: Some(build_now(&job)) }))
     }
 

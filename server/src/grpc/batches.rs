@@ -33,11 +33,13 @@ impl From<FieldError> for WorldsError {
 }
 
 /// Reads an item of BatchSpawnNpcs, or the request of SpawnNpc.
-pub fn spawn(position: Option<&wire::Vec3>, yaw: f32, goal: Option<&wire::Vec3>) -> Result<SpawnOrder, FieldError> {
+pub fn spawn(spawn: &wire::Spawn) -> Result<SpawnOrder, FieldError> {
+    let wire::Spawn { position, yaw, goal, body } = spawn;
     Ok(SpawnOrder {
-        position: convert::point(position, "position")?,
-        yaw: finite(yaw, "yaw")?,
-        goal: goal.map(|goal| convert::point(Some(goal), "goal")).transpose()?,
+        position: convert::point(position.as_ref(), "position")?,
+        yaw: finite(*yaw, "yaw")?,
+        goal: goal.map(|goal| convert::point(Some(&goal), "goal")).transpose()?,
+        body: body.as_ref().map(|body| convert::body(Some(body))).transpose()?,
     })
 }
 

@@ -4,6 +4,7 @@ use crate::envs::{EnvId, Envs};
 use crate::wire::{env_actions, env_settings, results_to_wire};
 use std::pin::Pin;
 use surefoot_net::idempotency::AnswerCache;
+use surefoot_net::levels::{LevelStore, grpc as levels};
 use surefoot_net::serving::{Caller, Shutdown, shutting_down};
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
@@ -24,6 +25,8 @@ const QUEUE: usize = 2;
 pub struct EnvApi {
     /// All environments of the server.
     pub envs: Envs,
+    /// Maps that clients imported.
+    pub levels: LevelStore,
     /// Signal that ends open streams.
     pub shutdown: Shutdown,
     /// Ids and first observations of recently created environments, for repeated calls.
@@ -52,7 +55,8 @@ impl EnvService for EnvApi {
     ) -> Result<Response<wire::CreateEnvResponse>, Status> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
-        let settings = env_settings(&request)?;
+        let source = levels::source(&self.levels, request.map.as_ref(), &request.map_hash)?;
+        let settings = env_settings(&request, source)?;
         let (envs, owner) = (self.envs.clone(), caller.clone());
         let create = async move { Ok(envs.create(&owner, settings).await?) };
         let (env_id, observations) = self.created.once(&caller.name, &request.request_id, &request, create).await?;

@@ -22,6 +22,7 @@ impl From<NpcError> for Status {
             NpcError::Full { world, .. } | NpcError::OutOfNumbers(world) => {
                 status::quota(Reason::TooManyNpcs, format!("world:{world}"), message)
             }
+            NpcError::TooManyBodies(world) => status::quota(Reason::TooManyBodies, format!("world:{world}"), message),
             NpcError::Outside { field, .. } => status::invalid(field, message),
             NpcError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             NpcError::Down(_) => status::failure(Reason::NpcDown, message),

@@ -27,6 +27,7 @@ use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
+use surefoot_world::character::bodies::BODIES;
 use surefoot_world::sense::OBSERVATION_VERSION;
 use surefoot_world::{Map, OBSERVATION_LEN, Seed, TICKS_PER_DECISION, TICKS_PER_SECOND};
 use tokio::sync::Semaphore;
@@ -83,6 +84,7 @@ impl WorldService for WorldApi {
             max_npcs_per_world: config.max_npcs_per_world as u32,
             observation_len: OBSERVATION_LEN as u32,
             observation_version: OBSERVATION_VERSION,
+            body_presets: BODIES.map(|body| body.name.to_owned()).to_vec(),
         }))
     }
 
@@ -93,9 +95,9 @@ impl WorldService for WorldApi {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let source = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
-        let mode = time_mode(request.mode)?;
+        let (mode, body) = (time_mode(request.mode)?, convert::body(request.body.as_ref())?);
         let (worlds, owner) = (self.worlds.clone(), caller.clone());
-        let create = async move { Ok(worlds.create(&owner, source, mode).await?) };
+        let create = async move { Ok(worlds.create(&owner, source, mode, body).await?) };
         let world = self.created_worlds.once(&caller.name, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateWorldResponse { world: Some(world_to_wire(&world)) }))
     }
@@ -137,11 +139,12 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::SampleGroundRequest>,
     ) -> Result<Response<wire::SampleGroundResponse>, Status> {
-        let wire::SampleGroundRequest { world_id, count, seed } = request.into_inner();
+        let wire::SampleGroundRequest { world_id, count, seed, body } = request.into_inner();
         // An unknown world is reported before a bad count.
         self.worlds.handle(WorldId(world_id))?;
         convert::in_range(f64::from(count), 1.0, 10_000.0, "count")?;
-        let points = self.worlds.sample_ground(WorldId(world_id), count as usize, Seed(seed)).await?;
+        let body = body.map(|body| convert::body(Some(&body))).transpose()?;
+        let points = self.worlds.sample_ground(WorldId(world_id), body, count as usize, Seed(seed)).await?;
         Ok(Response::new(wire::SampleGroundResponse { points: points.into_iter().map(convert::to_wire).collect() }))
     }
 
@@ -153,7 +156,8 @@ impl WorldService for WorldApi {
         let request = request.into_inner();
         let world = WorldId(request.world_id);
         self.worlds.handle(world)?;
-        let order = batches::spawn(request.position.as_ref(), request.yaw, None)?;
+        let wire::SpawnNpcRequest { position, yaw, body, .. } = request.clone();
+        let order = batches::spawn(&wire::Spawn { position, yaw, goal: None, body })?;
         let (worlds, owner) = (self.worlds.clone(), caller.clone());
         let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
         let npc = self.spawned.once(&caller.name, &request.request_id, &request, spawn).await?;
@@ -168,7 +172,7 @@ impl WorldService for WorldApi {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         batches::check_count(request.spawns.len(), "spawns")?;
-        let order = |it: &wire::Spawn| Ok(batches::spawn(it.position.as_ref(), it.yaw, it.goal.as_ref())?);
+        let order = |spawn| Ok(batches::spawn(spawn)?);
         let orders = request.spawns.iter().map(order).collect();
         let (worlds, owner, world) = (self.worlds.clone(), caller.clone(), WorldId(request.world_id));
         let spawn = async move {

@@ -13,7 +13,7 @@ use std::time::SystemTime;
 use surefoot_world::character::{self, Body};
 use surefoot_world::map::Liquid;
 use surefoot_world::sense::Sight;
-use surefoot_world::{Ability, CharacterProfile, Map, Seed, Vec3, navigable};
+use surefoot_world::{Ability, CharacterProfile, Map, ProfileIdx, Seed, Vec3, navigable};
 
 /// Why a world cannot do what a client requests.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -32,6 +32,9 @@ pub enum NpcError {
     /// All numbers for NPCs of the world have been used.
     #[error("world {0} has used all {max} numbers for its NPCs: create another world", max = NpcId::MAX_SERIAL)]
     OutOfNumbers(WorldId),
+    /// The world has as many bodies as allowed.
+    #[error("world {0} has NPCs of {MAX_BODIES} bodies, the most allowed: create another world")]
+    TooManyBodies(WorldId),
     /// The position lies outside the map.
     #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
     Outside {
@@ -51,8 +54,11 @@ pub enum NpcError {
     NoGround(#[from] navigable::NoGround),
 }
 
+/// Most bodies of one world.
+pub const MAX_BODIES: usize = 64;
+
 /// An NPC to spawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SpawnOrder {
     /// Position of the feet, m.
     pub position: Vec3,
@@ -60,29 +66,51 @@ pub struct SpawnOrder {
     pub yaw: f32,
     /// Goal of the first attempt, m; `None`: the NPC is idle.
     pub goal: Option<Vec3>,
+    /// Body of the NPC; `None`: the usual one of the world.
+    pub body: Option<CharacterProfile>,
 }
 
 impl HostedWorld {
     /// Adds an NPC and sets its goal, if there is one. If this fails, no NPC is added.
     ///
     /// # Errors
-    /// Those of [`spawn`](Self::spawn) and [`set_goal`](Self::set_goal).
+    /// Those of [`spawn`](Self::spawn) and [`set_goal`](Self::set_goal), and if the world has too many bodies.
     pub fn spawn_to(&mut self, order: SpawnOrder, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
         if let Some(goal) = order.goal {
             self.check_inside(goal, "goal")?;
         }
-        let id = self.spawn(order.position, order.yaw, limit, ticket)?;
+        let body = order.body.map_or(Ok(ProfileIdx::default()), |body| self.body_idx(&body))?;
+        let id = self.spawn_as(body, order.position, order.yaw, limit, ticket)?;
         if let Some(goal) = order.goal {
             self.set_goal(id, goal)?;
         }
         Ok(id)
     }
 
-    /// Adds an NPC for the client that holds `ticket` and returns its id.
+    /// Index of a body among those of the world, to which it is added.
+    fn body_idx(&mut self, body: &CharacterProfile) -> Result<ProfileIdx, NpcError> {
+        if self.bodies().len() >= MAX_BODIES && !self.bodies().contains(body) {
+            return Err(NpcError::TooManyBodies(self.id));
+        }
+        self.world.profile_idx(body).ok_or(NpcError::TooManyBodies(self.id))
+    }
+
+    /// Adds an NPC with the world's usual body for the client that holds `ticket` and returns its id.
     ///
     /// # Errors
     /// If the world is full or the position lies outside the map.
     pub fn spawn(&mut self, position: Vec3, yaw: f32, limit: usize, ticket: Ticket) -> Result<NpcId, NpcError> {
+        self.spawn_as(ProfileIdx::default(), position, yaw, limit, ticket)
+    }
+
+    fn spawn_as(
+        &mut self,
+        body: ProfileIdx,
+        position: Vec3,
+        yaw: f32,
+        limit: usize,
+        ticket: Ticket,
+    ) -> Result<NpcId, NpcError> {
         self.check_inside(position, "position")?;
         if self.records.len() >= limit {
             return Err(NpcError::Full { world: self.id, limit });
@@ -92,7 +120,7 @@ impl HostedWorld {
         }
         self.last_serial += 1;
         let id = NpcId::new(self.id, self.last_serial);
-        let slot = self.world.spawn(position, yaw);
+        let slot = self.world.spawn_as(body, position, yaw);
         self.records.insert(id, Record::new(slot, ticket));
         self.log_event(id, EventKind::Spawned { position });
         self.assign_workers();
@@ -230,13 +258,18 @@ impl HostedWorld {
         tally
     }
 
-    /// Draws `count` random places where a character can stand.
+    /// Draws `count` random places where a character with this body can stand.
     ///
     /// # Errors
     /// If the map has no navigable ground.
-    pub fn sample_ground(map: &Map, count: usize, Seed(seed): Seed) -> Result<Vec<Vec3>, NpcError> {
+    pub fn sample_ground(
+        map: &Map,
+        body: &CharacterProfile,
+        count: usize,
+        Seed(seed): Seed,
+    ) -> Result<Vec<Vec3>, NpcError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        Ok(navigable::sample_many(map, &CharacterProfile::default(), count, &mut rng)?)
+        Ok(navigable::sample_many(map, body, count, &mut rng)?)
     }
 
     fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
@@ -279,6 +312,7 @@ impl HostedWorld {
                 self.world.tick_events(record.slot)
             }),
             cause: npc.harm,
+            body: npc.profile,
         }
     }
 }

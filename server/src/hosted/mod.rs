@@ -16,7 +16,7 @@ mod tick;
 mod workers;
 mod world;
 
-pub use commands::{NpcError, SpawnOrder};
+pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
 pub use mode::TimeMode;
 pub use saved::{SavedError, SavedMap, SavedWorld, StateFolder};

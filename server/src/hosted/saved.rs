@@ -1,5 +1,6 @@
 //! The part of a world that outlives the process, and its file format.
 
+use super::commands::MAX_BODIES;
 use super::mode::TimeMode;
 use super::snapshot::Counters;
 use super::world::{HostedWorld, Record};
@@ -15,12 +16,12 @@ use std::time::Duration;
 use surefoot_net::durable;
 use surefoot_world::exchange;
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState};
+use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState};
 use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -35,6 +36,7 @@ pub struct SavedWorld {
     map: MapHash,
     source: SavedMap,
     mode: TimeMode,
+    bodies: Vec<CharacterProfile>,
     state: WorldState,
     npcs: Vec<SavedNpc>,
     last_serial: u32,
@@ -123,7 +125,7 @@ impl SavedWorld {
             SavedMap::Spec(spec) => Map::generate(spec),
             SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
         };
-        if map.hash() == self.map && self.state.fits(1, map.placed().zip_lines.len()) {
+        if map.hash() == self.map && self.state.fits(self.bodies.len(), map.placed().zip_lines.len()) {
             Ok(Arc::new(map))
         } else {
             Err(SavedError::OtherMap(self.id))
@@ -170,7 +172,8 @@ impl SavedWorld {
             && slots.len() == self.npcs.len()
             && self.state.slots().eq(slots)
             // Rides on zip lines are checked in `map`, which knows the number of lines.
-            && self.state.fits(1, usize::MAX)
+            && (1..=MAX_BODIES).contains(&self.bodies.len())
+            && self.state.fits(self.bodies.len(), usize::MAX)
     }
 }
 
@@ -261,6 +264,7 @@ impl HostedWorld {
             map: self.world.map().hash(),
             source,
             mode: self.mode,
+            bodies: self.bodies().to_vec(),
             state: self.world.save(),
             npcs: npcs.collect(),
             last_serial: self.last_serial,
@@ -270,7 +274,7 @@ impl HostedWorld {
 
     /// Restores a saved world on its map. NPCs continue to their goals once workers decide for them.
     pub fn restore(saved: &SavedWorld, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
-        let mut world = Self::new(saved.id, map, saved.mode, registry);
+        let mut world = Self::new(saved.id, map, saved.mode, registry).with_bodies(saved.bodies.clone());
         world.world.restore(saved.state.clone());
         world.last_serial = saved.last_serial.saturating_add(UNSAVED_SERIALS).min(NpcId::MAX_SERIAL);
         world.counters = saved.counters.clone();

@@ -5,7 +5,7 @@ use crate::ids::WorkerId;
 use crate::times::TickTimes;
 use serde::{Deserialize, Serialize};
 use std::time::SystemTime;
-use surefoot_world::{Ability, Chance, End, Seconds, Tick, Vec3};
+use surefoot_world::{Ability, Chance, End, ProfileIdx, Seconds, Tick, Vec3};
 
 /// What an NPC is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,6 +64,8 @@ pub struct NpcState {
     pub ability: Ability,
     /// How the NPC died, if it is down.
     pub cause: Option<End>,
+    /// Index of its body among those of the world.
+    pub body: ProfileIdx,
 }
 
 /// All NPCs of a world at one moment.

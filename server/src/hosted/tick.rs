@@ -9,7 +9,7 @@ use crate::ids::WorkerId;
 use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use surefoot_world::{Action, End, TICKS_PER_DECISION};
+use surefoot_world::{Action, End, Npc, ProfileIdx, TICKS_PER_DECISION};
 
 /// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
 const MISSES_UNTIL_NEUTRAL: u8 = 2;
@@ -86,7 +86,8 @@ impl HostedWorld {
             self.world.close_decision(record.slot);
             self.world.observe(record.slot, &mut self.row);
             let npc = self.world.npc(record.slot).expect("every record has an NPC");
-            let batch = self.batches.entry(worker).or_insert_with(|| ObservationBatch::new(self.id, tick));
+            let new_batch = || ObservationBatch::new(self.id, tick, npc.profile);
+            let batch = self.batches.entry((worker, npc.profile.0)).or_insert_with(new_batch);
             batch.npcs.push(id);
             batch.observations.extend_from_slice(&self.row);
             batch.positions.push(npc.body.feet);
@@ -95,14 +96,15 @@ impl HostedWorld {
             let touched = npc.episode.and_then(|episode| episode.end) == Some(End::Reached);
             batch.waypoint_reached.push(touched);
             batch.grounded.push(npc.body.is_grounded());
-            batch.states.push(npc.to_bytes());
+            // Workers hold a world for each body.
+            batch.states.push(Npc { profile: ProfileIdx::default(), ..*npc }.to_bytes());
             record.awaiting = Some(tick);
             self.unanswered_since.entry(worker).or_insert(tick);
             self.counters.asked += 1;
         }
         // A worker must receive assignments before the observations of the assigned NPCs.
         self.flush();
-        for (worker, batch) in std::mem::take(&mut self.batches) {
+        for ((worker, _), batch) in std::mem::take(&mut self.batches) {
             self.registry.offer(worker, ToWorker::Observations(batch));
         }
     }

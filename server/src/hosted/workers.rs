@@ -7,7 +7,7 @@ use crate::ids::WorkerId;
 use crate::messages::{Assignment, ToWorker};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
-use surefoot_world::TICKS_PER_SECOND;
+use surefoot_world::{ProfileIdx, TICKS_PER_SECOND};
 use tracing::warn;
 
 /// Ticks from one look for NPCs without a worker, and for silent workers, to the next.
@@ -136,20 +136,35 @@ impl HostedWorld {
             }
             if !assigned.is_empty() {
                 self.notified.insert(worker);
-                let map = self.world.map();
-                let assignment = Assignment {
-                    world: self.id,
-                    spec: map.spec().copied(),
-                    map_hash: map.hash(),
-                    mode: self.mode,
-                    npcs: assigned,
-                };
-                self.registry.send(worker, ToWorker::Assignment(assignment));
+                for assignment in self.assignments(assigned) {
+                    self.registry.send(worker, ToWorker::Assignment(assignment));
+                }
             }
             if !ended.is_empty() {
                 self.registry.send(worker, ToWorker::Ended(self.id, ended));
             }
         }
+    }
+}
+
+impl HostedWorld {
+    /// The assignments of NPCs to a worker, one for each body.
+    fn assignments(&self, npcs: Vec<NpcId>) -> impl Iterator<Item = Assignment> {
+        let mut by_body: BTreeMap<u8, Vec<NpcId>> = BTreeMap::new();
+        for id in npcs {
+            // An NPC that was removed since has been withdrawn.
+            let Some(npc) = self.records.get(&id).and_then(|record| self.world.npc(record.slot)) else { continue };
+            by_body.entry(npc.profile.0).or_default().push(id);
+        }
+        let map = self.world.map();
+        by_body.into_iter().map(|(body, npcs)| Assignment {
+            world: self.id,
+            spec: map.spec().copied(),
+            map_hash: map.hash(),
+            mode: self.mode,
+            npcs,
+            body: (ProfileIdx(body), self.bodies()[usize::from(body)].clone()),
+        })
     }
 }
 

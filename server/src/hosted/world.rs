@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_world::{
     CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World,
+    WorldConfig,
 };
 
 /// What the server knows about an NPC beyond the world's own state.
@@ -112,7 +113,8 @@ pub struct HostedWorld {
     pub(super) times: TickTimes,
     pub(super) registry: Arc<Registry>,
     pub(super) outbox: BTreeMap<WorkerId, Outbox>,
-    pub(super) batches: BTreeMap<WorkerId, ObservationBatch>,
+    /// Observations by worker and body.
+    pub(super) batches: BTreeMap<(WorkerId, u8), ObservationBatch>,
     pub(super) row: Vec<f32>,
     /// The tick that has been asked for but not stepped yet (lockstep).
     pub(super) requested_tick: Option<Tick>,
@@ -125,7 +127,7 @@ pub struct HostedWorld {
 }
 
 impl HostedWorld {
-    /// Creates a world without NPCs.
+    /// Creates a world without NPCs, which will have the default body.
     pub fn new(id: WorldId, map: Arc<Map>, mode: TimeMode, registry: Arc<Registry>) -> Self {
         Self {
             id,
@@ -145,6 +147,19 @@ impl HostedWorld {
             notified: BTreeSet::new(),
             waited: Duration::ZERO,
         }
+    }
+
+    /// Sets the bodies of the world's NPCs, at least one; NPCs have the first unless their spawn has another. For a world without NPCs.
+    #[must_use]
+    pub fn with_bodies(mut self, profiles: Vec<CharacterProfile>) -> Self {
+        let config = WorldConfig { profiles, ..self.world.config().clone() };
+        self.world = World::with_config(self.world.map().clone(), config);
+        self
+    }
+
+    /// Bodies that NPCs of the world have or had, the usual one first.
+    pub fn bodies(&self) -> &[CharacterProfile] {
+        &self.world.config().profiles
     }
 
     /// Returns the world's id on the server.

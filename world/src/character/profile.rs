@@ -81,7 +81,7 @@ impl Default for RawCharacterProfile {
 
 /// A field of a [`RawCharacterProfile`] is outside its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("profile.{field} is {value}, but must be {min} to {max}")]
+#[error("body.{field} is {value}, but must be {min} to {max}")]
 pub struct ProfileError {
     /// Name of the field.
     pub field: &'static str,

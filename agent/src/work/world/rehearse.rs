@@ -5,7 +5,7 @@ use crate::work::ahead::{Arrival, Pace};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
-use surefoot_world::{CharacterProfile, NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
+use surefoot_world::{NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
 
 /// Longest wait of a lockstep world for its map.
 const MAP_LIMIT: Duration = Duration::from_secs(120);
@@ -32,8 +32,8 @@ impl WorldTask {
             let arrival = stage.map.borrow().clone();
             match arrival {
                 Arrival::Here(held) => {
-                    let (map, profile) = (held.map().clone(), CharacterProfile::default());
-                    self.rehearsal = Some(Rehearsal::new(map, profile, TaskConfig::default(), &self.policy));
+                    let (map, body) = (held.map().clone(), stage.body.clone());
+                    self.rehearsal = Some(Rehearsal::new(map, body, TaskConfig::default(), &self.policy));
                 }
                 Arrival::Awaited if !self.is_lockstep => return Vec::new(),
                 Arrival::Awaited | Arrival::Never => {

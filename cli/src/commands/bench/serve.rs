@@ -17,7 +17,7 @@ use surefoot_report::plots;
 use surefoot_rollout::env::{Env, actions_of};
 use surefoot_server::times::TickTimes;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{Map, MapSpec};
+use surefoot_world::{CharacterProfile, Map, MapSpec};
 use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
@@ -158,8 +158,9 @@ impl Scene {
         let mut worlds = Vec::new();
         for idx in 0..WORLDS {
             let share = npcs / WORLDS as usize + usize::from((idx as usize) < npcs % WORLDS as usize);
-            let map = map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx));
-            let crowd = Crowd::start(channel.clone(), map, share, idx).await.context("cannot populate a world")?;
+            let map = Some(map_spec_to_wire(&MapSpec::new(FIRST_SEED + idx)));
+            let request = wire::CreateWorldRequest { map, ..Default::default() };
+            let crowd = Crowd::start(channel.clone(), request, share, idx).await.context("cannot populate a world")?;
             let world_id = crowd.world().world_id;
             let (sender, latest) = watch::channel(WatchStatsResponse::default());
             worlds.push(Watched { world_id, latest, crowd: tokio::spawn(crowd.keep_busy(sender)) });
@@ -418,7 +419,7 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
     let actions = |step: usize| Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)) });
     let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
 
-    let mut env = Env::new(Map::generate(&spec).into(), ENV_NPCS, (0.0, 40.0), 0)?;
+    let mut env = Env::new(Map::generate(&spec).into(), CharacterProfile::default(), ENV_NPCS, (0.0, 40.0), 0)?;
     let started = Instant::now();
     for step in 0..ENV_STEPS {
         let actions = actions_of(&values(step).collect::<Vec<f32>>(), |idx| idx as u64).map_err(anyhow::Error::msg)?;

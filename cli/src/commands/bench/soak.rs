@@ -219,9 +219,10 @@ async fn worlds(channel: &Channel, idx: u64) -> Result<(), Status> {
     let request = wire::CreateWorldRequest { map: Some(map_spec_to_wire(&map(idx))), ..Default::default() };
     let world = client.create_world(request).await?.into_inner().world.unwrap_or_default();
     let world_id = world.world_id;
-    let request = wire::SampleGroundRequest { world_id, count: 16, seed: idx };
+    let request = wire::SampleGroundRequest { world_id, count: 16, seed: idx, body: None };
     let points = client.sample_ground(request).await?.into_inner().points;
-    let spawn = |pair: &[wire::Vec3]| wire::Spawn { position: Some(pair[0]), yaw: 0.0, goal: Some(pair[1]) };
+    let spawn =
+        |pair: &[wire::Vec3]| wire::Spawn { position: Some(pair[0]), yaw: 0.0, goal: Some(pair[1]), body: None };
     let spawns = points.chunks_exact(2).map(spawn).collect();
     client.batch_spawn_npcs(wire::BatchSpawnNpcsRequest { world_id, spawns, ..Default::default() }).await?;
     tokio::time::sleep(Duration::from_secs(2)).await;

@@ -1,0 +1,210 @@
+//! Bodies other than Surefoot's own: on worlds, NPCs, environments and graphs, over real sockets.
+
+use e2e::{
+    build_to_end, ground, planner_client, small_map, start_of, start_planner, start_server, start_worker, watch_until,
+    world_client,
+};
+use std::collections::BTreeSet;
+use surefoot_planner_service::PlannerConfig;
+use surefoot_proto::convert;
+use surefoot_proto::planner::v1 as planner;
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_server::ServerConfig;
+use surefoot_world::character::bodies::BODIES;
+use surefoot_world::{Map, MapSpec, OBSERVATION_LEN, exchange};
+use tonic::transport::Channel;
+
+fn preset(name: &str) -> wire::Body {
+    wire::Body { preset: name.to_owned(), ..Default::default() }
+}
+
+async fn world_of(client: &mut WorldServiceClient<Channel>, body: Option<wire::Body>) -> wire::World {
+    let request = wire::CreateWorldRequest {
+        map: Some(small_map(1000)),
+        mode: wire::TimeMode::Lockstep.into(),
+        body,
+        ..Default::default()
+    };
+    client.create_world(request).await.unwrap().into_inner().world.unwrap()
+}
+
+#[test]
+fn every_body_survives_the_wire() {
+    for body in BODIES {
+        let profile = body.profile();
+        let on_wire = convert::body_to_wire(&profile);
+        assert_eq!((on_wire.preset.as_str(), convert::body(Some(&on_wire))), (body.name, Ok(profile.clone())));
+        assert_eq!(convert::body(Some(&preset(body.name))), Ok(profile.clone()));
+        let changed = profile.with(|it| it.height += 0.125).unwrap();
+        let on_wire = convert::body_to_wire(&changed);
+        assert_eq!((on_wire.preset.as_str(), convert::body(Some(&on_wire))), ("", Ok(changed)));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn npcs_of_several_bodies_reach_their_goals_each_by_a_graph_of_its_own() {
+    let cache = tempfile::tempdir().unwrap();
+    let (server, planner) =
+        (start_server(ServerConfig::default()), start_planner(cache.path(), PlannerConfig::default()));
+    let worker = start_worker(&server, Some(&planner), 64);
+    let mut client = world_client(&server).await;
+    let world = world_of(&mut client, Some(preset("unity"))).await;
+    assert_eq!(world.bodies, [convert::body_to_wire(&convert::body(Some(&preset("unity"))).unwrap())]);
+
+    let slow = wire::Body { forward_speed: Some(2.5), ..preset("climber") };
+    let places = ground(&mut client, world.world_id, 24).await;
+    let spawn = |pair: &[wire::Vec3], body: Option<wire::Body>| wire::Spawn {
+        position: Some(pair[0]),
+        goal: Some(pair[1]),
+        body,
+        ..Default::default()
+    };
+    let bodies = [None, Some(slow.clone()), Some(preset("unity"))];
+    let spawns = places.chunks_exact(2).zip(bodies.iter().cycle()).map(|(pair, body)| spawn(pair, body.clone()));
+    let request =
+        wire::BatchSpawnNpcsRequest { world_id: world.world_id, spawns: spawns.collect(), ..Default::default() };
+    client.batch_spawn_npcs(request).await.unwrap();
+    let world = client.get_world(wire::GetWorldRequest { world_id: world.world_id }).await.unwrap().into_inner();
+    let world = world.world.unwrap();
+    assert_eq!(world.bodies.len(), 2, "equal bodies are one");
+    assert_eq!(world.bodies[1].forward_speed, slow.forward_speed);
+
+    // A body on foot is never faster than it can run.
+    let speeds = std::sync::Mutex::new([0.0f32; 2]);
+    let end = watch_until(&mut client, world.world_id, |snapshot| {
+        for npc in &snapshot.npcs {
+            let velocity = npc.velocity.unwrap();
+            if npc.support() == wire::Support::Ground {
+                let speed = &mut speeds.lock().unwrap()[npc.body_idx as usize];
+                *speed = speed.max(velocity.x.hypot(velocity.z));
+            }
+        }
+        snapshot.npcs.iter().all(|npc| npc.last_outcome() != wire::Outcome::Unspecified)
+    })
+    .await;
+    let [unity, slow] = speeds.into_inner().unwrap();
+    assert!(unity > 4.0 && slow < 3.0, "{unity} and {slow} m/s");
+    let indices: Vec<u32> = end.npcs.iter().map(|npc| npc.body_idx).collect();
+    assert_eq!(indices, [0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0]);
+    let ends: Vec<wire::Outcome> = end.npcs.iter().map(wire::Npc::last_outcome).collect();
+    let told = |end: &&wire::Outcome| matches!(end, wire::Outcome::Reached | wire::Outcome::Unreachable);
+    assert!(ends.iter().filter(told).count() >= 11, "{ends:?}");
+    assert!(ends.iter().filter(|end| **end == wire::Outcome::Reached).count() >= 6, "{ends:?}");
+
+    let graphs = planner_client(&planner).await.list_graphs(planner::ListGraphsRequest::default()).await.unwrap();
+    let graphs = graphs.into_inner().graphs;
+    let speeds: BTreeSet<String> =
+        graphs.iter().map(|it| format!("{:?}", it.body.clone().unwrap().forward_speed)).collect();
+    assert_eq!(speeds, BTreeSet::from(["Some(2.5)".to_owned(), "Some(5.335)".to_owned()]));
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn graphs_of_different_bodies_are_different_graphs() {
+    let cache = tempfile::tempdir().unwrap();
+    let service = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&service).await;
+    let mut build = async |body: Option<wire::Body>| {
+        build_to_end(&mut client, planner::StartBuildRequest { body, ..start_of(1000) }).await
+    };
+    let usual = build(None).await;
+    assert_eq!(build(Some(preset("surefoot"))).await.graph_id, usual.graph_id, "the default body is the default");
+    assert_eq!(usual.body.unwrap().preset, "surefoot");
+    let heavy = build(Some(preset("heavy"))).await;
+    assert_ne!(heavy.graph_id, usual.graph_id);
+    assert_eq!(heavy.body.unwrap().preset, "heavy");
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bodies_that_make_no_sense_are_refused_and_name_the_field() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let world = world_of(&mut client, None).await;
+    let place = ground(&mut client, world.world_id, 1).await[0];
+    let spawn = |body: wire::Body| wire::SpawnNpcRequest {
+        world_id: world.world_id,
+        position: Some(place),
+        body: Some(body),
+        ..Default::default()
+    };
+    let bad = [
+        (preset("dragon"), "body.preset"),
+        (wire::Body { radius: Some(9.0), ..Default::default() }, "body.radius"),
+        (wire::Body { gravity: Some(f32::NAN), ..Default::default() }, "body.gravity"),
+        (wire::Body { extra_jumps: Some(1000), ..Default::default() }, "body.extra_jumps"),
+        (wire::Body { height: Some(0.3), ..Default::default() }, "body.height"),
+    ];
+    for (body, field) in bad {
+        let status = client.spawn_npc(spawn(body.clone())).await.unwrap_err();
+        assert_eq!(Reason::of(&status), Some(Reason::InvalidField), "{status}");
+        assert!(status.message().contains(field), "{status}");
+        let request = wire::CreateWorldRequest { map: Some(small_map(1)), body: Some(body), ..Default::default() };
+        assert!(client.create_world(request).await.unwrap_err().message().contains(field));
+    }
+    // The world's own body is the first of 64.
+    for idx in 1..64 {
+        client
+            .spawn_npc(spawn(wire::Body { height: Some(1.0 + 0.01 * idx as f32), ..Default::default() }))
+            .await
+            .unwrap();
+    }
+    let status = client.spawn_npc(spawn(preset("heavy"))).await.unwrap_err();
+    assert_eq!(Reason::of(&status), Some(Reason::TooManyBodies), "{status}");
+    client
+        .spawn_npc(spawn(wire::Body { height: Some(1.63), ..Default::default() }))
+        .await
+        .expect("a body that it knows");
+    client.spawn_npc(spawn(preset("surefoot"))).await.expect("its own");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn ground_is_sampled_for_the_body_that_is_to_stand_there() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let world_id = world_of(&mut client, Some(preset("heavy"))).await.world_id;
+    let mut sample = async |body| {
+        let request = wire::SampleGroundRequest { world_id, count: 50, seed: 1, body };
+        client.sample_ground(request).await.unwrap().into_inner().points
+    };
+    let usual = sample(None).await;
+    assert_eq!(usual, sample(Some(preset("heavy"))).await, "the world's body unless told otherwise");
+    assert_ne!(usual, sample(Some(preset("small"))).await);
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn environments_take_bodies_and_imported_levels() {
+    let server = start_server(ServerConfig::default());
+    let file = exchange::encode(&Map::generate(&MapSpec::with_side(3, 60).unwrap()));
+    let mut maps = MapServiceClient::connect(server.uri.clone()).await.unwrap();
+    let upload_id = "level".to_owned();
+    let chunk = wire::UploadChunkRequest { upload_id: upload_id.clone(), offset: 0, data: file };
+    maps.upload_chunk(chunk).await.unwrap();
+    let format = wire::MapFormat::Saved.into();
+    let request = wire::ImportMapRequest { name: "level".to_owned(), format, upload_id, ..Default::default() };
+    let map_hash = maps.import_map(request).await.unwrap().into_inner().map.unwrap().map_hash;
+    let mut client = EnvServiceClient::connect(server.uri.clone()).await.unwrap();
+    let mut first = async |body: Option<wire::Body>| {
+        let request = wire::CreateEnvRequest { map_hash: map_hash.clone(), npc_count: 2, body, ..Default::default() };
+        let created = client.create_env(request).await.unwrap().into_inner();
+        assert_eq!(created.observations.len(), 2 * OBSERVATION_LEN * 4);
+        let steps =
+            wire::StepEnvRequest { env_id: created.env_id, actions: Some(wire::EnvActions { actions: vec![0; 32] }) };
+        client.step_env(steps).await.unwrap();
+        created.observations
+    };
+    let usual = first(None).await;
+    assert_eq!(usual, first(Some(preset("surefoot"))).await);
+    assert_ne!(usual, first(Some(preset("climber"))).await, "observations tell what body it is");
+    let both = wire::CreateEnvRequest { map: Some(small_map(1)), map_hash, npc_count: 1, ..Default::default() };
+    assert!(client.create_env(both).await.unwrap_err().message().contains("both set"));
+    server.stop().await;
+}
