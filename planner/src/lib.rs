@@ -42,7 +42,7 @@ mod ways;
 pub use build::{BuildStats, Builder, Built, Progress};
 pub use graph::{Edge, NavGraph};
 pub use ids::{EdgeKey, LegKey, Stop, VertexId};
-pub use plan::{Leg, NoPath, Plan, Query};
+pub use plan::{AbilitySet, Leg, NoPath, Plan, Query};
 pub use predictor::is_perilous;
 pub use search::Router;
 pub use settings::{BuildError, BuildSettings, GraphId, Placement, Probing, RawBuildSettings, SettingError};

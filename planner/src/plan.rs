@@ -14,6 +14,39 @@ pub struct Query {
     pub goal: Vec3,
     /// Legs that the plan must not use.
     pub avoid: Vec<LegKey>,
+    /// Abilities that the plan must do without.
+    pub without: AbilitySet,
+}
+
+/// A set of abilities. One with jumps has double jumps as well, which begin with a jump.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct AbilitySet(u8);
+
+impl AbilitySet {
+    /// Whether the set is empty.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether the set has an ability.
+    pub fn contains(self, ability: Ability) -> bool {
+        self.0 & 1 << ability as u8 != 0
+    }
+
+    /// The abilities of the set, the least demanding first.
+    pub fn iter(self) -> impl Iterator<Item = Ability> {
+        Ability::ALL.into_iter().filter(move |ability| self.contains(*ability))
+    }
+}
+
+impl FromIterator<Ability> for AbilitySet {
+    fn from_iter<T: IntoIterator<Item = Ability>>(abilities: T) -> Self {
+        let bit = |ability: Ability| match ability {
+            Ability::Jump => 1 << Ability::Jump as u8 | 1 << Ability::DoubleJump as u8,
+            other => 1 << other as u8,
+        };
+        Self(abilities.into_iter().fold(0, |bits, ability| bits | bit(ability)))
+    }
 }
 
 /// One leg of a plan.

@@ -4,7 +4,7 @@
 //! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest vertex.
 //! For graphs that are small enough, a [`Router`] keeps a table of the next hop from every vertex to every other, so that
 //! a plan is looked up rather than searched. It searches with A* where a graph has no table, or where the path in the
-//! table uses an avoided or repriced edge.
+//! table uses an avoided or repriced edge, or an ability that the query does without.
 
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::attach::{ATTACHMENTS, Attachment, MORE_ATTACHMENTS, VertexIndex};
@@ -13,7 +13,7 @@ use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::LegPrices;
-use crate::plan::{Leg, NoPath, Plan, Query};
+use crate::plan::{AbilitySet, Leg, NoPath, Plan, Query};
 use crate::table::Table;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -106,15 +106,12 @@ impl Router {
 
     /// The cheapest path from one of `starts` to one of `goals`.
     fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
-        let Some(table) = &self.table else { return self.a_star(starts, goals, &query.avoid, repriced) };
+        let Some(table) = &self.table else { return self.a_star(starts, goals, query, repriced) };
         let path = self.look_up_path(table, starts, goals)?;
-        let is_plain = query.avoid.is_empty() && repriced.is_empty();
-        let mut edges = path.edges.iter().map(|&edge| self.adjacency.key(edge));
-        if is_plain || edges.all(|key| !query.avoid.contains(&key.into()) && !repriced.contains_key(&key)) {
-            Some(path)
-        } else {
-            self.a_star(starts, goals, &query.avoid, repriced)
-        }
+        let is_usual = |edge: &EdgeIdx| {
+            self.is_open(query, *edge) && (repriced.is_empty() || !repriced.contains_key(&self.adjacency.key(*edge)))
+        };
+        if path.edges.iter().all(is_usual) { Some(path) } else { self.a_star(starts, goals, query, repriced) }
     }
 
     /// Finds a plan where no path joins the cheapest attachments: between more of them, or else to the reachable vertex that is nearest
@@ -125,8 +122,8 @@ impl Router {
         if let Some(path) = self.join(&starts, &goals, query, repriced) {
             return self.assemble(query, &path);
         }
-        let reason = self.explain(&starts, &goals);
-        match self.nearest_reachable(&starts, query.goal) {
+        let reason = self.explain(query, &starts, &goals);
+        match self.nearest_reachable(query, &starts) {
             Some(nearest) => self.lead_to(query, &starts, nearest, reason, repriced),
             None => self.direct(query, Some(reason)),
         }
@@ -134,7 +131,13 @@ impl Router {
 
     /// Searches the cheapest path between two vertices with A*. Returns its cost in decisions and its vertices.
     pub fn search(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
-        self.a_star(&[(from, 0.0)], &[(to, 0.0)], &[], &EdgeCosts::new()).map(|path| self.vertices_of(&path))
+        let query = Query {
+            start: self.graph.position(from),
+            goal: self.graph.position(to),
+            avoid: Vec::new(),
+            without: AbilitySet::default(),
+        };
+        self.a_star(&[(from, 0.0)], &[(to, 0.0)], &query, &EdgeCosts::new()).map(|path| self.vertices_of(&path))
     }
 
     /// Looks up the cheapest path between two vertices in the table. Returns its cost in decisions and its vertices; `None`
@@ -186,15 +189,15 @@ impl Router {
         Some(Path { cost: least, first, edges: table.path(&self.adjacency, first, goal) })
     }
 
+    /// Whether the query neither avoids an edge nor does without its ability.
+    fn is_open(&self, query: &Query, edge: EdgeIdx) -> bool {
+        (query.avoid.is_empty() || !query.avoid.contains(&self.adjacency.key(edge).into()))
+            && !query.without.contains(self.adjacency.leg(edge).ability)
+    }
+
     /// Runs A* from all of `starts` to the best of `goals`, attachments included. The heuristic is the straight-line distance
     /// at the graph's greatest distance per cost, which never overestimates, so the path is the cheapest.
-    fn a_star(
-        &self,
-        starts: &[Attachment],
-        goals: &[Attachment],
-        avoid: &[LegKey],
-        repriced: &EdgeCosts,
-    ) -> Option<Path> {
+    fn a_star(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
         let ends: Vec<(Vec3, f32)> = goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
         let heuristic = |vertex: VertexId| {
             let at = self.graph.position(vertex);
@@ -229,7 +232,7 @@ impl Router {
                 let key = EdgeKey { from: vertex, to };
                 let price = if repriced.is_empty() { price } else { *repriced.get(&key).unwrap_or(&price) };
                 let next = so_far + price;
-                if next < cost[to.idx()] && !avoid.contains(&key.into()) {
+                if next < cost[to.idx()] && self.is_open(query, edge) {
                     cost[to.idx()] = next;
                     came_from[to.idx()] = Some(edge);
                     is_closed[to.idx()] = false;
@@ -276,7 +279,7 @@ impl Router {
         Plan { waypoints, legs, no_path: None, nearest: None }
     }
 
-    fn explain(&self, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
+    fn explain(&self, query: &Query, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
         if starts.is_empty() {
             return NoPath::StartOffGraph;
         }
@@ -284,7 +287,7 @@ impl Router {
             return NoPath::GoalOffGraph;
         }
         let back = goals.iter().any(|&(goal, _)| {
-            let reached = self.reached_from(goal);
+            let reached = self.reached_from(goal, query.without);
             starts.iter().any(|&(start, _)| reached.contains(start))
         });
         if back { NoPath::OneWay } else { NoPath::DifferentIslands }
@@ -301,8 +304,10 @@ impl Router {
     ) -> Plan {
         let ends = [(nearest, 0.0)];
         let path = match &self.table {
-            Some(table) if query.avoid.is_empty() && repriced.is_empty() => self.look_up_path(table, starts, &ends),
-            _ => self.a_star(starts, &ends, &query.avoid, repriced),
+            Some(table) if query.avoid.is_empty() && query.without.is_empty() && repriced.is_empty() => {
+                self.look_up_path(table, starts, &ends)
+            }
+            _ => self.a_star(starts, &ends, query, repriced),
         };
         // Avoided legs may cut off what the table knows.
         let Some(path) = path else { return self.direct(query, Some(reason)) };
@@ -314,8 +319,10 @@ impl Router {
     }
 
     /// The vertex that is nearest to the goal among those that a path leads to from any of `starts`.
-    fn nearest_reachable(&self, starts: &[Attachment], goal: Vec3) -> Option<VertexId> {
-        let reached: Vec<Reached<'_>> = starts.iter().map(|&(start, _)| self.reached_from(start)).collect();
+    fn nearest_reachable(&self, query: &Query, starts: &[Attachment]) -> Option<VertexId> {
+        let goal = query.goal;
+        let reached: Vec<Reached<'_>> =
+            starts.iter().map(|&(start, _)| self.reached_from(start, query.without)).collect();
         let mut best: Option<(f32, VertexId)> = None;
         self.vertices.visit_from(goal, |clearance, vertices| {
             if best.is_some_and(|(least, _)| clearance * clearance > least) {
@@ -333,12 +340,27 @@ impl Router {
         best.map(|(_, vertex)| vertex)
     }
 
-    /// The vertices that paths lead to from `from`, itself included.
-    fn reached_from(&self, from: VertexId) -> Reached<'_> {
+    /// The vertices that paths without some abilities lead to from `from`, itself included.
+    fn reached_from(&self, from: VertexId, without: AbilitySet) -> Reached<'_> {
         match &self.table {
-            Some(table) => Reached::Table(table, from),
-            None => Reached::Search(self.graph.reachable_from(from)),
+            Some(table) if without.is_empty() => Reached::Table(table, from),
+            _ => Reached::Search(self.search_all(from, without)),
         }
+    }
+
+    fn search_all(&self, from: VertexId, without: AbilitySet) -> Vec<bool> {
+        let mut reached = vec![false; self.graph.vertex_count()];
+        reached[from.idx()] = true;
+        let mut open = vec![from];
+        while let Some(vertex) = open.pop() {
+            for (edge, to, _) in self.adjacency.outgoing(vertex) {
+                let is_open = !without.contains(self.adjacency.leg(edge).ability);
+                if is_open && !std::mem::replace(&mut reached[to.idx()], true) {
+                    open.push(to);
+                }
+            }
+        }
+        reached
     }
 }
 

@@ -5,8 +5,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, Trial};
 use surefoot_planner::{
-    BuildError, BuildSettings, Builder, Built, EdgeKey, GraphId, PolicyHash, Probing, Progress, Query, Router, Site,
-    VertexId,
+    AbilitySet, BuildError, BuildSettings, Builder, Built, EdgeKey, GraphId, PolicyHash, Probing, Progress, Query,
+    Router, Site, VertexId,
 };
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -95,7 +95,8 @@ fn edges_are_what_the_executor_says_and_the_river_is_one_way() {
     }
     assert!(graph.edges().any(|edge| side(edge.key.to) && !side(edge.key.from)), "nothing leads over the river");
     let router = Router::new(graph, 4096, 1);
-    let find = |start, goal| router.find_path(&Query { start, goal, avoid: Vec::new() });
+    let find =
+        |start, goal| router.find_path(&Query { start, goal, avoid: Vec::new(), without: AbilitySet::default() });
     let (west, east) = (Vec3::new(4.0, 1.0, 30.0), Vec3::new(56.0, 1.0, 30.0));
     assert_eq!(find(west, east).no_path, None);
     assert_eq!(find(east, west).no_path, Some(surefoot_planner::NoPath::OneWay));

@@ -8,7 +8,7 @@ use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::search::EdgeCosts;
-use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
+use surefoot_planner::{AbilitySet, Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
 
 fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge {
@@ -28,7 +28,7 @@ fn row(count: u32) -> Vec<Vec3> {
 }
 
 fn query(start: Vec3, goal: Vec3) -> Query {
-    Query { start, goal, avoid: Vec::new() }
+    Query { start, goal, avoid: Vec::new(), without: AbilitySet::default() }
 }
 
 fn router(graph: NavGraph) -> Router {
@@ -94,7 +94,7 @@ proptest! {
         let graph = graph(scattered(40), edges_of(tuples));
         let (start, goal) = (Vec3::new(ends[0], 0.0, ends[1]), Vec3::new(ends[2] + 60.0, ends[3] / 20.0, ends[4]));
         let barred: Vec<LegKey> = barred.into_iter().map(|(from, to)| EdgeKey::new(from, to).into()).collect();
-        let query = Query { start, goal, avoid: barred.clone() };
+        let query = Query { start, goal, avoid: barred.clone(), without: AbilitySet::default() };
         let (with, without) = (router(graph.clone()).find_path(&query), Router::new(graph, 0, 1).find_path(&query));
         prop_assert_eq!(with.no_path.is_some(), without.no_path.is_some());
         let total = |plan: &surefoot_planner::Plan| plan.legs.iter().map(|leg| f64::from(leg.seconds.0) / (1.0 / 6.0) - 60.0 * libm::log(leg.chance.get())).sum::<f64>();
@@ -120,6 +120,42 @@ fn a_safe_detour_is_preferred_to_a_risky_short_cut() {
     let vertices = vec![Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 25.0)];
     let graph = graph(vertices, vec![edge(0, 1, 30, 1, 10), edge(0, 2, 25, 10, 10), edge(2, 1, 25, 10, 10)]);
     assert_eq!(router(graph).look_up(VertexId(0), VertexId(1)).unwrap().1, [0, 2, 1].map(VertexId));
+}
+
+/// An edge of 10 decisions that needs an ability.
+fn edge_by(from: u32, to: u32, ability: Ability) -> Edge {
+    let mut evidence = Evidence::default();
+    evidence.note(true, 10, ability);
+    Edge { key: EdgeKey::new(from, to), evidence }
+}
+
+#[test]
+fn a_plan_does_without_what_it_is_told_to_with_and_without_a_table() {
+    let vertices = vec![Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0), Vec3::new(30.0, 0.0, 40.0), Vec3::new(120.0, 0.0, 0.0)];
+    let edges = vec![
+        edge_by(0, 1, Ability::DoubleJump),
+        edge_by(0, 2, Ability::Walk),
+        edge_by(2, 1, Ability::Pad),
+        edge_by(1, 3, Ability::ZipLine),
+    ];
+    let graph = graph(vertices, edges);
+    for table_limit in [4096, 0] {
+        let router = Router::new(graph.clone(), table_limit, 1);
+        let plan = |without: &[Ability], goal: Vec3| {
+            router.find_path(&Query { without: without.iter().copied().collect(), ..query(Vec3::ZERO, goal) })
+        };
+        let used = |without: &[Ability]| -> Vec<Ability> {
+            let plan = plan(without, Vec3::new(60.0, 0.0, 0.0));
+            plan.legs.iter().filter(|leg| leg.key.edge().is_some()).map(|leg| leg.ability).collect()
+        };
+        assert_eq!(used(&[]), [Ability::DoubleJump]);
+        assert_eq!(used(&[Ability::ZipLine]), [Ability::DoubleJump]);
+        assert_eq!(used(&[Ability::DoubleJump]), [Ability::Walk, Ability::Pad]);
+        assert_eq!(used(&[Ability::Jump]), [Ability::Walk, Ability::Pad], "a double jump begins with a jump");
+        let told = plan(&[Ability::ZipLine], Vec3::new(120.0, 0.0, 0.0));
+        assert_eq!(told.no_path, Some(NoPath::DifferentIslands));
+        assert_eq!(told.nearest, Some(Vec3::new(60.0, 0.0, 0.0)), "as near as it gets without zip lines");
+    }
 }
 
 #[test]

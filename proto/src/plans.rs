@@ -5,7 +5,7 @@ use crate::planner::v1 as wire;
 use crate::world::v1 as world;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{BuildSettings, EdgeKey, Leg, LegKey, NoPath, Placement, Plan, Probing, Query, Stop, VertexId};
-use surefoot_world::{Chance, Seconds};
+use surefoot_world::{Ability, Chance, Seconds};
 
 /// Maximum number of legs that a query avoids.
 const MAX_AVOID: usize = 64;
@@ -38,10 +38,20 @@ fn leg_key(ends: &wire::LegEnds) -> Result<LegKey, FieldError> {
     Ok(LegKey { from: stop(ends.from.as_ref(), "query.avoid.from")?, to: stop(ends.to.as_ref(), "query.avoid.to")? })
 }
 
+/// Converts an ability that a plan must do without.
+fn without(value: i32) -> Result<Ability, FieldError> {
+    match convert::ability(value) {
+        // Nothing goes without walking.
+        Ability::Walk => Err(FieldError::Unknown { field: "query.without", value }),
+        ability => Ok(ability),
+    }
+}
+
 /// Converts a query from the wire.
 ///
 /// # Errors
-/// If a point is absent or not finite, a leg to avoid lacks an end, or there are more than 64 such legs.
+/// If a point is absent or not finite, a leg to avoid lacks an end, there are more than 64 such legs, or the plan is to do without
+/// walking or something unknown.
 pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
     let (found, limit) = (query.avoid.len(), MAX_AVOID);
     if found > limit {
@@ -51,6 +61,7 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
         start: convert::point(query.start.as_ref(), "query.start")?,
         goal: convert::point(query.goal.as_ref(), "query.goal")?,
         avoid: query.avoid.iter().map(leg_key).collect::<Result<_, _>>()?,
+        without: query.without.iter().map(|&ability| without(ability)).collect::<Result<_, _>>()?,
     })
 }
 
@@ -61,6 +72,7 @@ pub fn query_to_wire(query: &Query) -> wire::PathQuery {
         start: Some(convert::to_wire(query.start)),
         goal: Some(convert::to_wire(query.goal)),
         avoid: query.avoid.iter().map(avoid).collect(),
+        without: query.without.iter().map(|ability| convert::ability_to_wire(ability).into()).collect(),
     }
 }
 

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{LegKey, Plan, Query, Stop};
+use surefoot_planner::{AbilitySet, LegKey, Plan, Query, Stop};
 use surefoot_world::Vec3;
 
 /// Constants of plan following.
@@ -221,7 +221,8 @@ impl Follower {
 
     /// The query for a plan from `feet`, m, that avoids the failed legs.
     pub fn query(&self, feet: Vec3) -> Query {
-        Query { start: feet, goal: self.goal, avoid: self.failed_legs.iter().map(|leg| leg.key).collect() }
+        let avoid = self.failed_legs.iter().map(|leg| leg.key).collect();
+        Query { start: feet, goal: self.goal, avoid, without: AbilitySet::default() }
     }
 
     /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs on which there was no progress get

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use surefoot_planner::candidates;
 use surefoot_planner::{
-    BuildError, BuildSettings, GraphId, NavGraph, Placement, Probing, Progress, Query, RawBuildSettings, Router,
+    AbilitySet, BuildError, BuildSettings, GraphId, NavGraph, Placement, Probing, Progress, Query, RawBuildSettings,
+    Router,
 };
 use surefoot_policy::Policy;
 use surefoot_rollout::ProbeContext;
@@ -87,7 +88,7 @@ fn every_builder_joins_most_of_a_small_map() {
         let found = points
             .chunks_exact(2)
             .filter(|pair| {
-                let query = Query { start: pair[0], goal: pair[1], avoid: Vec::new() };
+                let query = Query { start: pair[0], goal: pair[1], avoid: Vec::new(), without: AbilitySet::default() };
                 router.find_path(&query).no_path.is_none()
             })
             .count();

@@ -21,7 +21,7 @@ use surefoot_planner::evidence::Evidence;
 use surefoot_planner::export::{Format, export};
 use surefoot_planner::links::NavMesh;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
-use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
+use surefoot_planner::{AbilitySet, BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::wire as planner_wire;
 use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
 use surefoot_proto::plans::{plan_to_wire, settings_to_wire};
@@ -151,10 +151,16 @@ fn layer() -> Layer {
 fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     let graph_id = "0123456789abcdef".repeat(4);
     let router = Router::new(graph(), 64, 1);
-    let found = router.find_path(&Query { start: Vec3::ONE, goal: Vec3::new(36.0, 1.0, 9.0), avoid: Vec::new() });
+    let found = router.find_path(&Query {
+        start: Vec3::ONE,
+        goal: Vec3::new(36.0, 1.0, 9.0),
+        avoid: Vec::new(),
+        without: AbilitySet::default(),
+    });
     let stop = |vertex| Some(plan::Stop { stop: Some(plan::stop::Stop::Vertex(vertex)) });
     let leg = plan::LegEnds { from: stop(0), to: stop(1) };
-    let query = plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg] };
+    let query =
+        plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg], without: Vec::new() };
     let on_wire = planner_wire::layer_to_wire(&layer());
     let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9 }];
     let settings = Some(settings_to_wire(&BuildSettings::default()));

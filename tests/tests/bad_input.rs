@@ -241,7 +241,7 @@ async fn the_planner_refuses_what_it_cannot_use() {
 
     let (graph_id, summary) = build_graph(&mut client, 1).await;
     let find = |query| plan::FindPathRequest { graph_id: graph_id.clone(), query };
-    let query = |start, goal| Some(plan::PathQuery { start, goal, avoid: Vec::new() });
+    let query = |start, goal| Some(plan::PathQuery { start, goal, avoid: Vec::new(), without: Vec::new() });
     refused(client.find_path(find(None)).await, Code::InvalidArgument, "query is missing");
     refused(
         client.find_path(find(query(None, at(1.0, 1.0, 1.0)))).await,

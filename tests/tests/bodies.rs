@@ -73,21 +73,24 @@ async fn npcs_of_several_bodies_reach_their_goals_each_by_a_graph_of_its_own() {
     assert_eq!(world.bodies.len(), 2, "equal bodies are one");
     assert_eq!(world.bodies[1].forward_speed, slow.forward_speed);
 
-    // A body on foot is never faster than it can run.
-    let speeds = std::sync::Mutex::new([0.0f32; 2]);
+    // A body on foot seldom goes faster than it can run: only where it slides or lands.
+    let speeds = std::sync::Mutex::new([vec![], vec![]]);
     let end = watch_until(&mut client, world.world_id, |snapshot| {
         for npc in &snapshot.npcs {
             let velocity = npc.velocity.unwrap();
             if npc.support() == wire::Support::Ground {
-                let speed = &mut speeds.lock().unwrap()[npc.body_idx as usize];
-                *speed = speed.max(velocity.x.hypot(velocity.z));
+                speeds.lock().unwrap()[npc.body_idx as usize].push(velocity.x.hypot(velocity.z));
             }
         }
         snapshot.npcs.iter().all(|npc| npc.last_outcome() != wire::Outcome::Unspecified)
     })
     .await;
-    let [unity, slow] = speeds.into_inner().unwrap();
-    assert!(unity > 4.0 && slow < 3.0, "{unity} and {slow} m/s");
+    let upper_quartile = |mut speeds: Vec<f32>| {
+        speeds.sort_unstable_by(f32::total_cmp);
+        speeds[speeds.len() * 3 / 4]
+    };
+    let [unity, slow] = speeds.into_inner().unwrap().map(upper_quartile);
+    assert!((4.0..5.4).contains(&unity) && (1.5..2.51).contains(&slow), "{unity} and {slow} m/s");
     let indices: Vec<u32> = end.npcs.iter().map(|npc| npc.body_idx).collect();
     assert_eq!(indices, [0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0]);
     let ends: Vec<wire::Outcome> = end.npcs.iter().map(wire::Npc::last_outcome).collect();

@@ -6,7 +6,7 @@ use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
-use surefoot_proto::world::v1::{ImportMapRequest, MapFormat, Vec3};
+use surefoot_proto::world::v1::{Ability, ImportMapRequest, MapFormat, Vec3};
 use tonic::Code;
 use tonic::transport::Channel;
 
@@ -20,7 +20,7 @@ async fn get(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
 }
 
 async fn plan(client: &mut Client, graph_id: &str, start: Vec3, goal: Vec3) -> wire::Plan {
-    let query = wire::PathQuery { start: Some(start), goal: Some(goal), avoid: Vec::new() };
+    let query = wire::PathQuery { start: Some(start), goal: Some(goal), avoid: Vec::new(), without: Vec::new() };
     let request = wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query) };
     client.find_path(request).await.unwrap().into_inner().plan.unwrap()
 }
@@ -49,6 +49,41 @@ async fn travelled_edge(client: &mut Client, graph_id: &str) -> (Vec3, Vec3, wir
 
 fn passes(plan: &wire::Plan, leg: &wire::Leg) -> bool {
     plan.legs.iter().any(|other| (other.from, other.to) == (leg.from, leg.to))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn plans_do_without_abilities() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let (graph_id, _) = build_graph(&mut client, MAP).await;
+    let vertices = get(&mut client, &graph_id).await.vertices;
+    let pairs = || vertices.iter().zip(vertices.iter().cycle().skip(25));
+    let mut plans = async |without: Vec<Ability>| {
+        let without: Vec<i32> = without.into_iter().map(i32::from).collect();
+        let query = |(start, goal): (&Vec3, &Vec3)| wire::PathQuery {
+            start: Some(*start),
+            goal: Some(*goal),
+            without: without.clone(),
+            ..Default::default()
+        };
+        let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: pairs().map(query).collect() };
+        client.find_paths(request).await.map(|response| response.into_inner().plans)
+    };
+    let jumps = |plans: &[wire::Plan]| {
+        let is_jump = |leg: &&wire::Leg| matches!(leg.ability(), Ability::Jump | Ability::DoubleJump);
+        plans.iter().flat_map(|plan| &plan.legs).filter(is_jump).count()
+    };
+    let usual = plans(vec![]).await.unwrap();
+    let on_foot = plans(vec![Ability::Jump]).await.unwrap();
+    assert!(jumps(&usual) > 0 && jumps(&on_foot) == 0, "{} and {}", jumps(&usual), jumps(&on_foot));
+    let found = |plans: &[wire::Plan]| plans.iter().filter(|plan| plan.found).count();
+    assert!(found(&on_foot) <= found(&usual));
+    for senseless in [Ability::Walk, Ability::Unspecified] {
+        let status = plans(vec![senseless]).await.unwrap_err();
+        assert!(status.message().contains("query.without"), "{status}");
+    }
+    planner.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

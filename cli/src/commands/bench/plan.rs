@@ -14,7 +14,7 @@ use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::Progress;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::store::GraphStore;
-use surefoot_planner::{BuildSettings, NavGraph, Query, Router, Stop, VertexId};
+use surefoot_planner::{AbilitySet, BuildSettings, NavGraph, Query, Router, Stop, VertexId};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner_service::{self as service, PlannerConfig};
 use surefoot_policy::Policy;
@@ -77,7 +77,9 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let points = navigable::sample_many(&context.map, &context.profile, 2000, &mut rng)?;
     let mut draw = || points[rng.random_range(0..points.len())];
-    let queries: Vec<Query> = (0..QUERIES).map(|_| Query { start: draw(), goal: draw(), avoid: Vec::new() }).collect();
+    let queries: Vec<Query> = (0..QUERIES)
+        .map(|_| Query { start: draw(), goal: draw(), avoid: Vec::new(), without: AbilitySet::default() })
+        .collect();
     figures.extend(searches(&big.graph, &router, &queries));
     figures.push(batch(&router, &queries));
     let folder = std::env::temp_dir().join(format!("surefoot-bench-{}", std::process::id()));
@@ -205,7 +207,12 @@ async fn over_grpc(
     let point = |point: Vec3| Some(convert::to_wire(point));
     let wire_queries: Vec<wire::PathQuery> = queries
         .iter()
-        .map(|query| wire::PathQuery { start: point(query.start), goal: point(query.goal), avoid: Vec::new() })
+        .map(|query| wire::PathQuery {
+            start: point(query.start),
+            goal: point(query.goal),
+            avoid: Vec::new(),
+            without: Vec::new(),
+        })
         .collect();
     let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: wire_queries[..WIRE_BATCH].to_vec() };
     client.find_paths(batch.clone()).await?;
