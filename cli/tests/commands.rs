@@ -125,7 +125,7 @@ fn a_scene_with_saved_worlds_can_be_started_again_and_again() {
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         // So few NPCs may not arrive anywhere in two seconds; anything else is a failure.
         assert!(output.status.success() || message.contains("no NPC arrived"), "start {start}: {message}");
-        assert!(message.contains("2 NPCs on 1 maps"), "start {start}: {message}");
+        assert!(message.contains("2 NPCs on 1 map,"), "start {start}: {message}");
     }
 }
 
@@ -263,6 +263,58 @@ fn a_map_goes_through_files_and_a_run_on_it_replays() {
         let size = std::fs::metadata(&picture).unwrap().len();
         assert!(size > 5_000, "{view:?}: {size} bytes");
         std::fs::remove_file(picture).unwrap();
+    }
+}
+
+#[test]
+fn levels_and_bodies_of_files_are_taken_by_eval_graph_train_and_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let run = |args: &[&str]| {
+        let output = surefoot(args);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.success(), said)
+    };
+    let (saved, level, body, run_folder) = (path("a.sfmap"), path("a.glb"), path("goblin.toml"), path("run"));
+    std::fs::write(&body, "height = 1.25\nradius = 0.25\nforward_speed = 4.0\n").unwrap();
+    assert_eq!(run(&["map", "generate", "9", "--size", "60", "--out", &saved]), (true, String::new()));
+    assert!(run(&["map", "export", &saved, "--out", &level]).0);
+
+    let small = ["--vertices", "20", "--neighbours", "6", "--repeats", "1"];
+    let eval = ["eval", "--maps", &level, "--body", &body, "--goals", "6", "--json"];
+    let report = json(&surefoot(&[&eval[..], &small].concat()));
+    assert_eq!((&report["per_map"][0]["map"], &report["success"]["all"]["n"]), (&"a.glb".into(), &6.into()));
+
+    // Nothing is learned: the run is set up and written.
+    let train = ["train", &run_folder, "--maps", &level, "--body", &body, "--updates", "0"];
+    let (trained, said) = run(&train);
+    assert!(trained, "{said}");
+    let config = std::fs::read(folder.path().join("run/config.json")).unwrap();
+    let config: serde_json::Value = serde_json::from_slice(&config).unwrap();
+    assert_eq!(config["collector"]["body"]["height"], 1.25);
+    assert_eq!(config["collector"]["world_count"], 1, "a single map is trained on alone");
+    let copied = config["collector"]["levels"][0].as_str().unwrap();
+    assert!(copied.ends_with("run/levels/0-a.sfmap") && std::path::Path::new(copied).exists(), "{copied}");
+    assert!(run(&["train", &run_folder, "--resume"]).0);
+
+    let scene = ["up", "--for", "3", "--maps", &level, "--body", "unity", "--npcs", "4", "--cache", &path("cache")];
+    let addresses = ["--listen", "127.0.0.1:0", "--planner-listen", "127.0.0.1:0"];
+    let (ended, said) = run(&[&scene[..], &addresses, &small].concat());
+    // So few NPCs may not arrive anywhere in three seconds; anything else is a failure.
+    assert!((ended || said.contains("no NPC arrived")) && said.contains("4 NPCs on 1 map,"), "{said}");
+
+    let (wide, wrong) = (path("wide.toml"), path("wrong.toml"));
+    std::fs::write(&wide, "radius = 9.0\n").unwrap();
+    std::fs::write(&wrong, "wings = 2\n").unwrap();
+    for (file, words) in
+        [(&wide, "body.radius is 9, but must be 0.15 to 1"), (&wrong, "wings"), (&level, "there is no body")]
+    {
+        for command in
+            [&["eval", "--body", file][..], &["up", "--body", file], &["train", &path("other"), "--body", file]]
+        {
+            let (done, said) = run(command);
+            assert!(!done && said.contains(words), "{command:?}: {said}");
+        }
     }
 }
 

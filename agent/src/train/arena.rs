@@ -29,9 +29,12 @@ pub(super) struct Arena {
 }
 
 impl Arena {
-    /// Generates the map of `seed` and an empty world on it.
+    /// Makes the map of `seed` and an empty world on it.
+    ///
+    /// # Panics
+    /// If there is none, which the configuration's check rules out unless a file has changed since.
     pub fn new(seed: u64, config: &CollectorConfig) -> (Self, World) {
-        let map = Arc::new(Map::generate(&config.spec(seed).expect("a valid training spec")));
+        let map = Arc::new(config.map(seed).expect("checked before training"));
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(2);
         let sample = |profile: &CharacterProfile, rng: &mut ChaCha8Rng| {
@@ -41,9 +44,8 @@ impl Arena {
         // A large body may have no place to stand.
         let fits = drawn.and_then(|body| sample(&body, &mut rng).ok().map(|points| (body, points)));
         let (profile, points) = fits.unwrap_or_else(|| {
-            let profile = CharacterProfile::default();
-            let points = sample(&profile, &mut rng).expect("generated maps have ground");
-            (profile, points)
+            let points = sample(&config.body, &mut rng).expect("training maps have ground");
+            (config.body.clone(), points)
         });
         let surveyed = (config.reachable_share > 0.0).then(|| Surveyed::new(&map, &profile, config.reachable_share));
         let arena = Self { seed, points, failures: Vec::new(), surveyed };

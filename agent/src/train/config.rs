@@ -3,12 +3,15 @@
 use super::error::TrainError;
 use super::replay::Sampling;
 use burn::tensor::Device;
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 use surefoot_policy::ActorConfig;
+use surefoot_world::exchange::{self, FileError};
 use surefoot_world::map::{Features, MapKind};
-use surefoot_world::{MapSpec, SpecError};
+use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, SpecError, navigable};
 
 /// Name of the configuration file in a run's folder.
 pub(super) const CONFIG_FILE: &str = "config.json";
@@ -128,6 +131,10 @@ fn terrain_only() -> Vec<MapKind> {
     vec![MapKind::Terrain]
 }
 
+fn usual_height() -> u32 {
+    RawMapSpec::new(0).size.height
+}
+
 fn one() -> usize {
     1
 }
@@ -145,6 +152,14 @@ impl TrainConfig {
             sac: SacConfig { network, ..SacConfig::default() },
             ..Self::default()
         }
+    }
+
+    /// Sets the saved maps to train on, which validation uses as well.
+    pub fn train_on_levels(&mut self, levels: Vec<PathBuf>) {
+        let seeds: Vec<u64> = (0..levels.len() as u64).collect();
+        self.train_on(seeds.clone());
+        self.collector.levels = levels;
+        self.validation_seeds = seeds;
     }
 
     /// Sets the training maps. With a single map, collecting and validation both use it, for a map-specific policy.
@@ -204,11 +219,22 @@ impl TrainConfig {
                 return refuse(field, "must be 0 to 1");
             }
         }
-        if self.collector.spec(0).is_err() {
-            return refuse(
-                "collector.map_side and map_features",
-                "make no valid map: see `surefoot map generate --help`",
-            );
+        self.check_maps()
+    }
+
+    /// Checks that there are maps, and places on them for the body.
+    fn check_maps(&self) -> Result<(), TrainError> {
+        let CollectorConfig { levels, body, .. } = &self.collector;
+        self.collector.spec(0).map_err(|_| map_refusal())?;
+        // Generated maps have ground for the default body; of others one map is tried.
+        let tried_count =
+            if levels.is_empty() { usize::from(*body != CharacterProfile::default()) } else { levels.len() };
+        for seed in 0..tried_count as u64 {
+            let (map, mut rng) = (self.collector.map(seed)?, ChaCha8Rng::seed_from_u64(seed));
+            if navigable::sample_many(&map, body, 1, &mut rng).is_err() {
+                let problem = "there is a map without a place for this body to stand";
+                return Err(TrainError::Config { field: "collector.body", problem });
+            }
         }
         Ok(())
     }
@@ -268,15 +294,24 @@ impl Default for SacConfig {
 pub struct CollectorConfig {
     /// Seeds of the maps to train on.
     pub map_seeds: Vec<u64>,
+    /// Saved maps to train on, which take the place of generated ones: a map's seed modulo their number chooses one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub levels: Vec<PathBuf>,
     /// Side of the training maps, m.
     pub map_side: u32,
+    /// Height of the training maps, m.
+    #[serde(default = "usual_height")]
+    pub map_height: u32,
     /// Features of the training maps.
     #[serde(default)]
     pub map_features: Features,
     /// Kinds of the training maps; a map's seed modulo their number chooses one.
     #[serde(default = "terrain_only")]
     pub map_kinds: Vec<MapKind>,
-    /// Share of the maps whose NPCs have a random body; the others have the default one.
+    /// Body of the NPCs, in validation as well.
+    #[serde(default)]
+    pub body: CharacterProfile,
+    /// Share of the maps whose NPCs have a random body instead.
     #[serde(default)]
     pub random_bodies: f64,
     /// Share of goals drawn from the places that the survey finds reachable from where the NPC stands; the others are drawn from all
@@ -314,9 +349,12 @@ impl Default for CollectorConfig {
     fn default() -> Self {
         Self {
             map_seeds: (0..128).collect(),
+            levels: Vec::new(),
             map_side: 250,
+            map_height: usual_height(),
             map_features: Features::default(),
             map_kinds: terrain_only(),
+            body: CharacterProfile::default(),
             random_bodies: 0.0,
             reachable_share: 0.0,
             world_count: 8,
@@ -335,16 +373,33 @@ impl Default for CollectorConfig {
 }
 
 impl CollectorConfig {
-    /// The spec of the training map of a seed.
+    /// The training map of a seed.
     ///
     /// # Errors
-    /// If the side or the features are out of range.
-    pub fn spec(&self, seed: u64) -> Result<MapSpec, SpecError> {
+    /// If its spec is out of range, or its file cannot be read or used.
+    pub(super) fn map(&self, seed: u64) -> Result<Map, TrainError> {
+        if self.levels.is_empty() {
+            return self.spec(seed).map(|spec| Map::generate(&spec)).map_err(|_| map_refusal());
+        }
+        let path = &self.levels[(seed % self.levels.len() as u64) as usize];
+        let bytes = std::fs::read(path).map_err(|source| TrainError::Io { path: path.clone(), source })?;
+        let damaged = |error: FileError| TrainError::Damaged { path: path.clone(), reason: error.to_string() };
+        exchange::decode(&bytes).map_err(damaged)
+    }
+
+    /// The spec of the training map of a seed.
+    fn spec(&self, seed: u64) -> Result<MapSpec, SpecError> {
         MapSpec::with_side(seed, self.map_side)?.with(|spec| {
+            spec.size.height = self.map_height;
             spec.features = self.map_features;
             spec.kind = self.map_kinds[(seed % self.map_kinds.len() as u64) as usize];
         })
     }
+}
+
+fn map_refusal() -> TrainError {
+    let problem = "make no valid map: see `surefoot map generate --help`";
+    TrainError::Config { field: "collector.map_side, map_height and map_features", problem }
 }
 
 /// Serializes `None` as 0.

@@ -21,6 +21,7 @@ pub struct Validation {
 /// The fixed goals for the validation of a run.
 pub(super) struct ValidationSet {
     maps: Vec<(Arc<Map>, Vec<Goal>, Vec<Goal>)>,
+    body: CharacterProfile,
     task: TaskConfig,
 }
 
@@ -30,15 +31,15 @@ impl ValidationSet {
             .validation_seeds
             .iter()
             .map(|&seed| {
-                let map = Arc::new(Map::generate(&config.collector.spec(seed).expect("a valid spec")));
+                let map = Arc::new(config.collector.map(seed).expect("checked before training"));
                 let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x5EED);
-                let points = navigable::sample_many(&map, &CharacterProfile::default(), 800, &mut rng).expect("ground");
+                let points = navigable::sample_many(&map, &config.collector.body, 800, &mut rng).expect("ground");
                 let near = Goal::draw(&points, 2.0..25.0, config.validation_goals, &mut rng);
                 let far = Goal::draw(&points, 25.0..60.0, config.validation_goals, &mut rng);
                 (map, near, far)
             })
             .collect();
-        Self { maps, task: TaskConfig::default() }
+        Self { maps, body: config.collector.body.clone(), task: TaskConfig::default() }
     }
 
     pub fn measure(&self, policy: &Policy, noise_share: f32) -> Validation {
@@ -46,7 +47,7 @@ impl ValidationSet {
         let mut tried = [0usize; 2];
         for (map, near, far) in &self.maps {
             for (band, goals) in [near, far].into_iter().enumerate() {
-                let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), self.task.clone());
+                let mut rollout = Rollout::new(map.clone(), self.body.clone(), self.task.clone());
                 // Shorter than the task's patience, which is enough to rank weights.
                 rollout.give_up_after = 90;
                 rollout.noise_share = noise_share;

@@ -53,21 +53,22 @@ pub(super) struct BodyArg {
 
 impl BodyArg {
     pub fn profile(&self) -> anyhow::Result<CharacterProfile> {
-        if let Some(body) = NamedBody::find(&self.body) {
-            return Ok(body.profile());
-        }
-        let path = Path::new(&self.body);
-        let names = || BODIES.map(|body| body.name).join(", ");
-        if path.extension().is_none_or(|it| it != "toml") {
-            bail!(
-                "there is no body `{}`: there are {}, or a .toml file with the fields of a profile",
-                self.body,
-                names()
-            );
-        }
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        toml::from_str(&text).with_context(|| format!("{} is not a body", path.display()))
+        load_body(&self.body)
     }
+}
+
+/// The body with a name, or that of a file.
+pub(super) fn load_body(name: &str) -> anyhow::Result<CharacterProfile> {
+    if let Some(body) = NamedBody::find(name) {
+        return Ok(body.profile());
+    }
+    let path = Path::new(name);
+    if path.extension().is_none_or(|it| it != "toml") {
+        let names = BODIES.map(|body| body.name).join(", ");
+        bail!("there is no body `{name}`: there are {names}, or a .toml file with the fields of a profile");
+    }
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    toml::from_str(&text).with_context(|| format!("{} is not a body", path.display()))
 }
 
 /// What generated maps are like, besides their seeds.
@@ -87,11 +88,11 @@ pub(super) struct Generated {
     pub kind: MapKind,
 }
 
-fn parse_kind(text: &str) -> Result<MapKind, String> {
+pub(super) fn parse_kind(text: &str) -> Result<MapKind, String> {
     text.parse()
 }
 
-fn parse_features(text: &str) -> Result<Features, String> {
+pub(super) fn parse_features(text: &str) -> Result<Features, String> {
     text.parse()
 }
 

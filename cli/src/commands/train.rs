@@ -1,24 +1,27 @@
 //! `surefoot train`.
 
+use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind};
 use super::parse_seeds;
 use anyhow::Context;
 use std::num::NonZeroU64;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use surefoot_agent::train::Processor;
 use surefoot_agent::train::{self, TrainConfig};
+use surefoot_world::exchange;
+use surefoot_world::map::{Features, MapKind};
 
 /// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  tensorboard --logdir runs"
+    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  tensorboard --logdir runs"
 )]
 pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
     folder: PathBuf,
     /// Continue the run in the folder
-    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "name", "processor"])]
+    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features", "kind", "body", "name", "processor"])]
     resume: bool,
     /// Use this configuration (the config.json of another run) instead of the defaults
     #[arg(long, value_name = "FILE")]
@@ -29,12 +32,25 @@ pub struct Args {
     /// Start from the weights of this model or run; a recurrent agent may start from a reactive one
     #[arg(long, value_name = "FOLDER")]
     from: Option<PathBuf>,
-    /// Seeds of the maps to train on, such as 0..128; a single seed trains a policy for that map alone
-    #[arg(long, value_name = "SEEDS")]
+    /// Seeds of the maps to train on, such as 0..128, or files (.sfmap, .glb, .gltf, .obj), which are copied to the run's folder; a single
+    /// map trains a policy for it alone
+    #[arg(long, value_name = "SEEDS|FILE,...")]
     maps: Option<String>,
     /// Side of the training maps in metres
     #[arg(long, value_name = "METRES")]
     size: Option<u32>,
+    /// Height of the training maps in metres
+    #[arg(long, value_name = "METRES")]
+    height: Option<u32>,
+    /// Features of the training maps: paper, all or none, followed by changes, such as all,lava=0
+    #[arg(long, value_name = "LIST", value_parser = parse_features)]
+    features: Option<Features>,
+    /// Kinds of the training maps: terrain, islands, interior, arena, tower, open; several take turns by seed
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = parse_kind)]
+    kind: Vec<MapKind>,
+    /// Body to train: surefoot, unreal, godot, unity, heavy, small or climber, or a .toml file with the fields of a profile
+    #[arg(long, value_name = "NAME|FILE")]
+    body: Option<String>,
     /// Name of the model
     #[arg(long)]
     name: Option<String>,
@@ -68,8 +84,18 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     config.start_from = args.from.or(config.start_from);
     config.name = args.name.unwrap_or(config.name);
     config.collector.map_side = args.size.unwrap_or(config.collector.map_side);
-    if let Some(maps) = &args.maps {
-        config.train_on(parse_seeds(maps).context("--maps")?);
+    config.collector.map_height = args.height.unwrap_or(config.collector.map_height);
+    config.collector.map_features = args.features.unwrap_or(config.collector.map_features);
+    if !args.kind.is_empty() {
+        config.collector.map_kinds = args.kind;
+    }
+    if let Some(body) = &args.body {
+        (config.collector.body, config.collector.random_bodies) = (load_body(body)?, 0.0);
+    }
+    match args.maps.as_deref().map(|maps| (maps, level_files(maps))) {
+        Some((_, Some(files))) => config.train_on_levels(copy_levels(&files, &args.folder)?),
+        Some((seeds, None)) => config.train_on(parse_seeds(seeds).context("--maps")?),
+        None => {}
     }
     if let Some(processor) = &args.processor {
         config.processor = if processor == "cuda" { Processor::Cuda } else { Processor::Cpu };
@@ -78,6 +104,20 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     stop_on_signal(stop.clone())?;
     train::run(config, &args.folder, args.resume, &stop, |line| println!("{line}"))?;
     Ok(())
+}
+
+/// Saves levels as maps in the folder of a run, and returns the files.
+fn copy_levels(files: &[&Path], run: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let folder = run.join("levels");
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let copy = |(idx, file): (usize, &&Path)| {
+        let map = load_level(file)?;
+        // Files of different folders may have one name.
+        let to = folder.join(format!("{idx}-{}", file_name(file))).with_extension("sfmap");
+        std::fs::write(&to, exchange::encode(&map)).with_context(|| format!("cannot write {}", to.display()))?;
+        Ok(to)
+    };
+    files.iter().enumerate().map(copy).collect()
 }
 
 /// Sets `stop` on the first Ctrl-C or SIGTERM.

@@ -189,7 +189,8 @@ async fn scene(
             }
         });
     }
-    eprintln!("{} NPCs on {map_count} maps, ready after {:.1} s", args.npcs, started.elapsed().as_secs_f64());
+    let maps = if map_count == 1 { "map" } else { "maps" };
+    eprintln!("{} NPCs on {map_count} {maps}, ready after {:.1} s", args.npcs, started.elapsed().as_secs_f64());
     let failure = watch_scene(args, started, &watches, &mut parts, &shutdown).await;
     shutdown.trigger();
     while let Some(ended) = parts.join_next().await {
