@@ -256,7 +256,7 @@ pub fn gltf(bytes: &[u8]) {
 /// Levels as OBJ, with y up in metres and with other options.
 pub fn obj(bytes: &[u8]) {
     import_round_trips(exchange::import_obj(bytes, None, &ImportOptions::default()));
-    let options = ImportOptions { scale: 0.01, up: exchange::UpAxis::Z };
+    let options = ImportOptions { scale: 0.01, up: exchange::UpAxis::Z, keep_sides: false };
     import_round_trips(exchange::import_obj(bytes, None, &options));
 }
 

@@ -166,6 +166,45 @@ async fn levels_that_cannot_be_used_are_refused_and_kept_ones_stay() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn levels_are_imported_in_their_unit_with_their_axis_and_with_their_sides() {
+    let server = start_server(ServerConfig::default());
+    let mut client = maps(&server.uri).await;
+    // A floor of 2000 x 1000 x 50 units with z up, all of its faces turned in.
+    let corner = |idx: u32| {
+        let at = |bit: u32, far: u32| if idx >> bit & 1 == 0 { 0 } else { far };
+        format!("v {} {} {}\n", at(0, 2000), at(1, 1000), at(2, 50))
+    };
+    let corners: String = (0..8).map(corner).collect();
+    let faces = "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n";
+    let mut take = async |scale: f32, up: wire::UpAxis, keep_sides: bool| {
+        let file = format!("o floor\n{corners}{faces}").into_bytes();
+        let request = wire::ImportMapRequest {
+            name: format!("floor {scale} {up:?} {keep_sides}"),
+            scale,
+            up: up.into(),
+            keep_sides,
+            ..import(wire::MapFormat::Obj, file)
+        };
+        client.import_map(request).await.map(|response| response.into_inner())
+    };
+    let turned = take(0.02, wire::UpAxis::Z, false).await.unwrap();
+    let size = turned.map.unwrap().size.unwrap();
+    assert_eq!((size.width, size.height, size.depth), (44, 22, 24));
+    assert!(turned.warnings.iter().any(|warning| warning.contains("inside out")), "{:?}", turned.warnings);
+    let kept = take(0.02, wire::UpAxis::Z, true).await.unwrap();
+    assert_eq!(kept.warnings, [""; 0]);
+    let lying = take(0.02, wire::UpAxis::Y, false).await.unwrap().map.unwrap().size.unwrap();
+    assert_eq!((lying.height, lying.depth), (41, 5));
+    let small = take(0.001, wire::UpAxis::Z, false).await.unwrap().warnings;
+    assert!(small.iter().any(|warning| warning.contains("10 times as large")), "{small:?}");
+    for scale in [-1.0, f32::NAN] {
+        let refusal = take(scale, wire::UpAxis::Z, false).await.unwrap_err();
+        assert!(refusal.message().contains("scale"), "{refusal}");
+    }
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_level_larger_than_a_message_arrives_in_chunks_and_leaves_in_chunks() {
     let limits = Limits { max_import_bytes: 64 << 10, ..Limits::default() };
     let server = start_server_at(EndpointConfig { limits, ..EndpointConfig::default() }, ServerConfig::default());

@@ -9,7 +9,7 @@ use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, 
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Vec3, World};
 
-const PLAIN: ImportOptions = ImportOptions { scale: 1.0, up: UpAxis::Y };
+const PLAIN: ImportOptions = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
 
 fn generated(seed: u64) -> Map {
     Map::generate(&MapSpec::with_side(seed, 60).unwrap())
@@ -254,7 +254,7 @@ fn a_level_in_centimetres_with_z_up_is_the_same_level() {
             }
         })
         .collect();
-    let options = ImportOptions { scale: 1.0 / 64.0, up: UpAxis::Z };
+    let options = ImportOptions { scale: 1.0 / 64.0, up: UpAxis::Z, keep_sides: false };
     let map = exchange::import_obj(turned.as_bytes(), None, &options).expect("a valid level").map;
     assert_eq!(map.hash(), upright.hash());
 }
@@ -335,6 +335,30 @@ fn stands(map: &Arc<Map>, feet: Vec3) -> bool {
 }
 
 #[test]
+fn sides_stay_as_they_were_modelled_where_that_is_wanted() {
+    let block = |name: &str, x: f32| inside_out(&obj_box(name, [x, 0.0, 0.0], [x + 5.0, 3.0, 5.0]));
+    let blocks = block("a", 0.0) + &block("b", 6.0);
+    let kept = exchange::import_obj(blocks.as_bytes(), None, &ImportOptions { keep_sides: true, ..PLAIN }).unwrap();
+    assert_eq!(kept.warnings, []);
+    let turned = obj(&blocks);
+    let feet = Vec3::new(4.5, 4.01, 4.5);
+    assert!(!stands(&Arc::new(kept.map), feet) && stands(&Arc::new(turned.map), feet));
+}
+
+#[test]
+fn a_level_in_another_unit_is_asked_about() {
+    let block = |side: f32| obj_box("a", [0.0, 0.0, 0.0], [side, 0.1 * side, side]);
+    for (side, factor) in [(0.02, 1000.0), (0.3, 100.0), (3.0, 10.0)] {
+        let times = obj(&block(side)).warnings.into_iter().find_map(|warning| match warning {
+            Warning::Tiny { times, .. } => Some(times),
+            _ => None,
+        });
+        assert_eq!(times, Some(factor), "{side} m");
+    }
+    assert_eq!(obj(&block(30.0)).warnings, []);
+}
+
+#[test]
 fn blocks_that_were_modelled_inside_out_are_solid() {
     let blocks = [("a", 0.0, 3.0), ("b", 6.0, 2.0), ("c", 12.0, 4.0)];
     let block = |(name, x, top): (&str, f32, f32)| obj_box(name, [x, 0.0, 0.0], [x + 5.0, top, 5.0]);
@@ -398,7 +422,7 @@ fn the_sidecar_lists_features_in_the_levels_own_coordinates() {
         "jetpacks": [{ "at": [700, 700, 0], "fuel": 1.5 }],
     });
     let floor = obj_box("floor", [0.0, 0.0, -100.0], [4000.0, 4000.0, 0.0]);
-    let options = ImportOptions { scale: 0.01, up: UpAxis::Z };
+    let options = ImportOptions { scale: 0.01, up: UpAxis::Z, keep_sides: false };
     let map = exchange::import_obj(floor.as_bytes(), Some(&sidecar.to_string()), &options).expect("a valid level").map;
     let placed = map.placed();
     // x from 2, z from 2 + 40 downwards, the floor's top at 2.

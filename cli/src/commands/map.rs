@@ -120,7 +120,7 @@ pub(super) fn file_name(path: &Path) -> String {
 pub(super) fn load_level(path: &Path) -> anyhow::Result<Map> {
     let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
     if matches!(extension.as_deref(), Some("glb" | "gltf" | "obj")) {
-        return Ok(import_level(path, None, &ImportOptions { scale: 1.0, up: UpAxis::Y })?.map);
+        return Ok(import_level(path, None, &ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false })?.map);
     }
     exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))
 }
@@ -230,6 +230,9 @@ pub struct ImportArgs {
     /// Axis that points up in the level
     #[arg(long, default_value = "y", value_parser = ["y", "z"])]
     up: String,
+    /// Leave fronts and backs of all surfaces as they were modelled, instead of turning what looks wrong
+    #[arg(long)]
+    keep_sides: bool,
     /// File with a list of features; default: LEVEL.surefoot.json beside the level, if it exists
     #[arg(long, value_name = "FILE")]
     sidecar: Option<PathBuf>,
@@ -452,7 +455,11 @@ impl Stats {
 
 fn import(args: &ImportArgs) -> anyhow::Result<()> {
     let up = if args.up == "z" { UpAxis::Z } else { UpAxis::Y };
-    let imported = import_level(&args.level, args.sidecar.as_deref(), &ImportOptions { scale: args.scale, up })?;
+    let imported = import_level(
+        &args.level,
+        args.sidecar.as_deref(),
+        &ImportOptions { scale: args.scale, up, keep_sides: args.keep_sides },
+    )?;
     let size = imported.map.size();
     println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
     write(&args.out, &exchange::encode(&imported.map))

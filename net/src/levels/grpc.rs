@@ -12,7 +12,7 @@ use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_server::MapService;
-use surefoot_world::exchange;
+use surefoot_world::exchange::{self, ImportOptions, UpAxis};
 use tokio_stream::Stream;
 use tonic::{Request, Response, Status};
 
@@ -85,6 +85,21 @@ fn format(format: wire::MapFormat) -> Result<LevelFormat, Status> {
     }
 }
 
+/// How the level of a request is to be read.
+fn import_options(request: &wire::ImportMapRequest) -> Result<ImportOptions, Status> {
+    let up = match wire::UpAxis::try_from(request.up) {
+        Ok(wire::UpAxis::Unspecified | wire::UpAxis::Y) => UpAxis::Y,
+        Ok(wire::UpAxis::Z) => UpAxis::Z,
+        Err(_) => return Err(status::invalid("up", format!("up is {}: there is no such axis", request.up))),
+    };
+    let scale = match request.scale {
+        0.0 => 1.0,
+        // The import says what is wrong with others.
+        scale => scale,
+    };
+    Ok(ImportOptions { scale, up, keep_sides: request.keep_sides })
+}
+
 #[tonic::async_trait]
 impl MapService for LevelStore {
     async fn import_map(
@@ -94,7 +109,7 @@ impl MapService for LevelStore {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         convert::in_range(request.name.len() as f64, 1.0, MAX_NAME, "the length of name")?;
-        let format = format(request.format())?;
+        let (format, options) = (format(request.format())?, import_options(&request)?);
         let wire::ImportMapRequest { name, file, sidecar, upload_id, .. } = request;
         let file = match upload_id.as_str() {
             "" => file,
@@ -112,7 +127,7 @@ impl MapService for LevelStore {
             // The caller may be gone: turn and memory are released when the work is done.
             let _held = (turn, memory);
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
-            read(format, &file, sidecar)
+            read(format, &file, sidecar, &options)
         });
         let (map, warnings) =
             task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;

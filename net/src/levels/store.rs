@@ -213,15 +213,19 @@ pub(super) enum LevelFormat {
 ///
 /// # Errors
 /// [`LevelError::File`] with what is wrong with the file.
-pub(super) fn read(format: LevelFormat, file: &[u8], sidecar: Option<&str>) -> Result<(Map, Vec<String>), LevelError> {
-    let options = ImportOptions::default();
+pub(super) fn read(
+    format: LevelFormat,
+    file: &[u8],
+    sidecar: Option<&str>,
+    options: &ImportOptions,
+) -> Result<(Map, Vec<String>), LevelError> {
     let imported = match format {
         LevelFormat::Saved => {
             let map = exchange::decode(file).map_err(|error| LevelError::File(error.to_string()))?;
             return Ok((map, Vec::new()));
         }
-        LevelFormat::Gltf => exchange::import_gltf(file, sidecar, &options),
-        LevelFormat::Obj => exchange::import_obj(file, sidecar, &options),
+        LevelFormat::Gltf => exchange::import_gltf(file, sidecar, options),
+        LevelFormat::Obj => exchange::import_obj(file, sidecar, options),
     };
     let imported = imported.map_err(|error| LevelError::File(error.to_string()))?;
     Ok((imported.map, imported.warnings.iter().map(ToString::to_string).collect()))

@@ -14,6 +14,13 @@ pub(super) const MAX_TRIANGLES: usize = 4_000_000;
 /// An oddity of a level that does not keep the level from being used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Warning {
+    /// The level is so small that its unit may not be the metre.
+    Tiny {
+        /// Extent of the level, m.
+        span: Vec3,
+        /// Factor that would make a level of it.
+        times: f32,
+    },
     /// Triangles without area were left out.
     DegenerateTriangles {
         /// Number of triangles.
@@ -74,6 +81,11 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Tiny { span, times } => write!(
+                f,
+                "the level is only {:.2} x {:.2} x {:.2} m: did you mean a scale {times} times as large?",
+                span.x, span.y, span.z
+            ),
             Self::DegenerateTriangles { count } => write!(f, "{count} triangles have no area and were left out"),
             Self::NotTriangles { count } => write!(f, "{count} sets of points or lines were left out"),
             Self::OpenEdges { count } => {

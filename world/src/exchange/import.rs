@@ -26,6 +26,10 @@ const ROUNDING_M: f32 = 0.001;
 /// Largest distance by which an exported map's triangles may stick out of its box if the map is to keep its size, m.
 const STICK_OUT_M: f32 = 5.0;
 
+/// Side of a level that is hardly one in metres, and a side that would be, m.
+const TINY_M: f32 = 4.0;
+const SMALL_M: f32 = 10.0;
+
 /// A level as a map.
 #[derive(Debug)]
 pub struct Imported {
@@ -66,7 +70,8 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let former = scene.former_size.filter(|_| *options == ImportOptions::default());
     let modelled = edges(&meshes);
     // What was exported from a map is as it should be.
-    let (turned, open) = if scene.former_size.is_none() { sides::turn(&mut meshes) } else { Default::default() };
+    let is_right = scene.former_size.is_some() || options.keep_sides;
+    let (turned, open) = if is_right { Default::default() } else { sides::turn(&mut meshes) };
     let solids: Vec<[Vec3; 3]> = meshes.iter().flat_map(|triangles| triangles.iter()).copied().collect();
     let place = Place::new(&solids, &found, former)?;
     let moved = |corners: &[Vec3; 3]| Triangle::new(corners.map(|corner| corner + place.shift), Surface::Ground);
@@ -75,7 +80,8 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
         return Err(ImportError::Empty);
     }
 
-    let mut warnings = geometry_warnings(scene.skipped_count, modelled, turned, solids.len() - triangles.len());
+    let mut warnings = Vec::from_iter(tiny(place.high - place.low));
+    warnings.extend(geometry_warnings(scene.skipped_count, modelled, turned, solids.len() - triangles.len()));
     if found.helper_count > 0 {
         warnings.push(Warning::Helpers { count: found.helper_count });
     }
@@ -130,6 +136,13 @@ fn geometry_warnings(skipped_count: usize, edges: EdgeCounts, turned: Turned, de
         (inconsistent_count, Warning::InconsistentEdges { count: inconsistent_count }),
     ];
     counted.into_iter().filter(|(count, _)| *count > 0).map(|(_, warning)| warning).collect()
+}
+
+/// The warning about a level that no character would fit into, which asks whether its unit is another.
+fn tiny(span: Vec3) -> Option<Warning> {
+    let side = span.x.max(span.z);
+    let times = [10.0, 100.0, 1000.0].into_iter().find(|times| side * times >= SMALL_M)?;
+    (side < TINY_M).then_some(Warning::Tiny { span, times })
 }
 
 /// Converts all coordinates to metres, y up.

@@ -22,11 +22,14 @@ pub struct ImportOptions {
     pub scale: f32,
     /// Vertical axis of the level.
     pub up: UpAxis,
+    /// Leaves the fronts and backs of all surfaces as they were modelled, instead of turning what looks wrong and giving thickness to
+    /// surfaces without.
+    pub keep_sides: bool,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { scale: 1.0, up: UpAxis::Y }
+        Self { scale: 1.0, up: UpAxis::Y, keep_sides: false }
     }
 }
 
