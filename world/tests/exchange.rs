@@ -337,7 +337,7 @@ fn stands(map: &Arc<Map>, feet: Vec3) -> bool {
 #[test]
 fn sides_stay_as_they_were_modelled_where_that_is_wanted() {
     let block = |name: &str, x: f32| inside_out(&obj_box(name, [x, 0.0, 0.0], [x + 5.0, 3.0, 5.0]));
-    let blocks = block("a", 0.0) + &block("b", 6.0);
+    let blocks = block("a", 0.0) + &block("b", 6.0) + &block("c", 12.0);
     let kept = exchange::import_obj(blocks.as_bytes(), None, &ImportOptions { keep_sides: true, ..PLAIN }).unwrap();
     assert_eq!(kept.warnings, []);
     let turned = obj(&blocks);
