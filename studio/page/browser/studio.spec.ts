@@ -300,3 +300,27 @@ test('when the server is gone the page says so and comes back by itself', async 
     .toBe(true)
   await withGraph(page)
 })
+
+test('a designer drops a level, reads what is odd about it, and gets a world of it with another body', async ({
+  page,
+}) => {
+  await open(page)
+  // A floor of 40 x 30 m in centimetres, z up, seen from both sides by nobody: one quad.
+  const corners = ['0 0 0', '4000 0 0', '4000 3000 0', '0 3000 0'].map((at) => `v ${at}\n`).join('')
+  const buffer = Buffer.from(`o floor\n${corners}f 1 2 3 4\n`)
+  const section = page.getByRole('region', { name: 'Import a level' })
+  await section.locator('input[type=file]').setInputFiles({ name: 'court.obj', mimeType: 'model/obj', buffer })
+  await section.getByLabel('Metres per unit').fill('0.01')
+  await section.getByLabel('Up').selectOption({ label: 'z' })
+  await section.getByRole('button', { name: 'Import' }).click()
+  await expect(section.getByText('court.obj: 44 x 34 m, 21 m high')).toBeVisible()
+  await expect(section.getByText('edges belong to one triangle only')).toBeVisible()
+  await section.getByLabel('Body').selectOption({ label: 'Unity' })
+  await section.getByRole('button', { name: 'Create world' }).click()
+  await expect.poll(() => ask(page, ({ state }) => state.worlds.chosen.value?.bodies[0]?.preset)).toBe('unity')
+  await expect.poll(() => ask(page, ({ state }) => state.level.features.value?.size.width)).toBe(44)
+  await page.screenshot({ path: 'test-results/imported-level.png' })
+  await expect
+    .poll(() => ask(page, ({ state }) => state.graphs.loaded.value?.edges.length ?? 0), { timeout: 90_000 })
+    .toBeGreaterThan(10)
+})

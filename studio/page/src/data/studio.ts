@@ -9,6 +9,7 @@ import { Graphs } from './graph/graphs'
 import { Probes } from './graph/probes'
 import { Plans } from './plan/plans'
 import { ViewSettings } from './view-settings'
+import { Levels } from './world/import'
 import { Level } from './world/level'
 import { Live } from './world/live'
 import { Npcs } from './world/npcs'
@@ -26,6 +27,7 @@ export class Studio {
   readonly worlds: Worlds
   readonly live: Live
   readonly level: Level
+  readonly levels: Levels
   readonly npcs: Npcs
   readonly graphs: Graphs
   readonly layers: Layers
@@ -51,6 +53,7 @@ export class Studio {
     this.worlds = new Worlds(context)
     this.live = new Live(context)
     this.level = new Level(context)
+    this.levels = new Levels(context)
     this.npcs = new Npcs(context)
     this.layers = new Layers(context, () => void this.graphs.reload())
     this.graphs = new Graphs(context, (graph) => this.layers.sync(graph))

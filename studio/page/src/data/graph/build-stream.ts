@@ -6,7 +6,7 @@ import { MapFormat } from '../../gen/surefoot/world/v1/maps_pb'
 import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import type { Context } from '../context'
 
-/** Starts building the graph of a world's map, or joins the build that is running, and watches it to its end. */
+/** Starts building the graph of a world's map for the usual body of its NPCs, or joins the build that is running, and watches it to its end. */
 export async function* buildGraph(
   context: Context,
   world: World,
@@ -30,7 +30,8 @@ async function startBuild(
   signal: AbortSignal,
 ): Promise<Build | undefined> {
   const map = world.map === undefined ? { mapHash: world.mapHash } : { map: world.map }
-  const request = settings === undefined ? map : { ...map, settings }
+  const [body] = world.bodies
+  const request = { ...map, ...(settings === undefined ? {} : { settings }), ...(body === undefined ? {} : { body }) }
   try {
     return (await context.planner.calls.startBuild(request, { signal })).build
   } catch (error) {

@@ -2,8 +2,8 @@
 
 import type { MessageInitShape } from '@bufbuild/protobuf'
 import { batch, computed, signal } from '@preact/signals'
-import type { MapSpecSchema } from '../../gen/surefoot/world/v1/map_pb'
-import { TimeMode, type World } from '../../gen/surefoot/world/v1/world_pb'
+import { MapKind } from '../../gen/surefoot/world/v1/map_pb'
+import { type CreateWorldRequestSchema, TimeMode, type World } from '../../gen/surefoot/world/v1/world_pb'
 import { type Context, report } from '../context'
 import { sleep } from '../net/backoff'
 import { keepAsking } from '../net/stream'
@@ -48,10 +48,10 @@ export class Worlds {
     this.chosenId.value = id
   }
 
-  async create(map: MessageInitShape<typeof MapSpecSchema>): Promise<void> {
+  async create(what: MessageInitShape<typeof CreateWorldRequestSchema>): Promise<void> {
     this.creating.value = true
     try {
-      const { world } = await this.context.world.calls.createWorld({ map, mode: TimeMode.REALTIME })
+      const { world } = await this.context.world.calls.createWorld({ ...what, mode: TimeMode.REALTIME })
       if (world === undefined) return
       batch(() => {
         this.list.value = [...this.list.value, world]
@@ -87,9 +87,11 @@ export class Worlds {
   }
 }
 
-/** What a world's map is called: "seed 42, 250 x 250 m", or its hash where it was imported. */
+/** What a world's map is called: "seed 42, 250 x 250 m", with its kind where it is not terrain, or its hash where it was imported. */
 export function mapName(world: Pick<World, 'map' | 'mapHash'>): string {
   if (world.map === undefined) return `imported level ${world.mapHash.slice(0, 8)}`
-  const { seed, size } = world.map
-  return `seed ${seed}, ${size?.width ?? 250} x ${size?.depth ?? 250} m`
+  const { seed, size, kind } = world.map
+  const isTerrain = kind === MapKind.UNSPECIFIED || kind === MapKind.TERRAIN
+  const ground = isTerrain ? '' : `${MapKind[kind].toLowerCase()}, `
+  return `${ground}seed ${seed}, ${size?.width ?? 250} x ${size?.depth ?? 250} m`
 }

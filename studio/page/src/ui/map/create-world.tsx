@@ -2,6 +2,7 @@ import { useState } from 'preact/hooks'
 import type { Studio } from '../../data/studio'
 import { NumberField, SelectField, Slider } from '../controls'
 import { FEATURES, type FeatureName, randomSeed, STANDARD_FEATURES } from './features'
+import { BODIES, type BodyName, KINDS, type KindValue } from './kinds'
 
 const SIZES = [
   { value: '120', name: '120 m' },
@@ -12,11 +13,13 @@ const SIZES = [
 
 type Size = (typeof SIZES)[number]['value']
 
-/** Seed, size and features of a new world. */
+/** Seed, size, kind and features of a new world, and the body of its NPCs. */
 export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
   const [seed, setSeed] = useState(randomSeed)
   const [size, setSize] = useState<Size>('250')
   const [height, setHeight] = useState(80)
+  const [kind, setKind] = useState<KindValue>(KINDS[0].value)
+  const [body, setBody] = useState<BodyName>('surefoot')
   const [features, setFeatures] = useState(STANDARD_FEATURES)
   const setFeature = (name: FeatureName, value: number) => setFeatures({ ...features, [name]: value })
   return (
@@ -25,7 +28,8 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
       onSubmit={(event) => {
         event.preventDefault()
         const side = Number(size)
-        void worlds.create({ seed: BigInt(seed), size: { width: side, height, depth: side }, features })
+        const map = { seed: BigInt(seed), size: { width: side, height, depth: side }, features, kind: Number(kind) }
+        void worlds.create({ map, body: { preset: body } })
         setSeed(randomSeed())
       }}
     >
@@ -33,6 +37,10 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
         <NumberField label="Seed" value={seed} min={0} max={Number.MAX_SAFE_INTEGER} onChange={setSeed} />
         <SelectField label="Size" value={size} options={SIZES} onChange={setSize} />
         <NumberField label="Height, m" value={height} min={40} max={200} onChange={setHeight} />
+      </div>
+      <div class="row">
+        <SelectField label="Ground" value={kind} options={KINDS} onChange={setKind} />
+        <SelectField label="Body" value={body} options={BODIES} onChange={setBody} />
       </div>
       <details>
         <summary>Features</summary>

@@ -6,6 +6,8 @@ import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import { SURFACE_COLOURS } from '../../view/colours'
 import { Empty, Facts, Section, SureButton } from '../controls'
 import { CreateWorldForm } from './create-world'
+import { ImportLevel } from './import-level'
+import { bodyName } from './kinds'
 
 export function MapPanel({ studio }: { studio: Studio }) {
   return (
@@ -14,6 +16,9 @@ export function MapPanel({ studio }: { studio: Studio }) {
       <LevelFacts studio={studio} />
       <Section title="New world">
         <CreateWorldForm studio={studio} />
+      </Section>
+      <Section title="Import a level">
+        <ImportLevel studio={studio} />
       </Section>
     </>
   )
@@ -74,6 +79,7 @@ function LevelFacts({ studio: { level, worlds } }: { studio: Studio }) {
       <Facts
         rows={[
           ['Extent', `${width} x ${depth} m, ${height} m high`],
+          ['Body', world.bodies.map((body) => bodyName(body)).join('; ')],
           ['Hash', <code title={world.mapHash}>{world.mapHash.slice(0, 16)}</code>],
           ...(state.kind === 'ready'
             ? [['Loaded', `${counted(state.tiles, 'tile')} in ${state.seconds.toFixed(1)} s`] as const]
