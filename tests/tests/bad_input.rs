@@ -257,6 +257,7 @@ async fn the_planner_refuses_what_it_cannot_use() {
         start: at(1.0, 1.0, 1.0),
         goal: at(2.0, 1.0, 1.0),
         avoid: vec![plan::LegEnds::default(); 65],
+        without: Vec::new(),
     };
     refused(client.find_path(find(Some(stubborn))).await, Code::InvalidArgument, "query.avoid");
     let batch = plan::FindPathsRequest {
