@@ -387,8 +387,11 @@ impl CollectorConfig {
         exchange::decode(&bytes).map_err(damaged)
     }
 
-    /// The spec of the training map of a seed.
-    fn spec(&self, seed: u64) -> Result<MapSpec, SpecError> {
+    /// The spec of the generated training map of a seed.
+    ///
+    /// # Errors
+    /// If the side, the height or the features are out of range.
+    pub fn spec(&self, seed: u64) -> Result<MapSpec, SpecError> {
         MapSpec::with_side(seed, self.map_side)?.with(|spec| {
             spec.size.height = self.map_height;
             spec.features = self.map_features;
