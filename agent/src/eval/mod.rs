@@ -4,6 +4,7 @@
 //! summarises them. [`suite`] runs the rows of the paper's table, [`variants`] many graphs on one split.
 
 mod config;
+mod reachable;
 pub mod report;
 mod run;
 pub mod suite;

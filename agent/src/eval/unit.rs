@@ -1,10 +1,10 @@
 //! Units: all goals of one map and seed, each attempted once.
 
 use super::config::{EvalConfig, EvalError, EvalMap, MapName, Method};
+use super::reachable::{Terrain, reachable};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::Mutex;
@@ -19,7 +19,7 @@ use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{Attempt, Goal, Rollout};
-use surefoot_world::reach::{Reach, flood};
+use surefoot_world::reach::Reach;
 use surefoot_world::{Map, TaskConfig, navigable};
 
 /// Number of navigable points that the goals of one map are drawn from.
@@ -27,7 +27,7 @@ const POINTS_PER_MAP: usize = 3000;
 /// Most goals in a batch. Independent of the number of threads, so that results are too.
 const GOALS_PER_BATCH: usize = 128;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// The attempts at all goals of one map and seed, the nearest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -92,7 +92,7 @@ pub fn load_or_run(
     }
     let surveyed = surveyed.get_or_insert_with(|| {
         let map = choice.load();
-        let reach = Reach::survey(&map, &config.profile, config.thread_count);
+        let reach = Reach::survey_far(&map, &config.profile, config.thread_count);
         Surveyed { map, reach }
     });
     let unit = run(policy, config, choice, surveyed, seed)?;
@@ -146,7 +146,8 @@ fn run(
     let stats = built.as_ref().map(|built| built.stats);
     let router = built.map(|built| Router::new(built.graph, DEFAULT_TABLE_LIMIT, config.thread_count));
     let started = Instant::now();
-    let reachable = reachable(reach, router.as_ref(), &goals);
+    let terrain = Terrain { map, profile: &config.profile, reach };
+    let reachable = reachable(&terrain, router.as_ref(), &goals);
     let (attempts, mut search_us) = run_goals(policy, map, router.as_ref(), &goals, config, seed);
     let eval_s = started.elapsed().as_secs_f64();
     search_us.sort_unstable_by(f64::total_cmp);
@@ -163,24 +164,6 @@ fn run(
     });
     let distances = goals.iter().map(Goal::distance).collect();
     Ok(Unit { map: choice.name(), seed, distances, reachable, attempts, graph })
-}
-
-/// Whether links of the survey and proved edges lead from each start to its goal. Where the survey found no ground, nothing does.
-fn reachable(reach: &Reach, router: Option<&Router>, goals: &[Goal]) -> Vec<bool> {
-    let island = |feet| reach.ground.at(feet).map(|cell| cell.island);
-    let mut exits = reach.exits(|_| true);
-    for edge in router.into_iter().flat_map(|router| router.graph().edges()) {
-        let at = |vertex| router.and_then(|router| island(router.graph().position(vertex)));
-        if let Some((from, to)) = at(edge.key.from).zip(at(edge.key.to)) {
-            exits[from as usize].push(to);
-        }
-    }
-    let mut floods: HashMap<u32, Vec<bool>> = HashMap::new();
-    let mut leads = |from: u32, to: u32| floods.entry(from).or_insert_with(|| flood(&exits, from))[to as usize];
-    goals
-        .iter()
-        .map(|goal| island(goal.start).zip(island(goal.goal)).is_some_and(|(from, to)| leads(from, to)))
-        .collect()
 }
 
 fn draw_goals(map: &Map, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Result<Vec<Goal>, EvalError> {

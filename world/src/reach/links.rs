@@ -11,20 +11,57 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Failed leaps after which the search gives up on a pair of islands.
-const MAX_FAILURES: u32 = 10;
-/// Longest jump that is tried, in columns of the grid.
-const JUMP_REACH: i32 = 8;
-/// Highest rise for which a jump is tried, m.
-const MAX_RISE_M: f32 = 4.7;
+/// Longest jump of any body that is tried, m.
+const MAX_JUMP_M: f32 = 30.0;
 /// Longest throw of a pad or flight of a jetpack that is tried, m.
 pub(crate) const THROW_REACH_M: f32 = 17.0;
 /// Highest fall that is tried, m.
 const MAX_DROP_M: f32 = 60.0;
 
+/// Which leaps are tried. The generator's repair depends on the usual ones: with others it would make other maps.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tries {
+    /// Failed leaps after which the search gives up on a pair of islands.
+    max_failures: u32,
+    /// Longest jump, in columns of the grid.
+    jump_reach: i32,
+    /// Highest rise of a jump, m.
+    max_rise_m: f32,
+    /// Highest rise and greatest length of a single jump, m.
+    single_m: (f32, f32),
+}
+
+impl Tries {
+    pub(super) fn usual() -> Self {
+        Self { max_failures: 10, jump_reach: 8, max_rise_m: 4.7, single_m: (2.4, 9.0) }
+    }
+
+    /// As far and as high as a body gets on level ground, all its jumps taken at the top of the one before.
+    pub(super) fn far(profile: &CharacterProfile) -> Self {
+        let (rise_m, seconds) = (
+            profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity),
+            2.0 * profile.jump_speed / profile.gravity,
+        );
+        let jumps = 1.0 + f32::from(profile.extra_jumps.min(1));
+        let length_m = (profile.forward_speed * seconds * 0.5 * (1.0 + jumps)).min(MAX_JUMP_M);
+        Self {
+            max_failures: 40,
+            jump_reach: (length_m / SPACING_M).ceil().max(2.0) as i32,
+            max_rise_m: jumps * rise_m + profile.step_height,
+            single_m: (rise_m, profile.forward_speed * seconds),
+        }
+    }
+}
+
 /// Finds all links of `ground`, sorted. One thread finds all links of an island, so the result does not depend on
 /// `thread_count`.
-pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, thread_count: usize) -> Vec<Link> {
+pub(super) fn find(
+    map: &Map,
+    profile: &CharacterProfile,
+    ground: &Ground,
+    thread_count: usize,
+    tries: &Tries,
+) -> Vec<Link> {
     let borders = borders_by_island(ground);
     let next = AtomicUsize::new(0);
     let found: Mutex<Vec<Link>> = Mutex::new(Vec::new());
@@ -40,6 +77,7 @@ pub(super) fn find(map: &Map, profile: &CharacterProfile, ground: &Ground, threa
                         map,
                         profile,
                         ground,
+                        tries,
                         island: island as u32,
                         known: BTreeMap::new(),
                         scratch: &mut scratch,
@@ -85,6 +123,7 @@ struct IslandSearch<'a> {
     map: &'a Map,
     profile: &'a CharacterProfile,
     ground: &'a Ground,
+    tries: &'a Tries,
     island: u32,
     known: BTreeMap<u32, Known>,
     scratch: &'a mut MoveScratch,
@@ -100,7 +139,7 @@ impl IslandSearch<'_> {
     fn is_settled(&self, island: u32, means: Means) -> bool {
         island == self.island
             || self.known.get(&island).is_some_and(|known| {
-                known.best.is_some_and(|(best, ..)| best <= means) || known.failures >= MAX_FAILURES
+                known.best.is_some_and(|(best, ..)| best <= means) || known.failures >= self.tries.max_failures
             })
     }
 
@@ -153,11 +192,11 @@ impl IslandSearch<'_> {
             if self.ground.walks_to(cell_idx, neighbour) {
                 continue;
             }
-            for reach in 1..=JUMP_REACH {
+            for reach in 1..=self.tries.jump_reach {
                 for target_idx in self.ground.column(column + dx * reach, row + dz * reach) {
                     let target = self.ground.cells()[target_idx];
                     let rise = target.feet.y - feet.y;
-                    if !(-20.0..=MAX_RISE_M).contains(&rise) {
+                    if !(-20.0..=self.tries.max_rise_m).contains(&rise) {
                         continue;
                     }
                     self.jump_to(cell_idx, &target, rise, reach as f32 * SPACING_M);
@@ -167,7 +206,8 @@ impl IslandSearch<'_> {
     }
 
     fn jump_to(&mut self, from: usize, target: &Cell, rise: f32, run: f32) {
-        let single = rise < 2.4 && run < 9.0;
+        let (most_rise, most_run) = self.tries.single_m;
+        let single = rise < most_rise && run < most_run;
         if single && !self.is_settled(target.island, Means::Jump) {
             let leaps = if rise > 0.3 { [Leap::Jump, Leap::RunAndJump] } else { [Leap::RunAndJump, Leap::Jump] };
             if leaps.into_iter().any(|leap| self.attempt(from, target, leap, Means::Jump)) {

@@ -16,6 +16,7 @@ pub use borders::Cause;
 use crate::character::CharacterProfile;
 use crate::map::Map;
 use ground::Ground;
+use links::Tries;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -87,10 +88,19 @@ pub struct Reach {
 const START_COUNT: usize = 1000;
 
 impl Reach {
-    /// Surveys `map` for characters of `profile`; the result does not depend on `thread_count`.
+    /// Surveys `map` for characters of `profile`, with jumps of up to 10 m; the result does not depend on `thread_count`.
     pub fn survey(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
+        Self::survey_with(map, profile, thread_count, &Tries::usual())
+    }
+
+    /// Like [`survey`](Self::survey), but tries jumps as far and as high as the body may get, and more of them. Takes longer.
+    pub fn survey_far(map: &Map, profile: &CharacterProfile, thread_count: usize) -> Self {
+        Self::survey_with(map, profile, thread_count, &Tries::far(profile))
+    }
+
+    fn survey_with(map: &Map, profile: &CharacterProfile, thread_count: usize, tries: &Tries) -> Self {
         let ground = Ground::survey(map, profile, thread_count);
-        let links = links::find(map, profile, &ground, thread_count);
+        let links = links::find(map, profile, &ground, thread_count, tries);
         Self { ground, links }
     }
 

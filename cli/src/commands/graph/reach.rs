@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
     let Loaded { context, graph, .. } = &loaded;
     super::check_scale(args.scale, &context.map)?;
-    let survey = Reach::survey(&context.map, &context.profile, core_count());
+    let survey = Reach::survey_far(&context.map, &context.profile, core_count());
     let report = args.report(&survey, graph);
     if let Some(path) = &args.png {
         draw(&loaded, &survey, args.scale).save(path)?;

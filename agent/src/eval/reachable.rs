@@ -1,0 +1,114 @@
+//! Which goals a character can get to: the truth that attempts are measured against.
+//!
+//! The survey knows islands of ground on a grid, and leaps between them; the graph's edges are proved. Places that the grid misses,
+//! such as narrow ledges, are joined to what is near them by leaps of the same scripted body.
+
+use std::collections::HashMap;
+use surefoot_planner::Router;
+use surefoot_rollout::Goal;
+use surefoot_world::character::MoveScratch;
+use surefoot_world::reach::leap::{self, Leap};
+use surefoot_world::reach::{Reach, flood};
+use surefoot_world::{CharacterProfile, Map, Vec3};
+
+/// Distance within which a place off the grid is joined to others, m.
+const NEAR_M: f32 = 4.0;
+/// Distance from a place within which a leap has got there, m.
+const THERE_M: f32 = 0.8;
+/// Cells of an island that leaps from and to a place are tried with, the nearest first.
+const CELLS_EACH: usize = 4;
+
+/// A map, and what a character can reach on it.
+pub(super) struct Terrain<'a> {
+    pub map: &'a Map,
+    pub profile: &'a CharacterProfile,
+    pub reach: &'a Reach,
+}
+
+/// Whether links of the survey, proved edges and leaps beside places off the grid lead from each start to its goal.
+pub(super) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &[Goal]) -> Vec<bool> {
+    let mut nodes = Nodes::new(terrain);
+    if let Some(graph) = router.map(Router::graph) {
+        let of_vertex: Vec<u32> = graph.vertices().map(|vertex| nodes.of(graph.position(vertex))).collect();
+        for edge in graph.edges() {
+            let (from, to) = (of_vertex[edge.key.from.idx()], of_vertex[edge.key.to.idx()]);
+            nodes.exits[from as usize].push(to);
+        }
+    }
+    let pairs: Vec<(u32, u32)> = goals.iter().map(|goal| (nodes.of(goal.start), nodes.of(goal.goal))).collect();
+    nodes.join();
+    let mut floods: HashMap<u32, Vec<bool>> = HashMap::new();
+    pairs
+        .into_iter()
+        .map(|(from, to)| floods.entry(from).or_insert_with(|| flood(&nodes.exits, from))[to as usize])
+        .collect()
+}
+
+/// Islands, followed by places off the grid, and where each leads to.
+struct Nodes<'a> {
+    terrain: &'a Terrain<'a>,
+    exits: Vec<Vec<u32>>,
+    /// Places off the grid, in the order of their nodes.
+    places: Vec<Vec3>,
+}
+
+impl<'a> Nodes<'a> {
+    fn new(terrain: &'a Terrain<'a>) -> Self {
+        Self { terrain, exits: terrain.reach.exits(|_| true), places: Vec::new() }
+    }
+
+    /// The node of a place: its island, or a node of its own.
+    fn of(&mut self, place: Vec3) -> u32 {
+        if let Some(cell) = self.terrain.reach.ground.at(place) {
+            return cell.island;
+        }
+        self.places.push(place);
+        self.exits.push(Vec::new());
+        self.exits.len() as u32 - 1
+    }
+
+    /// Joins places off the grid to what is near them.
+    fn join(&mut self) {
+        let first = (self.exits.len() - self.places.len()) as u32;
+        let mut scratch = MoveScratch::default();
+        for (idx, &place) in self.places.iter().enumerate() {
+            let node = first + idx as u32;
+            let others = (first..).zip(&self.places).skip(idx + 1).map(|(node, place)| (node, *place));
+            let near = others.filter(|(_, other)| other.distance(place) < NEAR_M);
+            for (other, at) in near.chain(self.cells_near(place)).collect::<Vec<_>>() {
+                if leads(self.terrain, place, at, &mut scratch) {
+                    self.exits[node as usize].push(other);
+                }
+                if leads(self.terrain, at, place, &mut scratch) {
+                    self.exits[other as usize].push(node);
+                }
+            }
+        }
+    }
+
+    /// The nearest cells of each island near a place, with the islands.
+    fn cells_near(&self, place: Vec3) -> Vec<(u32, Vec3)> {
+        let ground = &self.terrain.reach.ground;
+        let (column, row) = ground.column_of(place);
+        let span = (NEAR_M / surefoot_world::reach::ground::SPACING_M).ceil() as i32;
+        let columns = (-span..=span).flat_map(|x| (-span..=span).map(move |z| (column + x, row + z)));
+        let cells = columns.flat_map(|(column, row)| &ground.cells()[ground.column(column, row)]);
+        let mut near: Vec<(f32, u32, Vec3)> =
+            cells.map(|cell| (cell.feet.distance(place), cell.island, cell.feet)).filter(|it| it.0 < NEAR_M).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut taken: HashMap<u32, usize> = HashMap::new();
+        near.retain(|(_, island, _)| {
+            let count = taken.entry(*island).or_default();
+            *count += 1;
+            *count <= CELLS_EACH
+        });
+        near.into_iter().map(|(_, island, feet)| (island, feet)).collect()
+    }
+}
+
+/// Whether a scripted body gets from one place to another near it.
+fn leads(Terrain { map, profile, .. }: &Terrain<'_>, from: Vec3, to: Vec3, scratch: &mut MoveScratch) -> bool {
+    let double = (profile.extra_jumps > 0).then_some(Leap::DoubleJump);
+    let mut leaps = [Some(Leap::Jump), Some(Leap::Run), double].into_iter().flatten();
+    leaps.any(|leap| leap::land(map, profile, from, to, leap, scratch).is_some_and(|at| at.distance(to) < THERE_M))
+}
