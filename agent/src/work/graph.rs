@@ -48,6 +48,10 @@ pub(super) struct GraphKey {
     body: Option<wire::Body>,
 }
 
+/// Hash of a map, and a body as it is on the wire.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Identity(String, Vec<u8>);
+
 impl GraphKey {
     /// The key of an assignment's map and body.
     pub fn of(assignment: &wire::Assignment) -> Self {
@@ -56,8 +60,8 @@ impl GraphKey {
     }
 
     /// The same for equal maps and bodies.
-    fn identity(&self) -> (String, Vec<u8>) {
-        (self.map_hash.clone(), self.body.as_ref().map(Message::encode_to_vec).unwrap_or_default())
+    fn identity(&self) -> Identity {
+        Identity(self.map_hash.clone(), self.body.as_ref().map(Message::encode_to_vec).unwrap_or_default())
     }
 
     /// The spec of the map; `None` if it was imported.
@@ -84,7 +88,7 @@ pub(super) struct Graphs {
     streams: Link,
     settings: planner::BuildSettings,
     policy_hash: String,
-    by_key: Mutex<BTreeMap<(String, Vec<u8>), Weak<Graph>>>,
+    by_key: Mutex<BTreeMap<Identity, Weak<Graph>>>,
     watched_builds: Arc<Semaphore>,
     watched_graphs: Arc<Semaphore>,
     other_policy: watch::Sender<Option<Status>>,
