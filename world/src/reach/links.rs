@@ -2,6 +2,7 @@
 
 use super::ground::{Cell, Ground, NEIGHBOURS, SPACING_M};
 use super::leap::{self, Leap};
+use super::tries::Tries;
 use super::{Link, Means};
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::float::hypot;
@@ -11,47 +12,10 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Longest jump of any body that is tried, m.
-const MAX_JUMP_M: f32 = 30.0;
 /// Longest throw of a pad or flight of a jetpack that is tried, m.
 pub(crate) const THROW_REACH_M: f32 = 17.0;
 /// Highest fall that is tried, m.
 const MAX_DROP_M: f32 = 60.0;
-
-/// Which leaps are tried. The generator's repair depends on the usual ones: with others it would make other maps.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Tries {
-    /// Failed leaps after which the search gives up on a pair of islands.
-    max_failures: u32,
-    /// Longest jump, in columns of the grid.
-    jump_reach: i32,
-    /// Highest rise of a jump, m.
-    max_rise_m: f32,
-    /// Highest rise and greatest length of a single jump, m.
-    single_m: (f32, f32),
-}
-
-impl Tries {
-    pub(super) fn usual() -> Self {
-        Self { max_failures: 10, jump_reach: 8, max_rise_m: 4.7, single_m: (2.4, 9.0) }
-    }
-
-    /// As far and as high as a body gets on level ground, all its jumps taken at the top of the one before.
-    pub(super) fn far(profile: &CharacterProfile) -> Self {
-        let (rise_m, seconds) = (
-            profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity),
-            2.0 * profile.jump_speed / profile.gravity,
-        );
-        let jumps = 1.0 + f32::from(profile.extra_jumps.min(1));
-        let length_m = (profile.forward_speed * seconds * 0.5 * (1.0 + jumps)).min(MAX_JUMP_M);
-        Self {
-            max_failures: 40,
-            jump_reach: (length_m / SPACING_M).ceil().max(2.0) as i32,
-            max_rise_m: jumps * rise_m + profile.step_height,
-            single_m: (rise_m, profile.forward_speed * seconds),
-        }
-    }
-}
 
 /// Finds all links of `ground`, sorted. One thread finds all links of an island, so the result does not depend on
 /// `thread_count`.

@@ -10,16 +10,17 @@ mod borders;
 pub mod ground;
 pub mod leap;
 pub(crate) mod links;
+mod tries;
 
 pub use borders::Cause;
 
 use crate::character::CharacterProfile;
 use crate::map::Map;
 use ground::Ground;
-use links::Tries;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
+use tries::Tries;
 
 /// What a character must do to follow a link between two islands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -1,0 +1,42 @@
+//! Which leaps a survey tries.
+
+use super::ground::SPACING_M;
+use crate::character::CharacterProfile;
+
+/// Longest jump of any body that is tried, m.
+const MAX_JUMP_M: f32 = 30.0;
+
+/// Which leaps are tried. The generator's repair depends on the usual ones: with others it would make other maps.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tries {
+    /// Failed leaps after which the search gives up on a pair of islands.
+    pub max_failures: u32,
+    /// Longest jump, in columns of the grid.
+    pub jump_reach: i32,
+    /// Highest rise of a jump, m.
+    pub max_rise_m: f32,
+    /// Highest rise and greatest length of a single jump, m.
+    pub single_m: (f32, f32),
+}
+
+impl Tries {
+    pub fn usual() -> Self {
+        Self { max_failures: 10, jump_reach: 8, max_rise_m: 4.7, single_m: (2.4, 9.0) }
+    }
+
+    /// As far and as high as a body gets on level ground, all its jumps taken at the top of the one before.
+    pub fn far(profile: &CharacterProfile) -> Self {
+        let (rise_m, seconds) = (
+            profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity),
+            2.0 * profile.jump_speed / profile.gravity,
+        );
+        let jumps = 1.0 + f32::from(profile.extra_jumps.min(1));
+        let length_m = (profile.forward_speed * seconds * 0.5 * (1.0 + jumps)).min(MAX_JUMP_M);
+        Self {
+            max_failures: 40,
+            jump_reach: (length_m / SPACING_M).ceil().max(2.0) as i32,
+            max_rise_m: jumps * rise_m + profile.step_height,
+            single_m: (rise_m, profile.forward_speed * seconds),
+        }
+    }
+}
