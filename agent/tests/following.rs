@@ -25,8 +25,10 @@ fn plan(waypoints: &[f32]) -> Plan {
 }
 
 fn follower() -> Follower {
-    let mut follower =
-        Follower::new(Vec3::new(30.0, 0.0, 0.0), FollowConfig { replan_after: 5, patience: 40, max_replans: 3 });
+    let mut follower = Follower::new(
+        Vec3::new(30.0, 0.0, 0.0),
+        FollowConfig { replan_after: 5, patience: 40, max_replans: 3, composes: false },
+    );
     assert_eq!(follower.note(Vec3::ZERO, false), Step::Plan, "without a plan, the follower needs one");
     assert_eq!(follower.take_plan(plan(&[10.0, 20.0, 30.0])), Vec3::new(10.0, 0.0, 0.0));
     follower
@@ -130,6 +132,7 @@ fn config(method: Method) -> EvalConfig {
         distance: 1.0..f32::INFINITY,
         noise_share: DEFAULT_NOISE_SHARE,
         rehearses: true,
+        composes: true,
         thread_count: 2,
         keep_in: None,
     }

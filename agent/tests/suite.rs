@@ -20,6 +20,7 @@ fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfi
         distance: 1.0..f32::INFINITY,
         noise_share: 0.5,
         rehearses: true,
+        composes: true,
         thread_count,
         keep_in: keep_in.map(|folder| folder.path().to_owned()),
     }

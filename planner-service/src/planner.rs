@@ -298,6 +298,7 @@ impl Planner {
             via: None,
             goal: position(to, "to")?,
             stream: 0,
+            on_foot: false,
             keep_track: false,
         };
         let Ok(permit) = self.shared.probing.clone().acquire_owned().await else {

@@ -4,6 +4,7 @@ use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::plan::Leg;
 use std::ops::Range;
+use surefoot_world::Vec3;
 
 /// Exclusive limit on the edges that leave a vertex in a graph with a table of next hops. The table stores an index into them
 /// as a byte, whose highest value stands for "no path".
@@ -18,20 +19,33 @@ pub(crate) struct Adjacency {
     /// First edge of each vertex, followed by the edge count.
     starts: Vec<EdgeIdx>,
     keys: Vec<EdgeKey>,
-    legs: Vec<Leg>,
+    hops: Vec<Hop>,
     costs: Vec<f32>,
+}
+
+/// What a plan needs of an edge, in one line of the cache.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct Hop {
+    /// Position of the vertex to which the edge leads, m.
+    pub end: Vec3,
+    /// That vertex.
+    pub to: VertexId,
+    /// The leg along the edge.
+    pub leg: Leg,
 }
 
 impl Adjacency {
     pub fn new(graph: &NavGraph) -> Self {
-        let mut adjacency = Self { starts: vec![0], keys: Vec::new(), legs: Vec::new(), costs: Vec::new() };
+        let mut adjacency = Self { starts: vec![0], keys: Vec::new(), hops: Vec::new(), costs: Vec::new() };
         for vertex in graph.vertices() {
             for edge in graph.edges_from(vertex) {
                 adjacency.keys.push(edge.key);
-                adjacency.legs.push(Leg::proved(edge.key, &edge.evidence));
+                let (end, leg) = (graph.position(edge.key.to), Leg::proved(edge.key, &edge.evidence));
+                adjacency.hops.push(Hop { end, to: edge.key.to, leg });
                 adjacency.costs.push(edge.evidence.cost() as f32);
             }
-            adjacency.starts.push(adjacency.legs.len() as EdgeIdx);
+            adjacency.starts.push(adjacency.hops.len() as EdgeIdx);
         }
         adjacency
     }
@@ -53,8 +67,8 @@ impl Adjacency {
         self.keys[edge as usize]
     }
 
-    pub fn leg(&self, edge: EdgeIdx) -> Leg {
-        self.legs[edge as usize]
+    pub fn hop(&self, edge: EdgeIdx) -> &Hop {
+        &self.hops[edge as usize]
     }
 
     /// Returns the outgoing edge of a vertex by its index among the vertex's outgoing edges.

@@ -136,6 +136,8 @@ impl Builder<'_> {
                 self.stitch(&mut probed)?;
             }
             self.join_islands(&mut probed)?;
+            let proving = self.proving(&probed.vertices, &probed.candidates);
+            proving.prove_on_foot(&mut probed.evidence, self.settings.threshold).ok_or(BuildError::Cancelled)?;
         }
         let seconds = (self.clock)() - started_s;
         let stats = BuildStats {

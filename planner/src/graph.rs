@@ -196,12 +196,17 @@ impl NavGraph {
 
     /// Returns for each vertex whether it can be reached from `from`; `from` itself counts as reached.
     pub fn reachable_from(&self, from: VertexId) -> Vec<bool> {
+        self.reachable_along(from, |_| true)
+    }
+
+    /// The same by edges that `is_open` accepts.
+    pub fn reachable_along(&self, from: VertexId, is_open: impl Fn(&Edge) -> bool) -> Vec<bool> {
         let mut seen = vec![false; self.vertex_count()];
         let mut stack = vec![from];
         seen[from.idx()] = true;
         while let Some(vertex) = stack.pop() {
             for edge in self.edges_from(vertex) {
-                if !std::mem::replace(&mut seen[edge.key.to.idx()], true) {
+                if is_open(edge) && !std::mem::replace(&mut seen[edge.key.to.idx()], true) {
                     stack.push(edge.key.to);
                 }
             }

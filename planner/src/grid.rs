@@ -97,24 +97,31 @@ impl PointGrid {
     /// Visits the columns that form square ring number `ring` around the column of `point`, as ranges of
     /// [`order`](Self::order). Their points are at least `(ring - 1) * cell_m` metres from `point` on the plane.
     pub fn ring(&self, point: Vec3, ring: i32, mut visit: impl FnMut(Range<usize>)) {
+        self.rings(point, ring..ring + 1, &mut visit);
+    }
+
+    /// Visits the columns that form the square rings with these numbers, as few and long ranges of [`order`](Self::order).
+    pub fn rings(&self, point: Vec3, Range { start, end }: Range<i32>, mut visit: impl FnMut(Range<usize>)) {
         let (column, row) = self.column_of(point);
-        let mut visit_row = |row: i32, left: i32, right: i32| {
-            let (left, right) = (left.max(0), right.min(self.columns - 1));
-            if row < 0 || row >= self.rows || left > right {
-                return;
+        let outer = end - 1;
+        for other in (row - outer).max(0)..=(row + outer).min(self.rows - 1) {
+            if (other - row).abs() >= start {
+                visit(self.stretch(other, column - outer, column + outer));
+            } else {
+                visit(self.stretch(other, column - outer, column - start));
+                visit(self.stretch(other, column + start, column + outer));
             }
-            let (first, last) = (self.cell((left, row)), self.cell((right, row)));
-            visit(self.starts[first] as usize..self.starts[last + 1] as usize);
-        };
-        if ring == 0 {
-            return visit_row(row, column, column);
         }
-        visit_row(row - ring, column - ring, column + ring);
-        visit_row(row + ring, column - ring, column + ring);
-        for between in row - ring + 1..row + ring {
-            visit_row(between, column - ring, column - ring);
-            visit_row(between, column + ring, column + ring);
+    }
+
+    /// The columns from `left` to `right` of a row, as far as there are any, as a range of [`order`](Self::order).
+    fn stretch(&self, row: i32, left: i32, right: i32) -> Range<usize> {
+        let (left, right) = (left.max(0), right.min(self.columns - 1));
+        if left > right {
+            return 0..0;
         }
+        let (first, last) = (self.cell((left, row)), self.cell((right, row)));
+        self.starts[first] as usize..self.starts[last + 1] as usize
     }
 }
 

@@ -212,7 +212,25 @@ impl LegPrices {
     /// The costs in decisions of legs with these offsets (x, y, z) from start to end, m, to about a thousandth of a decision.
     #[inline]
     pub fn of(&self, [x, y, z]: &[[f32; LANES]; 3]) -> [f32; LANES] {
-        let (mut decisions, mut scores, mut multiples) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut decisions, mut scores, mut multiples) = ([0.0; LANES], [0.0; LANES], [1.0; LANES]);
+        let within: [bool; LANES] = std::array::from_fn(|lane| {
+            x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane] <= self.range_m * self.range_m
+        });
+        if within == [true; LANES] {
+            // Nearly always; without any division.
+            for lane in 0..LANES {
+                let on_plane = x[lane] * x[lane] + z[lane] * z[lane];
+                let distance = (on_plane + y[lane] * y[lane]).sqrt();
+                let horizontal = on_plane.sqrt() * (1.0 / 20.0);
+                let (climb, drop) = (y[lane].max(0.0) * (1.0 / 5.0), (-y[lane]).max(0.0) * (1.0 / 10.0));
+                let features = [1.0, horizontal, horizontal * horizontal, climb, climb * climb, drop];
+                let dot =
+                    |weights: &[f32; FEATURES]| (0..FEATURES).map(|idx| weights[idx] * features[idx]).sum::<f32>();
+                decisions[lane] = dot(&self.decisions).max(distance * (1.0 / MAX_METRES_PER_DECISION as f32));
+                scores[lane] = dot(&self.success);
+            }
+            return self.total(&decisions, &scores, &multiples);
+        }
         for lane in 0..LANES {
             let on_plane = x[lane] * x[lane] + z[lane] * z[lane];
             let distance = (on_plane + y[lane] * y[lane]).sqrt();
@@ -226,6 +244,11 @@ impl LegPrices {
             scores[lane] = dot(&self.success);
             multiples[lane] = multiple;
         }
+        self.total(&decisions, &scores, &multiples)
+    }
+
+    /// The costs of legs with these decisions and scores, each of which stands for so many in a row.
+    fn total(&self, decisions: &[f32; LANES], scores: &[f32; LANES], multiples: &[f32; LANES]) -> [f32; LANES] {
         std::array::from_fn(|lane| {
             let risk = (self.risk.at(scores[lane]) * multiples[lane]).min(self.tries.high);
             decisions[lane] * self.tries.at(risk) + RISK_DECISIONS as f32 * risk

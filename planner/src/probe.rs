@@ -14,6 +14,8 @@ pub struct Trial {
     pub goal: Vec3,
     /// Number of the probe's random stream under the seed of the run.
     pub stream: u64,
+    /// Whether the body must not jump: it moves composed, as NPCs do on legs that can be walked.
+    pub on_foot: bool,
     /// Whether to record the track.
     pub keep_track: bool,
 }

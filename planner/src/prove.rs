@@ -15,12 +15,12 @@ use crate::evidence::{Evidence, price};
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use crate::predictor::{Geometry, Predictor, is_perilous, measure};
-use crate::probe::{ProbeExecutor, Trial};
+use crate::probe::{Outcome, ProbeExecutor, Trial};
 use crate::settings::Probing;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use surefoot_world::{Chance, Map, Vec3};
+use surefoot_world::{Ability, Chance, Map, Vec3};
 
 /// Inputs for probing candidate edges.
 pub struct ProbeRun<'a> {
@@ -65,6 +65,8 @@ const RUNS: u32 = 4;
 const FORLORN: f64 = 0.5;
 /// Number of the first random stream of probes on the run.
 const FIRST_RUN: u32 = 1 << 12;
+/// Number of the random stream of the probe on foot.
+const ON_FOOT: u32 = 1 << 13;
 
 /// Returns the random stream of one probe of a candidate.
 fn stream(EdgeKey { from, to }: Candidate, attempt: u32) -> u64 {
@@ -87,23 +89,43 @@ impl ProbeRun<'_> {
 
     /// Probes each listed candidate once per listing and adds the outcomes to `evidence`; `None` if the build was cancelled.
     pub fn try_once_each(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
-        self.total.fetch_add(which.len() as u64, Ordering::Relaxed);
         let mut attempts: HashMap<u32, u32> = HashMap::new();
-        let trials: Vec<Trial> = which
-            .iter()
-            .map(|&idx| {
-                let candidate = self.candidates[idx as usize];
-                let attempt = attempts.entry(idx).or_insert(evidence[idx as usize].tries);
-                *attempt += 1;
-                let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
-                Trial { start, via: None, goal, stream: stream(candidate, *attempt), keep_track: false }
-            })
-            .collect();
-        let outcomes = self.executor.run(&trials, self.seed, self.progress, self.cancel)?;
+        let tries = which.iter().map(|&idx| {
+            let attempt = attempts.entry(idx).or_insert(evidence[idx as usize].tries);
+            *attempt += 1;
+            (idx, *attempt)
+        });
+        let outcomes = self.run_trials(tries.collect(), false)?;
         for (&idx, outcome) in which.iter().zip(&outcomes) {
             evidence[idx as usize].note_probe(outcome);
         }
         Some(())
+    }
+
+    /// Probes the proved edges along which every try that arrived has jumped once more, without jumps: most of them can be walked.
+    pub fn prove_on_foot(&self, evidence: &mut [Evidence], threshold: f64) -> Option<()> {
+        let jumps = |own: &Evidence| matches!(own.ability, Ability::Jump | Ability::DoubleJump);
+        let is_due = |own: &Evidence| own.proves(threshold) && jumps(own);
+        let which: Vec<(u32, u32)> =
+            (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| (idx, ON_FOOT)).collect();
+        let outcomes = self.run_trials(which.clone(), true)?;
+        // A try on foot that fails says nothing of NPCs that may jump there.
+        for ((idx, _), outcome) in which.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached) {
+            evidence[idx as usize].note_probe(outcome);
+        }
+        Some(())
+    }
+
+    /// Runs one trial for each candidate and number of its try.
+    fn run_trials(&self, tries: Vec<(u32, u32)>, on_foot: bool) -> Option<Vec<Outcome>> {
+        self.total.fetch_add(tries.len() as u64, Ordering::Relaxed);
+        let trial = |(idx, attempt): (u32, u32)| {
+            let candidate = self.candidates[idx as usize];
+            let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
+            Trial { start, via: None, goal, stream: stream(candidate, attempt), on_foot, keep_track: false }
+        };
+        let trials: Vec<Trial> = tries.into_iter().map(trial).collect();
+        self.executor.run(&trials, self.seed, self.progress, self.cancel)
     }
 
     fn frugal(&self, evidence: &mut [Evidence]) -> Option<()> {
@@ -166,6 +188,7 @@ impl ProbeRun<'_> {
                     via: before.map(|_| position(candidate.from)),
                     goal: position(candidate.to),
                     stream: stream(candidate, FIRST_RUN + run),
+                    on_foot: false,
                     keep_track: false,
                 }
             };

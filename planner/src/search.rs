@@ -7,7 +7,7 @@
 //! table uses an avoided or repriced edge, or an ability that the query does without.
 
 use crate::adjacency::{Adjacency, EdgeIdx};
-use crate::attach::{ATTACHMENTS, Attachment, MORE_ATTACHMENTS, VertexIndex};
+use crate::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS, VertexIndex};
 use crate::evidence::price;
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
@@ -100,7 +100,7 @@ impl Router {
             Some(path) if is_near && self.direct_cost(query) <= path.cost => self.direct(query, None),
             Some(path) => self.assemble(query, &path),
             None if is_near => self.direct(query, None),
-            None => self.plan_from_afar(query, repriced),
+            None => self.plan_from_afar(query, goals, repriced),
         }
     }
 
@@ -108,17 +108,21 @@ impl Router {
     fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
         let Some(table) = &self.table else { return self.a_star(starts, goals, query, repriced) };
         let path = self.look_up_path(table, starts, goals)?;
+        if query.avoid.is_empty() && query.without.is_empty() && repriced.is_empty() {
+            return Some(path);
+        }
         let is_usual = |edge: &EdgeIdx| {
             self.is_open(query, *edge) && (repriced.is_empty() || !repriced.contains_key(&self.adjacency.key(*edge)))
         };
         if path.edges.iter().all(is_usual) { Some(path) } else { self.a_star(starts, goals, query, repriced) }
     }
 
-    /// Finds a plan where no path joins the cheapest attachments: between more of them, or else to the reachable vertex that is nearest
+    /// Finds a plan where no path joins the cheapest attachments, of which `goals` are those of the goal: between more of them, or else to the reachable vertex that is nearest
     /// to the goal.
-    fn plan_from_afar(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
+    fn plan_from_afar(&self, query: &Query, goals: Vec<Attachment>, repriced: &EdgeCosts) -> Plan {
         let starts = self.attach_start_widely(query);
-        let goals = self.attach_goal(query, MORE_ATTACHMENTS);
+        // Fewer than were asked for are all that there are.
+        let goals = if goals.len() < ATTACHMENTS { goals } else { self.attach_goal(query, MORE_ATTACHMENTS) };
         if let Some(path) = self.join(&starts, &goals, query, repriced) {
             return self.assemble(query, &path);
         }
@@ -154,14 +158,14 @@ impl Router {
     /// Finds the cheapest vertices to walk to from the start. Those without outgoing edges are left out.
     fn attach_start(&self, query: &Query) -> Vec<Attachment> {
         let accept = |vertex, _| is_start_open(query, vertex);
-        self.sources.cheapest(query.start, ATTACHMENTS, &self.prices, f32::INFINITY, |offset| offset, accept)
+        self.sources.cheapest(query.start, ATTACHMENTS, &self.prices, f32::INFINITY, Direction::Away, accept)
     }
 
     /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
     fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
         let accept = |vertex, leg| is_start_open(query, vertex) && self.reach.contains(leg);
         let reach_m = self.reach.length_m;
-        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices, reach_m, |offset| offset, accept)
+        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices, reach_m, Direction::Away, accept)
     }
 
     /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
@@ -170,7 +174,7 @@ impl Router {
         let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
         let is_in_reach = |leg| self.reach.contains(leg);
         let accept = |vertex, leg| is_open(vertex) && is_in_reach(leg);
-        self.targets.cheapest(query.goal, most, &self.prices, self.reach.length_m, |offset| -offset, accept)
+        self.targets.cheapest(query.goal, most, &self.prices, self.reach.length_m, Direction::Back, accept)
     }
 
     /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
@@ -192,7 +196,7 @@ impl Router {
     /// Whether the query neither avoids an edge nor does without its ability.
     fn is_open(&self, query: &Query, edge: EdgeIdx) -> bool {
         (query.avoid.is_empty() || !query.avoid.contains(&self.adjacency.key(edge).into()))
-            && !query.without.contains(self.adjacency.leg(edge).ability)
+            && (query.without.is_empty() || !query.without.contains(self.adjacency.hop(edge).leg.ability))
     }
 
     /// Runs A* from all of `starts` to the best of `goals`, attachments included. The heuristic is the straight-line distance
@@ -269,10 +273,10 @@ impl Router {
         waypoints.push(at);
         legs.push(Leg::unproved(model, LegKey { from: Stop::Start, to: Stop::Vertex(last) }, [query.start, at]));
         for &edge in &path.edges {
-            last = self.adjacency.key(edge).to;
-            at = self.graph.position(last);
+            let hop = self.adjacency.hop(edge);
+            (last, at) = (hop.to, hop.end);
             waypoints.push(at);
-            legs.push(self.adjacency.leg(edge));
+            legs.push(hop.leg);
         }
         waypoints.push(query.goal);
         legs.push(Leg::unproved(model, LegKey { from: Stop::Vertex(last), to: Stop::Goal }, [at, query.goal]));
@@ -321,11 +325,19 @@ impl Router {
     /// The vertex that is nearest to the goal among those that a path leads to from any of `starts`.
     fn nearest_reachable(&self, query: &Query, starts: &[Attachment]) -> Option<VertexId> {
         let goal = query.goal;
-        let reached: Vec<Reached<'_>> =
-            starts.iter().map(|&(start, _)| self.reached_from(start, query.without)).collect();
+        let islands = self.graph.islands();
+        let mut from: Vec<VertexId> = Vec::new();
+        for &(start, _) in starts {
+            // What one vertex of an island leads to, all do, unless the query does without an ability.
+            let is_new = from.iter().all(|other| islands[other.idx()] != islands[start.idx()]);
+            if is_new || !query.without.is_empty() {
+                from.push(start);
+            }
+        }
+        let reached: Vec<Reached<'_>> = from.iter().map(|&start| self.reached_from(start, query.without)).collect();
         let mut best: Option<(f32, VertexId)> = None;
-        self.vertices.visit_from(goal, |clearance, vertices| {
-            if best.is_some_and(|(least, _)| clearance * clearance > least) {
+        self.vertices.visit_from(goal, |bound, vertices| {
+            if best.is_some_and(|(least, _)| bound > least) {
                 return false;
             }
             for &(at, vertex) in vertices {
@@ -344,23 +356,8 @@ impl Router {
     fn reached_from(&self, from: VertexId, without: AbilitySet) -> Reached<'_> {
         match &self.table {
             Some(table) if without.is_empty() => Reached::Table(table, from),
-            _ => Reached::Search(self.search_all(from, without)),
+            _ => Reached::Search(self.graph.reachable_along(from, |edge| !without.contains(edge.evidence.ability))),
         }
-    }
-
-    fn search_all(&self, from: VertexId, without: AbilitySet) -> Vec<bool> {
-        let mut reached = vec![false; self.graph.vertex_count()];
-        reached[from.idx()] = true;
-        let mut open = vec![from];
-        while let Some(vertex) = open.pop() {
-            for (edge, to, _) in self.adjacency.outgoing(vertex) {
-                let is_open = !without.contains(self.adjacency.leg(edge).ability);
-                if is_open && !std::mem::replace(&mut reached[to.idx()], true) {
-                    open.push(to);
-                }
-            }
-        }
-        reached
     }
 }
 

@@ -69,7 +69,7 @@ impl Table {
             }
             let edge = adjacency.nth_from(at, hop);
             path.push(edge);
-            at = adjacency.key(edge).to;
+            at = adjacency.hop(edge).to;
         }
         path
     }

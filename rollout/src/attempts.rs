@@ -3,7 +3,9 @@
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
 use crate::follow::{Fault, FollowConfig, Follower, Step};
 use crate::goals::Goal;
+use crate::motion::{Motion, Trace};
 use crate::rehearse::{Actor, Ghost, Next, NoiseStream, Rehearsal, Resort, Tally};
+use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
@@ -47,6 +49,17 @@ pub struct Rollout {
     pub seed: u64,
     /// Whether NPCs that follow plans rehearse their next legs.
     pub rehearses: bool,
+    /// Whether NPCs that rehearse compose themselves.
+    pub composes: bool,
+}
+
+/// What was measured while attempts ran.
+#[derive(Debug, Default)]
+pub struct Figures {
+    /// Duration of every search, us.
+    pub search_us: Vec<f64>,
+    /// How the NPCs moved.
+    pub motion: Motion,
 }
 
 /// Positions of the feet of one NPC, m: the start, then the position after each decision.
@@ -63,30 +76,30 @@ impl Rollout {
             noise_share: DEFAULT_NOISE_SHARE,
             seed: 0,
             rehearses: true,
+            composes: true,
         }
     }
 
     /// Runs one attempt for each goal, heading straight for the goal, and returns the attempts in the order of the goals.
     pub fn run(&self, policy: &Policy, goals: &[Goal]) -> Vec<Attempt> {
-        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, None, chunk, &mut Vec::new()).0).collect()
+        self.measure(policy, None, goals, &mut Figures::default())
     }
 
-    /// Runs one attempt for each goal, following plans of `router`, and appends the duration of every search, us, to
-    /// `search_us`.
-    pub fn run_by_plan(
+    /// Same as [`run`](Self::run), but following plans of `router`, if there is one, and adds what was measured to `figures`.
+    pub fn measure(
         &self,
         policy: &Policy,
-        router: &Router,
+        router: Option<&Router>,
         goals: &[Goal],
-        search_us: &mut Vec<f64>,
+        figures: &mut Figures,
     ) -> Vec<Attempt> {
-        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, Some(router), chunk, search_us).0).collect()
+        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, router, chunk, figures).0).collect()
     }
 
-    /// Same as [`run_by_plan`](Self::run_by_plan), but returns the track of each attempt and no durations.
+    /// Same as [`run`](Self::run), but following plans of `router`, and returns the track of each attempt.
     pub fn track_by_plan(&self, policy: &Policy, router: &Router, goals: &[Goal]) -> Vec<(Attempt, Track)> {
         let run = |chunk| {
-            let (attempts, tracks) = self.run_batch(policy, Some(router), chunk, &mut Vec::new());
+            let (attempts, tracks) = self.run_batch(policy, Some(router), chunk, &mut Figures::default());
             attempts.into_iter().zip(tracks)
         };
         goals.chunks(BATCH).flat_map(run).collect()
@@ -97,7 +110,7 @@ impl Rollout {
         policy: &Policy,
         router: Option<&Router>,
         goals: &[Goal],
-        search_us: &mut Vec<f64>,
+        Figures { search_us, motion }: &mut Figures,
     ) -> (Vec<Attempt>, Vec<Track>) {
         let mut worlds = [World::new(self.map.clone(), self.profile.clone(), self.task.clone())];
         let mut decisions = DecisionLoop::new(policy);
@@ -133,18 +146,21 @@ impl Rollout {
             if lanes.is_empty() {
                 break;
             }
-            let noise = lanes.iter().flat_map(|lane| walkers[lane.slot.0 as usize].noise.draw()).collect();
+            lanes.iter_mut().for_each(|lane| lane.style = walkers[lane.slot.0 as usize].style());
+            let noise = lanes.iter().flat_map(|lane| walkers[lane.slot.0 as usize].noise.draw(lane.style)).collect();
             let mut stage = Stage { worlds: &mut worlds, lanes: &lanes };
             let closed = decisions.decide(&mut stage, policy, Noise::Rows(noise));
             for (lane, outcome) in lanes.iter().zip(closed) {
-                self.settle(&mut worlds[0], &mut walkers[lane.slot.0 as usize], guide.as_mut(), *outcome);
+                let walker = &mut walkers[lane.slot.0 as usize];
+                walker.note_motion(&worlds[0], motion);
+                self.settle(&mut worlds[0], walker, guide.as_mut(), *outcome);
             }
         }
         walkers.into_iter().map(Walker::finish).unzip()
     }
 
     fn follow_config(&self) -> FollowConfig {
-        FollowConfig { patience: self.give_up_after, ..FollowConfig::default() }
+        FollowConfig { patience: self.give_up_after, composes: self.composes, ..FollowConfig::default() }
     }
 
     /// Processes one decision of one NPC.
@@ -169,6 +185,7 @@ struct Walker {
     rehearses_next: bool,
     ghost: Option<Ghost>,
     track: Track,
+    trace: Trace,
     end: Option<End>,
 }
 
@@ -179,6 +196,7 @@ impl Walker {
         world.set_goal(slot, goal.goal);
         let follower = by_plan.map(|config| Follower::new(goal.goal, config));
         let track = vec![goal.start];
+        let trace = Trace::begin(world.npc(slot).expect("just spawned"));
         Self {
             lane: Lane::of(slot),
             noise,
@@ -187,8 +205,20 @@ impl Walker {
             rehearses_next: false,
             ghost: None,
             track,
+            trace,
             end: None,
         }
+    }
+
+    /// How the NPC moves next: composed only where a rehearsal has shown that it arrives so.
+    fn style(&self) -> Style {
+        let ghost = self.ghost.as_ref().filter(|ghost| ghost.is_ahead());
+        ghost.and(self.follower.as_ref()).map_or(Style::Free, Follower::style)
+    }
+
+    fn note_motion(&mut self, world: &World, motion: &mut Motion) {
+        let npc = world.npc(self.lane.slot).expect("a running NPC");
+        motion.note(&mut self.trace, npc, self.follower.as_ref().and_then(Follower::ability));
     }
 
     /// Whether the attempt goes on; removes the NPC otherwise.
@@ -295,7 +325,11 @@ impl Guide<'_> {
                         walker.ghost = Some(ghost);
                         false
                     }
-                    Err(mishap) => self.resort(world, walker, tally.note(mishap)),
+                    Err(mishap) => {
+                        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
+                        let resort = tally.note(mishap, follower);
+                        self.resort(world, walker, resort)
+                    }
                 }
             });
         }

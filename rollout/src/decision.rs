@@ -1,5 +1,6 @@
 //! The decision loop: observe, act, ten ticks, close. All code that steps NPCs by a policy or by given actions uses this loop.
 
+use crate::style::Style;
 use rand::rngs::ChaCha8Rng;
 use surefoot_policy::{HiddenStates, Policy};
 use surefoot_world::{Action, DecisionOutcome, NpcSlot, OBSERVATION_LEN, TICKS_PER_DECISION, World};
@@ -17,12 +18,19 @@ pub struct Lane {
     pub slot: NpcSlot,
     /// Row of the NPC's hidden state.
     pub row_idx: usize,
+    /// How the NPC carries out what the policy wants.
+    pub style: Style,
 }
 
 impl Lane {
     /// The lane of an NPC if there is only one world; the row is the slot.
     pub fn of(slot: NpcSlot) -> Self {
-        Self { world_idx: 0, slot, row_idx: slot.0 as usize }
+        Self { world_idx: 0, slot, row_idx: slot.0 as usize, style: Style::Free }
+    }
+
+    /// The same lane in another style.
+    pub fn in_style(self, style: Style) -> Self {
+        Self { style, ..self }
     }
 }
 
@@ -118,10 +126,15 @@ impl DecisionLoop {
         self.close(stage)
     }
 
-    /// The first two phases.
+    /// The first two phases, and the style of each lane.
     fn choose(&mut self, stage: &Stage<'_>, policy: &Policy, noise: Noise<'_>) {
         self.observe(stage.worlds, stage.lanes);
         self.act(stage.lanes, policy, noise);
+        for (lane, action) in stage.lanes.iter().zip(&mut self.actions) {
+            let world = &stage.worlds[lane.world_idx];
+            let npc = world.npc(lane.slot).expect("an NPC that decides");
+            *action = lane.style.shape(*action, npc, world.profile_of(npc));
+        }
     }
 
     /// The first phase: writes the observation of every lane.

@@ -2,10 +2,11 @@
 //!
 //! A [`Follower`] is pure state and neither senses nor searches. Workers feed it from the network, evaluation from a world.
 
+use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{AbilitySet, LegKey, Plan, Query, Stop};
-use surefoot_world::Vec3;
+use surefoot_world::{Ability, Vec3};
 
 /// Constants of plan following.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,11 +17,13 @@ pub struct FollowConfig {
     pub patience: u32,
     /// Most re-plans of an attempt.
     pub max_replans: u32,
+    /// Whether NPCs compose themselves on legs on which they were seen to arrive so.
+    pub composes: bool,
 }
 
 impl Default for FollowConfig {
     fn default() -> Self {
-        Self { replan_after: 50, patience: 300, max_replans: 16 }
+        Self { replan_after: 50, patience: 300, max_replans: 16, composes: true }
     }
 }
 
@@ -92,6 +95,8 @@ pub struct Follower {
     /// How often legs that failed were given another chance.
     chances: u32,
     decisions_on_leg: u32,
+    /// The leg of the plan before which the NPC moves freely.
+    free_until: usize,
     traversals: Vec<Traversal>,
 }
 
@@ -131,6 +136,7 @@ impl Follower {
             failed_arrivals: 0,
             chances: 0,
             decisions_on_leg: 0,
+            free_until: 0,
             traversals: Vec::new(),
         }
     }
@@ -174,6 +180,33 @@ impl Follower {
         self.plan.as_ref().map(|plan| plan.waypoints[self.leg])
     }
 
+    /// The ability that the current leg needs; `None` without a plan.
+    pub fn ability(&self) -> Option<Ability> {
+        self.plan.as_ref().map(|plan| plan.legs[self.leg].ability)
+    }
+
+    /// How the NPC moves on the current leg, if that was rehearsed.
+    pub fn style(&self) -> Style {
+        self.ability().filter(|_| self.composes(self.leg)).map_or(Style::Free, Style::for_leg)
+    }
+
+    /// Whether the NPC composes itself on a leg of its plan.
+    fn composes(&self, leg: usize) -> bool {
+        self.config.composes && leg >= self.free_until
+    }
+
+    /// Lets the NPC move freely up to the end of the leg `key` of its plan; false if it already did.
+    pub fn loosen(&mut self, key: LegKey) -> bool {
+        let Some(plan) = &self.plan else { return false };
+        let leg = plan.legs.iter().position(|leg| leg.key == key).unwrap_or(self.leg);
+        let composed =
+            (self.leg..=leg).any(|leg| self.composes(leg) && Style::for_leg(plan.legs[leg].ability) != Style::Free);
+        if composed {
+            self.free_until = leg + 1;
+        }
+        composed
+    }
+
     /// Index of the current leg in the plan.
     pub fn leg_idx(&self) -> usize {
         self.leg
@@ -189,7 +222,7 @@ impl Follower {
 
     /// A follower that heads straight for the goal, as NPCs do that have no plan.
     pub fn straight(&self) -> Self {
-        let mut straight = Self::new(self.goal, self.config);
+        let mut straight = Self::new(self.goal, FollowConfig { composes: false, ..self.config });
         straight.take_plan(Plan::straight(self.goal));
         straight
     }
@@ -242,6 +275,7 @@ impl Follower {
     pub fn take_plan(&mut self, plan: Plan) -> Vec3 {
         let first = plan.waypoints[0];
         self.plan = Some(plan);
+        self.free_until = 0;
         self.start_leg(0);
         first
     }

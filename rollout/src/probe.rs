@@ -5,6 +5,7 @@
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
 use crate::goals::random_yaw;
+use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -165,7 +166,7 @@ impl<'a> Probes<'a> {
     /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
     /// each tick if somebody watches.
     fn decide(&mut self, watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
-        let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot)).collect();
+        let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot).in_style(probe.style)).collect();
         let noise = self.running.iter_mut().flat_map(Running::noise).collect();
         let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
         let noise = Noise::Rows(noise);
@@ -192,6 +193,7 @@ impl<'a> Probes<'a> {
 struct Running {
     slot: NpcSlot,
     trial_idx: usize,
+    style: Style,
     keep_track: bool,
     /// Where the probe goes after the place that it heads for now.
     next: Option<Vec3>,
@@ -212,7 +214,8 @@ impl Running {
         let mut outcome = Outcome::begin(trial.start);
         outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
         let give_up_after = Self::head_for(world, slot, first);
-        Self { slot, trial_idx, keep_track: trial.keep_track, next, give_up_after, rng, outcome }
+        let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
+        Self { slot, trial_idx, style, keep_track: trial.keep_track, next, give_up_after, rng, outcome }
     }
 
     /// Sets the goal and returns after how many decisions without progress towards it the probe has failed.
@@ -227,7 +230,8 @@ impl Running {
 
     /// Noise that is added to the next action, in units of the policy's standard deviation.
     fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
-        gaussian(&mut self.rng, ACTION_LEN).into_iter().map(|value| value * DEFAULT_NOISE_SHARE)
+        let share = DEFAULT_NOISE_SHARE * self.style.noise_share();
+        gaussian(&mut self.rng, ACTION_LEN).into_iter().map(move |value| value * share)
     }
 
     /// Records one decision and returns whether the trial continues.

@@ -1,10 +1,11 @@
 //! Rehearsals: legs of plans that are run ahead of time, from the very states of the NPCs that are about to run them.
 //!
 //! Steps and noise are deterministic, so that a rehearsal foretells what its NPC will do as long as nothing else interferes. An NPC
-//! that would come to harm or get stuck draws other noise, or takes another way.
+//! that would come to harm or get stuck moves freely instead of composed, draws other noise, or takes another way.
 
 use crate::decision::{DecisionLoop, Lane, Noise, Stage};
 use crate::follow::{Follower, Step};
+use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::VecDeque;
@@ -48,13 +49,13 @@ impl NoiseStream {
         Self { share, seed, stream, drawn: 0 }
     }
 
-    /// Noise that is added to the next action, in units of the policy's standard deviation.
-    pub fn draw(&mut self) -> impl Iterator<Item = f32> + use<> {
+    /// Noise that is added to the next action of an NPC that moves in `style`, in units of the policy's standard deviation.
+    pub fn draw(&mut self, style: Style) -> impl Iterator<Item = f32> + use<> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(self.stream);
         rng.set_word_pos(u128::from(self.drawn) * WORDS_PER_ACTION);
         self.drawn = self.drawn.wrapping_add(1);
-        let share = self.share;
+        let share = self.share * style.noise_share();
         gaussian(&mut rng, ACTION_LEN).into_iter().map(move |value| value * share)
     }
 
@@ -91,6 +92,11 @@ pub struct Ghost {
 }
 
 impl Ghost {
+    /// Whether the next decision was rehearsed.
+    pub fn is_ahead(&self) -> bool {
+        !self.ahead.is_empty()
+    }
+
     /// Whether an NPC that has made one more decision did what was rehearsed, as far as it was.
     pub fn foretold(&mut self, body: &Body) -> bool {
         self.ahead.pop_front().is_some_and(|foretold| foretold == *body)
@@ -109,6 +115,8 @@ pub struct Mishap {
 /// What an NPC does after a mishap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resort {
+    /// Rehearse the same legs once more, moving freely.
+    Loosen,
     /// Rehearse the same legs once more, with other noise.
     Redraw,
     /// Take another way, without the leg of this mishap.
@@ -132,6 +140,7 @@ impl Resort {
     /// Takes this resort, for the NPC with that plan and that noise.
     pub fn take(self, follower: &mut Follower, noise: &mut NoiseStream) -> Next {
         match self {
+            Self::Loosen => Next::Again,
             Self::Redraw => {
                 noise.change();
                 Next::Again
@@ -150,8 +159,11 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Records a mishap and returns what the NPC does.
-    pub fn note(&mut self, mishap: Mishap) -> Resort {
+    /// Records a mishap of the NPC with that plan and returns what it does.
+    pub fn note(&mut self, mishap: Mishap, follower: &mut Follower) -> Resort {
+        if follower.loosen(mishap.leg) {
+            return Resort::Loosen;
+        }
         self.of_plan += 1;
         self.in_all += 1;
         let draws = if mishap.is_harm { HARM_DRAWS } else { STALL_DRAWS };
@@ -221,8 +233,11 @@ impl Rehearsal {
         }
         self.decisions.set_hidden(hidden);
         while !running.is_empty() {
-            let lanes: Vec<Lane> = running.iter().map(|it| Lane::of(it.slot)).collect();
-            let noise = Noise::Rows(running.iter_mut().flat_map(|it| it.ghost.noise.draw()).collect());
+            let lanes: Vec<Lane> =
+                running.iter().map(|it| Lane::of(it.slot).in_style(it.ghost.follower.style())).collect();
+            let noise = Noise::Rows(
+                running.iter_mut().zip(&lanes).flat_map(|(it, lane)| it.ghost.noise.draw(lane.style)).collect(),
+            );
             let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
             let closed = self.decisions.decide(&mut stage, policy, noise).to_vec();
             let mut closed = closed.into_iter();

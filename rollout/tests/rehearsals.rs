@@ -5,6 +5,7 @@ use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use surefoot_planner::{BuildSettings, LegKey, Progress, Router};
 use surefoot_policy::Policy;
+use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::rehearse::{Actor, Mishap, NoiseStream, Rehearsal, Resort, Tally};
 use surefoot_rollout::{
@@ -38,14 +39,11 @@ fn npcs_that_rehearse_do_not_fall_where_others_do() {
     let router = Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2);
     let goals = goals(&map, 150);
     let mut rollout = Rollout::new(map, CharacterProfile::default(), TaskConfig::default());
-    let rehearsed = rollout.run_by_plan(&policy, &router, &goals, &mut Vec::new());
-    assert_eq!(
-        rehearsed,
-        rollout.run_by_plan(&policy, &router, &goals, &mut Vec::new()),
-        "the same seed, the same end"
-    );
+    let run = |rollout: &Rollout| rollout.measure(&policy, Some(&router), &goals, &mut Figures::default());
+    let rehearsed = run(&rollout);
+    assert_eq!(rehearsed, run(&rollout), "the same seed, the same end");
     rollout.rehearses = false;
-    let unrehearsed = rollout.run_by_plan(&policy, &router, &goals, &mut Vec::new());
+    let unrehearsed = run(&rollout);
     assert!(harmed(&unrehearsed) >= 5, "{} of {} fell without rehearsals", harmed(&unrehearsed), goals.len());
     assert_eq!(harmed(&rehearsed), 0);
 }
@@ -68,7 +66,7 @@ fn an_npc_does_what_its_rehearsal_foretold() {
         let mut decisions = DecisionLoop::new(&policy);
         decisions.begin(lane.row_idx);
         loop {
-            let draw = Noise::Rows(noise.draw().collect());
+            let draw = Noise::Rows(noise.draw(lane.style).collect());
             let end = decisions.decide(&mut Stage { worlds: &mut worlds, lanes: &[lane] }, &policy, draw)[0].end;
             let body = worlds[0].npc(lane.slot).unwrap().body;
             if end.is_none() && !ghost.foretold(&body) {
@@ -94,7 +92,8 @@ fn after_a_mishap_other_noise_is_tried_then_another_way_and_at_last_nothing() {
     let stall = Mishap { is_harm: false, ..harm };
     let resorts = |mishap| {
         let mut tally = Tally::default();
-        (0..96).map(|_| tally.note(mishap)).collect::<Vec<Resort>>()
+        let mut follower = Follower::new(Vec3::ZERO, FollowConfig::default());
+        (0..96).map(|_| tally.note(mishap, &mut follower)).collect::<Vec<Resort>>()
     };
     assert_eq!(resorts(harm)[..3], [Resort::Redraw, Resort::Redraw, Resort::Avoid(harm)]);
     assert_eq!(resorts(stall)[..2], [Resort::Redraw, Resort::Avoid(stall)]);

@@ -144,11 +144,23 @@ pub fn start_worker_as(
     planner: Option<&Running>,
     capacity: u32,
 ) -> Worker {
+    let config = WorkConfig { credentials, ..worker_config(server, planner, capacity) };
+    start_worker_of(config, policy)
+}
+
+/// Starts a worker of any configuration.
+pub fn start_worker_of(config: WorkConfig, policy: Policy) -> Worker {
     let shutdown = Shutdown::default();
-    let config = WorkConfig {
+    let stop = shutdown.clone();
+    Worker { shutdown, task: tokio::spawn(work(config, policy, stop)) }
+}
+
+/// What workers run with unless a test wants it otherwise.
+pub fn worker_config(server: &Running, planner: Option<&Running>, capacity: u32) -> WorkConfig {
+    WorkConfig {
         server: server.uri.clone(),
         planner: planner.map(|planner| planner.uri.clone()),
-        credentials,
+        credentials: Credentials::default(),
         capacity,
         name: "e2e".to_owned(),
         graph: BuildSettings::default()
@@ -161,10 +173,9 @@ pub fn start_worker_as(
             .unwrap(),
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         rehearses: true,
+        composes: true,
         max_memory_bytes: surefoot_agent::work::DEFAULT_MAP_BYTES,
-    };
-    let stop = shutdown.clone();
-    Worker { shutdown, task: tokio::spawn(work(config, policy, stop)) }
+    }
 }
 
 /// Settings of a graph that is quick to build.

@@ -162,6 +162,7 @@ fn start_worker_to(server: &Running, planner: &str) -> tokio::task::JoinHandle<R
         graph: surefoot_planner::BuildSettings::default(),
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         rehearses: true,
+        composes: true,
         max_memory_bytes: surefoot_agent::work::DEFAULT_MAP_BYTES,
     };
     tokio::spawn(surefoot_agent::work::work(config, Policy::shipped().unwrap(), Default::default()))

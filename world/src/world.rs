@@ -198,6 +198,11 @@ impl World {
         self.npcs.get(slot.0 as usize).and_then(Option::as_ref)
     }
 
+    /// The profile of an NPC of this world.
+    pub fn profile_of(&self, npc: &Npc) -> &CharacterProfile {
+        &self.config.profiles[usize::from(npc.profile.0)]
+    }
+
     /// Events of the NPC in `slot` in the last tick.
     ///
     /// # Panics

@@ -120,6 +120,8 @@ pub struct EvalConfig {
     pub noise_share: f32,
     /// Whether NPCs that follow plans rehearse what lies ahead; the paper's do not.
     pub rehearses: bool,
+    /// Whether NPCs compose themselves on legs on which rehearsals show that they arrive so; the paper's do not.
+    pub composes: bool,
     /// Number of threads.
     pub thread_count: usize,
     /// Folder to save finished units in and to load them from; `None` to run every unit and save none.

@@ -5,8 +5,8 @@ use super::unit::{GraphFigures, Unit};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use surefoot_policy::Policy;
-use surefoot_rollout::Attempt;
 use surefoot_rollout::follow::Fault;
+use surefoot_rollout::{Attempt, Motion};
 use surefoot_world::{DECISION_SECONDS, End};
 
 /// A success rate with its 95 % Wilson interval.
@@ -87,9 +87,52 @@ pub struct Report {
     pub directness: f64,
     /// Mean number of re-plans per attempt.
     pub replans: f64,
+    /// How the NPCs moved.
+    pub motion: MotionReport,
     /// Mean figures of the graphs; absent without graphs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub graph: Option<GraphFigures>,
+}
+
+/// How NPCs moved, all attempts together, as somebody who watches them sees it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MotionReport {
+    /// How often per second a heading that had turned to one side turned back by five degrees or more.
+    pub reversals_per_s: f64,
+    /// Median of the angle between facing and motion, degrees.
+    pub facing_p50_deg: f64,
+    /// The same angle at the 90th percentile.
+    pub facing_p90_deg: f64,
+    /// Jumps per 100 m.
+    pub jumps_per_100m: f64,
+    /// Share of the time in the air.
+    pub air_share: f64,
+    /// Mean change of acceleration on the plane, m/s3.
+    pub jerk: f64,
+    /// Share of the distance on legs of plans that can be walked.
+    pub walk_share: f64,
+    /// Jumps per 100 m on these legs.
+    pub walk_jumps_per_100m: f64,
+    /// Share of the time in the air on these legs.
+    pub walk_air_share: f64,
+}
+
+impl MotionReport {
+    fn of(units: &[Unit]) -> Self {
+        let mut motion = Motion::default();
+        units.iter().for_each(|unit| motion.add(&unit.motion));
+        Self {
+            reversals_per_s: motion.reversals_per_s(),
+            facing_p50_deg: motion.facing_deg(0.5),
+            facing_p90_deg: motion.facing_deg(0.9),
+            jumps_per_100m: motion.all.jumps_per_100m(),
+            air_share: motion.all.air_share(),
+            jerk: motion.mean_jerk(),
+            walk_share: motion.walk.metres / motion.all.metres.max(f64::MIN_POSITIVE),
+            walk_jumps_per_100m: motion.walk.jumps_per_100m(),
+            walk_air_share: motion.walk.air_share(),
+        }
+    }
 }
 
 /// What was reached on one map. All shares are 0 to 1.
@@ -210,6 +253,7 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
         seconds_to_goal: seconds_to_goal(units),
         directness: directness / reached.len().max(1) as f64,
         replans: replans / attempts(units).count().max(1) as f64,
+        motion: MotionReport::of(units),
         graph: graph_figures(units),
     }
 }

@@ -17,8 +17,9 @@ use surefoot_planner::settings::BUILDER_VERSION;
 use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
+use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
-use surefoot_rollout::{Attempt, Goal, Rollout};
+use surefoot_rollout::{Attempt, Goal, Motion, Rollout};
 use surefoot_world::reach::Reach;
 use surefoot_world::{Map, TaskConfig, navigable};
 
@@ -27,7 +28,7 @@ const POINTS_PER_MAP: usize = 3000;
 /// Most goals in a batch. Independent of the number of threads, so that results are too.
 const GOALS_PER_BATCH: usize = 128;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// The attempts at all goals of one map and seed, the nearest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,6 +43,8 @@ pub struct Unit {
     pub reachable: Vec<bool>,
     /// Result of the attempt at each goal.
     pub attempts: Vec<Attempt>,
+    /// How the NPCs moved.
+    pub motion: Motion,
     /// Figures of the graph, if one was used.
     pub graph: Option<GraphFigures>,
 }
@@ -108,10 +111,10 @@ pub fn load_or_run(
 
 /// File name of a unit, which depends on everything that determines its result.
 fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> String {
-    let EvalConfig { goals, method, distance, noise_share, rehearses, profile, .. } = config;
+    let EvalConfig { goals, method, distance, noise_share, rehearses, composes, profile, .. } = config;
     let map = choice.identity();
     let text = format!(
-        "{VERSION} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {:?} {:?}{}",
+        "{VERSION} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {composes} {:?} {:?}{}",
         policy.weights_hash(),
         TaskConfig::default(),
         profile,
@@ -148,7 +151,7 @@ fn run(
     let started = Instant::now();
     let terrain = Terrain { map, profile: &config.profile, reach };
     let reachable = reachable(&terrain, router.as_ref(), &goals);
-    let (attempts, mut search_us) = run_goals(policy, map, router.as_ref(), &goals, config, seed);
+    let (attempts, Figures { mut search_us, motion }) = run_goals(policy, map, router.as_ref(), &goals, config, seed);
     let eval_s = started.elapsed().as_secs_f64();
     search_us.sort_unstable_by(f64::total_cmp);
     let graph = router.zip(stats).map(|(router, stats)| GraphFigures {
@@ -163,7 +166,7 @@ fn run(
         eval_s,
     });
     let distances = goals.iter().map(Goal::distance).collect();
-    Ok(Unit { map: choice.name(), seed, distances, reachable, attempts, graph })
+    Ok(Unit { map: choice.name(), seed, distances, reachable, attempts, motion, graph })
 }
 
 fn draw_goals(map: &Map, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Result<Vec<Goal>, EvalError> {
@@ -186,10 +189,10 @@ fn run_goals(
     goals: &[Goal],
     config: &EvalConfig,
     seed: u64,
-) -> (Vec<Attempt>, Vec<f64>) {
+) -> (Vec<Attempt>, Figures) {
     let batch_count = goals.len().div_ceil(GOALS_PER_BATCH);
     let next = AtomicUsize::new(0);
-    let results = Mutex::new(vec![None; batch_count]);
+    let results = Mutex::new(Vec::from_iter((0..batch_count).map(|_| None)));
     std::thread::scope(|scope| {
         for _ in 0..config.thread_count.max(1) {
             scope.spawn(|| {
@@ -201,20 +204,22 @@ fn run_goals(
                     let batch: Vec<Goal> = goals.iter().skip(idx).step_by(batch_count).copied().collect();
                     let mut rollout = Rollout::new(map.clone(), config.profile.clone(), TaskConfig::default());
                     rollout.noise_share = config.noise_share;
-                    rollout.rehearses = config.rehearses;
+                    (rollout.rehearses, rollout.composes) = (config.rehearses, config.composes);
                     rollout.seed = seed.wrapping_mul(1_000_003).wrapping_add(idx as u64);
-                    let mut times = Vec::new();
-                    let attempts = match router {
-                        Some(router) => rollout.run_by_plan(policy, router, &batch, &mut times),
-                        None => rollout.run(policy, &batch),
-                    };
-                    results.lock().expect("no rollout panics")[idx] = Some((attempts, times));
+                    let mut figures = Figures::default();
+                    let attempts = rollout.measure(policy, router, &batch, &mut figures);
+                    results.lock().expect("no rollout panics")[idx] = Some((attempts, figures));
                 }
             });
         }
     });
-    let batches: Vec<(Vec<Attempt>, Vec<f64>)> =
+    let batches: Vec<(Vec<Attempt>, Figures)> =
         results.into_inner().expect("no rollout panics").into_iter().flatten().collect();
     let attempts = (0..goals.len()).map(|idx| batches[idx % batch_count].0[idx / batch_count]).collect();
-    (attempts, batches.into_iter().flat_map(|(_, times)| times).collect())
+    let mut figures = Figures::default();
+    for (_, of_batch) in batches {
+        figures.search_us.extend(of_batch.search_us);
+        figures.motion.add(&of_batch.motion);
+    }
+    (attempts, figures)
 }

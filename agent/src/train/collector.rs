@@ -96,7 +96,7 @@ pub struct CollectorState {
 
 fn lanes_of(config: &CollectorConfig) -> Vec<Lane> {
     let npcs = config.npcs_per_world;
-    let lane = |idx: usize| Lane { world_idx: idx / npcs, slot: NpcSlot((idx % npcs) as u32), row_idx: idx };
+    let lane = |idx: usize| Lane { world_idx: idx / npcs, row_idx: idx, ..Lane::of(NpcSlot((idx % npcs) as u32)) };
     (0..config.world_count * npcs).map(lane).collect()
 }
 
@@ -283,7 +283,7 @@ impl Collector {
     }
 
     fn respawn(&mut self, lane_idx: usize) {
-        let Lane { world_idx, slot, row_idx } = self.lanes[lane_idx];
+        let Lane { world_idx, slot, row_idx, .. } = self.lanes[lane_idx];
         self.decisions.begin(row_idx);
         self.is_fresh[lane_idx] = true;
         let yaw = random_yaw(&mut self.rng);

@@ -23,6 +23,8 @@ pub struct WorkConfig {
     pub noise_share: f32,
     /// Whether NPCs rehearse the next legs of their plans, for which the worker holds the maps of its worlds.
     pub rehearses: bool,
+    /// Whether NPCs compose themselves on legs on which rehearsals show that they arrive so.
+    pub composes: bool,
     /// Most memory for these maps, bytes; NPCs on further maps go without rehearsals.
     pub max_memory_bytes: u64,
 }

@@ -3,7 +3,7 @@
 use super::ahead::Maps;
 use super::config::WorkConfig;
 use super::graph::{Graph, GraphKey, Graphs};
-use super::world::{Stage, WorldError, WorldMessage, WorldTask};
+use super::world::{Manner, Stage, WorldError, WorldMessage, WorldTask};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use surefoot_net::client::{Dialer, Link};
@@ -158,7 +158,8 @@ impl Session<'_> {
         let maps = self.maps.filter(|_| self.graphs.is_some());
         let stage = maps.map(|maps| Stage { maps: maps.clone(), map: maps.of(&key, server.clone()), body });
         let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key, server));
-        let world = WorldTask::new(assignment, self.policy.clone(), self.config.noise_share, graph, stage, out);
+        let manner = Manner { noise_share: self.config.noise_share, composes: self.config.composes };
+        let world = WorldTask::new(assignment, self.policy.clone(), manner, graph, stage, out);
         worlds.tasks.spawn(world.run(messages));
         worlds.queues.insert((assignment.world_id, assignment.body_idx), sender);
         Ok(())

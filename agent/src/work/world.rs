@@ -15,6 +15,7 @@ use surefoot_proto::convert;
 use surefoot_proto::planner::v1 as planner;
 use surefoot_proto::plans::{self, npc_plan_to_wire, query_to_wire, traversal_to_wire};
 use surefoot_proto::world::v1 as wire;
+use surefoot_rollout::Style;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::{Ghost, NoiseStream, Rehearsal};
 use surefoot_world::{Action, CharacterProfile, OBSERVATION_LEN, Vec3};
@@ -99,6 +100,15 @@ struct PlanBatch {
     revision: Option<u64>,
 }
 
+/// How a worker's NPCs move.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Manner {
+    /// Share of the policy's exploration noise.
+    pub noise_share: f32,
+    /// Whether they compose themselves where rehearsals show that they arrive so.
+    pub composes: bool,
+}
+
 /// What a world's NPCs rehearse on.
 pub(super) struct Stage {
     /// The maps, whose pace all realtime worlds share.
@@ -116,7 +126,7 @@ pub(super) struct WorldTask {
     seed: u64,
     is_lockstep: bool,
     policy: Policy,
-    noise_share: f32,
+    manner: Manner,
     graph: Option<Arc<Graph>>,
     stage: Option<Stage>,
     /// Made once the map is there.
@@ -138,7 +148,7 @@ impl WorldTask {
     pub fn new(
         assignment: &wire::Assignment,
         policy: Policy,
-        noise_share: f32,
+        manner: Manner,
         graph: Option<Arc<Graph>>,
         stage: Option<Stage>,
         out: mpsc::Sender<wire::WorkRequest>,
@@ -149,7 +159,7 @@ impl WorldTask {
             seed: seed_of(&assignment.map_hash),
             is_lockstep: assignment.mode() == wire::TimeMode::Lockstep,
             policy,
-            noise_share,
+            manner,
             graph,
             stage,
             rehearsal: None,
@@ -245,7 +255,7 @@ impl WorldTask {
             Some(wire::CarriedPlan { npc_id: id, plan, attempt: npc.attempt })
         });
         let plans = plans.collect();
-        let actions = self.act(&batch.npc_ids, observations).await?;
+        let actions = self.act(&batch.npc_ids, &states, observations).await?;
         Ok(wire::ActionBatch {
             world_id: self.world_id,
             tick: batch.tick,
@@ -266,9 +276,10 @@ impl WorldTask {
     /// Makes the NPC known; a new attempt begins anew.
     fn meet(&mut self, id: u64, attempt: u32, goal: Vec3, (tick, idx): (u64, usize)) {
         let memory_len = self.policy.memory_len();
+        let follow = FollowConfig { composes: self.manner.composes, ..FollowConfig::default() };
         let begin = || Npc {
             attempt,
-            follower: Follower::new(goal, FollowConfig::default()),
+            follower: Follower::new(goal, follow),
             is_planning: false,
             revision: None,
             replanned_for: None,
@@ -276,7 +287,7 @@ impl WorldTask {
             new_plan: None,
             memory: vec![0.0; memory_len],
             // Worlds that repeat themselves in lockstep repeat their noise, whatever the ids of their NPCs are.
-            noise: NoiseStream::new(self.noise_share, self.seed, tick << 16 | idx as u64 & 0xffff),
+            noise: NoiseStream::new(self.manner.noise_share, self.seed, tick << 16 | idx as u64 & 0xffff),
             rehearses_next: false,
             ghost: None,
             unplanned: 0,
@@ -428,14 +439,28 @@ impl WorldTask {
     }
 
     /// Evaluates the policy for these NPCs on a blocking thread and returns packed actions.
-    async fn act(&mut self, npc_ids: &[u64], observations: Vec<f32>) -> Result<Vec<u8>, WorldError> {
+    async fn act(
+        &mut self,
+        npc_ids: &[u64],
+        states: &[(u64, State)],
+        observations: Vec<f32>,
+    ) -> Result<Vec<u8>, WorldError> {
         let policy = self.policy.clone();
         let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).memory.clone()).collect();
-        let noise: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).noise.draw()).collect();
         let holds: Vec<bool> = npc_ids.iter().map(|&id| self.npc(id).holds).collect();
+        let styles = self.styles(npc_ids, states);
+        let style = |idx: usize| styles[idx].map_or(Style::Free, |(style, _)| style);
+        let noise: Vec<f32> =
+            npc_ids.iter().enumerate().flat_map(|(idx, &id)| self.npc(id).noise.draw(style(idx))).collect();
+        let body = self.stage.as_ref().map(|stage| stage.body.clone()).unwrap_or_default();
         let task = tokio::task::spawn_blocking(move || {
             let mut actions = Vec::new();
             policy.act_with_noise(&observations, &mut memory, noise, &mut actions);
+            for (action, style) in actions.iter_mut().zip(styles) {
+                if let Some((style, state)) = style {
+                    *action = style.shape(*action, &state, &body);
+                }
+            }
             actions
                 .iter_mut()
                 .zip(holds)

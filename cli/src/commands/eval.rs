@@ -1,7 +1,7 @@
 //! `surefoot eval`.
 
 use super::map::{BodyArg, Generated, file_name, level_files, load_level};
-use super::services::GraphArgs;
+use super::services::{GraphArgs, StyleArg};
 use super::{core_count, load_policy, parse_maps, parse_seeds};
 use crate::terminal::{print_json, progress_bar};
 use anyhow::{Context, bail};
@@ -64,6 +64,8 @@ pub struct Args {
     /// Let NPCs follow their plans without rehearsing what lies ahead, as in the suites paper and sweep
     #[arg(long)]
     no_rehearsals: bool,
+    #[command(flatten)]
+    style: StyleArg,
     /// Number of threads; default: one per core
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -119,6 +121,7 @@ impl Args {
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
             rehearses: !self.no_rehearsals && !matches!(self.suite.as_deref(), Some("paper" | "sweep")),
+            composes: self.style.composes(),
             keep_in: self.out.as_ref().map(|folder| folder.join(UNITS)),
             thread_count: self.threads.unwrap_or_else(core_count),
         })
@@ -373,6 +376,19 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
     println!(
         "mean time to goal {:.1} s, straight-line distance over distance covered {:.2}, re-plans per attempt {:.2}",
         report.seconds_to_goal, report.directness, report.replans
+    );
+    let motion = &report.motion;
+    println!(
+        "motion: {:.2} reversals/s, facing off by {:.0} degrees (median) and {:.0} (p90), {:.2} jumps per 100 m, {:.2} on legs that can be walked ({:.0} % of the way), in the air {} and {} of the time, jerk {:.0} m/s3",
+        motion.reversals_per_s,
+        motion.facing_p50_deg,
+        motion.facing_p90_deg,
+        motion.jumps_per_100m,
+        motion.walk_jumps_per_100m,
+        100.0 * motion.walk_share,
+        percent(motion.air_share),
+        percent(motion.walk_air_share),
+        motion.jerk,
     );
     if let Some(graph) = &report.graph {
         println!(

@@ -205,6 +205,8 @@ pub struct WorkArgs {
     /// Let NPCs follow their plans without rehearsing the next legs on a copy of the map
     #[arg(long)]
     no_rehearsals: bool,
+    #[command(flatten)]
+    style: StyleArg,
     /// Memory budget for these copies, in MB; NPCs on further maps do not rehearse
     #[arg(long, default_value_t = DEFAULT_MAP_BYTES / MB, value_name = "MB")]
     max_memory: u64,
@@ -330,6 +332,21 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     })
 }
 
+/// How NPCs move.
+#[derive(clap::Args)]
+pub struct StyleArg {
+    /// Let NPCs that rehearse face where they go and jump only where a leg needs it (composed), or move exactly as their policy
+    /// wants (free)
+    #[arg(long, default_value = "composed", value_parser = ["composed", "free"])]
+    style: String,
+}
+
+impl StyleArg {
+    pub fn composes(&self) -> bool {
+        self.style == "composed"
+    }
+}
+
 pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
     let policy = load_policy(args.model.as_deref())?;
     let config = WorkConfig {
@@ -341,6 +358,7 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
         graph: args.graph.settings()?,
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         rehearses: !args.no_rehearsals,
+        composes: args.style.composes(),
         max_memory_bytes: args.max_memory.saturating_mul(MB),
     };
     run_until_signal(|shutdown| async move { Ok(work(config, policy, shutdown).await?) })

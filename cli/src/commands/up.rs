@@ -156,6 +156,7 @@ async fn scene(
             graph: args.graph.settings()?,
             noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
             rehearses: true,
+            composes: true,
             max_memory_bytes: surefoot_agent::work::DEFAULT_MAP_BYTES,
         };
         let (policy, stop) = (policy.clone(), shutdown.clone());

@@ -4,6 +4,7 @@ use super::{MAX_QUERIES, Npc, State, WorldError, WorldTask};
 use crate::work::ahead::{Arrival, Pace};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
+use surefoot_rollout::Style;
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
 use surefoot_world::{NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
 
@@ -100,17 +101,19 @@ impl WorldTask {
                         npc.ghost = Some(ghost);
                         false
                     }
-                    Err(mishap) => match tally.note(mishap).take(&mut npc.follower, &mut npc.noise) {
-                        Next::Again => true,
-                        Next::Plan => {
-                            queries.push((*id, npc.attempt, state.body.feet));
-                            true
+                    Err(mishap) => {
+                        match tally.note(mishap, &mut npc.follower).take(&mut npc.follower, &mut npc.noise) {
+                            Next::Again => true,
+                            Next::Plan => {
+                                queries.push((*id, npc.attempt, state.body.feet));
+                                true
+                            }
+                            Next::Stop => {
+                                gave_up.push((*id, npc.attempt));
+                                false
+                            }
                         }
-                        Next::Stop => {
-                            gave_up.push((*id, npc.attempt));
-                            false
-                        }
-                    },
+                    }
                 }
             });
             for queries in queries.chunks(MAX_QUERIES) {
@@ -177,6 +180,18 @@ impl WorldTask {
             }
         }
         Ok(())
+    }
+
+    /// How each NPC moves in this decision, with its state; `None` for one that moves freely.
+    pub(super) fn styles(&self, npc_ids: &[u64], states: &[(u64, State)]) -> Vec<Option<(Style, State)>> {
+        // The states are those of some of these NPCs, in the same order.
+        let mut states = states.iter().peekable();
+        let style = |id: &u64| {
+            let (_, state) = states.next_if(|(other, _)| other == id)?;
+            let npc = self.npcs.get(id)?;
+            npc.ghost.as_ref().filter(|ghost| ghost.is_ahead()).map(|_| (npc.follower.style(), *state))
+        };
+        npc_ids.iter().map(style).collect()
     }
 
     /// Runs rehearsals on a blocking thread, and records what they took.

@@ -29,6 +29,9 @@ pub struct Args {
     /// serve, soak: Duration of the measurement, above 0
     #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = parse_minutes)]
     minutes: f64,
+    /// world: Levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj)
+    #[arg(long, value_name = "FILE,...", value_delimiter = ',')]
+    maps: Vec<std::path::PathBuf>,
     /// serve: Folder for the plot of tick time over the number of NPCs
     #[arg(long, value_name = "FOLDER")]
     out: Option<std::path::PathBuf>,
@@ -45,6 +48,9 @@ fn parse_minutes(text: &str) -> Result<f64, String> {
 /// One measured figure. All benches share this form.
 #[derive(Serialize)]
 struct Figure {
+    /// The level that it was measured on, if `--maps` named one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    level: Option<String>,
     name: &'static str,
     value: f64,
     unit: &'static str,
@@ -58,7 +64,22 @@ struct Figure {
 
 impl Figure {
     fn new(name: &'static str, value: f64, unit: &'static str) -> Self {
-        Self { name, value, unit, target: None, met: None, reference: None, reference_name: None, ratio: None }
+        Self {
+            level: None,
+            name,
+            value,
+            unit,
+            target: None,
+            met: None,
+            reference: None,
+            reference_name: None,
+            ratio: None,
+        }
+    }
+
+    /// Says on which level it was measured.
+    fn on(self, level: &str) -> Self {
+        Self { level: Some(level.to_owned()), ..self }
     }
 
     /// Sets a target that the value must not exceed.
@@ -88,7 +109,9 @@ impl Figure {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let figures = match args.what.as_str() {
-        "world" => world::figures()?,
+        "world" if args.maps.is_empty() => world::figures()?,
+        "world" => world::figures_on(&args.maps)?,
+        _ if !args.maps.is_empty() => anyhow::bail!("--maps goes with `bench world` alone"),
         "learn" => learn::figures()?,
         "serve" => serve::figures(args)?,
         "soak" => soak::figures(args)?,
@@ -100,8 +123,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return check_targets(args, &figures);
     }
     println!("{}", machine());
+    let mut level = &None;
     for figure in &figures {
         let Figure { name, value, unit, .. } = figure;
+        if figure.level != *level {
+            level = &figure.level;
+            println!("\n{}", level.as_deref().unwrap_or_default());
+        }
         let missed = if figure.met == Some(false) { " MISSED" } else { "" };
         let target = figure.target.map_or(String::new(), |target| format!("  target {target}{missed}"));
         let reference = match (figure.reference_name, figure.reference, figure.ratio) {

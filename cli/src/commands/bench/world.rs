@@ -2,9 +2,12 @@
 
 use super::{Figure, median, timed};
 use crate::commands::core_count;
+use crate::commands::map::{file_name, load_level};
+use anyhow::Context;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
+use std::path::PathBuf;
 use std::sync::Arc;
 use surefoot_world::character::Action;
 use surefoot_world::map::MapSize;
@@ -32,6 +35,24 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     ]);
     figures.splice(0..0, scaling(&map)?);
     figures.splice(0..0, simulation(&map)?);
+    Ok(figures)
+}
+
+/// The figures of a world on levels of others.
+pub fn figures_on(levels: &[PathBuf]) -> anyhow::Result<Vec<Figure>> {
+    let mut figures = Vec::new();
+    for file in levels {
+        let mut map = None;
+        let import = timed(|| map = Some(load_level(file)));
+        let map = Arc::new(map.expect("the closure has run")?);
+        let mut own = simulation(&map).with_context(|| format!("{}", file.display()))?;
+        own.extend([
+            Figure::new("import_s", import, "s"),
+            Figure::new("triangles", map.mesh().triangles().len() as f64, ""),
+            Figure::new("map_mb", map.memory_bytes() as f64 / 1.0e6, "MB"),
+        ]);
+        figures.extend(own.into_iter().map(|figure| figure.on(&file_name(file))));
+    }
     Ok(figures)
 }
 

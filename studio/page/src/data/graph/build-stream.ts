@@ -5,6 +5,7 @@ import { type Build, type BuildSettings, BuildStage } from '../../gen/surefoot/p
 import { MapFormat } from '../../gen/surefoot/world/v1/maps_pb'
 import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import type { Context } from '../context'
+import { CHUNK_BYTES } from '../world/import'
 
 /** Starts building the graph of a world's map for the usual body of its NPCs, or joins the build that is running, and watches it to its end. */
 export async function* buildGraph(
@@ -41,9 +42,6 @@ async function startBuild(
     return (await context.planner.calls.startBuild(request, { signal })).build
   }
 }
-
-/** Largest part of a file in one request: below what services accept in a message. */
-const CHUNK_BYTES = 512 * 1024
 
 async function handMapOn(context: Context, mapHash: string, signal: AbortSignal): Promise<void> {
   let name = ''

@@ -5,7 +5,7 @@ import { MapFormat, UpAxis } from '../../gen/surefoot/world/v1/maps_pb'
 import { type Context, report } from '../context'
 
 /** Largest part of a file in one request: below what services accept in a message. */
-const CHUNK_BYTES = 512 * 1024
+export const CHUNK_BYTES = 512 * 1024
 
 const FORMATS: Record<string, MapFormat> = {
   sfmap: MapFormat.SAVED,

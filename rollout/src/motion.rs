@@ -1,0 +1,156 @@
+//! How NPCs move, as somebody who watches them sees it: measured decision by decision.
+
+use crate::style::angle;
+use serde::{Deserialize, Serialize};
+use surefoot_world::float::hypot;
+use surefoot_world::{Ability, DECISION_SECONDS, Npc, Vec3};
+
+/// Width of a bin of the angle between facing and motion, degrees.
+const BIN_DEG: f32 = 1.0;
+const BINS: usize = 180;
+/// Speed on the plane below which a body has no direction, m/s.
+const SLOW: f32 = 0.5;
+/// How far a heading must turn back for a reversal, rad.
+const BACK: f32 = 0.087;
+
+/// Sums over the decisions of many NPCs.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Motion {
+    /// Number of decisions.
+    pub decisions: u64,
+    /// How often a heading that had turned to one side turned back by five degrees or more.
+    pub reversals: u64,
+    /// Decisions of bodies that moved, by the angle between facing and motion, one degree each; empty if none did.
+    pub facing: Vec<u64>,
+    /// Sum of the changes of acceleration on the plane, m/s3.
+    pub jerk: f64,
+    /// On all legs.
+    pub all: Gait,
+    /// On legs of plans that can be walked.
+    pub walk: Gait,
+}
+
+/// How bodies got on.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Gait {
+    /// Number of decisions.
+    pub decisions: u64,
+    /// Number of these that ended in the air.
+    pub in_air: u64,
+    /// Number of jumps, those in the air included.
+    pub jumps: u64,
+    /// Distance covered, m.
+    pub metres: f64,
+}
+
+/// The last decision of one NPC.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Trace {
+    yaw: f32,
+    /// Side to which the heading turns; 0 before it has.
+    side: f32,
+    /// How far it has turned back to the other side, rad.
+    back: f32,
+    feet: Vec3,
+    velocity: Vec3,
+    acceleration: Vec3,
+}
+
+impl Trace {
+    /// The trace of an NPC that has not decided yet.
+    pub fn begin(npc: &Npc) -> Self {
+        let body = &npc.body;
+        Self { yaw: body.yaw, feet: body.feet, velocity: body.velocity, ..Self::default() }
+    }
+
+    /// Adds a turn of the heading, rad; true if the heading has now turned back.
+    fn turn(&mut self, turn: f32) -> bool {
+        if self.side == 0.0 {
+            self.side = if turn == 0.0 { 0.0 } else { turn.signum() };
+            return false;
+        }
+        self.back = (self.back - turn * self.side).max(0.0);
+        let has_turned_back = self.back > BACK;
+        if has_turned_back {
+            (self.side, self.back) = (-self.side, 0.0);
+        }
+        has_turned_back
+    }
+}
+
+impl Motion {
+    /// Adds a decision of `npc`, on a leg that needs `ability`, if it follows a plan.
+    pub(crate) fn note(&mut self, trace: &mut Trace, npc: &Npc, ability: Option<Ability>) {
+        let body = &npc.body;
+        let mut gait = Gait { decisions: 1, ..Gait::default() };
+        gait.in_air = u64::from(!body.is_grounded());
+        gait.jumps = u64::from(npc.events.jumped) + u64::from(npc.events.double_jumped);
+        gait.metres = if npc.events.teleported { 0.0 } else { f64::from(body.feet.distance(trace.feet)) };
+        self.all.add(&gait);
+        if ability == Some(Ability::Walk) {
+            self.walk.add(&gait);
+        }
+        self.decisions += 1;
+        self.reversals += u64::from(trace.turn(angle(body.yaw - trace.yaw)));
+        if hypot(body.velocity.x, body.velocity.z) > SLOW && body.ride.is_none() {
+            let off = angle(libm::atan2f(body.velocity.x, body.velocity.z) - body.yaw).abs().to_degrees();
+            self.facing.resize(BINS, 0);
+            self.facing[((off / BIN_DEG) as usize).min(BINS - 1)] += 1;
+        }
+        let acceleration = (body.velocity - trace.velocity) / DECISION_SECONDS;
+        let change = acceleration - trace.acceleration;
+        self.jerk += f64::from(hypot(change.x, change.z) / DECISION_SECONDS);
+        *trace = Trace { side: trace.side, back: trace.back, acceleration, ..Trace::begin(npc) };
+    }
+
+    /// Adds the sums of others.
+    pub fn add(&mut self, other: &Self) {
+        self.decisions += other.decisions;
+        self.reversals += other.reversals;
+        self.jerk += other.jerk;
+        self.facing.resize(self.facing.len().max(other.facing.len()), 0);
+        self.facing.iter_mut().zip(&other.facing).for_each(|(sum, count)| *sum += count);
+        self.all.add(&other.all);
+        self.walk.add(&other.walk);
+    }
+
+    /// Reversals of the heading per second.
+    pub fn reversals_per_s(&self) -> f64 {
+        self.reversals as f64 / (self.decisions.max(1) as f64 * f64::from(DECISION_SECONDS))
+    }
+
+    /// The angle between facing and motion, degrees, that this share of the decisions of moving bodies does not exceed; 0 if none moved.
+    pub fn facing_deg(&self, share: f64) -> f64 {
+        let total: u64 = self.facing.iter().sum();
+        let mut seen = 0;
+        let bin = self.facing.iter().position(|count| {
+            seen += count;
+            seen as f64 >= share * total as f64
+        });
+        bin.filter(|_| total > 0).map_or(0.0, |bin| (bin as f64 + 1.0) * f64::from(BIN_DEG))
+    }
+
+    /// Mean change of acceleration on the plane, m/s3.
+    pub fn mean_jerk(&self) -> f64 {
+        self.jerk / self.decisions.max(1) as f64
+    }
+}
+
+impl Gait {
+    fn add(&mut self, other: &Self) {
+        self.decisions += other.decisions;
+        self.in_air += other.in_air;
+        self.jumps += other.jumps;
+        self.metres += other.metres;
+    }
+
+    /// Jumps per 100 m; 0 without any distance.
+    pub fn jumps_per_100m(&self) -> f64 {
+        if self.metres > 0.0 { self.jumps as f64 / self.metres * 100.0 } else { 0.0 }
+    }
+
+    /// Share of the decisions that ended in the air.
+    pub fn air_share(&self) -> f64 {
+        self.in_air as f64 / self.decisions.max(1) as f64
+    }
+}

@@ -1,0 +1,103 @@
+//! Motion: composed NPCs face where they go, turn less and jump less than free ones, and arrive as often.
+
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::f32::consts::PI;
+use std::sync::Arc;
+use surefoot_planner::{BuildSettings, Progress, Router};
+use surefoot_policy::Policy;
+use surefoot_rollout::attempts::Figures;
+use surefoot_rollout::graphs::build;
+use surefoot_rollout::{Attempt, Goal, Motion, ProbeContext, Rollout, Style};
+use surefoot_world::character::Body;
+use surefoot_world::{
+    Ability, Action, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, TaskConfig, Vec3, World, navigable,
+};
+
+fn map(side: u32) -> Arc<Map> {
+    Arc::new(Map::generate(&MapSpec::with_side(1000, side).unwrap()))
+}
+
+#[test]
+fn composed_npcs_turn_and_jump_less_and_arrive_as_often() {
+    let (map, policy) = (map(120), Policy::shipped().unwrap());
+    let settings = BuildSettings::default().with(|it| it.vertices = 120).unwrap();
+    let context = ProbeContext::new(map.clone(), policy.clone());
+    let router = Router::new(build(&context, &settings, 2, &Progress::default()).unwrap().graph, 300, 2);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let points = navigable::sample_many(&map, &CharacterProfile::default(), 400, &mut rng).unwrap();
+    let goals = Goal::draw(&points, 5.0..200.0, 80, &mut rng);
+    let run = |composes: bool| -> (Vec<Attempt>, Motion) {
+        let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+        rollout.composes = composes;
+        let mut figures = Figures::default();
+        (rollout.measure(&policy, Some(&router), &goals, &mut figures), figures.motion)
+    };
+    let ((composed, calm), (free, restless)) = (run(true), run(false));
+    let reached = |attempts: &[Attempt]| attempts.iter().filter(|attempt| attempt.end == End::Reached).count();
+    assert!(reached(&composed) + 1 >= reached(&free), "{} of {}", reached(&composed), reached(&free));
+    assert!(2.0 * calm.reversals_per_s() < restless.reversals_per_s(), "{calm:?} {restless:?}");
+    assert!(2.0 * calm.walk.jumps_per_100m() < restless.walk.jumps_per_100m(), "{calm:?} {restless:?}");
+    assert!(calm.facing_deg(0.5) < restless.facing_deg(0.5), "{calm:?} {restless:?}");
+    assert!(calm.mean_jerk() < restless.mean_jerk(), "{calm:?} {restless:?}");
+    assert_eq!(composed, run(true).0, "the same seed, the same attempts");
+}
+
+#[test]
+fn a_composed_action_goes_where_the_policy_wants_and_looks_there() {
+    let profile = CharacterProfile::default();
+    let mut world = World::new(map(60), profile.clone(), TaskConfig::default());
+    let slot = world.spawn(Vec3::new(30.0, 10.0, 30.0), 0.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    for _ in 0..2000 {
+        let mut draw = |most: f32| rng.random_range(-most..=most);
+        let action = Action::from_array([draw(1.0), draw(1.0), draw(1.0), draw(1.0)]).unwrap();
+        let mut npc = *world.npc(slot).unwrap();
+        npc.body = Body::at(npc.body.feet, draw(PI));
+        npc.body.velocity = Vec3::new(draw(11.0), 0.0, draw(11.0));
+        assert_eq!(Style::Free.shape(action, &npc, &profile), action);
+        let walks = Style::for_leg(Ability::Walk).shape(action, &npc, &profile);
+        assert!(walks.to_array().iter().all(|value| (-1.0..=1.0).contains(value)), "{walks:?}");
+        assert!(walks.jump <= 0.0, "nobody jumps on a leg that can be walked");
+        assert_eq!(Style::for_leg(Ability::Jump).shape(action, &npc, &profile).jump, action.jump);
+        // A body that stands turns towards where the policy wants to go, as far as it can.
+        npc.body.velocity = Vec3::ZERO;
+        let turned = Style::for_leg(Ability::Walk).shape(action, &npc, &profile);
+        let most = profile.turn_speed * DECISION_SECONDS;
+        let (forward, right) =
+            (action.forward.max(-profile.side_speed_share), action.strafe * profile.side_speed_share);
+        if forward.abs().max(right.abs()) < 0.2 {
+            continue;
+        }
+        // Yaw grows to the left.
+        let off = f32::atan2(-right, forward) + 0.5 * action.turn * most;
+        let off = (off + PI).rem_euclid(2.0 * PI) - PI;
+        if off.abs() > 0.2 && off.abs() < PI - 0.2 {
+            assert_eq!(turned.turn.signum(), off.signum(), "{action:?} {off}");
+            assert!(turned.turn.abs() <= 1.0 && (turned.turn * most).abs() <= off.abs());
+        }
+    }
+}
+
+#[test]
+fn motion_counts_what_is_seen() {
+    let (policy, profile) = (Policy::shipped().unwrap(), CharacterProfile::default());
+    let map = map(120);
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let points = navigable::sample_many(&map, &profile, 100, &mut rng).unwrap();
+    let goals = Goal::draw(&points, 5.0..60.0, 20, &mut rng);
+    let mut figures = Figures::default();
+    let rollout = Rollout::new(map, profile, TaskConfig::default());
+    let attempts = rollout.measure(&policy, None, &goals, &mut figures);
+    let motion = figures.motion;
+    assert_eq!(motion.decisions, attempts.iter().map(|attempt| u64::from(attempt.decisions)).sum::<u64>());
+    let length: f64 = attempts.iter().map(|attempt| f64::from(attempt.length)).sum();
+    assert!((motion.all.metres - length).abs() < 1.0e-2 * length, "{} m, {length} m", motion.all.metres);
+    assert!(motion.facing.iter().sum::<u64>() <= motion.decisions);
+    assert!(motion.facing_deg(0.5) <= motion.facing_deg(0.9));
+    assert_eq!(motion.walk.decisions, 0, "nobody follows a plan");
+    let mut twice = motion.clone();
+    twice.add(&motion);
+    assert_eq!(twice.reversals, 2 * motion.reversals);
+    assert_eq!(twice.facing_deg(0.9), motion.facing_deg(0.9));
+}
