@@ -186,7 +186,7 @@ impl Hosted {
         let view = self.view();
         let live = self.live.lock().expect(POISON).clone();
         let next = View {
-            router: self.origin.router(live.apply_to(&view.edited.graph)),
+            router: self.origin.router(&view.edited, &live),
             edited: view.edited.clone(),
             layers: view.layers.clone(),
             revision: view.revision,
@@ -333,7 +333,7 @@ impl View {
     fn new(origin: &Origin, Prepared { edited, layers, refusal }: Prepared, live: &LiveEvidence) -> Self {
         Self {
             connected: edited.graph.connected_share(),
-            router: origin.router(live.apply_to(&edited.graph)),
+            router: origin.router(&edited, live),
             edited,
             revision: Revision::of(&layers),
             layers,

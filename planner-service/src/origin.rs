@@ -1,8 +1,10 @@
 //! Where a graph comes from: its map, body, settings and policy, and the level that its layers belong to.
 
 use surefoot_net::levels::MapSource;
+use surefoot_planner::edits::Edited;
+use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::store::LevelId;
-use surefoot_planner::{BuildSettings, GraphId, NavGraph, Router};
+use surefoot_planner::{BuildSettings, GraphId, Router};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, Vec3};
 
@@ -42,8 +44,9 @@ impl Origin {
         }
     }
 
-    /// Prepares a graph for queries.
-    pub fn router(&self, graph: NavGraph) -> Router {
-        Router::new(graph, self.table_limit, self.thread_count)
+    /// Prepares an edited graph for queries, with live evidence.
+    pub fn router(&self, edited: &Edited, live: &LiveEvidence) -> Router {
+        let router = Router::new(live.apply_to(&edited.graph), self.table_limit, self.thread_count);
+        router.forbidding(edited.forbidden.iter().copied())
     }
 }

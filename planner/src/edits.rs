@@ -204,6 +204,8 @@ pub struct Edited {
     pub removed: BTreeSet<VertexId>,
     /// Edges that were forced, proved or not.
     pub forced: BTreeSet<EdgeKey>,
+    /// Edges that were forbidden; the graph lacks them.
+    pub forbidden: BTreeSet<EdgeKey>,
 }
 
 /// Access to the level that edits are applied on.
@@ -268,7 +270,7 @@ pub fn apply_layers(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain:
         record(layer, index, editor.change_edges(edit));
     }
     let graph = NavGraph::check(editor.data).expect("edits join existing vertices");
-    Some(Edited { graph, unapplied, removed: editor.removed, forced: editor.forced })
+    Some(Edited { graph, unapplied, removed: editor.removed, forced: editor.forced, forbidden: editor.forbidden })
 }
 
 /// A graph to which edits are being applied.
@@ -280,11 +282,19 @@ struct GraphEditor {
     unprobed: BTreeSet<VertexId>,
     /// Edges that were forced.
     forced: BTreeSet<EdgeKey>,
+    /// Edges that were forbidden.
+    forbidden: BTreeSet<EdgeKey>,
 }
 
 impl GraphEditor {
     fn of(graph: &NavGraph) -> Self {
-        Self { data: graph.to_data(), removed: BTreeSet::new(), unprobed: BTreeSet::new(), forced: BTreeSet::new() }
+        Self {
+            data: graph.to_data(),
+            removed: BTreeSet::new(),
+            unprobed: BTreeSet::new(),
+            forced: BTreeSet::new(),
+            forbidden: BTreeSet::new(),
+        }
     }
 
     /// Returns the nearest remaining vertex, at most [`FIT_M`] away.
@@ -371,6 +381,7 @@ impl GraphEditor {
                     return Err(UnappliedReason::NoEdge(key));
                 }
                 self.forced.remove(&key);
+                self.forbidden.insert(key);
             }
             Edit::ForceEdge { from, to, seconds } => {
                 let key = self.ends(from, to)?;
@@ -382,6 +393,7 @@ impl GraphEditor {
                 self.data.edges.retain(|edge| edge.key != key);
                 self.data.edges.push(Edge { key, evidence: Evidence::vouched(decisions) });
                 self.forced.insert(key);
+                self.forbidden.remove(&key);
             }
             Edit::PriceEdge { from, to, factor } => {
                 let key = self.ends(from, to)?;

@@ -21,6 +21,8 @@ use surefoot_world::{Ability, Vec3};
 
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
+/// Distance from a vertex within which a start or goal counts as lying at it, m: that at which an NPC has reached it.
+const AT_VERTEX_M: f32 = 1.0;
 /// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
 const LEAST_CLIMB_M: f32 = 5.0;
 /// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
@@ -46,6 +48,8 @@ pub struct Router {
     prices: LegPrices,
     /// Limits of the unproved leg from the last vertex to the goal.
     reach: Reach,
+    /// Edges that unproved legs must not stand in for.
+    forbidden: Vec<EdgeKey>,
 }
 
 impl Router {
@@ -68,11 +72,25 @@ impl Router {
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
             prices: LegPrices::new(graph.legs()),
             reach: Reach::of(&graph),
+            forbidden: Vec::new(),
             graph,
             adjacency,
             table,
             metres_per_cost,
         }
+    }
+
+    /// The same router, for a graph that lacks these edges because designers forbid them: neither do unproved legs lead along them, from a
+    /// start at their first vertex or to a goal at their second one, within 1 m.
+    ///
+    /// # Panics
+    /// If an edge names a vertex that the graph lacks.
+    #[must_use]
+    pub fn forbidding(self, edges: impl IntoIterator<Item = EdgeKey>) -> Self {
+        let forbidden: Vec<EdgeKey> = edges.into_iter().collect();
+        let count = self.graph.vertex_count();
+        assert!(forbidden.iter().all(|key| key.from.idx() < count && key.to.idx() < count));
+        Self { forbidden, ..self }
     }
 
     /// Returns the graph.
@@ -95,7 +113,9 @@ impl Router {
     pub fn find_path_at(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
         let starts = self.attach_start(query);
         let goals = self.attach_goal(query, ATTACHMENTS);
-        let is_near = query.start.distance(query.goal) <= DIRECT_M && !query.avoid.contains(&LegKey::DIRECT);
+        let is_near = query.start.distance(query.goal) <= DIRECT_M
+            && !query.avoid.contains(&LegKey::DIRECT)
+            && !self.forbidden.iter().any(|key| self.is_at(query.start, key.from) && self.is_at(query.goal, key.to));
         match self.join(&starts, &goals, query, repriced) {
             Some(path) if is_near && self.direct_cost(query) <= path.cost => self.direct(query, None),
             Some(path) => self.assemble(query, &path),
@@ -157,13 +177,16 @@ impl Router {
 
     /// Finds the cheapest vertices to walk to from the start. Those without outgoing edges are left out.
     fn attach_start(&self, query: &Query) -> Vec<Attachment> {
-        let accept = |vertex, _| is_start_open(query, vertex);
+        let closed = self.closed_from(query.start);
+        let accept = |vertex, _| is_start_open(query, vertex) && !closed.contains(&vertex);
         self.sources.cheapest(query.start, ATTACHMENTS, &self.prices, f32::INFINITY, Direction::Away, accept)
     }
 
     /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
     fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
-        let accept = |vertex, leg| is_start_open(query, vertex) && self.reach.contains(leg);
+        let closed = self.closed_from(query.start);
+        let accept =
+            |vertex, leg| is_start_open(query, vertex) && !closed.contains(&vertex) && self.reach.contains(leg);
         let reach_m = self.reach.length_m;
         self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices, reach_m, Direction::Away, accept)
     }
@@ -171,10 +194,23 @@ impl Router {
     /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
     /// the goal than any character is known to get on foot.
     fn attach_goal(&self, query: &Query, most: usize) -> Vec<Attachment> {
-        let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
+        let closed: Vec<VertexId> =
+            self.forbidden.iter().filter(|key| self.is_at(query.goal, key.to)).map(|key| key.from).collect();
+        let is_open = |vertex| {
+            !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal }) && !closed.contains(&vertex)
+        };
         let is_in_reach = |leg| self.reach.contains(leg);
         let accept = |vertex, leg| is_open(vertex) && is_in_reach(leg);
         self.targets.cheapest(query.goal, most, &self.prices, self.reach.length_m, Direction::Back, accept)
+    }
+
+    /// The vertices to which designers forbid the edge from a vertex at `start`.
+    fn closed_from(&self, start: Vec3) -> Vec<VertexId> {
+        self.forbidden.iter().filter(|key| self.is_at(start, key.from)).map(|key| key.to).collect()
+    }
+
+    fn is_at(&self, point: Vec3, vertex: VertexId) -> bool {
+        self.graph.position(vertex).distance_squared(point) <= AT_VERTEX_M * AT_VERTEX_M
     }
 
     /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.

@@ -122,6 +122,37 @@ fn a_safe_detour_is_preferred_to_a_risky_short_cut() {
     assert_eq!(router(graph).look_up(VertexId(0), VertexId(1)).unwrap().1, [0, 2, 1].map(VertexId));
 }
 
+#[test]
+fn unproved_legs_do_not_stand_in_for_forbidden_edges() {
+    let vertices = vec![Vec3::ZERO, Vec3::new(12.0, 0.0, 0.0), Vec3::new(6.0, 0.0, 30.0)];
+    // Without the edge from 0 to 1.
+    let graph = graph(vertices.clone(), vec![edge(0, 2, 25, 10, 10), edge(2, 1, 25, 10, 10), edge(1, 0, 10, 10, 10)]);
+    let leads_straight = |router: &Router, start, goal| {
+        router.find_path(&query(start, goal)).legs.iter().all(|leg| leg.key.edge().is_none())
+    };
+    for table_limit in [4096, 0] {
+        let proved = Router::new(graph.clone(), table_limit, 1);
+        assert!(leads_straight(&proved, vertices[0], vertices[1]), "as unproved as any other leg");
+        let router = proved.forbidding([EdgeKey::new(0, 1)]);
+        let beside = Vec3::new(0.5, 0.0, 0.5);
+        for (start, goal) in [(vertices[0], vertices[1]), (beside, vertices[1] + beside)] {
+            let plan = router.find_path(&query(start, goal));
+            assert_eq!(plan.no_path, None);
+            assert!(plan.waypoints.contains(&vertices[2]), "the way round: {plan:?}");
+        }
+        // Elsewhere, and in the other direction, nothing is forbidden.
+        assert!(leads_straight(&router, vertices[1], vertices[0]));
+        assert!(leads_straight(&router, Vec3::new(3.0, 0.0, 0.0), vertices[1]));
+    }
+}
+
+#[test]
+fn where_the_only_way_is_forbidden_there_is_none() {
+    let graph = graph(vec![Vec3::ZERO, Vec3::new(12.0, 0.0, 0.0)], vec![edge(1, 0, 10, 10, 10)]);
+    let plan = router(graph).forbidding([EdgeKey::new(0, 1)]).find_path(&query(Vec3::ZERO, Vec3::new(12.0, 0.0, 0.0)));
+    assert!(plan.no_path.is_some(), "{plan:?}");
+}
+
 /// An edge of 10 decisions that needs an ability.
 fn edge_by(from: u32, to: u32, ability: Ability) -> Edge {
     let mut evidence = Evidence::default();

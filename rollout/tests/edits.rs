@@ -56,6 +56,9 @@ fn edits_change_the_graph_and_leave_what_was_proved_alone() {
     let forbidden = edited(vec![Edit::ForbidEdge { from, to }]);
     assert!(forbidden.unapplied.is_empty());
     assert!(forbidden.graph.edge(edge.key).is_none());
+    assert!(forbidden.forbidden.iter().eq([&edge.key]));
+    let vouched = edited(vec![Edit::ForbidEdge { from, to }, Edit::ForceEdge { from, to, seconds: None }]);
+    assert!(vouched.forbidden.is_empty() && vouched.forced.contains(&edge.key));
     assert_eq!(forbidden.graph.edge_count(), graph.edge_count() - 1);
 
     let priced = edited(vec![Edit::PriceEdge { from, to, factor: 5.0 }]);
