@@ -137,8 +137,8 @@ impl Router {
         if path.edges.iter().all(is_usual) { Some(path) } else { self.a_star(starts, goals, query, repriced) }
     }
 
-    /// Finds a plan where no path joins the cheapest attachments, of which `goals` are those of the goal: between more of them, or else to the reachable vertex that is nearest
-    /// to the goal.
+    /// Finds a plan where no path joins the cheapest attachments, of which `goals` are those of the goal: between more of them, or else to
+    /// the reachable vertex that is nearest to the goal.
     fn plan_from_afar(&self, query: &Query, goals: Vec<Attachment>, repriced: &EdgeCosts) -> Plan {
         let starts = self.attach_start_widely(query);
         // Fewer than were asked for are all that there are.
@@ -194,19 +194,20 @@ impl Router {
     /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
     /// the goal than any character is known to get on foot.
     fn attach_goal(&self, query: &Query, most: usize) -> Vec<Attachment> {
-        let closed: Vec<VertexId> =
-            self.forbidden.iter().filter(|key| self.is_at(query.goal, key.to)).map(|key| key.from).collect();
-        let is_open = |vertex| {
-            !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal }) && !closed.contains(&vertex)
-        };
-        let is_in_reach = |leg| self.reach.contains(leg);
-        let accept = |vertex, leg| is_open(vertex) && is_in_reach(leg);
+        let closed = self.closed_to(query.goal);
+        let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
+        let accept = |vertex, leg| is_open(vertex) && !closed.contains(&vertex) && self.reach.contains(leg);
         self.targets.cheapest(query.goal, most, &self.prices, self.reach.length_m, Direction::Back, accept)
     }
 
     /// The vertices to which designers forbid the edge from a vertex at `start`.
     fn closed_from(&self, start: Vec3) -> Vec<VertexId> {
         self.forbidden.iter().filter(|key| self.is_at(start, key.from)).map(|key| key.to).collect()
+    }
+
+    /// The vertices from which designers forbid the edge to a vertex at `goal`.
+    fn closed_to(&self, goal: Vec3) -> Vec<VertexId> {
+        self.forbidden.iter().filter(|key| self.is_at(goal, key.to)).map(|key| key.from).collect()
     }
 
     fn is_at(&self, point: Vec3, vertex: VertexId) -> bool {

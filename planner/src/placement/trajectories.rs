@@ -52,10 +52,8 @@ pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Dra
                     .filter(|&goal| RUN_M.contains(&pool[goal as usize].distance(start)))
                     .collect();
                 let goal = pool[*goals.get(rng.random_range(0..goals.len().max(1)))? as usize];
-                {
-                    let stream = round * ROUND as u64 + idx;
-                    Some(Trial { start, via: None, goal, stream, on_foot: false, keep_track: true })
-                }
+                let stream = round * ROUND as u64 + idx;
+                Some(Trial { start, via: None, goal, stream, on_foot: false, keep_track: true })
             })
             .collect();
         let before = merger.draft.vertices.len();
