@@ -2,21 +2,27 @@
 //! store do not wait for a build that is running.
 
 use crate::error::PlannerError;
-use crate::hosted::{Hosted, Prepared};
+use crate::hosted::{Hosted, Legacy, Prepared, Provenance};
 use crate::jobs::{BuildResult, Job, Jobs, Stage};
 use crate::origin::Origin;
 use crate::planner::Planner;
-use crate::proofs::Proofs;
 use std::sync::Arc;
-use std::time::Instant;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
 use surefoot_net::levels::MapSource;
 use surefoot_planner::live::LiveEvidence;
-use surefoot_planner::{BuildError, BuildSettings, Built, GraphId};
+use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId};
 use surefoot_rollout::graphs;
 use surefoot_rollout::probe::ProbeContext;
 use surefoot_world::CharacterProfile;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tracing::{info, warn};
+
+/// Time from the start of a build to its first interim graph; the pause to the next ones doubles each time.
+const FIRST_INTERIM: Duration = Duration::from_millis(300);
+/// Pause where too little is known for an interim graph.
+const RETRY_INTERIM: Duration = Duration::from_millis(100);
 
 impl Planner {
     /// Returns the builds of the service.
@@ -75,7 +81,8 @@ impl Planner {
             let Origin { settings, body, source: of, .. } = &hosted.origin;
             *settings == job.settings && *body == job.body && of.key() == source
         };
-        let found = self.all_ready().into_iter().find(is_same).filter(|hosted| hosted.check_layers().is_ok())?;
+        let is_usable = |hosted: &Arc<Hosted>| !hosted.is_interim() && hosted.check_layers().is_ok();
+        let found = self.all_ready().into_iter().find(is_same).filter(is_usable)?;
         self.note_use(&found.origin.id);
         Some(found)
     }
@@ -103,13 +110,14 @@ impl Planner {
         job.enter(Stage::Vertices);
         let started = Instant::now();
         let threads = self.shared.config.threads;
-        let built = graphs::build(&wanted.context, &job.settings, threads, &job.progress)?;
+        let interims = Interims { planner: self, wanted: &wanted };
+        let built = interims.publish_while(|| graphs::build(&wanted.context, &job.settings, threads, &job.progress))?;
         info!(id = %wanted.id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
         job.enter(Stage::Index);
         if let Err(error) = self.shared.store.put(&wanted.id, &built) {
             warn!(%error, "graph could not be stored in the cache");
         }
-        self.host(&wanted, built, LiveEvidence::default(), false)
+        self.host(&wanted, built, Provenance::Built, interims.legacy())
     }
 
     /// Returns a graph from memory or else from the store; `None` if it is in neither. Calls `found` before a stored graph is loaded.
@@ -118,7 +126,7 @@ impl Planner {
         if job.is_cancelled() {
             return Err(BuildError::Cancelled.into());
         }
-        if let Some(ready) = self.note_use(id) {
+        if let Some(ready) = self.note_use(id).filter(|ready| !ready.is_interim()) {
             if ready.check_layers().is_err() {
                 let prepare = |layers| ready.prepare(layers, &job.progress);
                 let (level, lock) = (ready.level(), self.shared.level_locks.of(&ready.level()));
@@ -139,7 +147,7 @@ impl Planner {
             warn!(%error, "live evidence cannot be read; the graph begins without it");
             LiveEvidence::default()
         });
-        self.host(wanted, built, live, true).map(Some)
+        self.host(wanted, built, Provenance::Stored, Legacy::of(live)).map(Some)
     }
 
     /// Applies the level's layers to a graph and keeps it in memory. If the layers cannot be read, the graph refuses plans.
@@ -147,18 +155,77 @@ impl Planner {
         &self,
         Wanted { job, origin, .. }: &Wanted<'_>,
         built: Built,
-        live: LiveEvidence,
-        cached: bool,
+        provenance: Provenance,
+        legacy: Legacy,
     ) -> Result<Arc<Hosted>, PlannerError> {
-        let proofs = Proofs::default();
         let level = origin.level();
         let lock = self.shared.level_locks.of(&level);
+        let proofs = legacy.proofs.clone();
         let prepare = |layers| Prepared::new(origin, &built.graph, &proofs, layers, &job.progress);
         // Held until the graph is in memory, where an edit that comes later finds it.
         let (prepared, _held) = self.with_layers(&lock, &level, prepare).ok_or(BuildError::Cancelled)?;
-        let hosted = Arc::new(Hosted::new(origin.clone(), built, cached, live, proofs, prepared));
+        // The table of next hops takes longer to fill than an interim graph lasts.
+        let table_limit = if provenance == Provenance::Interim { 0 } else { origin.table_limit };
+        let origin = Origin { table_limit, ..origin.clone() };
+        let hosted = Arc::new(Hosted::new(origin, built, provenance, legacy, prepared));
         self.keep_ready(hosted.clone());
+        hosted.announce();
         Ok(hosted)
+    }
+}
+
+/// The interim graphs of a running build. When the build is over, none of them stays in memory.
+struct Interims<'a> {
+    planner: &'a Planner,
+    wanted: &'a Wanted<'a>,
+}
+
+impl Interims<'_> {
+    /// Publishes interim graphs while `build` runs: soon after its start, then at longer and longer intervals, since each takes some time
+    /// of the build's.
+    fn publish_while<T>(&self, build: impl FnOnce() -> T) -> T {
+        let (running, ended) = mpsc::channel::<()>();
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                let mut pause = FIRST_INTERIM;
+                while ended.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
+                    if self.publish() {
+                        pause *= 2;
+                    } else {
+                        pause = RETRY_INTERIM;
+                    }
+                }
+            });
+            let built = build();
+            drop(running);
+            built
+        })
+    }
+
+    /// Publishes what the build has found out so far. Returns whether that was enough for a graph.
+    fn publish(&self) -> bool {
+        let Self { planner, wanted } = self;
+        let Wanted { job, context, id, .. } = wanted;
+        let Some(graph) = job.progress.interim.graph(&context.map, job.settings.threshold) else { return false };
+        let stats = BuildStats { probes: job.progress.done.load(Ordering::Relaxed), ..BuildStats::default() };
+        let hosted = planner.host(wanted, Built { graph, stats }, Provenance::Interim, self.legacy());
+        // It fails only if the build is cancelled.
+        if hosted.is_ok() {
+            job.note_usable(*id);
+        }
+        true
+    }
+
+    /// What the next graph of the build takes over.
+    fn legacy(&self) -> Legacy {
+        let latest = self.planner.all_ready().into_iter().find(|hosted| hosted.origin.id == self.wanted.id);
+        latest.map(|hosted| hosted.legacy()).unwrap_or_default()
+    }
+}
+
+impl Drop for Interims<'_> {
+    fn drop(&mut self) {
+        self.planner.drop_interim(&self.wanted.id);
     }
 }
 

@@ -33,6 +33,17 @@ impl Revision {
     }
 }
 
+/// Where a graph in memory came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Provenance {
+    /// A build that has ended.
+    Built,
+    /// A build that is still running.
+    Interim,
+    /// The store.
+    Stored,
+}
+
 /// A graph in memory.
 #[derive(Debug)]
 pub struct Hosted {
@@ -40,12 +51,13 @@ pub struct Hosted {
     pub origin: Origin,
     /// Statistics of the build.
     pub stats: BuildStats,
-    /// Whether the graph came from the store.
-    pub cached: bool,
+    /// Where the graph came from.
+    pub provenance: Provenance,
     proved: NavGraph,
     view: RwLock<Arc<View>>,
-    live: Mutex<LiveEvidence>,
-    proofs: Proofs,
+    /// Shared with the graphs of the same build that came before.
+    live: Arc<Mutex<LiveEvidence>>,
+    proofs: Arc<Proofs>,
     /// Held while a new view is made and while live evidence is stored, so that neither is overwritten by an older one.
     updating: Mutex<()>,
     /// Whether a refresh is scheduled.
@@ -93,29 +105,61 @@ impl Prepared {
     }
 }
 
+/// What graphs of one build have in common: live evidence, what edits found out about the map, and those who watch.
+#[derive(Debug, Default)]
+pub struct Legacy {
+    live: Arc<Mutex<LiveEvidence>>,
+    /// Those of the layers.
+    pub proofs: Arc<Proofs>,
+    changes: watch::Sender<()>,
+}
+
+impl Legacy {
+    /// Begins with live evidence.
+    pub fn of(live: LiveEvidence) -> Self {
+        Self { live: Arc::new(Mutex::new(live)), ..Self::default() }
+    }
+}
+
 impl Hosted {
-    /// Applies live evidence to a proved graph with layers, and prepares it for queries. `proofs` are those of the layers.
+    /// Applies live evidence to a proved graph with layers, and prepares it for queries.
     pub fn new(
         origin: Origin,
         Built { graph: proved, stats }: Built,
-        cached: bool,
-        live: LiveEvidence,
-        proofs: Proofs,
+        provenance: Provenance,
+        Legacy { live, proofs, changes }: Legacy,
         prepared: Prepared,
     ) -> Self {
-        let view = Arc::new(View::new(&origin, prepared, &live));
+        let view = View::new(&origin, prepared, &live.lock().expect(POISON).clone());
         Self {
             origin,
             stats,
-            cached,
+            provenance,
             proved,
-            view: RwLock::new(view),
-            live: Mutex::new(live),
+            view: RwLock::new(Arc::new(view)),
+            live,
             proofs,
             updating: Mutex::default(),
             refresh_is_due: AtomicBool::new(false),
-            changes: watch::Sender::new(()),
+            changes,
         }
+    }
+
+    /// What the next graph of the same build takes over from this one.
+    pub fn legacy(&self) -> Legacy {
+        // In the next graph, the indices of vertices that layers add may be those of others.
+        self.live.lock().expect(POISON).keep_below(self.proved.vertex_count());
+        Legacy { live: self.live.clone(), proofs: self.proofs.clone(), changes: self.changes.clone() }
+    }
+
+    /// Whether the build of the graph is still running.
+    pub fn is_interim(&self) -> bool {
+        self.provenance == Provenance::Interim
+    }
+
+    /// Tells everybody who watches that plans may change.
+    pub fn announce(&self) {
+        self.changes.send_replace(());
     }
 
     /// Checks that the graph may be used for plans.
@@ -263,7 +307,7 @@ impl Hosted {
         Figures {
             map_hash: self.origin.map_hash.clone(),
             stats: self.stats,
-            cached: self.cached,
+            cached: self.provenance == Provenance::Stored,
             summary: self.summary(),
         }
     }
@@ -275,6 +319,7 @@ impl Hosted {
         Summary {
             vertices: graph.vertex_count(),
             edges: graph.edge_count(),
+            expected_edges: graph.edges().filter(|edge| edge.evidence.is_of_expected_edge()).count(),
             islands: graph.island_count(),
             connected: view.connected,
             traversals: self.live.lock().expect(POISON).traversals(),
@@ -317,6 +362,8 @@ pub struct Summary {
     pub vertices: usize,
     /// Number of edges.
     pub edges: usize,
+    /// Number of these that have not been tried yet, because the build is still running.
+    pub expected_edges: usize,
     /// Number of islands (strongly connected components).
     pub islands: u32,
     /// Share of ordered pairs of vertices with a path, in [0, 1].

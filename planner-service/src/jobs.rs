@@ -78,6 +78,8 @@ pub struct BuildResult {
 struct State {
     /// All stages so far, the current one last.
     stages: Vec<Stage>,
+    /// The graph, once plans can be made on it.
+    usable: Option<GraphId>,
     /// When and how the build ended.
     end: Option<(Instant, Result<BuildResult, PlannerError>)>,
 }
@@ -120,6 +122,11 @@ impl Job {
         self.state.borrow().end.as_ref().map(|(_, end)| end.clone())
     }
 
+    /// Returns the graph as soon as plans can be made on it, before the build has ended.
+    pub fn usable(&self) -> Option<GraphId> {
+        self.state.borrow().usable
+    }
+
     /// Returns a future that resolves at the next change of stage after this call.
     pub fn changes(&self) -> impl Future<Output = ()> + Send + 'static {
         let mut changes = self.state.subscribe();
@@ -155,6 +162,11 @@ impl Job {
             self.note_probes(&mut state.stages);
             state.stages.push(stage);
         });
+    }
+
+    /// Notes that plans can be made on the graph although the build goes on.
+    pub(crate) fn note_usable(&self, graph: GraphId) {
+        self.state.send_modify(|state| state.usable = Some(graph));
     }
 
     pub(crate) fn finish(&self, end: Result<BuildResult, PlannerError>) {
@@ -210,7 +222,7 @@ impl Jobs {
             settings,
             started,
             progress: Arc::default(),
-            state: watch::Sender::new(State { stages: vec![Stage::Queued], end: None }),
+            state: watch::Sender::new(State { stages: vec![Stage::Queued], usable: None, end: None }),
         };
         let open = || jobs.values().filter(|other| !other.has_ended());
         if let Some(same) = open().find(|other| !other.is_cancelled() && other.key() == job.key()) {

@@ -185,6 +185,12 @@ impl Planner {
         }
     }
 
+    /// Drops an interim graph from memory.
+    pub(crate) fn drop_interim(&self, id: &GraphId) {
+        let mut ready = self.shared.ready.lock().expect(POISON);
+        ready.retain(|hosted| hosted.origin.id != *id || !hosted.is_interim());
+    }
+
     // --- plans and reports ---
 
     /// Finds the cheapest plan at current costs.
@@ -233,6 +239,10 @@ impl Planner {
     }
 
     fn store_report(&self, hosted: &Hosted) {
+        // An interim graph is not in the store; the next graph of its build takes its live evidence over.
+        if hosted.is_interim() {
+            return;
+        }
         let stored = hosted.store_live(|live| match live.is_empty() {
             true => Ok(()),
             false => self.shared.store.put_live(&hosted.origin.id, live),

@@ -185,6 +185,7 @@ pub fn summary_to_wire(figures: &Figures) -> wire::GraphSummary {
         traversals: summary.traversals,
         edits: summary.edits as u32,
         unapplied_edits: summary.unapplied_edits as u32,
+        expected_edges: summary.expected_edges as u32,
     }
 }
 
@@ -234,6 +235,7 @@ pub fn build_to_wire(job: &Job, stage: Stage) -> wire::Build {
     let (map, level) = source_to_wire(&job.source);
     let made = end.as_ref().and_then(|end| end.as_ref().ok());
     let failure = end.as_ref().and_then(|end| end.as_ref().err()).filter(|_| stage == Stage::Failed);
+    let interim = job.usable().filter(|_| matches!(stage, Stage::Probes | Stage::Index));
     wire::Build {
         build_id: job.id.to_string(),
         stage: stage_to_wire(stage).into(),
@@ -247,6 +249,7 @@ pub fn build_to_wire(job: &Job, stage: Stage) -> wire::Build {
         settings: Some(settings_to_wire(&job.settings)),
         start_time: Some(job.started.into()),
         body: Some(convert::body_to_wire(&job.body)),
+        interim_graph_id: interim.map(|id| id.to_string()).unwrap_or_default(),
     }
 }
 

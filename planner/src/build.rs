@@ -7,12 +7,13 @@ use crate::evidence::Evidence;
 use crate::graph::NavGraph;
 use crate::placement::{self, PlacementContext};
 use crate::probe::ProbeExecutor;
+use crate::progress::Progress;
 use crate::prove::ProbeRun;
 use crate::settings::{BuildError, BuildSettings, Placement, Probing};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashMap};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use surefoot_world::Vec3;
 
 /// A finished build.
@@ -41,17 +42,6 @@ pub struct BuildStats {
     pub probing_s: f64,
     /// Duration of the whole build, s.
     pub seconds: f64,
-}
-
-/// Progress of a build, shared with those who watch or cancel it.
-#[derive(Debug, Default)]
-pub struct Progress {
-    /// Number of probes that have finished.
-    pub done: AtomicU64,
-    /// Number of probes that are known to be needed; 0 while vertices are placed, and grows as the build finds more to probe.
-    pub total: AtomicU64,
-    /// Set to cancel the build.
-    pub cancel: AtomicBool,
 }
 
 /// What a build has so far.
@@ -154,7 +144,7 @@ impl Builder<'_> {
 
     fn placing(&self) -> PlacementContext<'_> {
         let Self { site, settings, executor, progress, .. } = *self;
-        PlacementContext { site, settings, executor, progress: &progress.done, cancel: &progress.cancel }
+        PlacementContext { site, settings, executor, progress }
     }
 
     /// Probes each listed candidate once per listing.
@@ -180,9 +170,7 @@ impl Builder<'_> {
             seed: self.settings.seed,
             thread_count: self.thread_count,
             executor: self.executor,
-            progress: &self.progress.done,
-            total: &self.progress.total,
-            cancel: &self.progress.cancel,
+            progress: self.progress,
         }
     }
 }

@@ -4,12 +4,13 @@
 //! to a graph that was rebuilt with other settings, another policy or a changed map. An edit that finds nothing to change
 //! is skipped and reported as [`Unapplied`]. Edits of vertices are applied first, in order, then edits of edges.
 
-use crate::build::{Builder, Progress};
+use crate::build::Builder;
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
 use crate::probe::ProbeExecutor;
+use crate::progress::Progress;
 use crate::settings::{BuildSettings, Probing};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};

@@ -49,6 +49,16 @@ impl Evidence {
         Self { prior, ..Self::default() }
     }
 
+    /// Evidence of an edge that has not been tried yet, with a prior in [0, 1] and the decisions that it is expected to take.
+    pub fn of_expected_edge(prior: f32, Decisions(decisions): Decisions) -> Self {
+        Self { decisions_sum: decisions, decisions_squared: decisions * decisions, ..Self::expected(prior) }
+    }
+
+    /// Returns whether this is the evidence of an edge that has not been tried yet.
+    pub fn is_of_expected_edge(&self) -> bool {
+        self.tries == 0 && self.decisions_sum > 0.0
+    }
+
     /// Adds the outcome of a probe, and widens the bounds by its track.
     pub fn note_probe(&mut self, outcome: &Outcome) {
         self.note(outcome.reached, outcome.decisions, outcome.ability);
@@ -57,11 +67,14 @@ impl Evidence {
 
     /// Returns the sum of this evidence and `other` of the same edge. Ability, prior, factor and bounds are those of `self`.
     pub fn and(&self, other: &Evidence) -> Self {
+        // Decisions that were only expected give way to those that were seen.
+        let gives_way = self.is_of_expected_edge() && other.successes > 0;
+        let own_share = if gives_way { 0.0 } else { 1.0 };
         Self {
             tries: self.tries.saturating_add(other.tries),
             successes: self.successes.saturating_add(other.successes),
-            decisions_sum: self.decisions_sum + other.decisions_sum,
-            decisions_squared: self.decisions_squared + other.decisions_squared,
+            decisions_sum: own_share * self.decisions_sum + other.decisions_sum,
+            decisions_squared: own_share * self.decisions_squared + other.decisions_squared,
             ..*self
         }
     }
@@ -134,9 +147,9 @@ impl Evidence {
         Decisions((self.decisions_squared / f64::from(self.successes.max(1)) - mean * mean).max(0.0).sqrt())
     }
 
-    /// Returns whether the evidence is consistent and has at least one success, as that of a proved edge must.
+    /// Returns whether the evidence is consistent, and has at least one success, as that of a proved edge must, or is of an expected edge.
     pub fn is_sound(&self) -> bool {
-        self.successes > 0 && self.is_consistent()
+        (self.successes > 0 || self.is_of_expected_edge()) && self.is_consistent()
     }
 
     /// Returns whether the values are in range and do not contradict each other.

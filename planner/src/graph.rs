@@ -217,8 +217,14 @@ impl NavGraph {
     /// Returns the share of ordered pairs of different vertices that a path joins, in [0, 1].
     pub fn connected_share(&self) -> f64 {
         let count = self.vertex_count();
-        let pairs: usize =
-            self.vertices().map(|from| self.reachable_from(from).iter().filter(|&&seen| seen).count() - 1).sum();
+        // What one vertex of an island reaches, all do.
+        let mut members: Vec<(usize, VertexId)> = vec![(0, VertexId(0)); self.island_count as usize];
+        for (vertex, &island) in self.vertices().zip(&self.islands) {
+            let (size, member) = &mut members[island as usize];
+            (*size, *member) = (*size + 1, vertex);
+        }
+        let reached = |from: VertexId| self.reachable_from(from).iter().filter(|&&seen| seen).count() - 1;
+        let pairs: usize = members.into_iter().map(|(size, member)| size * reached(member)).sum();
         pairs as f64 / (count * count.saturating_sub(1)).max(1) as f64
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! A build is a sequence of stages, one module each: [`placement`] places vertices, [`candidates`] selects candidate
 //! edges, [`prove`] probes them through a [`probe::ProbeExecutor`], guided by a predictor, and [`graph`] keeps the proved
-//! edges with their [`evidence`]. [`build`] runs the stages, [`update`] repeats only what a changed map requires, and
+//! edges with their [`evidence`]. [`build`] runs the stages, of which an [`interim`] graph shows the result so far, [`update`] repeats only what a changed map requires, and
 //! [`search`] answers queries with a [`plan`]. Designers contribute [`edits`], NPCs contribute [`live`] evidence;
 //! [`store`] defines the trait for persistence.
 //!
@@ -19,6 +19,7 @@ pub mod export;
 pub mod graph;
 mod grid;
 pub mod ids;
+pub mod interim;
 mod join;
 pub mod legs;
 pub mod links;
@@ -27,6 +28,7 @@ pub mod placement;
 pub mod plan;
 mod predictor;
 pub mod probe;
+pub mod progress;
 pub mod prove;
 pub mod reachability;
 mod regression;
@@ -39,11 +41,12 @@ mod table;
 pub mod update;
 mod ways;
 
-pub use build::{BuildStats, Builder, Built, Progress};
+pub use build::{BuildStats, Builder, Built};
 pub use graph::{Edge, NavGraph};
 pub use ids::{EdgeKey, LegKey, Stop, VertexId};
 pub use plan::{AbilitySet, Leg, NoPath, Plan, Query};
 pub use predictor::is_perilous;
+pub use progress::Progress;
 pub use search::Router;
 pub use settings::{BuildError, BuildSettings, GraphId, Placement, Probing, RawBuildSettings, SettingError};
 pub use site::{PolicyHash, Site};

@@ -1,6 +1,5 @@
 //! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
 
-use std::sync::atomic::{AtomicBool, AtomicU64};
 use surefoot_world::{Ability, Vec3};
 
 /// The input of one probe.
@@ -57,10 +56,19 @@ impl Outcome {
     }
 }
 
+/// Sees probes finish, in any order and on any thread, and may cancel the others.
+pub trait ProbeWatch: Sync {
+    /// Called once for each trial, by its index, as soon as its outcome is known.
+    fn finished(&self, trial: usize, outcome: &Outcome);
+
+    /// Whether the remaining trials need not be run.
+    fn is_cancelled(&self) -> bool;
+}
+
 /// Runs probes.
 pub trait ProbeExecutor {
     /// Runs all trials and returns their outcomes, in order. The same trials and seed give the same outcomes.
     ///
-    /// Increments `progress` for each finished trial. Returns `None` if `cancel` was set before the last trial finished.
-    fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>>;
+    /// Returns `None` if `watch` cancelled before the last trial finished.
+    fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>>;
 }

@@ -15,11 +15,12 @@ use crate::evidence::{Evidence, price};
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use crate::predictor::{Geometry, Predictor, is_perilous, measure};
-use crate::probe::{Outcome, ProbeExecutor, Trial};
+use crate::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use crate::progress::Progress;
 use crate::settings::Probing;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use surefoot_world::{Ability, Chance, Map, Vec3};
 
 /// Inputs for probing candidate edges.
@@ -38,12 +39,8 @@ pub struct ProbeRun<'a> {
     pub thread_count: usize,
     /// Runs the probes.
     pub executor: &'a dyn ProbeExecutor,
-    /// Incremented for each finished probe.
-    pub progress: &'a AtomicU64,
-    /// Incremented by the number of probes before they are run.
-    pub total: &'a AtomicU64,
-    /// Set to cancel the build.
-    pub cancel: &'a AtomicBool,
+    /// Counts the probes, notes their outcomes, and cancels them.
+    pub progress: &'a Progress,
 }
 
 /// Number of rounds in which each vertex's candidates are first probed, from near to far.
@@ -95,7 +92,9 @@ impl ProbeRun<'_> {
             *attempt += 1;
             (idx, *attempt)
         });
-        let outcomes = self.run_trials(tries.collect(), false)?;
+        let tries: Vec<(u32, u32)> = tries.collect();
+        self.progress.interim.renew(self.vertices, self.candidates, evidence);
+        let outcomes = self.run_trials(&tries, false, &Noting { progress: self.progress, which })?;
         for (&idx, outcome) in which.iter().zip(&outcomes) {
             evidence[idx as usize].note_probe(outcome);
         }
@@ -108,7 +107,7 @@ impl ProbeRun<'_> {
         let is_due = |own: &Evidence| own.proves(threshold) && jumps(own);
         let which: Vec<(u32, u32)> =
             (0..).zip(&*evidence).filter(|(_, own)| is_due(own)).map(|(idx, _)| (idx, ON_FOOT)).collect();
-        let outcomes = self.run_trials(which.clone(), true)?;
+        let outcomes = self.run_trials(&which, true, self.progress)?;
         // A try on foot that fails says nothing of NPCs that may jump there.
         for ((idx, _), outcome) in which.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.reached) {
             evidence[idx as usize].note_probe(outcome);
@@ -117,19 +116,20 @@ impl ProbeRun<'_> {
     }
 
     /// Runs one trial for each candidate and number of its try.
-    fn run_trials(&self, tries: Vec<(u32, u32)>, on_foot: bool) -> Option<Vec<Outcome>> {
-        self.total.fetch_add(tries.len() as u64, Ordering::Relaxed);
-        let trial = |(idx, attempt): (u32, u32)| {
+    fn run_trials(&self, tries: &[(u32, u32)], on_foot: bool, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+        self.progress.total.fetch_add(tries.len() as u64, Ordering::Relaxed);
+        let trial = |&(idx, attempt): &(u32, u32)| {
             let candidate = self.candidates[idx as usize];
             let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
             Trial { start, via: None, goal, stream: stream(candidate, attempt), on_foot, keep_track: false }
         };
-        let trials: Vec<Trial> = tries.into_iter().map(trial).collect();
-        self.executor.run(&trials, self.seed, self.progress, self.cancel)
+        let trials: Vec<Trial> = tries.iter().map(trial).collect();
+        self.executor.run(&trials, self.seed, watch)
     }
 
     fn frugal(&self, evidence: &mut [Evidence]) -> Option<()> {
         let geometry = self.measure_all();
+        self.progress.interim.measure(&geometry);
         let index: HashMap<Candidate, u32> =
             self.candidates.iter().zip(0..).map(|(&candidate, idx)| (candidate, idx)).collect();
         let fit =
@@ -193,8 +193,8 @@ impl ProbeRun<'_> {
                 }
             };
             let trials: Vec<Trial> = runs.iter().map(trial).collect();
-            self.total.fetch_add(trials.len() as u64, Ordering::Relaxed);
-            let outcomes = self.executor.run(&trials, self.seed, self.progress, self.cancel)?;
+            self.progress.total.fetch_add(trials.len() as u64, Ordering::Relaxed);
+            let outcomes = self.executor.run(&trials, self.seed, self.progress)?;
             for ((idx, before), outcome) in runs.into_iter().zip(&outcomes) {
                 if let Some((before, approach)) = before.zip(outcome.approach.as_deref()) {
                     evidence[before as usize].note_probe(approach);
@@ -323,6 +323,24 @@ impl ProbeRun<'_> {
                 .collect();
             parts.into_iter().flat_map(|part| part.join().expect("casting rays does not panic")).collect()
         })
+    }
+}
+
+/// Notes the outcomes of probes of candidates as they come.
+struct Noting<'a> {
+    progress: &'a Progress,
+    /// The candidate of each trial.
+    which: &'a [u32],
+}
+
+impl ProbeWatch for Noting<'_> {
+    fn finished(&self, trial: usize, outcome: &Outcome) {
+        self.progress.interim.note(self.which[trial], outcome);
+        self.progress.finished(trial, outcome);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use surefoot_planner::probe::{Outcome, ProbeExecutor, Trial};
+use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::{
     AbilitySet, BuildError, BuildSettings, Builder, Built, EdgeKey, GraphId, PolicyHash, Probing, Progress, Query,
     Router, Site, VertexId,
@@ -34,14 +34,18 @@ struct River {
 }
 
 impl ProbeExecutor for River {
-    fn run(&self, trials: &[Trial], _: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>> {
-        if cancel.load(Ordering::Relaxed) {
+    fn run(&self, trials: &[Trial], _: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+        if watch.is_cancelled() {
             return None;
         }
         self.tried.lock().unwrap().extend(trials);
-        progress.fetch_add(trials.len() as u64, Ordering::Relaxed);
-        Some(trials.iter().map(outcome).collect())
+        Some(show(trials.iter().map(outcome).collect(), watch))
     }
+}
+
+fn show(outcomes: Vec<Outcome>, watch: &dyn ProbeWatch) -> Vec<Outcome> {
+    outcomes.iter().enumerate().for_each(|(idx, outcome)| watch.finished(idx, outcome));
+    outcomes
 }
 
 fn outcome(trial: &Trial) -> Outcome {
@@ -154,17 +158,12 @@ fn the_graph_is_bit_for_bit_the_same_as_before() {
 struct Straight(Vec<[f32; 4]>);
 
 impl ProbeExecutor for Straight {
-    fn run(&self, trials: &[Trial], _: u64, progress: &AtomicU64, _: &AtomicBool) -> Option<Vec<Outcome>> {
-        progress.fetch_add(trials.len() as u64, Ordering::Relaxed);
+    fn run(&self, trials: &[Trial], _: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         let is_floor =
             |at: Vec3| self.0.iter().any(|&[x0, z0, x1, z1]| (x0..=x1).contains(&at.x) && (z0..=z1).contains(&at.z));
         let walks = |trial: &Trial| (0..=200).all(|step| is_floor(trial.start.lerp(trial.goal, step as f32 / 200.0)));
-        Some(
-            trials
-                .iter()
-                .map(|trial| Outcome { reached: walks(trial), ..outcome(&Trial { via: None, ..*trial }) })
-                .collect(),
-        )
+        let straight = |trial: &Trial| Outcome { reached: walks(trial), ..outcome(&Trial { via: None, ..*trial }) };
+        Some(show(trials.iter().map(straight).collect(), watch))
     }
 }
 

@@ -8,9 +8,9 @@ use crate::goals::random_yaw;
 use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use surefoot_planner::probe::{Outcome, ProbeExecutor, Trial};
+use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::actor::gaussian;
@@ -70,7 +70,7 @@ pub struct InProcess {
 }
 
 impl ProbeExecutor for InProcess {
-    fn run(&self, trials: &[Trial], seed: u64, progress: &AtomicU64, cancel: &AtomicBool) -> Option<Vec<Outcome>> {
+    fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         // Chunks must not depend on the number of threads, since results may depend on what shares a batch. Many of them keep all
         // threads busy to the end.
         let chunk_len = (trials.len() / 32).clamp(MIN_CHUNK, MAX_CHUNK);
@@ -83,7 +83,8 @@ impl ProbeExecutor for InProcess {
                     loop {
                         let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
                         let Some(chunk) = chunks.get(chunk_idx) else { return };
-                        let outcomes = run_chunk(&self.context, chunk, seed, progress, cancel);
+                        let finished = |idx: usize, outcome: &Outcome| watch.finished(chunk_idx * chunk_len + idx, outcome);
+                        let outcomes = run_chunk(&self.context, chunk, seed, &finished, &|| watch.is_cancelled());
                         results.lock().expect("no probe panics")[chunk_idx] = outcomes;
                     }
                 });
@@ -114,8 +115,8 @@ fn run_chunk(
     context: &ProbeContext,
     trials: &[Trial],
     seed: u64,
-    progress: &AtomicU64,
-    cancel: &AtomicBool,
+    finished: &dyn Fn(usize, &Outcome),
+    is_cancelled: &dyn Fn() -> bool,
 ) -> Option<Vec<Outcome>> {
     let mut probes = Probes::new(context, seed);
     let mut outcomes: Vec<Option<Outcome>> = vec![None; trials.len()];
@@ -129,12 +130,12 @@ fn run_chunk(
         if probes.running.is_empty() {
             return outcomes.into_iter().collect();
         }
-        if cancel.load(Ordering::Relaxed) {
+        if is_cancelled() {
             return None;
         }
         for (trial_idx, outcome) in probes.decide(None) {
+            finished(trial_idx, &outcome);
             outcomes[trial_idx] = Some(outcome);
-            progress.fetch_add(1, Ordering::Relaxed);
         }
     }
 }

@@ -134,6 +134,7 @@ impl Graphs {
 
     fn start(&self, key: GraphKey, server: Link) -> Graph {
         let (ready, id) = watch::channel(String::new());
+        let (drafted, interim_id) = watch::channel(String::new());
         let (edited, revision) = watch::channel(None);
         let (goes_on, progress) = watch::channel(Instant::now());
         let maps = |link| {
@@ -157,10 +158,12 @@ impl Graphs {
             watched_graphs: self.watched_graphs.clone(),
             other_policy: self.other_policy.clone(),
             goes_on,
+            drafted,
         };
         Graph {
             client: self.queries.clone(),
             id,
+            interim_id,
             ready: ready.clone(),
             revision,
             progress,
@@ -175,6 +178,8 @@ pub(super) struct Graph {
     pub client: PlannerServiceClient<Link>,
     /// Id of the graph; empty until it is built, and again when the planner no longer knows it.
     pub id: watch::Receiver<String>,
+    /// Id of the graph while its build is running, once plans can be made on it; otherwise empty.
+    interim_id: watch::Receiver<String>,
     /// Sender of `id`; clear it when the planner no longer knows the graph.
     pub ready: watch::Sender<String>,
     /// Revision of designers' edits; `None` while unknown.
@@ -200,6 +205,12 @@ impl Graph {
                 Err(_) => return false,
             }
         }
+    }
+
+    /// Id of the graph to make plans on now, that of an interim graph if `takes_interim`; empty if there is none.
+    pub fn id_for_plans(&self, takes_interim: bool) -> String {
+        let id = self.id.borrow().clone();
+        if id.is_empty() && takes_interim { self.interim_id.borrow().clone() } else { id }
     }
 
     /// Whether the planner is left alone for now, because it did not answer.
@@ -238,6 +249,7 @@ struct Builder {
     watched_graphs: Arc<Semaphore>,
     other_policy: watch::Sender<Option<Status>>,
     goes_on: watch::Sender<Instant>,
+    drafted: watch::Sender<String>,
 }
 
 impl Builder {
@@ -245,7 +257,9 @@ impl Builder {
     async fn run(mut self, ready: watch::Sender<String>, edited: watch::Sender<Option<u64>>) {
         let mut pause = MIN_PAUSE;
         loop {
-            match self.build().await {
+            let built = self.build().await;
+            self.drafted.send_replace(String::new());
+            match built {
                 Ok(graph_id) => {
                     info!(graph_id, "graph ready");
                     ready.send_replace(graph_id.clone());
@@ -323,6 +337,7 @@ impl Builder {
         while let Some(message) = progress.next().await {
             let build = message?.build.unwrap_or_default();
             self.goes_on.send_replace(Instant::now());
+            self.drafted.send_replace(build.interim_graph_id.clone());
             match (build.stage(), build.failure) {
                 (BuildStage::Done, _) => return Ok(build.graph_id),
                 (BuildStage::Cancelled, _) => return Err(Status::cancelled("the build was cancelled")),

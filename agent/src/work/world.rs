@@ -338,7 +338,7 @@ impl WorldTask {
         let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
             return;
         };
-        let graph_id = graph.id.borrow().clone();
+        let graph_id = graph.id_for_plans(!self.is_lockstep);
         let traversals = std::mem::take(&mut self.traversals);
         if graph_id.is_empty() {
             // The planner has lost the graph of these traversals.
@@ -372,7 +372,8 @@ impl WorldTask {
             warn!(world = self.world_id, "no graph in time: NPCs go on without plans");
             self.has_waited = true;
         }
-        let graph_id = graph.id.borrow().clone();
+        // What a lockstep world does must not depend on how far a build has come.
+        let graph_id = graph.id_for_plans(!self.is_lockstep);
         if graph_id.is_empty() || graph.is_resting() {
             self.plans_failed = self.plans_failed.saturating_add(queries.len() as u32);
             return Vec::new();
@@ -484,7 +485,7 @@ fn seed_of(map_hash: &str) -> u64 {
 async fn find_paths(graph: &Graph, request: planner::FindPathsRequest, requested: Vec<(u64, u32)>) -> PlanBatch {
     let mut client = graph.client.clone();
     let answer = tokio::time::timeout(PLAN_LIMIT, client.find_paths(request)).await;
-    let planner::FindPathsResponse { plans, revision } = match answer {
+    let planner::FindPathsResponse { plans, revision, interim } = match answer {
         Ok(Ok(response)) => {
             graph.note_answer(true);
             response.into_inner()
@@ -507,7 +508,9 @@ async fn find_paths(graph: &Graph, request: planner::FindPathsRequest, requested
         }
     };
     let mut plans = plans.into_iter();
-    let mut next = move || plans::plan(&plans.next()?).ok();
+    // Whether there is no path, the planner knows only once the graph is built.
+    let is_known = |plan: &Plan| !interim || plan.no_path.is_none();
+    let mut next = move || plans::plan(&plans.next()?).ok().filter(is_known);
     let plans = requested.into_iter().map(|(id, attempt)| (id, attempt, next())).collect();
     PlanBatch { plans, revision: revision_from_wire(revision) }
 }

@@ -187,7 +187,7 @@ impl PlannerService for PlannerApi {
         let hosted = self.planner.usable(&request.graph_id)?;
         let query = Self::query(&hosted, &request.query.ok_or(FieldError::Missing("query"))?)?;
         let plan = self.planner.plan(&hosted, &query);
-        Ok(Response::new(wire::FindPathResponse { plan: Some(plan_to_wire(&plan)) }))
+        Ok(Response::new(wire::FindPathResponse { plan: Some(plan_to_wire(&plan)), interim: hosted.is_interim() }))
     }
 
     async fn find_paths(
@@ -205,12 +205,12 @@ impl PlannerService for PlannerApi {
         let queries = request.queries.iter().map(|query| Self::query(&hosted, query)).collect::<Result<Vec<_>, _>>()?;
         let planner = self.planner.clone();
         // Read before planning: if an edit comes in between, the plans are newer than the revision, never older.
-        let revision = revision_to_wire(hosted.revision());
+        let (revision, interim) = (revision_to_wire(hosted.revision()), hosted.is_interim());
         let plans = tokio::task::spawn_blocking(move || {
             queries.iter().map(|query| plan_to_wire(&planner.plan(&hosted, query))).collect()
         });
         let plans = plans.await.map_err(PlannerError::lost("the search"))?;
-        Ok(Response::new(wire::FindPathsResponse { plans, revision }))
+        Ok(Response::new(wire::FindPathsResponse { plans, revision, interim }))
     }
 
     async fn report_traversals(

@@ -30,7 +30,7 @@ const POOL: usize = 10;
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
-    let PlacementContext { site, settings, executor, progress, cancel } = placing;
+    let PlacementContext { site, settings, executor, progress } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL * settings.vertices, rng)?;
     let spacing = even_spacing(&site.map, settings.vertices);
     let apart = MIN_SEPARATION * spacing;
@@ -66,7 +66,7 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
                 trials.push(Trial { start: from, via: None, goal, stream, on_foot: false, keep_track: false });
             }
         }
-        let outcomes = executor.run(&trials, settings.seed, progress, cancel).ok_or(BuildError::Cancelled)?;
+        let outcomes = executor.run(&trials, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
         draft.episodes += outcomes.len() as u64;
         front.clear();
         for ((trial, outcome), &source) in trials.iter().zip(&outcomes).zip(&sources) {

@@ -15,12 +15,12 @@ pub use anchors::beside_devices;
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::probe::ProbeExecutor;
+use crate::progress::Progress;
 use crate::settings::{BuildError, BuildSettings, Placement};
 use crate::site::Site;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicU64};
 use surefoot_world::{Map, Vec3};
 
 /// Placed vertices, with candidate edges and evidence where the placement ran the policy.
@@ -44,16 +44,14 @@ pub struct PlacementContext<'a> {
     pub settings: &'a BuildSettings,
     /// Runs episodes.
     pub executor: &'a dyn ProbeExecutor,
-    /// Incremented for each finished episode.
-    pub progress: &'a AtomicU64,
-    /// Set to cancel the build.
-    pub cancel: &'a AtomicBool,
+    /// Counts the episodes, and cancels them.
+    pub progress: &'a Progress,
 }
 
 /// Places all vertices.
 ///
 /// # Errors
-/// If the map has no navigable ground, or `cancel` was set.
+/// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, .. } = placing;
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);

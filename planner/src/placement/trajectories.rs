@@ -33,7 +33,7 @@ const POOL: usize = 4096;
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
-    let PlacementContext { site, settings, executor, progress, cancel } = placing;
+    let PlacementContext { site, settings, executor, progress } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL.min(8 * settings.vertices), rng)?;
     let merge_m = MERGE * even_spacing(&site.map, settings.vertices);
     let grid = PointGrid::new(&pool, RUN_M.end);
@@ -57,7 +57,7 @@ pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Dra
             })
             .collect();
         let before = merger.draft.vertices.len();
-        let outcomes = executor.run(&trials, settings.seed, progress, cancel).ok_or(BuildError::Cancelled)?;
+        let outcomes = executor.run(&trials, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
         merger.draft.episodes += outcomes.len() as u64;
         outcomes.iter().for_each(|outcome| merger.add(outcome));
         idle_rounds = if merger.draft.vertices.len() > before || is_full { 0 } else { idle_rounds + 1 };

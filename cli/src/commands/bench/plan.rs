@@ -9,12 +9,13 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::Progress;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::store::GraphStore;
-use surefoot_planner::{AbilitySet, BuildSettings, NavGraph, Query, Router, Stop, VertexId};
+use surefoot_planner::{AbilitySet, BuildSettings, Built, NavGraph, Query, Router, Stop, VertexId};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner_service::{self as service, PlannerConfig};
 use surefoot_policy::Policy;
@@ -57,11 +58,11 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
             policy: Policy::shipped()?,
         })
     };
-    let small = graphs::build(&context(&MapSpec::new(1000))?, &settings, core_count(), &Progress::default())?;
+    let (small, small_interim) = build_watched(&context(&MapSpec::new(1000))?, &settings)?;
     let spec = MapSpec::with_side(3000, 1000)?;
     let settings = settings.with(|it| it.vertices = 1600)?;
     let context = context(&spec)?;
-    let big = graphs::build(&context, &settings, core_count(), &Progress::default())?;
+    let (big, big_interim) = build_watched(&context, &settings)?;
     let exhaustive = |vertices: f64| vertices * 20.0 * 2.0;
     let saved = |probes: u64, vertices: f64| 100.0 * (1.0 - probes as f64 / exhaustive(vertices));
     let mut figures = vec![
@@ -69,6 +70,8 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         Figure::new("build_800_probes_saved", saved(small.stats.probes, 800.0), "%"),
         Figure::new("build_1600_s", big.stats.seconds, "s").at_most(60.0),
         Figure::new("build_1600_probes_saved", saved(big.stats.probes, 1600.0), "%"),
+        Figure::new("interim_800_s", small_interim.map_or(f64::NAN, |(seconds, _)| seconds), "s"),
+        Figure::new("interim_1600_s", big_interim.as_ref().map_or(f64::NAN, |(seconds, _)| *seconds), "s"),
     ];
     let mut router = None;
     let fill = timed(|| router = Some(Router::new(big.graph.clone(), DEFAULT_TABLE_LIMIT, core_count())));
@@ -80,6 +83,11 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let queries: Vec<Query> = (0..QUERIES)
         .map(|_| Query { start: draw(), goal: draw(), avoid: Vec::new(), without: AbilitySet::default() })
         .collect();
+    if let Some((_, graph)) = big_interim {
+        let router = Router::new(graph, 0, core_count());
+        let found = queries.iter().filter(|query| router.find_path(query).no_path.is_none()).count();
+        figures.push(Figure::new("interim_1600_found", 100.0 * found as f64 / queries.len() as f64, "%"));
+    }
     figures.extend(searches(&big.graph, &router, &queries));
     figures.push(batch(&router, &queries));
     let folder = std::env::temp_dir().join(format!("surefoot-bench-{}", std::process::id()));
@@ -91,6 +99,32 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
     figures.extend(served?);
     Ok(figures)
+}
+
+/// Builds a graph. Also returns its first interim graph, with the time from the start of the build until there was one, s; `None` if the build
+/// ended before.
+fn build_watched(
+    context: &ProbeContext,
+    settings: &BuildSettings,
+) -> anyhow::Result<(Built, Option<(f64, NavGraph)>)> {
+    let progress = Progress::default();
+    let is_over = AtomicBool::new(false);
+    let started = Instant::now();
+    let watch = || {
+        while !is_over.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(25));
+            if let Some(graph) = progress.interim.graph(&context.map, settings.threshold) {
+                return Some((started.elapsed().as_secs_f64(), graph));
+            }
+        }
+        None
+    };
+    std::thread::scope(|scope| {
+        let watching = scope.spawn(watch);
+        let built = graphs::build(context, settings, core_count(), &progress);
+        is_over.store(true, Ordering::Relaxed);
+        Ok((built?, watching.join().expect("watching does not panic")))
+    })
 }
 
 fn micros(work: impl FnMut()) -> f64 {

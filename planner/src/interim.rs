@@ -1,0 +1,96 @@
+//! The graph of a build that is still running, on which plans can be made before it ends.
+//!
+//! It has the edges that are proved so far. Candidates that have not been probed yet stand in as expected edges where the predictor,
+//! fitted to the probes so far, is sure of them and a miss is not fatal. While a build goes on, vertices keep their indices; further
+//! ones are added at the end.
+
+use crate::candidates::Candidate;
+use crate::evidence::Evidence;
+use crate::graph::{Edge, GraphData, NavGraph};
+use crate::ids::EdgeKey;
+use crate::legs::LegModel;
+use crate::predictor::{Geometry, Predictor, is_perilous};
+use crate::probe::Outcome;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use surefoot_world::{Map, Vec3};
+
+/// Least chance at which the predictor is sure of a candidate.
+const SURE: f64 = 0.8;
+/// Number of probes before which the predictor knows nothing.
+const MIN_PROBES: u32 = 128;
+
+/// What a running build has found out so far.
+#[derive(Debug, Default)]
+pub struct Interim {
+    findings: Mutex<Option<Findings>>,
+}
+
+/// Vertices, candidates and evidence at one moment.
+#[derive(Debug, Clone, Default)]
+struct Findings {
+    vertices: Vec<Vec3>,
+    candidates: Vec<Candidate>,
+    evidence: Vec<Evidence>,
+    /// Of the candidates that the predictor can judge, which come first.
+    geometry: Arc<[Geometry]>,
+}
+
+impl Interim {
+    /// The graph so far; `None` until enough probes have finished. `map` and `threshold` are those of the build.
+    pub fn graph(&self, map: &Map, threshold: f64) -> Option<NavGraph> {
+        let findings = self.lock().clone()?;
+        let probes: u32 = findings.evidence.iter().map(|own| own.tries).sum();
+        (probes >= MIN_PROBES).then(|| findings.graph(map, threshold))
+    }
+
+    /// Notes the candidates of which the predictor measured the ground.
+    pub(crate) fn measure(&self, geometry: &[Geometry]) {
+        self.lock().get_or_insert_default().geometry = geometry.into();
+    }
+
+    /// Notes what probes start from.
+    pub(crate) fn renew(&self, vertices: &[Vec3], candidates: &[Candidate], evidence: &[Evidence]) {
+        let mut findings = self.lock();
+        let findings = findings.get_or_insert_default();
+        findings.vertices = vertices.to_vec();
+        findings.candidates = candidates.to_vec();
+        findings.evidence = evidence.to_vec();
+    }
+
+    /// Adds the outcome of a probe of a candidate.
+    pub(crate) fn note(&self, candidate: u32, outcome: &Outcome) {
+        if let Some(own) = self.lock().as_mut().and_then(|findings| findings.evidence.get_mut(candidate as usize)) {
+            own.note_probe(outcome);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<Findings>> {
+        // A probe that panicked has not been noted; all others have.
+        self.findings.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Findings {
+    fn graph(self, map: &Map, threshold: f64) -> NavGraph {
+        let Self { vertices, candidates, evidence, geometry } = self;
+        let judged = geometry.len().min(candidates.len());
+        let index: HashMap<Candidate, u32> = candidates[..judged].iter().copied().zip(0..).collect();
+        let predictor = Predictor::fit(vertices.len(), &candidates[..judged], &geometry, &index, &evidence[..judged]);
+        let legs = LegModel::fit(&vertices, &candidates, &evidence);
+        let edge = |(idx, &key): (usize, &Candidate)| {
+            let mut own = evidence[idx];
+            let chance = (idx < judged).then(|| predictor.chance(idx, &evidence));
+            if own.proves(threshold) {
+                own.prior = chance.map_or(own.prior, |chance| chance as f32);
+                return Some(Edge { key, evidence: own });
+            }
+            let EdgeKey { from, to } = key;
+            let [start, end] = [from, to].map(|vertex| vertices[vertex.idx()]);
+            let chance = chance.filter(|&chance| own.tries == 0 && chance >= SURE && !is_perilous(map, start, end))?;
+            Some(Edge { key, evidence: Evidence::of_expected_edge(chance as f32, legs.decisions(start, end)) })
+        };
+        let edges = candidates.iter().enumerate().filter_map(edge).collect();
+        NavGraph::check(GraphData { vertices, edges, legs }).expect("candidates join existing vertices")
+    }
+}
