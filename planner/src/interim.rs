@@ -17,6 +17,8 @@ use surefoot_world::{Map, Vec3};
 
 /// Least chance at which the predictor is sure of a candidate.
 const SURE: f64 = 0.8;
+/// Most expected edges that leave a vertex, the nearest: plans need no others, and each takes a look at the ground.
+const MAX_EXPECTED: u32 = 4;
 /// Number of probes before which the predictor knows nothing.
 const MIN_PROBES: u32 = 128;
 
@@ -78,6 +80,7 @@ impl Findings {
         let index: HashMap<Candidate, u32> = candidates[..judged].iter().copied().zip(0..).collect();
         let predictor = Predictor::fit(vertices.len(), &candidates[..judged], &geometry, &index, &evidence[..judged]);
         let legs = LegModel::fit(&vertices, &candidates, &evidence);
+        let mut expected = vec![0; vertices.len()];
         let edge = |(idx, &key): (usize, &Candidate)| {
             let mut own = evidence[idx];
             let chance = (idx < judged).then(|| predictor.chance(idx, &evidence));
@@ -87,7 +90,11 @@ impl Findings {
             }
             let EdgeKey { from, to } = key;
             let [start, end] = [from, to].map(|vertex| vertices[vertex.idx()]);
-            let chance = chance.filter(|&chance| own.tries == 0 && chance >= SURE && !is_perilous(map, start, end))?;
+            let chance = chance.filter(|&chance| own.tries == 0 && chance >= SURE && expected[from.idx()] < MAX_EXPECTED)?;
+            expected[from.idx()] += 1;
+            if is_perilous(map, start, end) {
+                return None;
+            }
             Some(Edge { key, evidence: Evidence::of_expected_edge(chance as f32, legs.decisions(start, end)) })
         };
         let edges = candidates.iter().enumerate().filter_map(edge).collect();

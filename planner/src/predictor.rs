@@ -102,19 +102,19 @@ pub fn is_perilous(map: &Map, from: Vec3, to: Vec3) -> bool {
     );
     let knee = Vec3::Y * KNEE_M;
     let is_fatal = |point: Vec3, stray: Vec3| {
+        let beside = point + stray + knee;
+        let below = map.mesh().cast_ray(beside, DOWN, beside.y.max(KNEE_M));
         // What is solid holds a body back.
         let is_held =
-            map.mesh().cast_ray(point + knee, stray / STRAY_M, STRAY_M).is_some_and(|hit| hit.surface.is_solid());
-        let beside = point + stray + knee;
-        !is_held
-            && map.mesh().cast_ray(beside, DOWN, beside.y.max(KNEE_M)).is_none_or(|hit| hit.surface == Surface::Lava)
+            || map.mesh().cast_ray(point + knee, stray / STRAY_M, STRAY_M).is_some_and(|hit| hit.surface.is_solid());
+        below.is_none_or(|hit| hit.surface == Surface::Lava) && !is_held()
     };
     let steps = (length / STEP_M).ceil();
     (0..=steps as u32).any(|step| {
         let point = from + offset * (step as f32 / steps);
         // The straight way may lead through a hill.
-        let is_inside = map.mesh().solid_depth_at(point + knee) > 0;
-        !is_inside && (is_fatal(point, across) || is_fatal(point, -across))
+        let is_inside = || map.mesh().solid_depth_at(point + knee) > 0;
+        (is_fatal(point, across) || is_fatal(point, -across)) && !is_inside()
     }) || is_fatal(to, along)
 }
 

@@ -170,14 +170,13 @@ impl ProbeRun<'_> {
     /// Probes those of `which` beside which a miss is fatal on the run, each time from another edge that leads to their start.
     pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
         let position = |vertex: VertexId| self.vertices[vertex.idx()];
-        let perilous: Vec<u32> = which
-            .iter()
-            .copied()
-            .filter(|&idx| {
-                let EdgeKey { from, to } = self.candidates[idx as usize];
-                evidence[idx as usize].successes > 0 && is_perilous(self.map, position(from), position(to))
-            })
-            .collect();
+        let arrived: Vec<u32> = which.iter().copied().filter(|&idx| evidence[idx as usize].successes > 0).collect();
+        let is_beside_peril = self.in_parallel(&arrived, |&idx| {
+            let EdgeKey { from, to } = self.candidates[idx as usize];
+            is_perilous(self.map, position(from), position(to))
+        });
+        let perilous: Vec<u32> =
+            arrived.into_iter().zip(is_beside_peril).filter_map(|(idx, is_beside)| is_beside.then_some(idx)).collect();
         for run in 0..RUNS {
             let runs = self.run_ups(&perilous, evidence, run);
             let trial = |&(idx, before): &(u32, Option<u32>)| {
@@ -309,17 +308,21 @@ impl ProbeRun<'_> {
 
     /// Measures the ground between the vertices of each candidate, in order.
     fn measure_all(&self) -> Vec<Geometry> {
-        let per_thread = self.candidates.len().div_ceil(self.thread_count.max(1)).max(1);
+        let ends = |&EdgeKey { from, to }: &Candidate| [from, to].map(|vertex| self.vertices[vertex.idx()]);
+        self.in_parallel(self.candidates, |candidate| {
+            let [from, to] = ends(candidate);
+            measure(self.map, from, to)
+        })
+    }
+
+    /// What `look` finds out of each of `items` by casting rays, in order.
+    fn in_parallel<T: Sync, R: Send>(&self, items: &[T], look: impl Fn(&T) -> R + Sync) -> Vec<R> {
+        let per_thread = items.len().div_ceil(self.thread_count.max(1)).max(1);
+        let look = &look;
         std::thread::scope(|scope| {
-            let parts: Vec<_> = self
-                .candidates
+            let parts: Vec<_> = items
                 .chunks(per_thread)
-                .map(|chunk| {
-                    let measure_candidate = |&EdgeKey { from, to }: &Candidate| {
-                        measure(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
-                    };
-                    scope.spawn(move || chunk.iter().map(measure_candidate).collect::<Vec<_>>())
-                })
+                .map(|chunk| scope.spawn(move || chunk.iter().map(look).collect::<Vec<R>>()))
                 .collect();
             parts.into_iter().flat_map(|part| part.join().expect("casting rays does not panic")).collect()
         })

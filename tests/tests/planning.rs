@@ -253,3 +253,75 @@ async fn a_build_on_a_map_without_ground_fails_with_a_reason() {
     assert_eq!(failure.code, i32::from(Code::FailedPrecondition));
     planner.stop().await;
 }
+
+/// Watches a build until plans can be made on its graph although it goes on, and returns the graph's id.
+async fn interim_graph(client: &mut Client, build_id: &str) -> String {
+    let request = wire::WatchBuildRequest { build_id: build_id.to_owned() };
+    let mut progress = client.watch_build(request).await.unwrap().into_inner();
+    while let Some(message) = progress.message().await.unwrap() {
+        let build = message.build.unwrap();
+        assert_ne!(build.stage(), wire::BuildStage::Done, "the build ended before anybody could plan");
+        if !build.interim_graph_id.is_empty() {
+            return build.interim_graph_id;
+        }
+    }
+    panic!("the stream ended");
+}
+
+/// A build that takes many times as long as its first interim graph.
+fn long_build() -> wire::StartBuildRequest {
+    let settings = wire::BuildSettings { vertices: 1200, neighbours: 32, repeats: 4, ..Default::default() };
+    wire::StartBuildRequest { settings: Some(settings), ..start_of(MAP) }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn plans_are_made_on_a_graph_while_it_is_built() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let build = client.start_build(long_build()).await.unwrap().into_inner().build.unwrap();
+    let graph_id = interim_graph(&mut client, &build.build_id).await;
+    let request = wire::WatchGraphRequest { graph_id: graph_id.clone() };
+    let mut changes = client.watch_graph(request).await.unwrap().into_inner();
+    let first = get(&mut client, &graph_id).await;
+    let summary = first.summary.unwrap();
+    let untried = first.edges.iter().filter(|edge| edge.tries == 0).count();
+    assert!(untried > 0 && summary.expected_edges as usize == untried, "{untried} of {summary:?}");
+    assert!(first.edges.iter().all(|edge| edge.chance > 0.0 && edge.seconds > 0.0));
+    let queries = (0..600).map(|idx| wire::PathQuery {
+        start: Some(first.vertices[idx]),
+        goal: Some(first.vertices[idx + 600]),
+        ..Default::default()
+    });
+    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: queries.collect() };
+    let early = client.find_paths(request.clone()).await.unwrap().into_inner();
+    let found = |answer: &wire::FindPathsResponse| answer.plans.iter().filter(|plan| plan.found).count();
+    assert!(early.interim && found(&early) > 500, "{} of 600 plans", found(&early));
+
+    let built = watch_build(&mut client, &build.build_id).await.pop().unwrap();
+    assert_eq!((built.stage(), built.graph_id.as_str()), (wire::BuildStage::Done, graph_id.as_str()));
+    assert_eq!((built.interim_graph_id.as_str(), built.summary.unwrap().expected_edges), ("", 0));
+    // The stream that began on an interim graph tells of its successors.
+    while changes.message().await.unwrap().unwrap().summary.unwrap().expected_edges > 0 {}
+    let whole = get(&mut client, &graph_id).await;
+    assert!(whole.edges.iter().all(|edge| edge.tries > 0));
+    assert_eq!(whole.vertices[..first.vertices.len()], first.vertices, "vertices keep their indices");
+    let late = client.find_paths(request).await.unwrap().into_inner();
+    assert!(!late.interim && found(&late) >= found(&early), "{} and {} plans", found(&early), found(&late));
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nothing_remains_of_the_interim_graph_of_a_cancelled_build() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let build = client.start_build(long_build()).await.unwrap().into_inner().build.unwrap();
+    let graph_id = interim_graph(&mut client, &build.build_id).await;
+    client.cancel_build(wire::CancelBuildRequest { build_id: build.build_id.clone() }).await.unwrap();
+    let last = watch_build(&mut client, &build.build_id).await.pop().unwrap();
+    assert_eq!((last.stage(), last.interim_graph_id.as_str()), (wire::BuildStage::Cancelled, ""));
+    let gone = client.get_graph(wire::GetGraphRequest { graph_id }).await.unwrap_err();
+    assert_eq!(gone.code(), Code::NotFound);
+    planner.stop().await;
+}
