@@ -110,7 +110,7 @@ impl Planner {
         job.enter(Stage::Vertices);
         let started = Instant::now();
         let threads = self.shared.config.threads;
-        let interims = Interims { planner: self, wanted: &wanted };
+        let interims = Interims { planner: self, wanted: &wanted, started };
         let built = interims.publish_while(|| graphs::build(&wanted.context, &job.settings, threads, &job.progress))?;
         info!(id = %wanted.id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
         job.enter(Stage::Index);
@@ -178,6 +178,8 @@ impl Planner {
 struct Interims<'a> {
     planner: &'a Planner,
     wanted: &'a Wanted<'a>,
+    /// When the build started.
+    started: Instant,
 }
 
 impl Interims<'_> {
@@ -207,7 +209,8 @@ impl Interims<'_> {
         let Self { planner, wanted } = self;
         let Wanted { job, context, id, .. } = wanted;
         let Some(graph) = job.progress.interim.graph(&context.map, job.settings.threshold) else { return false };
-        let stats = BuildStats { probes: job.progress.done.load(Ordering::Relaxed), ..BuildStats::default() };
+        let probes = job.progress.done.load(Ordering::Relaxed);
+        let stats = BuildStats { probes, seconds: self.started.elapsed().as_secs_f64(), ..BuildStats::default() };
         let hosted = planner.host(wanted, Built { graph, stats }, Provenance::Interim, self.legacy());
         // It fails only if the build is cancelled.
         if hosted.is_ok() {

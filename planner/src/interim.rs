@@ -90,7 +90,8 @@ impl Findings {
             }
             let EdgeKey { from, to } = key;
             let [start, end] = [from, to].map(|vertex| vertices[vertex.idx()]);
-            let chance = chance.filter(|&chance| own.tries == 0 && chance >= SURE && expected[from.idx()] < MAX_EXPECTED)?;
+            let chance =
+                chance.filter(|&chance| own.tries == 0 && chance >= SURE && expected[from.idx()] < MAX_EXPECTED)?;
             expected[from.idx()] += 1;
             if is_perilous(map, start, end) {
                 return None;

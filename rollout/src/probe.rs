@@ -83,7 +83,8 @@ impl ProbeExecutor for InProcess {
                     loop {
                         let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
                         let Some(chunk) = chunks.get(chunk_idx) else { return };
-                        let finished = |idx: usize, outcome: &Outcome| watch.finished(chunk_idx * chunk_len + idx, outcome);
+                        let finished =
+                            |idx: usize, outcome: &Outcome| watch.finished(chunk_idx * chunk_len + idx, outcome);
                         let outcomes = run_chunk(&self.context, chunk, seed, &finished, &|| watch.is_cancelled());
                         results.lock().expect("no probe panics")[chunk_idx] = outcomes;
                     }

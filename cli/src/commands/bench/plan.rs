@@ -103,10 +103,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
 
 /// Builds a graph. Also returns its first interim graph, with the time from the start of the build until there was one, s; `None` if the build
 /// ended before.
-fn build_watched(
-    context: &ProbeContext,
-    settings: &BuildSettings,
-) -> anyhow::Result<(Built, Option<(f64, NavGraph)>)> {
+fn build_watched(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<(Built, Option<(f64, NavGraph)>)> {
     let progress = Progress::default();
     let is_over = AtomicBool::new(false);
     let started = Instant::now();

@@ -12,6 +12,7 @@ import { keepAsking, keepDoing, keepReading } from '../net/stream'
 import { buildGraph } from './build-stream'
 import { SHOW_ALL } from './filter'
 import { graphToShow, islandsOf } from './islands'
+import { newsOf } from './news'
 
 const LIST_MS = 5000
 /** A planner keeps far fewer graphs than this. */
@@ -181,6 +182,11 @@ export class Graphs {
           gotSomething()
           this.state.value = { kind: 'building', progress }
           if (progress.summary !== undefined) graphId = progress.graphId
+          if (progress.interimGraphId !== '') {
+            // The build goes on, and what it finds out is shown as it comes.
+            graphId = progress.interimGraphId
+            break
+          }
         }
         if (graphId !== undefined) stop.abort()
       },
@@ -210,10 +216,11 @@ export class Graphs {
       (signal) => planner.calls.watchGraph({ graphId }, { signal }),
       ({ summary, revision }) => {
         this.summary.value = summary ?? this.summary.value
-        if (revision !== this.loaded.peek()?.revision) {
+        const news = newsOf(this.loaded.peek(), summary, revision)
+        if (news === 'other graph') {
           clearTimeout(waiting)
           reload()
-        } else if (summary?.traversals !== this.loaded.peek()?.summary?.traversals) {
+        } else if (news === 'other figures') {
           waiting ??= setTimeout(reload, Math.max(0, LEARNED_MS - (performance.now() - lastLoad)))
         }
       },

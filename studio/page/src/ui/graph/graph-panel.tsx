@@ -48,9 +48,17 @@ function Summary({ studio }: { studio: Studio }) {
         rows={[
           ['Vertices', count(summary.vertices)],
           ['Edges', shown.value === edges ? count(edges) : `${count(shown.value)} shown of ${count(edges)}`],
+          ...(summary.expectedEdges > 0
+            ? [['Being built', `${count(summary.expectedEdges)} edges are expected, not proved yet`] as const]
+            : []),
           ['Islands', count(summary.islands)],
           ['Pairs connected', percent(summary.connected)],
-          ['Probes', `${count(summary.probes)} for ${count(summary.candidates)} candidates`],
+          [
+            'Probes',
+            summary.expectedEdges > 0
+              ? `${count(summary.probes)} so far`
+              : `${count(summary.probes)} for ${count(summary.candidates)} candidates`,
+          ],
           ['Build', `${duration(summary.buildS)}${summary.cached ? ', from the cache' : ''}`],
           ['Traversals by NPCs', count(summary.traversals)],
           [
