@@ -206,11 +206,11 @@ impl Interims<'_> {
 
     /// Publishes what the build has found out so far. Returns whether that was enough for a graph.
     fn publish(&self) -> bool {
-        let Self { planner, wanted } = self;
+        let Self { planner, wanted, started } = self;
         let Wanted { job, context, id, .. } = wanted;
         let Some(graph) = job.progress.interim.graph(&context.map, job.settings.threshold) else { return false };
         let probes = job.progress.done.load(Ordering::Relaxed);
-        let stats = BuildStats { probes, seconds: self.started.elapsed().as_secs_f64(), ..BuildStats::default() };
+        let stats = BuildStats { probes, seconds: started.elapsed().as_secs_f64(), ..BuildStats::default() };
         let hosted = planner.host(wanted, Built { graph, stats }, Provenance::Interim, self.legacy());
         // It fails only if the build is cancelled.
         if hosted.is_ok() {

@@ -7,6 +7,7 @@ use crate::state::HiddenState;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
+use std::sync::Arc;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::{ACTION_LEN, Action};
 
@@ -14,7 +15,7 @@ use surefoot_world::character::{ACTION_LEN, Action};
 #[derive(Debug, Clone)]
 pub struct Policy {
     actor: Actor,
-    manifest: Manifest,
+    manifest: Arc<Manifest>,
     device: Device,
 }
 
@@ -22,7 +23,7 @@ impl Policy {
     /// Wraps an actor for inference on the CPU.
     pub fn new(actor: &Actor, manifest: Manifest) -> Self {
         let device = Device::flex();
-        Self { actor: actor.valid().to_device(&device), manifest, device }
+        Self { actor: actor.valid().to_device(&device), manifest: Arc::new(manifest), device }
     }
 
     /// The manifest of the weights.

@@ -3,6 +3,7 @@
 use super::ahead::Maps;
 use super::config::WorkConfig;
 use super::graph::{Graph, GraphKey, Graphs};
+use super::inference::Inference;
 use super::world::{Manner, Stage, WorldError, WorldMessage, WorldTask};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -53,6 +54,7 @@ pub(super) enum SessionEnd {
 struct Worlds {
     /// By the id of the world and the index of the body.
     queues: BTreeMap<(u64, u32), mpsc::Sender<WorldMessage>>,
+    inference: Inference,
     tasks: JoinSet<Result<(), WorldError>>,
 }
 
@@ -64,7 +66,11 @@ impl Session<'_> {
             Err(status) => return SessionEnd::Refused(status),
         };
         let mut is_welcome = false;
-        let mut worlds = Worlds { queues: BTreeMap::new(), tasks: JoinSet::new() };
+        let inference = match Inference::start(self.policy.clone()) {
+            Ok(inference) => inference,
+            Err(error) => return SessionEnd::Refused(Status::resource_exhausted(format!("no thread: {error}"))),
+        };
+        let mut worlds = Worlds { queues: BTreeMap::new(), tasks: JoinSet::new(), inference };
         let other_policy = async {
             match self.graphs {
                 Some(graphs) => graphs.other_policy().await,
@@ -159,7 +165,8 @@ impl Session<'_> {
         let stage = maps.map(|maps| Stage { maps: maps.clone(), map: maps.of(&key, server.clone()), body });
         let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key, server));
         let manner = Manner { noise_share: self.config.noise_share, composes: self.config.composes };
-        let world = WorldTask::new(assignment, self.policy.clone(), manner, graph, stage, out);
+        let inference = worlds.inference.clone();
+        let world = WorldTask::new(assignment, (self.policy.clone(), inference), manner, graph, stage, out);
         worlds.tasks.spawn(world.run(messages));
         worlds.queues.insert((assignment.world_id, assignment.body_idx), sender);
         Ok(())

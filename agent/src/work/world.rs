@@ -4,6 +4,7 @@ mod rehearse;
 
 use super::ahead::{Arrival, Maps};
 use super::graph::{Graph, revision_from_wire};
+use super::inference::{Decided, Inference, Rows};
 use prost::Message;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -52,6 +53,9 @@ pub(super) enum WorldError {
     /// Evaluating the policy panicked.
     #[error("the policy failed: {0}")]
     Policy(#[from] tokio::task::JoinError),
+    /// Evaluating the policy for several worlds panicked.
+    #[error("the policy failed for several worlds at once")]
+    Inference,
 }
 
 /// Messages to a world's task.
@@ -126,6 +130,8 @@ pub(super) struct WorldTask {
     seed: u64,
     is_lockstep: bool,
     policy: Policy,
+    /// What realtime worlds decide with.
+    inference: Inference,
     manner: Manner,
     graph: Option<Arc<Graph>>,
     stage: Option<Stage>,
@@ -147,7 +153,7 @@ impl WorldTask {
     /// Creates a task for the NPCs of an assignment. Answers go to `out`.
     pub fn new(
         assignment: &wire::Assignment,
-        policy: Policy,
+        (policy, inference): (Policy, Inference),
         manner: Manner,
         graph: Option<Arc<Graph>>,
         stage: Option<Stage>,
@@ -159,6 +165,7 @@ impl WorldTask {
             seed: seed_of(&assignment.map_hash),
             is_lockstep: assignment.mode() == wire::TimeMode::Lockstep,
             policy,
+            inference,
             manner,
             graph,
             stage,
@@ -439,41 +446,38 @@ impl WorldTask {
         again
     }
 
-    /// Evaluates the policy for these NPCs on a blocking thread and returns packed actions.
+    /// Evaluates the policy for these NPCs on another thread and returns packed actions.
     async fn act(
         &mut self,
         npc_ids: &[u64],
         states: &[(u64, State)],
         observations: Vec<f32>,
     ) -> Result<Vec<u8>, WorldError> {
-        let policy = self.policy.clone();
-        let mut memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).memory.clone()).collect();
+        let memory: Vec<f32> = npc_ids.iter().flat_map(|&id| self.npc(id).memory.clone()).collect();
         let holds: Vec<bool> = npc_ids.iter().map(|&id| self.npc(id).holds).collect();
         let styles = self.styles(npc_ids, states);
         let style = |idx: usize| styles[idx].map_or(Style::Free, |(style, _)| style);
         let noise: Vec<f32> =
             npc_ids.iter().enumerate().flat_map(|(idx, &id)| self.npc(id).noise.draw(style(idx))).collect();
         let body = self.stage.as_ref().map(|stage| stage.body.clone()).unwrap_or_default();
-        let task = tokio::task::spawn_blocking(move || {
-            let mut actions = Vec::new();
-            policy.act_with_noise(&observations, &mut memory, noise, &mut actions);
-            for (action, style) in actions.iter_mut().zip(styles) {
-                if let Some((style, state)) = style {
-                    *action = style.shape(*action, &state, &body);
-                }
+        let rows = Rows { observations, memory, noise };
+        let Decided { mut actions, memory } = if self.is_lockstep {
+            let policy = self.policy.clone();
+            tokio::task::spawn_blocking(move || rows.decide(&policy)).await?
+        } else {
+            self.inference.decide(npc_ids.len(), rows).await.ok_or(WorldError::Inference)?
+        };
+        for (action, style) in actions.iter_mut().zip(styles) {
+            if let Some((style, state)) = style {
+                *action = style.shape(*action, &state, &body);
             }
-            actions
-                .iter_mut()
-                .zip(holds)
-                .filter(|(_, holds)| *holds)
-                .for_each(|(action, _)| *action = Action::default());
-            (memory, convert::pack(actions.iter().flat_map(|action| action.to_array())))
-        });
-        let (memory, actions) = task.await?;
+        }
+        let held = actions.iter_mut().zip(holds).filter(|(_, holds)| *holds);
+        held.for_each(|(action, _)| *action = Action::default());
         for (&id, row) in npc_ids.iter().zip(memory.chunks_exact(self.policy.memory_len().max(1))) {
             self.npc(id).memory.copy_from_slice(row);
         }
-        Ok(actions)
+        Ok(convert::pack(actions.iter().flat_map(|action| action.to_array())))
     }
 }
 

@@ -1,8 +1,9 @@
 //! Rehearsals of a worker's NPCs: of the next legs of their plans, and of the way straight to the goal while they have none.
 
-use super::{MAX_QUERIES, Npc, State, WorldError, WorldTask};
+use super::{Graph, MAX_QUERIES, Npc, State, WorldError, WorldTask};
 use crate::work::ahead::{Arrival, Pace};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_rollout::Style;
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
@@ -136,7 +137,8 @@ impl WorldTask {
         npc_ids: &[u64],
     ) -> Result<(), WorldError> {
         let awaits_map = self.stage.is_some() && self.rehearsal.is_none();
-        let awaits_graph = self.graph.as_ref().is_some_and(|graph| graph.id.borrow().is_empty() && !graph.is_resting());
+        let is_awaited = |graph: &Arc<Graph>| graph.id_for_plans(!self.is_lockstep).is_empty() && !graph.is_resting();
+        let awaits_graph = self.graph.as_ref().is_some_and(is_awaited);
         let plan_decisions = if self.is_lockstep { 0 } else { PLAN_DECISIONS };
         let mut begun = BTreeSet::new();
         for id in npc_ids {

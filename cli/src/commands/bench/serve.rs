@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::convert::map_spec_to_wire;
+use surefoot_proto::planner::v1 as planner;
+use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, WatchStatsResponse, WorldStats};
@@ -167,6 +169,7 @@ impl Scene {
         }
         let mut scene = Self { processes, server_uri, planner_uri, channel, worlds };
         scene.wait_for_plans().await?;
+        scene.wait_for_builds().await?;
         Ok(scene)
     }
 
@@ -187,6 +190,18 @@ impl Scene {
             };
             let planned = tokio::time::timeout(Duration::from_secs(300), planned);
             planned.await.with_context(|| format!("no NPC of world {world_id} follows a plan after 300 s"))??;
+        }
+        Ok(())
+    }
+
+    /// Waits until no graph is being built any more: NPCs follow plans before that.
+    async fn wait_for_builds(&self) -> anyhow::Result<()> {
+        let channel = connect(&self.planner_uri).await?;
+        let mut client = PlannerServiceClient::new(channel);
+        for build in client.list_builds(planner::ListBuildsRequest::default()).await?.into_inner().builds {
+            let request = planner::WatchBuildRequest { build_id: build.build_id };
+            let mut progress = client.watch_build(request).await?.into_inner();
+            while progress.message().await?.is_some() {}
         }
         Ok(())
     }

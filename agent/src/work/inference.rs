@@ -1,0 +1,140 @@
+//! Inference for all realtime worlds of a worker: one thread evaluates the policy for whatever has come in meanwhile, so that
+//! batches grow with the load.
+//!
+//! Lockstep worlds do not share batches: what their NPCs do must not depend, to the last bit, on what else runs.
+
+use std::sync::mpsc;
+use surefoot_policy::Policy;
+use surefoot_world::Action;
+use tokio::sync::oneshot;
+
+/// Most observations that are evaluated together, unless one batch has more.
+const MAX_ROWS: usize = 512;
+
+/// Observations of one world's NPCs: rows of observations, hidden states and noise, as [`Policy::act_with_noise`] takes them.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    pub observations: Vec<f32>,
+    pub memory: Vec<f32>,
+    pub noise: Vec<f32>,
+}
+
+impl Rows {
+    /// Evaluates the policy: actions and the next hidden states.
+    pub fn decide(self, policy: &Policy) -> Decided {
+        let Self { observations, mut memory, noise } = self;
+        let mut actions = Vec::new();
+        policy.act_with_noise(&observations, &mut memory, noise, &mut actions);
+        Decided { actions, memory }
+    }
+
+    fn append(&mut self, other: &mut Self) {
+        self.observations.append(&mut other.observations);
+        self.memory.append(&mut other.memory);
+        self.noise.append(&mut other.noise);
+    }
+}
+
+/// What the policy decided.
+#[derive(Debug, Default)]
+pub(super) struct Decided {
+    /// One action for each row.
+    pub actions: Vec<Action>,
+    /// Hidden states for the next decision.
+    pub memory: Vec<f32>,
+}
+
+struct Request {
+    count: usize,
+    rows: Rows,
+    answer: oneshot::Sender<Decided>,
+}
+
+/// The thread that evaluates the policy; it ends with its last clone.
+#[derive(Debug, Clone)]
+pub(super) struct Inference {
+    requests: mpsc::Sender<Request>,
+}
+
+impl Inference {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// If the system has no more threads.
+    pub fn start(policy: Policy) -> std::io::Result<Self> {
+        let (requests, waiting) = mpsc::channel();
+        std::thread::Builder::new().name("inference".to_owned()).spawn(move || evaluate(&policy, &waiting))?;
+        Ok(Self { requests })
+    }
+
+    /// Decides for `count` rows; `None` if evaluating the policy panicked.
+    pub async fn decide(&self, count: usize, rows: Rows) -> Option<Decided> {
+        let (answer, decided) = oneshot::channel();
+        self.requests.send(Request { count, rows, answer }).ok()?;
+        decided.await.ok()
+    }
+}
+
+fn evaluate(policy: &Policy, waiting: &mpsc::Receiver<Request>) {
+    while let Ok(first) = waiting.recv() {
+        let mut batch = vec![first];
+        let mut row_count = batch[0].count;
+        while row_count < MAX_ROWS
+            && let Ok(next) = waiting.try_recv()
+        {
+            row_count += next.count;
+            batch.push(next);
+        }
+        let mut rows = Rows::default();
+        batch.iter_mut().for_each(|request| rows.append(&mut request.rows));
+        let Decided { actions, memory } = rows.decide(policy);
+        let (mut actions, mut memory) = (actions.into_iter(), memory.chunks_exact(policy.memory_len().max(1)));
+        for Request { count, answer, .. } in batch {
+            let decided = Decided {
+                actions: actions.by_ref().take(count).collect(),
+                memory: memory.by_ref().take(count).flatten().copied().collect(),
+            };
+            // The world may have ended meanwhile.
+            let _ = answer.send(decided);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefoot_world::OBSERVATION_LEN;
+    use surefoot_world::character::ACTION_LEN;
+
+    fn rows(count: usize, seed: usize, memory_len: usize) -> Rows {
+        let value = |idx: usize| ((idx * 7 + seed * 13) % 11) as f32 / 11.0;
+        Rows {
+            observations: (0..count * OBSERVATION_LEN).map(value).collect(),
+            memory: vec![0.0; count * memory_len],
+            noise: (0..count * ACTION_LEN).map(value).collect(),
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn everybody_gets_the_decisions_for_their_own_rows() {
+        let policy = Policy::shipped().expect("the shipped weights are valid");
+        let inference = Inference::start(policy.clone()).expect("a thread");
+        let asked = (0..40_usize).map(|seed| {
+            let (inference, policy) = (inference.clone(), policy.clone());
+            tokio::spawn(async move {
+                let count = seed % 5;
+                let shared = inference.decide(count, rows(count, seed, policy.memory_len())).await.expect("an answer");
+                let alone = rows(count, seed, policy.memory_len()).decide(&policy);
+                assert_eq!((shared.actions.len(), shared.memory.len()), (count, alone.memory.len()));
+                for (shared, alone) in shared.actions.iter().zip(&alone.actions) {
+                    let pairs = shared.to_array().into_iter().zip(alone.to_array());
+                    // What shares a batch may change the last bits.
+                    assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1.0e-4), "{shared:?} and {alone:?}");
+                }
+            })
+        });
+        for task in asked.collect::<Vec<_>>() {
+            task.await.expect("equal decisions");
+        }
+    }
+}
