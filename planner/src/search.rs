@@ -3,20 +3,24 @@
 //! Start and goal are each attached to several near vertices, at the cost that the graph's [model](crate::legs) of
 //! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest vertex.
 //! For graphs that are small enough, a [`Router`] keeps a table of the next hop from every vertex to every other, so that
-//! a plan is looked up rather than searched. It searches with A* where a graph has no table, or where the path in the
-//! table uses an avoided or repriced edge, or an ability that the query does without.
+//! a plan is looked up rather than searched; for larger ones it can [prepare hub labels](Router::prepare_labels). It searches with A*
+//! where a graph has neither, or where the path that was looked up uses an avoided or repriced edge, or an ability that the
+//! query does without.
 
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS, VertexIndex};
+use crate::closure::Closure;
 use crate::evidence::price;
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
+use crate::hierarchy::Hierarchy;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::LegPrices;
 use crate::plan::{AbilitySet, Leg, NoPath, Plan, Query};
 use crate::table::Table;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
+use std::sync::OnceLock;
 use surefoot_world::{Ability, Vec3};
 
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
@@ -37,6 +41,10 @@ pub struct Router {
     graph: NavGraph,
     adjacency: Adjacency,
     table: Option<Table>,
+    /// Hub labels, once they are prepared; none if they cannot be had.
+    labels: OnceLock<Option<Hierarchy>>,
+    /// Which islands lead to which; none for graphs in crumbs.
+    closure: Option<Closure>,
     /// All vertices.
     vertices: VertexIndex,
     /// Vertices with outgoing edges.
@@ -73,11 +81,35 @@ impl Router {
             prices: LegPrices::new(graph.legs()),
             reach: Reach::of(&graph),
             forbidden: Vec::new(),
+            closure: Closure::new(&graph),
+            labels: OnceLock::new(),
             graph,
             adjacency,
             table,
             metres_per_cost,
         }
+    }
+
+    /// Prepares hub labels on `thread_count` threads, unless there is a table. Until they are ready, plans are searched with A*. A hundred
+    /// thousand vertices take a minute or two.
+    pub fn prepare_labels(&self, thread_count: usize) {
+        if self.table.is_none() {
+            self.labels.get_or_init(|| Hierarchy::new(&self.adjacency, thread_count));
+        }
+    }
+
+    /// Returns the size of the hub labels in memory, bytes; 0 without any.
+    pub fn labels_bytes(&self) -> usize {
+        self.labels().map_or(0, Hierarchy::memory_bytes)
+    }
+
+    fn labels(&self) -> Option<&Hierarchy> {
+        self.labels.get().and_then(Option::as_ref)
+    }
+
+    /// Whether the cheapest path between any vertices can be looked up.
+    fn knows_all(&self) -> bool {
+        self.table.is_some() || self.labels().is_some()
     }
 
     /// The same router, for a graph that lacks these edges because designers forbid them: neither do unproved legs lead along them, from a
@@ -126,8 +158,10 @@ impl Router {
 
     /// The cheapest path from one of `starts` to one of `goals`.
     fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
-        let Some(table) = &self.table else { return self.a_star(starts, goals, query, repriced) };
-        let path = self.look_up_path(table, starts, goals)?;
+        if !self.knows_all() {
+            return self.a_star(starts, goals, query, repriced);
+        }
+        let path = self.look_up_path(starts, goals)?;
         if query.avoid.is_empty() && query.without.is_empty() && repriced.is_empty() {
             return Some(path);
         }
@@ -164,10 +198,10 @@ impl Router {
         self.a_star(&[(from, 0.0)], &[(to, 0.0)], &query, &EdgeCosts::new()).map(|path| self.vertices_of(&path))
     }
 
-    /// Looks up the cheapest path between two vertices in the table. Returns its cost in decisions and its vertices; `None`
-    /// if there is no path or no table.
+    /// Looks up the cheapest path between two vertices in the table or in hub labels. Returns its cost in decisions and its vertices;
+    /// `None` if there is no path, or neither.
     pub fn look_up(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
-        self.look_up_path(self.table.as_ref()?, &[(from, 0.0)], &[(to, 0.0)]).map(|path| self.vertices_of(&path))
+        self.look_up_path(&[(from, 0.0)], &[(to, 0.0)]).map(|path| self.vertices_of(&path))
     }
 
     fn vertices_of(&self, path: &Path) -> (f32, Vec<VertexId>) {
@@ -215,7 +249,10 @@ impl Router {
     }
 
     /// Looks up the cheapest of all paths from any of `starts` to any of `goals`, attachments included.
-    fn look_up_path(&self, table: &Table, starts: &[Attachment], goals: &[Attachment]) -> Option<Path> {
+    fn look_up_path(&self, starts: &[Attachment], goals: &[Attachment]) -> Option<Path> {
+        let Some(table) = &self.table else {
+            return self.labels()?.path(starts, goals).map(|(cost, first, edges)| Path { cost, first, edges });
+        };
         let mut best = None;
         let mut least = f32::INFINITY;
         for &(goal, exit) in goals {
@@ -344,11 +381,11 @@ impl Router {
         repriced: &EdgeCosts,
     ) -> Plan {
         let ends = [(nearest, 0.0)];
-        let path = match &self.table {
-            Some(table) if query.avoid.is_empty() && query.without.is_empty() && repriced.is_empty() => {
-                self.look_up_path(table, starts, &ends)
-            }
-            _ => self.a_star(starts, &ends, query, repriced),
+        let is_usual = query.avoid.is_empty() && query.without.is_empty() && repriced.is_empty();
+        let path = if is_usual && self.knows_all() {
+            self.look_up_path(starts, &ends)
+        } else {
+            self.a_star(starts, &ends, query, repriced)
         };
         // Avoided legs may cut off what the table knows.
         let Some(path) = path else { return self.direct(query, Some(reason)) };
@@ -391,8 +428,8 @@ impl Router {
 
     /// The vertices that paths without some abilities lead to from `from`, itself included.
     fn reached_from(&self, from: VertexId, without: AbilitySet) -> Reached<'_> {
-        match &self.table {
-            Some(table) if without.is_empty() => Reached::Table(table, from),
+        match &self.closure {
+            Some(closure) if without.is_empty() => Reached::Closure(closure, from),
             _ => Reached::Search(self.graph.reachable_along(from, |edge| !without.contains(edge.evidence.ability))),
         }
     }
@@ -400,8 +437,8 @@ impl Router {
 
 /// The vertices that paths lead to from one vertex.
 enum Reached<'a> {
-    /// The table knows.
-    Table(&'a Table, VertexId),
+    /// The closure of the islands knows.
+    Closure(&'a Closure, VertexId),
     /// A search has found out, for each vertex.
     Search(Vec<bool>),
 }
@@ -409,7 +446,7 @@ enum Reached<'a> {
 impl Reached<'_> {
     fn contains(&self, vertex: VertexId) -> bool {
         match self {
-            Self::Table(table, from) => table.cost(*from, vertex).is_finite(),
+            Self::Closure(closure, from) => closure.joins(*from, vertex),
             Self::Search(reached) => reached[vertex.idx()],
         }
     }

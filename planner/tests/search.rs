@@ -35,6 +35,14 @@ fn router(graph: NavGraph) -> Router {
     Router::new(graph, 4096, 2)
 }
 
+/// A router with hub labels in place of a table.
+fn labelled(graph: NavGraph) -> Router {
+    let router = Router::new(graph, 0, 1);
+    router.prepare_labels(2);
+    assert!(!router.has_table() && router.labels_bytes() > 0);
+    router
+}
+
 /// Scatters vertices so that straight-line distance is a weak guide to the cost of a path.
 fn scattered(count: u32) -> Vec<Vec3> {
     (0..count).map(|idx| Vec3::new((idx * 37 % 101) as f32, (idx * 13 % 7) as f32, (idx * 53 % 89) as f32)).collect()
@@ -64,19 +72,21 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn the_table_our_a_star_and_petgraphs_searches_agree(tuples in edges_strategy(), from in 0..40u32, to in 0..40u32) {
+    fn the_table_hub_labels_our_a_star_and_petgraphs_searches_agree(tuples in edges_strategy(), from in 0..40u32, to in 0..40u32) {
         let graph = graph(scattered(40), edges_of(tuples));
         let router = router(graph.clone());
         let (source, target) = (NodeIndex::new(from as usize), NodeIndex::new(to as usize));
         let theirs = dijkstra(graph.as_petgraph(), source, Some(target), |edge| edge.weight().evidence.cost());
         let star = astar(graph.as_petgraph(), source, |node| node == target, |edge| edge.weight().evidence.cost(), |_| 0.0);
         let (from, to) = (VertexId(from), VertexId(to));
-        match (router.look_up(from, to), router.search(from, to), theirs.get(&target), star) {
-            (None, None, None, None) => {}
-            (Some((tabled, tabled_path)), Some((searched, searched_path)), Some(reference), Some((star, _))) => {
+        let by_labels = labelled(graph.clone()).look_up(from, to);
+        match (router.look_up(from, to), by_labels, router.search(from, to), theirs.get(&target), star) {
+            (None, None, None, None, None) => {}
+            (Some(tabled), Some(by_labels), Some(searched), Some(reference), Some((star, _))) => {
                 let close = |cost: f64| (cost - reference).abs() < 1.0e-4 * (1.0 + reference);
-                prop_assert!(close(f64::from(tabled)) && close(f64::from(searched)) && close(star));
-                for path in [tabled_path, searched_path] {
+                prop_assert!(close(star));
+                for (cost, path) in [tabled, by_labels, searched] {
+                    prop_assert!(close(f64::from(cost)));
                     prop_assert_eq!((path[0], path[path.len() - 1]), (from, to));
                     prop_assert!(close(cost_of(&graph, &path)));
                 }
@@ -86,7 +96,7 @@ proptest! {
     }
 
     #[test]
-    fn plans_with_and_without_a_table_cost_the_same(
+    fn plans_with_a_table_with_hub_labels_and_with_neither_cost_the_same(
         tuples in edges_strategy(),
         ends in prop::array::uniform6(0.0..100.0f32),
         barred in prop::collection::vec((0..40u32, 0..40u32), 0..6),
@@ -95,10 +105,13 @@ proptest! {
         let (start, goal) = (Vec3::new(ends[0], 0.0, ends[1]), Vec3::new(ends[2] + 60.0, ends[3] / 20.0, ends[4]));
         let barred: Vec<LegKey> = barred.into_iter().map(|(from, to)| EdgeKey::new(from, to).into()).collect();
         let query = Query { start, goal, avoid: barred.clone(), without: AbilitySet::default() };
-        let (with, without) = (router(graph.clone()).find_path(&query), Router::new(graph, 0, 1).find_path(&query));
-        prop_assert_eq!(with.no_path.is_some(), without.no_path.is_some());
+        let routers = [labelled(graph.clone()), Router::new(graph.clone(), 0, 1)];
+        let with = router(graph).find_path(&query);
         let total = |plan: &surefoot_planner::Plan| plan.legs.iter().map(|leg| f64::from(leg.seconds.0) / (1.0 / 6.0) - 60.0 * libm::log(leg.chance.get())).sum::<f64>();
-        prop_assert!((total(&with) - total(&without)).abs() < 1.0e-2 * (1.0 + total(&with)), "{} and {}", total(&with), total(&without));
+        for without in routers.map(|router| router.find_path(&query)) {
+            prop_assert_eq!(with.no_path, without.no_path);
+            prop_assert!((total(&with) - total(&without)).abs() < 1.0e-2 * (1.0 + total(&with)), "{} and {}", total(&with), total(&without));
+        }
         prop_assert!(with.legs.iter().all(|leg| !barred.contains(&leg.key)));
     }
 }
