@@ -7,6 +7,7 @@ mod plan;
 mod reference;
 mod serve;
 mod soak;
+mod tiles;
 mod world;
 
 use crate::terminal::print_json;

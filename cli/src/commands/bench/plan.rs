@@ -1,5 +1,6 @@
 //! The planner: builds, and plans in this process and over gRPC, compared with petgraph's searches.
 
+use super::tiles::tiled;
 use super::{Figure, median, timed};
 use crate::commands::core_count;
 use anyhow::Context;
@@ -34,6 +35,9 @@ const QUERIES: usize = 4000;
 const PASSES: usize = 5;
 /// How many of the queries petgraph's searches answer as well.
 const REFERENCE_QUERIES: usize = 500;
+/// Width of the map whose graph is laid side by side, m, and the number of copies along each side.
+const TILE_M: f32 = 1000.0;
+const TILES: u32 = 8;
 /// Number of plans in the in-process batch.
 const BATCH: usize = 200_000;
 /// Number of clients of the service.
@@ -59,7 +63,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         })
     };
     let (small, small_interim) = build_watched(&context(&MapSpec::new(1000))?, &settings)?;
-    let spec = MapSpec::with_side(3000, 1000)?;
+    let spec = MapSpec::with_side(3000, TILE_M as u32)?;
     let settings = settings.with(|it| it.vertices = 1600)?;
     let context = context(&spec)?;
     let (big, big_interim) = build_watched(&context, &settings)?;
@@ -89,6 +93,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
         figures.push(Figure::new("interim_1600_found", 100.0 * found as f64 / queries.len() as f64, "%"));
     }
     figures.extend(searches(&big.graph, &router, &queries));
+    figures.extend(far_away(&big.graph, &points)?);
     figures.push(batch(&router, &queries));
     let folder = std::env::temp_dir().join(format!("surefoot-bench-{}", std::process::id()));
     let store = DiskStore::open(&folder, DEFAULT_LIMIT_BYTES)?;
@@ -181,6 +186,42 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
         Figure::new("look_up_us_median", look_up, "us").with_reference("petgraph's Dijkstra", by_dijkstra, false),
         Figure::new("search_us_median", our_search, "us").with_reference("petgraph's A*", by_astar, false),
     ]
+}
+
+/// Plans in a world of many tiles, each with the graph and the `points` of a square kilometre.
+fn far_away(graph: &NavGraph, points: &[Vec3]) -> anyhow::Result<Vec<Figure>> {
+    let graph = tiled(graph, TILE_M, TILES)?;
+    let router = Router::new(graph, DEFAULT_TABLE_LIMIT, core_count());
+    let mut rng = ChaCha8Rng::seed_from_u64(12);
+    let mut draw = || {
+        let [x, z] = [(); 2].map(|()| rng.random_range(0..TILES) as f32 * TILE_M);
+        points[rng.random_range(0..points.len())] + Vec3::new(x, 0.0, z)
+    };
+    let queries: Vec<Query> = (0..QUERIES / 2)
+        .map(|_| Query { start: draw(), goal: draw(), avoid: Vec::new(), without: AbilitySet::default() })
+        .collect();
+    let searched: Vec<f64> = queries[..REFERENCE_QUERIES / 10]
+        .iter()
+        .map(|query| micros(|| drop(black_box(router.find_path(query)))))
+        .collect();
+    let prepared = timed(|| router.prepare_labels(core_count()));
+    let times = least_times(&router, &queries);
+    let unreachable: Vec<Query> =
+        queries.iter().map(|query| Query { goal: query.goal + Vec3::Y * 100.0, ..query.clone() }).collect();
+    let legs = median(queries.iter().map(|query| router.find_path(query).legs.len() as f64).collect());
+    Ok(vec![
+        Figure::new("tiled_vertices", router.graph().vertex_count() as f64, "vertices"),
+        Figure::new("tiled_prepare_s", prepared, "s"),
+        Figure::new("tiled_labels_mb", router.labels_bytes() as f64 / 1.0e6, "MB").at_most(1000.0),
+        Figure::new("tiled_plan_us_median", median(times.clone()), "us").at_most(50.0).with_reference(
+            "A* with the same attachments",
+            median(searched),
+            false,
+        ),
+        Figure::new("tiled_plan_us_slowest", times.into_iter().fold(0.0, f64::max), "us"),
+        Figure::new("tiled_unreachable_us_median", median(least_times(&router, &unreachable)), "us"),
+        Figure::new("tiled_legs_median", legs, "legs"),
+    ])
 }
 
 /// What each plan costs, us: the least of several passes, without what else the machine did meanwhile.
