@@ -132,6 +132,7 @@ impl Planner {
                 let (level, lock) = (ready.level(), self.shared.level_locks.of(&ready.level()));
                 let (prepared, _held) = self.with_layers(&lock, &level, prepare).ok_or(BuildError::Cancelled)?;
                 ready.apply(prepared);
+                self.label_later(&ready);
             }
             return Ok(Some(ready));
         }
@@ -164,7 +165,7 @@ impl Planner {
         let prepare = |layers| Prepared::new(origin, &built.graph, &proofs, layers, &job.progress);
         // Held until the graph is in memory, where an edit that comes later finds it.
         let (prepared, _held) = self.with_layers(&lock, &level, prepare).ok_or(BuildError::Cancelled)?;
-        // The table of next hops takes longer to fill than an interim graph lasts.
+        // To fill a table of next hops takes longer than an interim graph lasts.
         let table_limit = if provenance == Provenance::Interim { 0 } else { origin.table_limit };
         let origin = Origin { table_limit, ..origin.clone() };
         let hosted = Arc::new(Hosted::new(origin, built, provenance, legacy, prepared));

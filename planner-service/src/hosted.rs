@@ -6,7 +6,7 @@ use crate::origin::{MARGIN_M, Origin};
 use crate::proofs::Proofs;
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Arc, Mutex, RwLock};
 use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
 use surefoot_planner::live::{LiveEvidence, Reported, Reporter, Traversal};
@@ -62,6 +62,10 @@ pub struct Hosted {
     updating: Mutex<()>,
     /// Whether a refresh is scheduled.
     pub refresh_is_due: AtomicBool,
+    /// Duration of the latest refresh, ms.
+    pub refresh_took_ms: AtomicU64,
+    /// Whether hub labels are being prepared.
+    pub is_labelling: AtomicBool,
     /// Notified whenever plans may change.
     changes: watch::Sender<()>,
 }
@@ -141,6 +145,8 @@ impl Hosted {
             proofs,
             updating: Mutex::default(),
             refresh_is_due: AtomicBool::new(false),
+            refresh_took_ms: AtomicU64::new(0),
+            is_labelling: AtomicBool::new(false),
             changes,
         }
     }
@@ -224,13 +230,21 @@ impl Hosted {
         accepted
     }
 
-    /// Makes a new router from the live evidence so far.
+    /// Makes a new router from the live evidence so far, with hub labels if the old one has them.
     pub fn refresh(&self) {
-        let _updating = self.updating.lock().expect(POISON);
+        while !self.try_refresh() {}
+    }
+
+    /// Returns whether nobody else has made a new router meanwhile.
+    fn try_refresh(&self) -> bool {
         let view = self.view();
         let live = self.live.lock().expect(POISON).clone();
+        let router = self.origin.router(&view.edited, &live);
+        if view.router.labels_bytes() > 0 {
+            router.prepare_labels(self.origin.thread_count);
+        }
         let next = View {
-            router: self.origin.router(&view.edited, &live),
+            router,
             edited: view.edited.clone(),
             layers: view.layers.clone(),
             revision: view.revision,
@@ -238,8 +252,23 @@ impl Hosted {
             refusal: view.refusal.clone(),
             repriced: RwLock::default(),
         };
-        *self.view.write().expect(POISON) = Arc::new(next);
-        self.changes.send_replace(());
+        let _updating = self.updating.lock().expect(POISON);
+        let is_latest = Arc::ptr_eq(&view, &self.view());
+        if is_latest {
+            *self.view.write().expect(POISON) = Arc::new(next);
+            self.changes.send_replace(());
+        }
+        is_latest
+    }
+
+    /// Whether plans take longer than they would with hub labels.
+    pub fn wants_labels(&self) -> bool {
+        !self.is_interim() && self.view().router.wants_labels()
+    }
+
+    /// Prepares hub labels for the graph as it is now; plans are made meanwhile.
+    pub fn prepare_labels(&self) {
+        self.view().router.prepare_labels(self.origin.thread_count);
     }
 
     /// Applies layers to the proved graph without using the result for plans yet, which [`apply`](Self::apply) does. `None` if

@@ -210,6 +210,7 @@ impl Planner {
             store.put_layer(&level, &changed).map_err(PlannerError::store("the layer cannot be stored"))?;
             for (graph, prepared) in graphs.iter().zip(prepared) {
                 graph.apply(prepared);
+                self.label_later(graph);
             }
             let (_, unapplied) = hosted.layers();
             return Ok(Changed { hosted, unapplied });

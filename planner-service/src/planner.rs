@@ -12,7 +12,7 @@ use crate::locks::{LevelLocks, POISON};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use surefoot_net::levels::LevelStore;
 use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::Shutdown;
@@ -29,6 +29,8 @@ use tracing::warn;
 
 /// Delay from a report of traversals to the new table of next hops.
 const REFRESH_AFTER: Duration = Duration::from_secs(2);
+/// The delay is at least so many times as long as the last refresh took.
+const REFRESH_PAUSE: u32 = 10;
 
 /// Maximum number of graphs that are looked up in the store or loaded at a time while a build is running. Each generates its map.
 const MAX_LOADS: usize = 2;
@@ -54,6 +56,8 @@ pub(crate) struct Shared {
     /// Permits the edits of one call at a time to be probed, because these use all cores as well.
     pub proving: Semaphore,
     pub level_locks: LevelLocks,
+    /// Held while hub labels are prepared: one graph at a time.
+    labelling: Mutex<()>,
     /// Limits the number of probes on demand that run at a time.
     probing: Arc<Semaphore>,
     /// The map of the last probe on demand.
@@ -77,6 +81,7 @@ impl Planner {
             loading: Arc::new(Semaphore::new(MAX_LOADS)),
             proving: Semaphore::new(1),
             level_locks: LevelLocks::default(),
+            labelling: Mutex::default(),
             probing: Arc::new(Semaphore::new(config.threads.max(1))),
             probed_map: Mutex::default(),
             plans: AtomicU64::new(0),
@@ -179,9 +184,37 @@ impl Planner {
     pub(crate) fn keep_ready(&self, entry: Arc<Hosted>) {
         let mut ready = self.shared.ready.lock().expect(POISON);
         ready.retain(|other| other.origin.id != entry.origin.id);
-        ready.push_back(entry);
+        ready.push_back(entry.clone());
         while ready.len() > self.shared.config.graphs_in_memory {
             ready.pop_front();
+        }
+        drop(ready);
+        self.label_later(&entry);
+    }
+
+    /// Prepares hub labels of a graph on a thread of its own, if it is too large for a table and they are missing. Meanwhile, plans are searched.
+    pub(crate) fn label_later(&self, hosted: &Arc<Hosted>) {
+        if !hosted.wants_labels() || hosted.is_labelling.swap(true, Ordering::Relaxed) {
+            return;
+        }
+        let (planner, hosted) = (self.clone(), hosted.clone());
+        // Not one of the runtime's threads, which would keep the service from stopping.
+        let started = std::thread::Builder::new().name("labels".to_owned()).spawn(move || {
+            let _turn = planner.shared.labelling.lock().expect(POISON);
+            let is_due = || hosted.wants_labels() && !planner.shared.shutdown.is_triggered();
+            loop {
+                while is_due() {
+                    hosted.prepare_labels();
+                }
+                hosted.is_labelling.store(false, Ordering::Relaxed);
+                // Edits may have replaced in the last moment what was labelled.
+                if !is_due() || hosted.is_labelling.swap(true, Ordering::Relaxed) {
+                    return;
+                }
+            }
+        });
+        if let Err(error) = started {
+            warn!(%error, "no thread to prepare a large graph: plans on it take longer");
         }
     }
 
@@ -215,14 +248,17 @@ impl Planner {
             return;
         }
         let planner = self.clone();
+        let last = Duration::from_millis(hosted.refresh_took_ms.load(Ordering::Relaxed));
         tokio::spawn(async move {
             tokio::select! {
-                () = tokio::time::sleep(REFRESH_AFTER) => {}
+                () = tokio::time::sleep(REFRESH_AFTER.max(last * REFRESH_PAUSE)) => {}
                 () = planner.shared.shutdown.wait() => return,
             }
             let task = tokio::task::spawn_blocking(move || {
                 hosted.refresh_is_due.store(false, Ordering::Relaxed);
+                let started = Instant::now();
                 hosted.refresh();
+                hosted.refresh_took_ms.store(started.elapsed().as_millis() as u64, Ordering::Relaxed);
                 planner.store_report(&hosted);
             });
             if let Err(error) = task.await {

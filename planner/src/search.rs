@@ -98,6 +98,11 @@ impl Router {
         }
     }
 
+    /// Whether plans are searched with A* until labels are prepared.
+    pub fn wants_labels(&self) -> bool {
+        self.table.is_none() && self.labels.get().is_none()
+    }
+
     /// Returns the size of the hub labels in memory, bytes; 0 without any.
     pub fn labels_bytes(&self) -> usize {
         self.labels().map_or(0, Hierarchy::memory_bytes)

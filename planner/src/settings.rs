@@ -169,7 +169,7 @@ impl Default for RawBuildSettings {
 }
 
 /// Maximum number of vertices of a graph.
-pub const MAX_VERTICES: usize = 4096;
+pub const MAX_VERTICES: usize = 16_384;
 
 /// A setting that is out of range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

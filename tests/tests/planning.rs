@@ -254,6 +254,65 @@ async fn a_build_on_a_map_without_ground_fails_with_a_reason() {
     planner.stop().await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn plans_cost_the_same_with_hub_labels_as_with_a_table() {
+    let cache = tempfile::tempdir().unwrap();
+    let tabled = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&tabled).await;
+    let (graph_id, _) = build_graph(&mut client, MAP).await;
+    let vertices = get(&mut client, &graph_id).await.vertices;
+    let edit = wire::edit::Edit::ForbidEdge({
+        let (_, _, _, [from, to]) = travelled_edge(&mut client, &graph_id).await;
+        wire::EdgeEdit { from: Some(vertices[from as usize]), to: Some(vertices[to as usize]) }
+    });
+    let queries: Vec<wire::PathQuery> = (0..vertices.len() * 3)
+        .map(|idx| wire::PathQuery {
+            start: Some(vertices[idx % vertices.len()]),
+            goal: Some(vertices[(idx * 7 + 11) % vertices.len()]),
+            ..Default::default()
+        })
+        .collect();
+    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries };
+    let forbid = wire::AppendEditsRequest {
+        graph_id: graph_id.clone(),
+        layer: "night".to_owned(),
+        edits: vec![wire::Edit { edit: Some(edit) }],
+        ..Default::default()
+    };
+    let before = client.find_paths(request.clone()).await.unwrap().into_inner().plans;
+    client.append_edits(forbid.clone()).await.unwrap();
+    let after = client.find_paths(request.clone()).await.unwrap().into_inner().plans;
+    client
+        .undo_edits(wire::UndoEditsRequest { graph_id, layer: "night".to_owned(), count: 1, ..Default::default() })
+        .await
+        .unwrap();
+    tabled.stop().await;
+
+    let labelled = start_planner(cache.path(), PlannerConfig { table_vertices: 2, ..PlannerConfig::default() });
+    let mut client = planner_client(&labelled).await;
+    build_graph(&mut client, MAP).await;
+    let is_alike = |ours: &[wire::Plan], theirs: &[wire::Plan]| {
+        assert_eq!(ours.len(), theirs.len());
+        for (ours, theirs) in ours.iter().zip(theirs) {
+            assert_eq!((ours.found, ours.nearest_reachable), (theirs.found, theirs.nearest_reachable));
+            // Ways of equal cost may differ in time and chance by what rounding decides.
+            let cost = |plan: &wire::Plan| {
+                plan.legs.iter().map(|leg| 6.0 * leg.seconds - 200.0 * leg.chance.ln()).sum::<f32>()
+            };
+            assert!(
+                (cost(ours) - cost(theirs)).abs() <= 0.02 * (1.0 + cost(theirs)),
+                "{} and {}",
+                cost(ours),
+                cost(theirs)
+            );
+        }
+    };
+    is_alike(&client.find_paths(request.clone()).await.unwrap().into_inner().plans, &before);
+    client.append_edits(forbid).await.unwrap();
+    is_alike(&client.find_paths(request).await.unwrap().into_inner().plans, &after);
+    labelled.stop().await;
+}
+
 /// Watches a build until plans can be made on its graph although it goes on, and returns the graph's id.
 async fn interim_graph(client: &mut Client, build_id: &str) -> String {
     let request = wire::WatchBuildRequest { build_id: build_id.to_owned() };
