@@ -20,6 +20,37 @@ const CALL_TIME: Duration = Duration::from_millis(2);
 /// How long a lockstep world that cannot be stepped waits for a call before it looks for silent workers.
 const IDLE: Duration = Duration::from_millis(50);
 
+/// Time from one tick to the next.
+const PERIOD: Duration = Duration::from_nanos(1_000_000_000 / TICKS_PER_SECOND as u64);
+
+/// When the ticks of a realtime world are due. Worlds of one epoch whose phases differ do not all wake at once.
+#[derive(Debug, Clone, Copy)]
+pub struct Schedule {
+    /// When the first period of all worlds began.
+    pub epoch: Instant,
+    /// When within a period a tick is due, in [0, 1).
+    pub phase: f64,
+}
+
+impl Schedule {
+    /// The first tick after `now`, which is not before the epoch.
+    fn first_after(self, now: Instant) -> Instant {
+        let periods = now.duration_since(self.epoch).as_nanos() / PERIOD.as_nanos() + 1;
+        self.epoch + Duration::from_nanos(PERIOD.as_nanos() as u64 * periods as u64) + PERIOD.mul_f64(self.phase)
+    }
+
+    /// The phase that is farthest from all of `phases`.
+    pub fn free_phase(phases: impl Iterator<Item = f64>) -> f64 {
+        let mut phases: Vec<f64> = phases.collect();
+        phases.sort_by(f64::total_cmp);
+        let Some(&first) = phases.first() else { return 0.0 };
+        let next = phases.iter().skip(1).copied().chain([first + 1.0]);
+        let gaps = phases.iter().zip(next).map(|(&phase, next)| (next - phase, phase));
+        let (gap, phase) = gaps.fold((0.0, 0.0), |widest, gap| if gap.0 > widest.0 { gap } else { widest });
+        (phase + 0.5 * gap).fract()
+    }
+}
+
 type Call = Box<dyn FnOnce(&mut SimState) + Send>;
 
 /// A world with the channels to its readers; owned by the world's thread.
@@ -59,15 +90,14 @@ impl Drop for OpenInbox {
 }
 
 impl SimHandle {
-    /// Starts the thread of a world. `phase`, in [0, 1), is when within a period its ticks are due: worlds that differ in it do not
-    /// all wake at once. `failed` is called if the world panics.
+    /// Starts the thread of a world. `failed` is called if the world panics.
     ///
     /// # Errors
     /// If the system refuses a thread.
     pub fn start(
         name: String,
         world: HostedWorld,
-        phase: f64,
+        schedule: Schedule,
         failed: impl FnOnce() + Send + 'static,
     ) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
@@ -79,7 +109,7 @@ impl SimHandle {
             is_over: false,
         };
         std::thread::Builder::new().name(name).spawn(move || {
-            run(state, &calls, phase, failed);
+            run(state, &calls, schedule, failed);
             // Callers that still wait learn that the world has stopped.
             calls.abandon();
         })?;
@@ -116,9 +146,9 @@ impl SimHandle {
     }
 }
 
-fn run(mut state: SimState, calls: &Inbox<Call>, phase: f64, failed: impl FnOnce()) {
+fn run(mut state: SimState, calls: &Inbox<Call>, schedule: Schedule, failed: impl FnOnce()) {
     let stepped = catch_unwind(AssertUnwindSafe(|| match state.world.mode() {
-        TimeMode::Realtime => run_realtime(&mut state, calls, phase),
+        TimeMode::Realtime => run_realtime(&mut state, calls, schedule),
         TimeMode::Lockstep => run_lockstep(&mut state, calls),
     }));
     if stepped.is_err() {
@@ -149,9 +179,9 @@ fn run_calls(state: &mut SimState, calls: &Inbox<Call>, due: Instant) -> bool {
     false
 }
 
-fn run_realtime(state: &mut SimState, calls: &Inbox<Call>, phase: f64) {
-    let period = Duration::from_secs(1) / TICKS_PER_SECOND;
-    let mut due = Instant::now() + period.mul_f64(phase);
+fn run_realtime(state: &mut SimState, calls: &Inbox<Call>, schedule: Schedule) {
+    let period = PERIOD;
+    let mut due = schedule.first_after(Instant::now());
     while run_calls(state, calls, due) {
         let behind = (due.elapsed().as_nanos() / period.as_nanos()) as u32;
         let dropped = behind.saturating_sub(MAX_CATCH_UP);
@@ -212,6 +242,30 @@ mod tests {
     use surefoot_world::{Map, MapSpec, Vec3};
     use tokio::sync::mpsc::channel;
 
+    #[test]
+    fn worlds_share_the_period_evenly() {
+        let mut phases = Vec::new();
+        for _ in 0..8 {
+            phases.push(Schedule::free_phase(phases.iter().copied()));
+        }
+        phases.sort_by(f64::total_cmp);
+        assert_eq!(phases, (0..8).map(|idx| f64::from(idx) / 8.0).collect::<Vec<_>>());
+        // One that is gone leaves room for the next.
+        phases.remove(5);
+        assert_eq!(Schedule::free_phase(phases.into_iter()), 0.625);
+    }
+
+    #[test]
+    fn ticks_are_due_at_their_phase_of_every_period() {
+        let epoch = Instant::now();
+        for elapsed_ms in [0, 1, 16, 17, 40_000_000] {
+            let now = epoch + Duration::from_millis(elapsed_ms);
+            let due = Schedule { epoch, phase: 0.25 }.first_after(now);
+            assert!(due > now && due <= now + 2 * PERIOD);
+            assert_eq!(due.duration_since(epoch + PERIOD.mul_f64(0.25)).as_nanos() % PERIOD.as_nanos(), 0);
+        }
+    }
+
     #[tokio::test]
     async fn a_world_that_panics_releases_its_workers_and_answers_that_it_has_stopped() {
         let registry = Arc::new(Registry::default());
@@ -220,7 +274,8 @@ mod tests {
         let map = Arc::new(Map::generate(&MapSpec::with_side(1, 50).unwrap()));
         let world = HostedWorld::new(WorldId(1), map, TimeMode::Realtime, registry.clone());
         let (failed, has_failed) = oneshot::channel();
-        let sim = SimHandle::start("test".to_owned(), world, 0.0, || _ = failed.send(())).unwrap();
+        let schedule = Schedule { epoch: Instant::now(), phase: 0.0 };
+        let sim = SimHandle::start("test".to_owned(), world, schedule, || _ = failed.send(())).unwrap();
         let ticket = Quota::new(8, "NPCs").grant("test");
         let order = SpawnOrder { position: Vec3::new(25.0, 40.0, 25.0), yaw: 0.0, goal: None, body: None };
         sim.call(move |state| state.world.spawn_to(order, 8, ticket)).await.unwrap().unwrap();

@@ -8,7 +8,7 @@ use crate::messages::{Answer, Hello, ToWorker};
 use crate::metrics::{self, ProcessFigures, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry};
-use crate::sim::{SimHandle, SimState};
+use crate::sim::{Schedule, SimHandle, SimState};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
@@ -26,8 +26,6 @@ use tracing::{info, warn};
 const MAX_ID_WAIT: Duration = Duration::from_secs(1);
 /// How long saving all worlds may take while the server runs.
 const SAVE_LIMIT: Duration = Duration::from_secs(60);
-/// Fractions of a period between worlds: consecutive multiples of the golden ratio spread evenly however many there are.
-const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// Why the server cannot do what a client requests.
 #[derive(Debug, thiserror::Error)]
@@ -79,6 +77,8 @@ pub struct WorldHandle {
     pub map: Arc<Map>,
     /// How the world's time passes.
     pub mode: TimeMode,
+    /// When within a period its ticks are due, in [0, 1).
+    phase: f64,
     /// Usual body of its NPCs.
     pub body: CharacterProfile,
     /// The world's place in its client's quota.
@@ -124,6 +124,8 @@ pub struct Worlds {
 #[derive(Debug)]
 struct Shared {
     config: ServerConfig,
+    /// When the ticks of all worlds began.
+    started: std::time::Instant,
     worlds: RwLock<BTreeMap<WorldId, WorldHandle>>,
     last_world: AtomicU64,
     /// The smallest id that a new world may get.
@@ -151,6 +153,7 @@ impl Worlds {
     pub fn new(config: ServerConfig, shutdown: Shutdown) -> Self {
         let memory = MemoryBudget::new(config.max_memory_bytes);
         let shared = Shared {
+            started: std::time::Instant::now(),
             world_quota: Quota::new(
                 config.max_worlds_per_client,
                 "worlds, the most it may have (--max-worlds-per-client)",
@@ -248,7 +251,8 @@ impl Worlds {
         if worlds.len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
-        let phase = (id.0 as f64 * GOLDEN).fract();
+        let taken = worlds.values().filter(|world| world.mode == TimeMode::Realtime).map(|world| world.phase);
+        let schedule = Schedule { epoch: self.shared.started, phase: Schedule::free_phase(taken) };
         let failed = {
             let shared = Arc::downgrade(&self.shared);
             move || {
@@ -258,7 +262,7 @@ impl Worlds {
                 shared.worlds.write().expect(POISON).remove(&id);
             }
         };
-        let sim = SimHandle::start(format!("world-{id}"), world, phase, failed).map_err(WorldsError::NoThread)?;
+        let sim = SimHandle::start(format!("world-{id}"), world, schedule, failed).map_err(WorldsError::NoThread)?;
         worlds.insert(
             id,
             WorldHandle {
@@ -266,6 +270,7 @@ impl Worlds {
                 map: map.map().clone(),
                 _memory: map,
                 mode,
+                phase: schedule.phase,
                 body,
                 ticket: Arc::new(ticket),
                 is_dropped: Arc::default(),

@@ -4,6 +4,7 @@
 //! the crate's own validation indexes with a number from the file. Here every index, offset and length is checked on use.
 
 use super::faults::{ImportError, MAX_TRIANGLES};
+use super::meshopt::{self, Compression};
 use super::scene::{Node, Scene, node_label};
 use crate::Vec3;
 use crate::map::MapSize;
@@ -14,6 +15,7 @@ use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Root};
 use serde::Deserialize;
 use std::borrow::Cow;
+use std::cell::{Cell, OnceCell};
 
 /// Extension that repeats a mesh, without a fallback for programs that do not support it.
 const INSTANCING_EXTENSION: &str = "EXT_mesh_gpu_instancing";
@@ -22,6 +24,8 @@ const QUANTIZATION_EXTENSION: &str = "KHR_mesh_quantization";
 /// Prefixes of extensions that only change the appearance, so that a level may require them.
 const APPEARANCE_EXTENSIONS: [&str; 5] =
     ["KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "EXT_lights_"];
+/// Most bytes of compressed views that are decoded for a level: those of three million triangles, several times over.
+const MAX_DECODED_BYTES: usize = 256 << 20;
 const DATA_URI: &str = "data:";
 const BASE64_MARK: &str = ";base64,";
 
@@ -34,7 +38,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
     check_extensions(&root)?;
     let buffers = root.buffers.iter().enumerate().map(|(idx, buffer)| read_buffer(idx, buffer, binary));
     let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
-    let source = Source { root: &root, buffers };
+    let decoded = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
+    let source = Source { root: &root, buffers, decoded, decoding_budget: Cell::new(MAX_DECODED_BYTES) };
     Reader { source: &source, triangle_budget: MAX_TRIANGLES, skipped_count: 0 }.scene()
 }
 
@@ -77,9 +82,11 @@ impl<'a> Chunk<'a> {
 
 fn check_extensions(root: &Root) -> Result<(), ImportError> {
     let is_appearance = |name: &str| APPEARANCE_EXTENSIONS.iter().any(|start| name.starts_with(start));
-    // Other extensions that are used but not required, such as compression, come with a fallback.
+    // Other extensions that are used but not required come with a fallback.
     let instancing = root.extensions_used.iter().find(|name| *name == INSTANCING_EXTENSION);
-    let is_known = |name: &String| name == QUANTIZATION_EXTENSION || is_appearance(name);
+    let is_known = |name: &String| {
+        name == QUANTIZATION_EXTENSION || meshopt::EXTENSIONS.contains(&name.as_str()) || is_appearance(name)
+    };
     let unknown = root.extensions_required.iter().find(|name| !is_known(name));
     instancing.or(unknown).map_or(Ok(()), |name| Err(ImportError::Extension(name.clone())))
 }
@@ -139,6 +146,10 @@ struct SurefootExtras {
 struct Source<'a> {
     root: &'a Root,
     buffers: Vec<Cow<'a, [u8]>>,
+    /// Content of those views that are compressed, once somebody has read them.
+    decoded: Vec<OnceCell<Vec<u8>>>,
+    /// Bytes that may still be decoded.
+    decoding_budget: Cell<usize>,
 }
 
 struct Reader<'a> {
@@ -294,23 +305,45 @@ impl Source<'_> {
         let no_data = || data_error(mesh, "no vertex data: export it without compression");
         let view_idx = accessor.buffer_view.ok_or_else(no_data)?.value();
         let view = self.root.buffer_views.get(view_idx).ok_or_else(|| reference("buffer view", view_idx))?;
-        let buffer = self.buffers.get(view.buffer.value());
-        let buffer = buffer.ok_or_else(|| reference("buffer", view.buffer.value()))?;
         let stride = view.byte_stride.map_or(width, |stride| stride.0);
         let count = accessor.count.0;
-        let bytes = range(view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0)
-            .and_then(|range| buffer.get(range))
-            .and_then(|view| {
-                let len = match count.checked_sub(1) {
-                    Some(gaps) => gaps.checked_mul(stride as u64)?.checked_add(width as u64)?,
-                    None => 0,
-                };
-                view.get(range(accessor.byte_offset.map_or(0, |offset| offset.0), len)?)
-            });
+        let bytes = self.view(mesh, view_idx, view)?.and_then(|view| {
+            let len = match count.checked_sub(1) {
+                Some(gaps) => gaps.checked_mul(stride as u64)?.checked_add(width as u64)?,
+                None => 0,
+            };
+            view.get(range(accessor.byte_offset.map_or(0, |offset| offset.0), len)?)
+        });
         let too_short = || data_error(mesh, "data that lies outside its buffer: the file is damaged; export it again");
         let bytes = bytes.filter(|_| stride >= width).ok_or_else(too_short)?;
         // The bytes exist, so the count fits into a usize.
         Ok(Elements { bytes, stride, width, count: count as usize, encoding })
+    }
+}
+
+impl Source<'_> {
+    /// The bytes of a view; `None` if they lie outside its buffer.
+    fn view(&self, mesh: &str, view_idx: usize, view: &json::buffer::View) -> Result<Option<&[u8]>, ImportError> {
+        let part = |buffer_idx: usize, offset: u64, len: u64| {
+            let reference = || ImportError::Reference { from: mesh.to_owned(), to: "buffer", idx: buffer_idx };
+            let buffer = self.buffers.get(buffer_idx).ok_or_else(reference)?;
+            Ok(range(offset, len).and_then(|range| buffer.get(range)))
+        };
+        let failed = |problem| data_error(mesh, problem);
+        let Some(compression) = Compression::of(view).map_err(failed)? else {
+            return part(view.buffer.value(), view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0);
+        };
+        let decoded = &self.decoded[view_idx];
+        if let Some(known) = decoded.get() {
+            return Ok(Some(known));
+        }
+        let Some(bytes) = part(compression.buffer, compression.byte_offset, compression.byte_length)? else {
+            return Ok(None);
+        };
+        let left = self.decoding_budget.get().checked_sub(compression.decoded_len());
+        self.decoding_budget.set(left.ok_or(ImportError::TooManyTriangles)?);
+        let content = compression.decode(bytes).map_err(failed)?;
+        Ok(Some(decoded.get_or_init(|| content)))
     }
 }
 

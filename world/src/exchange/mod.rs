@@ -15,6 +15,7 @@ mod gltf_in;
 mod import;
 mod inspect;
 mod load;
+mod meshopt;
 mod named;
 mod obj_in;
 mod scene;
