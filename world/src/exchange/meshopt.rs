@@ -4,6 +4,7 @@
 use gltf::json::buffer::View;
 use meshopt_rs::index::buffer::decode_index_buffer;
 use meshopt_rs::index::sequence::decode_index_sequence;
+use meshopt_rs::vertex::DecodeError;
 use meshopt_rs::vertex::buffer::decode_vertex_buffer;
 use meshopt_rs::vertex::filter::decode_filter_exp;
 use serde::Deserialize;
@@ -13,6 +14,7 @@ use std::panic::catch_unwind;
 pub(super) const EXTENSIONS: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 /// Longest element that is decoded, bytes.
 const MAX_STRIDE: usize = 64;
+const NEWER: &str = "vertices that a newer meshoptimizer compressed: use EXT_meshopt_compression (gltfpack -c or -cc), or no compression";
 const DAMAGED: &str =
     "compressed data that cannot be decoded: the file is damaged; export it again, or without compression";
 
@@ -117,7 +119,10 @@ fn attributes(count: usize, stride: usize, bytes: &[u8]) -> Result<Vec<u8>, &'st
     /// The decoder knows the length of elements by their type.
     fn of_length<const N: usize>(count: usize, bytes: &[u8]) -> Result<Vec<u8>, &'static str> {
         let mut elements = vec![[0_u8; N]; count];
-        decode_vertex_buffer(&mut elements, bytes).map_err(|_| DAMAGED)?;
+        decode_vertex_buffer(&mut elements, bytes).map_err(|error| match error {
+            DecodeError::UnsupportedVersion => NEWER,
+            _ => DAMAGED,
+        })?;
         Ok(elements.into_flattened())
     }
     macro_rules! by_length {
