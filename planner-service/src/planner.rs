@@ -197,23 +197,24 @@ impl Planner {
         if !hosted.wants_labels() || hosted.is_labelling.swap(true, Ordering::Relaxed) {
             return;
         }
-        let (planner, hosted) = (self.clone(), hosted.clone());
+        let (planner, labelled) = (self.clone(), hosted.clone());
         // Not one of the runtime's threads, which would keep the service from stopping.
         let started = std::thread::Builder::new().name("labels".to_owned()).spawn(move || {
             let _turn = planner.shared.labelling.lock().expect(POISON);
-            let is_due = || hosted.wants_labels() && !planner.shared.shutdown.is_triggered();
+            let is_due = || labelled.wants_labels() && !planner.shared.shutdown.is_triggered();
             loop {
                 while is_due() {
-                    hosted.prepare_labels();
+                    labelled.prepare_labels();
                 }
-                hosted.is_labelling.store(false, Ordering::Relaxed);
+                labelled.is_labelling.store(false, Ordering::Relaxed);
                 // Edits may have replaced in the last moment what was labelled.
-                if !is_due() || hosted.is_labelling.swap(true, Ordering::Relaxed) {
+                if !is_due() || labelled.is_labelling.swap(true, Ordering::Relaxed) {
                     return;
                 }
             }
         });
         if let Err(error) = started {
+            hosted.is_labelling.store(false, Ordering::Relaxed);
             warn!(%error, "no thread to prepare a large graph: plans on it take longer");
         }
     }

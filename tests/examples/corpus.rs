@@ -167,7 +167,7 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("start_build", plan::StartBuildRequest { map: Some(spec()), settings, ..Default::default() }.encode_to_vec()),
         ("find_paths", plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query] }.encode_to_vec()),
-        ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)) }.encode_to_vec()),
+        ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)), interim: false }.encode_to_vec()),
         ("traversals", plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals }.encode_to_vec()),
         (
             "put_layer",
