@@ -102,7 +102,7 @@ impl Compression {
             (Mode::Triangles | Mode::Indices, stride @ (2 | 4)) => {
                 let mut indices = vec![0_u32; self.count];
                 let decoded = match self.mode {
-                    Mode::Triangles if self.count % 3 != 0 => return Err(DAMAGED),
+                    Mode::Triangles if !self.count.is_multiple_of(3) => return Err(DAMAGED),
                     Mode::Triangles => decode_index_buffer(&mut indices, bytes),
                     _ => decode_index_sequence(&mut indices, bytes),
                 };
