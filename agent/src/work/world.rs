@@ -327,6 +327,12 @@ impl WorldTask {
         step
     }
 
+    /// Whether NPCs plan on a graph that is still being built. Not in lockstep: what such a world does must not depend on how far a build has
+    /// come. And not before they can rehearse, since nobody has tried all of its edges.
+    fn takes_interim(&self) -> bool {
+        !self.is_lockstep && (self.stage.is_none() || self.rehearsal.is_some())
+    }
+
     /// Records attempts that ended: harm on an edge counts as a failed traversal of it.
     fn note_ends(&mut self, ended: &wire::AttemptsEnded) {
         for ((id, &attempt), outcome) in ended.npc_ids.iter().zip(&ended.attempts).zip(ended.outcomes()) {
@@ -345,7 +351,7 @@ impl WorldTask {
         let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
             return;
         };
-        let graph_id = graph.id_for_plans(!self.is_lockstep);
+        let graph_id = graph.id_for_plans(self.takes_interim());
         let traversals = std::mem::take(&mut self.traversals);
         if graph_id.is_empty() {
             // The planner has lost the graph of these traversals.
@@ -379,8 +385,7 @@ impl WorldTask {
             warn!(world = self.world_id, "no graph in time: NPCs go on without plans");
             self.has_waited = true;
         }
-        // What a lockstep world does must not depend on how far a build has come.
-        let graph_id = graph.id_for_plans(!self.is_lockstep);
+        let graph_id = graph.id_for_plans(self.takes_interim());
         if graph_id.is_empty() || graph.is_resting() {
             self.plans_failed = self.plans_failed.saturating_add(queries.len() as u32);
             return Vec::new();

@@ -137,7 +137,8 @@ impl WorldTask {
         npc_ids: &[u64],
     ) -> Result<(), WorldError> {
         let awaits_map = self.stage.is_some() && self.rehearsal.is_none();
-        let is_awaited = |graph: &Arc<Graph>| graph.id_for_plans(!self.is_lockstep).is_empty() && !graph.is_resting();
+        let takes_interim = self.takes_interim();
+        let is_awaited = |graph: &Arc<Graph>| graph.id_for_plans(takes_interim).is_empty() && !graph.is_resting();
         let awaits_graph = self.graph.as_ref().is_some_and(is_awaited);
         let plan_decisions = if self.is_lockstep { 0 } else { PLAN_DECISIONS };
         let mut begun = BTreeSet::new();
