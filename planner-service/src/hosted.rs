@@ -256,7 +256,7 @@ impl Hosted {
         let is_latest = Arc::ptr_eq(&view, &self.view());
         if is_latest {
             *self.view.write().expect(POISON) = Arc::new(next);
-            self.changes.send_replace(());
+            self.announce();
         }
         is_latest
     }
@@ -288,7 +288,7 @@ impl Hosted {
         };
         let view = View::new(&self.origin, prepared, &live);
         *self.view.write().expect(POISON) = Arc::new(view);
-        self.changes.send_replace(());
+        self.announce();
     }
 
     /// Calls `store` with the live evidence so far. Calls do not overlap, so that the latest evidence is stored last.

@@ -308,10 +308,8 @@ impl ProbeRun<'_> {
 
     /// Measures the ground between the vertices of each candidate, in order.
     fn measure_all(&self) -> Vec<Geometry> {
-        let ends = |&EdgeKey { from, to }: &Candidate| [from, to].map(|vertex| self.vertices[vertex.idx()]);
-        self.in_parallel(self.candidates, |candidate| {
-            let [from, to] = ends(candidate);
-            measure(self.map, from, to)
+        self.in_parallel(self.candidates, |&EdgeKey { from, to }| {
+            measure(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
         })
     }
 

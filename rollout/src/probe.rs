@@ -83,9 +83,7 @@ impl ProbeExecutor for InProcess {
                     loop {
                         let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
                         let Some(chunk) = chunks.get(chunk_idx) else { return };
-                        let finished =
-                            |idx: usize, outcome: &Outcome| watch.finished(chunk_idx * chunk_len + idx, outcome);
-                        let outcomes = run_chunk(&self.context, chunk, seed, &finished, &|| watch.is_cancelled());
+                        let outcomes = run_chunk(&self.context, chunk, chunk_idx * chunk_len, seed, watch);
                         results.lock().expect("no probe panics")[chunk_idx] = outcomes;
                     }
                 });
@@ -112,12 +110,13 @@ pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec
     }
 }
 
+/// Runs the trials that begin with the one of index `first`; `None` if `watch` cancelled.
 fn run_chunk(
     context: &ProbeContext,
     trials: &[Trial],
+    first: usize,
     seed: u64,
-    finished: &dyn Fn(usize, &Outcome),
-    is_cancelled: &dyn Fn() -> bool,
+    watch: &dyn ProbeWatch,
 ) -> Option<Vec<Outcome>> {
     let mut probes = Probes::new(context, seed);
     let mut outcomes: Vec<Option<Outcome>> = vec![None; trials.len()];
@@ -131,11 +130,11 @@ fn run_chunk(
         if probes.running.is_empty() {
             return outcomes.into_iter().collect();
         }
-        if is_cancelled() {
+        if watch.is_cancelled() {
             return None;
         }
         for (trial_idx, outcome) in probes.decide(None) {
-            finished(trial_idx, &outcome);
+            watch.finished(first + trial_idx, &outcome);
             outcomes[trial_idx] = Some(outcome);
         }
     }

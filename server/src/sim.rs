@@ -180,18 +180,17 @@ fn run_calls(state: &mut SimState, calls: &Inbox<Call>, due: Instant) -> bool {
 }
 
 fn run_realtime(state: &mut SimState, calls: &Inbox<Call>, schedule: Schedule) {
-    let period = PERIOD;
     let mut due = schedule.first_after(Instant::now());
     while run_calls(state, calls, due) {
-        let behind = (due.elapsed().as_nanos() / period.as_nanos()) as u32;
+        let behind = (due.elapsed().as_nanos() / PERIOD.as_nanos()) as u32;
         let dropped = behind.saturating_sub(MAX_CATCH_UP);
-        due += period * dropped;
+        due += PERIOD * dropped;
         state.world.note_dropped(u64::from(dropped));
         state.world.step();
         let took = due.elapsed();
-        state.world.note_tick(took, took > period);
+        state.world.note_tick(took, took > PERIOD);
         state.publish();
-        due += period;
+        due += PERIOD;
     }
 }
 

@@ -134,7 +134,7 @@ impl Graphs {
 
     fn start(&self, key: GraphKey, server: Link) -> Graph {
         let (ready, id) = watch::channel(String::new());
-        let (drafted, interim_id) = watch::channel(String::new());
+        let (interim, interim_id) = watch::channel(String::new());
         let (edited, revision) = watch::channel(None);
         let (goes_on, progress) = watch::channel(Instant::now());
         let maps = |link| {
@@ -158,7 +158,7 @@ impl Graphs {
             watched_graphs: self.watched_graphs.clone(),
             other_policy: self.other_policy.clone(),
             goes_on,
-            drafted,
+            interim,
         };
         Graph {
             client: self.queries.clone(),
@@ -249,7 +249,8 @@ struct Builder {
     watched_graphs: Arc<Semaphore>,
     other_policy: watch::Sender<Option<Status>>,
     goes_on: watch::Sender<Instant>,
-    drafted: watch::Sender<String>,
+    /// Sender of `Graph::interim_id`.
+    interim: watch::Sender<String>,
 }
 
 impl Builder {
@@ -258,7 +259,7 @@ impl Builder {
         let mut pause = MIN_PAUSE;
         loop {
             let built = self.build().await;
-            self.drafted.send_replace(String::new());
+            self.interim.send_replace(String::new());
             match built {
                 Ok(graph_id) => {
                     info!(graph_id, "graph ready");
@@ -337,7 +338,7 @@ impl Builder {
         while let Some(message) = progress.next().await {
             let build = message?.build.unwrap_or_default();
             self.goes_on.send_replace(Instant::now());
-            self.drafted.send_replace(build.interim_graph_id.clone());
+            self.interim.send_replace(build.interim_graph_id.clone());
             match (build.stage(), build.failure) {
                 (BuildStage::Done, _) => return Ok(build.graph_id),
                 (BuildStage::Cancelled, _) => return Err(Status::cancelled("the build was cancelled")),

@@ -5,7 +5,7 @@
 
 use std::sync::mpsc;
 use surefoot_policy::Policy;
-use surefoot_world::Action;
+use surefoot_world::{Action, OBSERVATION_LEN};
 use tokio::sync::oneshot;
 
 /// Most observations that are evaluated together, unless one batch has more.
@@ -28,6 +28,10 @@ impl Rows {
         Decided { actions, memory }
     }
 
+    fn count(&self) -> usize {
+        self.observations.len() / OBSERVATION_LEN
+    }
+
     fn append(&mut self, other: &mut Self) {
         self.observations.append(&mut other.observations);
         self.memory.append(&mut other.memory);
@@ -45,6 +49,7 @@ pub(super) struct Decided {
 }
 
 struct Request {
+    /// Number of rows, which are joined with those of others.
     count: usize,
     rows: Rows,
     answer: oneshot::Sender<Decided>,
@@ -67,10 +72,10 @@ impl Inference {
         Ok(Self { requests })
     }
 
-    /// Decides for `count` rows; `None` if evaluating the policy panicked.
-    pub async fn decide(&self, count: usize, rows: Rows) -> Option<Decided> {
+    /// Decides for all rows; `None` if evaluating the policy panicked.
+    pub async fn decide(&self, rows: Rows) -> Option<Decided> {
         let (answer, decided) = oneshot::channel();
-        self.requests.send(Request { count, rows, answer }).ok()?;
+        self.requests.send(Request { count: rows.count(), rows, answer }).ok()?;
         decided.await.ok()
     }
 }
@@ -103,7 +108,6 @@ fn evaluate(policy: &Policy, waiting: &mpsc::Receiver<Request>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surefoot_world::OBSERVATION_LEN;
     use surefoot_world::character::ACTION_LEN;
 
     fn rows(count: usize, seed: usize, memory_len: usize) -> Rows {
@@ -123,7 +127,7 @@ mod tests {
             let (inference, policy) = (inference.clone(), policy.clone());
             tokio::spawn(async move {
                 let count = seed % 5;
-                let shared = inference.decide(count, rows(count, seed, policy.memory_len())).await.expect("an answer");
+                let shared = inference.decide(rows(count, seed, policy.memory_len())).await.expect("an answer");
                 let alone = rows(count, seed, policy.memory_len()).decide(&policy);
                 assert_eq!((shared.actions.len(), shared.memory.len()), (count, alone.memory.len()));
                 for (shared, alone) in shared.actions.iter().zip(&alone.actions) {

@@ -1,8 +1,8 @@
 //! The NPC worker: connects to a world server, requests plans from the planner, and decides for NPCs.
 //!
-//! Each connection is a session (`session`) with one task per world (`world`). The policy runs on threads of its own (`inference`), never on
-//! those that move messages. A lost connection is retried with growing pauses. Without a planner, or while it is unavailable,
-//! NPCs head straight for their goals. `graph` follows the planner's graph of a world's map; `ahead`
+//! Each connection is a session (`session`) with one task per world (`world`). The policy runs on a thread of its own (`inference`),
+//! in lockstep on blocking threads, never on those that move messages. A lost connection is retried with growing pauses. Without a
+//! planner, or while it is unavailable, NPCs head straight for their goals. `graph` follows the planner's graph of a world's map; `ahead`
 //! holds the map itself, on which NPCs rehearse the legs of their plans.
 
 mod ahead;

@@ -7,6 +7,7 @@ use super::inference::Inference;
 use super::world::{Manner, Stage, WorldError, WorldMessage, WorldTask};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Instant;
 use surefoot_net::client::{Dialer, Link};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_policy::Policy;
@@ -162,7 +163,12 @@ impl Session<'_> {
         let (sender, messages) = mpsc::channel(WORLD_QUEUE);
         let key = GraphKey::of(assignment);
         let maps = self.maps.filter(|_| self.graphs.is_some());
-        let stage = maps.map(|maps| Stage { maps: maps.clone(), map: maps.of(&key, server.clone()), body });
+        let stage = maps.map(|maps| Stage {
+            maps: maps.clone(),
+            map: maps.of(&key, server.clone()),
+            awaited_since: Instant::now(),
+            body,
+        });
         let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key, server));
         let manner = Manner { noise_share: self.config.noise_share, composes: self.config.composes };
         let inference = worlds.inference.clone();

@@ -8,7 +8,7 @@ use super::inference::{Decided, Inference, Rows};
 use prost::Message;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use surefoot_planner::Plan;
 use surefoot_planner::live::Traversal;
 use surefoot_policy::Policy;
@@ -119,6 +119,8 @@ pub(super) struct Stage {
     pub maps: Arc<Maps>,
     /// The world's map.
     pub map: watch::Receiver<Arrival>,
+    /// When the map was asked for.
+    pub awaited_since: Instant,
     /// The body of the NPCs.
     pub body: CharacterProfile,
 }
@@ -248,7 +250,13 @@ impl WorldTask {
         self.rehearse(&states, &mut no_way).await?;
         let no_way = no_way.into_iter();
         gave_up.extend(no_way.map(|(npc_id, attempt)| wire::GivenUp { npc_id, attempt, unreachable: true }));
-        self.rehearse_straight(&states, &batch.npc_ids).await?;
+        if self.awaits_map() {
+            for (idx, &id) in batch.npc_ids.iter().enumerate() {
+                self.npc(id).holds = batch.grounded.get(idx).copied().unwrap_or(true);
+            }
+        } else {
+            self.rehearse_straight(&states, &batch.npc_ids).await?;
+        }
         self.aim(&states, &batch.npc_ids, &mut observations);
         let waypoints = batch.npc_ids.iter().filter_map(|&id| {
             let npc = self.npcs.get_mut(&id)?;
@@ -309,10 +317,10 @@ impl WorldTask {
 
     /// Updates an NPC's follower with its position and returns the follower's step.
     fn note(&mut self, id: u64, feet: Vec3, touched: bool, grounded: bool) -> Step {
-        let has_planner = self.graph.is_some();
+        let (has_planner, stands) = (self.graph.is_some(), grounded && self.awaits_map());
         let latest = self.graph.as_ref().and_then(|graph| *graph.revision.borrow());
         let npc = self.npcs.get_mut(&id).expect("met in this batch");
-        if !has_planner || npc.is_planning {
+        if !has_planner || npc.is_planning || stands {
             // The server itself ends attempts that make no progress.
             return Step::Keep;
         }
@@ -470,7 +478,7 @@ impl WorldTask {
             let policy = self.policy.clone();
             tokio::task::spawn_blocking(move || rows.decide(&policy)).await?
         } else {
-            self.inference.decide(npc_ids.len(), rows).await.ok_or(WorldError::Inference)?
+            self.inference.decide(rows).await.ok_or(WorldError::Inference)?
         };
         for (action, style) in actions.iter_mut().zip(styles) {
             if let Some((style, state)) = style {

@@ -132,16 +132,14 @@ impl Rest {
         let mut shortcuts = Vec::new();
         self.for_each_shortcut(vertex, SETTLED[1], |from, to, cost, hops| shortcuts.push((from, to, cost, hops)));
         let next_level = self.level[vertex as usize] + 1;
-        for idx in 0..self.leaving[vertex as usize].len() {
-            let other = self.leaving[vertex as usize][idx].other as usize;
-            self.entering[other].retain(|arc| arc.other != vertex);
-            self.level[other] = self.level[other].max(next_level);
-        }
-        for idx in 0..self.entering[vertex as usize].len() {
-            let other = self.entering[vertex as usize][idx].other as usize;
-            self.leaving[other].retain(|arc| arc.other != vertex);
-            self.level[other] = self.level[other].max(next_level);
-        }
+        let mut detach = |arcs: &[Arc], opposite: &mut [Vec<Arc>]| {
+            for other in arcs.iter().map(|arc| arc.other as usize) {
+                opposite[other].retain(|arc| arc.other != vertex);
+                self.level[other] = self.level[other].max(next_level);
+            }
+        };
+        detach(&self.leaving[vertex as usize], &mut self.entering);
+        detach(&self.entering[vertex as usize], &mut self.leaving);
         for (from, to, cost, hops) in shortcuts {
             self.add(from, to, cost, Origin(SHORTCUT | vertex), hops);
         }

@@ -319,9 +319,7 @@ impl Source<'_> {
         // The bytes exist, so the count fits into a usize.
         Ok(Elements { bytes, stride, width, count: count as usize, encoding })
     }
-}
 
-impl Source<'_> {
     /// The bytes of a view; `None` if they lie outside its buffer.
     fn view(&self, mesh: &str, view_idx: usize, view: &json::buffer::View) -> Result<Option<&[u8]>, ImportError> {
         let part = |buffer_idx: usize, offset: u64, len: u64| {

@@ -1,6 +1,6 @@
 //! Rehearsals of a worker's NPCs: of the next legs of their plans, and of the way straight to the goal while they have none.
 
-use super::{Graph, MAX_QUERIES, Npc, State, WorldError, WorldTask};
+use super::{Graph, MAX_QUERIES, Npc, Stage, State, WorldError, WorldTask};
 use crate::work::ahead::{Arrival, Pace};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -9,12 +9,12 @@ use surefoot_rollout::Style;
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
 use surefoot_world::{NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
 
-/// Longest wait of a lockstep world for its map.
+/// Longest wait for the map: NPCs that go without having rehearsed die where ground ends.
 const MAP_LIMIT: Duration = Duration::from_secs(120);
 /// Decisions for which NPCs of realtime worlds stand still while their first plan is on its way.
 const PLAN_DECISIONS: u32 = 3;
-/// The same while the graph, or the map to rehearse on, is on its way.
-const START_DECISIONS: u32 = 60;
+/// The same while the graph is on its way.
+const GRAPH_DECISIONS: u32 = 60;
 /// Speed below which a body is at rest, m/s.
 const REST_SPEED: f32 = 0.5;
 /// Decisions after which an NPC that came to harm without a plan, in a rehearsal, tries again.
@@ -129,6 +129,14 @@ impl WorldTask {
         Ok(())
     }
 
+    /// Whether NPCs stand still because the map is on its way.
+    pub(super) fn awaits_map(&self) -> bool {
+        let awaited = |stage: &Stage| {
+            matches!(*stage.map.borrow(), Arrival::Awaited) && stage.awaited_since.elapsed() < MAP_LIMIT
+        };
+        !self.is_lockstep && self.stage.as_ref().is_some_and(awaited)
+    }
+
     /// NPCs without a plan head straight for their goals. Before, they wait for the plan, for a while; and where a rehearsal ends in harm,
     /// they stand still until there is one.
     pub(super) async fn rehearse_straight(
@@ -136,7 +144,6 @@ impl WorldTask {
         states: &[(u64, State)],
         npc_ids: &[u64],
     ) -> Result<(), WorldError> {
-        let awaits_map = self.stage.is_some() && self.rehearsal.is_none();
         let takes_interim = self.takes_interim();
         let is_awaited = |graph: &Arc<Graph>| graph.id_for_plans(takes_interim).is_empty() && !graph.is_resting();
         let awaits_graph = self.graph.as_ref().is_some_and(is_awaited);
@@ -149,7 +156,7 @@ impl WorldTask {
                 continue;
             }
             npc.unplanned = npc.unplanned.saturating_add(1);
-            let patience = if awaits_map || awaits_graph { START_DECISIONS } else { plan_decisions };
+            let patience = if awaits_graph { GRAPH_DECISIONS } else { plan_decisions };
             if npc.unplanned <= patience {
                 npc.holds = true;
             } else if npc.unplanned >= npc.next_try {

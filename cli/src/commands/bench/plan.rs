@@ -84,9 +84,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let points = navigable::sample_many(&context.map, &context.profile, 2000, &mut rng)?;
     let mut draw = || points[rng.random_range(0..points.len())];
-    let queries: Vec<Query> = (0..QUERIES)
-        .map(|_| Query { start: draw(), goal: draw(), avoid: Vec::new(), without: AbilitySet::default() })
-        .collect();
+    let queries: Vec<Query> = (0..QUERIES).map(|_| query(draw(), draw())).collect();
     if let Some((_, graph)) = big_interim {
         let router = Router::new(graph, 0, core_count());
         let found = queries.iter().filter(|query| router.find_path(query).no_path.is_none()).count();
@@ -129,6 +127,15 @@ fn build_watched(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Re
     })
 }
 
+fn query(start: Vec3, goal: Vec3) -> Query {
+    Query { start, goal, avoid: Vec::new(), without: AbilitySet::default() }
+}
+
+/// The same queries to goals that no vertex leads to: as far above ground as no character jumps.
+fn out_of_reach(queries: &[Query]) -> Vec<Query> {
+    queries.iter().map(|query| Query { goal: query.goal + Vec3::Y * 100.0, ..query.clone() }).collect()
+}
+
 fn micros(work: impl FnMut()) -> f64 {
     timed(work) * 1.0e6
 }
@@ -138,10 +145,7 @@ fn searches(graph: &NavGraph, router: &Router, queries: &[Query]) -> Vec<Figure>
     let plans: Vec<_> = queries.iter().map(|query| router.find_path(query)).collect();
     let passes = (0..PASSES).flat_map(|_| queries);
     let ours = median(passes.map(|query| micros(|| drop(black_box(router.find_path(query))))).collect());
-    // Goals that no vertex leads to: as far above ground as no character jumps.
-    let unreachable: Vec<Query> =
-        queries.iter().map(|query| Query { goal: query.goal + Vec3::Y * 100.0, ..query.clone() }).collect();
-    let (reachable_us, unreachable_us) = (least_times(router, queries), least_times(router, &unreachable));
+    let (reachable_us, unreachable_us) = (least_times(router, queries), least_times(router, &out_of_reach(queries)));
     let slowest = |times: &[f64]| times.iter().copied().fold(0.0, f64::max);
     let ends = plans.iter().filter(|plan| plan.legs.len() > 2).filter_map(|plan| {
         match (plan.legs[0].key.to, plan.legs[plan.legs.len() - 1].key.from) {
@@ -197,17 +201,13 @@ fn far_away(graph: &NavGraph, points: &[Vec3]) -> anyhow::Result<Vec<Figure>> {
         let [x, z] = [(); 2].map(|()| rng.random_range(0..TILES) as f32 * TILE_M);
         points[rng.random_range(0..points.len())] + Vec3::new(x, 0.0, z)
     };
-    let queries: Vec<Query> = (0..QUERIES / 2)
-        .map(|_| Query { start: draw(), goal: draw(), avoid: Vec::new(), without: AbilitySet::default() })
-        .collect();
+    let queries: Vec<Query> = (0..QUERIES / 2).map(|_| query(draw(), draw())).collect();
     let searched: Vec<f64> = queries[..REFERENCE_QUERIES / 10]
         .iter()
         .map(|query| micros(|| drop(black_box(router.find_path(query)))))
         .collect();
     let prepared = timed(|| router.prepare_labels(core_count()));
     let times = least_times(&router, &queries);
-    let unreachable: Vec<Query> =
-        queries.iter().map(|query| Query { goal: query.goal + Vec3::Y * 100.0, ..query.clone() }).collect();
     let legs = median(queries.iter().map(|query| router.find_path(query).legs.len() as f64).collect());
     Ok(vec![
         Figure::new("tiled_vertices", router.graph().vertex_count() as f64, "vertices"),
@@ -219,7 +219,7 @@ fn far_away(graph: &NavGraph, points: &[Vec3]) -> anyhow::Result<Vec<Figure>> {
             false,
         ),
         Figure::new("tiled_plan_us_slowest", times.into_iter().fold(0.0, f64::max), "us"),
-        Figure::new("tiled_unreachable_us_median", median(least_times(&router, &unreachable)), "us"),
+        Figure::new("tiled_unreachable_us_median", median(least_times(&router, &out_of_reach(&queries))), "us"),
         Figure::new("tiled_legs_median", legs, "legs"),
     ])
 }
