@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 use std::time::Duration;
-use surefoot_net::levels::DEFAULT_MAX_MAPS;
+use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
 use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 
 /// Configuration of a world server.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct ServerConfig {
     /// Most worlds at a time (`--max-worlds`); each has a thread.
     pub max_worlds: usize,
@@ -20,8 +20,8 @@ pub struct ServerConfig {
     pub max_envs: usize,
     /// Most imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
-    /// Most memory for maps and environments, bytes (`--max-memory`, in MB).
-    pub max_memory_bytes: u64,
+    /// Generated maps, and the memory budget for maps and environments (`--max-memory`). Workers in the same process may share them.
+    pub maps: MapPool,
     /// How long a reader of a stream may leave everything unread until it is cut off (`--reader-patience`).
     pub reader_patience: Duration,
     /// Folder where worlds are saved when the server stops, and restored from when it starts (`--state`); `None`: worlds end
@@ -40,7 +40,7 @@ impl Default for ServerConfig {
             max_npcs_per_client: 8192,
             max_envs: 16,
             max_maps: DEFAULT_MAX_MAPS,
-            max_memory_bytes: DEFAULT_MAX_MEMORY_BYTES,
+            maps: MapPool::within(DEFAULT_MAX_MEMORY_BYTES),
             reader_patience: Duration::from_secs(5),
             state: None,
             save_every: Duration::from_secs(30),

@@ -14,7 +14,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
-use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
 use tokio::sync::mpsc;
@@ -133,7 +132,6 @@ struct Shared {
     world_quota: Arc<Quota>,
     npc_quota: Arc<Quota>,
     registry: Arc<Registry>,
-    maps: MapPool,
     levels: LevelStore,
     /// Held while saving: two saves at a time would write the same files.
     saving: tokio::sync::Mutex<()>,
@@ -151,7 +149,6 @@ const POISON: &str = "no holder of this lock panics";
 impl Worlds {
     /// Creates a server without worlds.
     pub fn new(config: ServerConfig, shutdown: Shutdown) -> Self {
-        let memory = MemoryBudget::new(config.max_memory_bytes);
         let shared = Shared {
             started: std::time::Instant::now(),
             world_quota: Quota::new(
@@ -159,8 +156,7 @@ impl Worlds {
                 "worlds, the most it may have (--max-worlds-per-client)",
             ),
             npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most it may have (--max-npcs-per-client)"),
-            maps: MapPool::new(memory.clone()),
-            levels: LevelStore::new(config.max_maps, memory),
+            levels: LevelStore::new(config.max_maps, config.maps.memory().clone()),
             config,
             worlds: RwLock::default(),
             last_world: AtomicU64::new(0),
@@ -182,7 +178,7 @@ impl Worlds {
 
     /// Maps in use, and the memory that they take.
     pub fn maps(&self) -> &MapPool {
-        &self.shared.maps
+        &self.shared.config.maps
     }
 
     /// Maps that clients imported.
@@ -213,7 +209,7 @@ impl Worlds {
             return Err(WorldsError::TooManyWorlds(limit));
         }
         let ticket = self.shared.world_quota.acquire(&caller.name).map_err(WorldsError::WorldQuota)?;
-        let map = self.shared.maps.get(&caller.name, &source).await?;
+        let map = self.maps().get(&caller.name, &source).await?;
         let id = self.next_id().await;
         let map_hash = map.map().hash();
         let world = HostedWorld::new(id, map.map().clone(), mode, self.shared.registry.clone()).with_bodies(vec![body]);
@@ -364,7 +360,7 @@ impl Worlds {
         let process = ProcessFigures {
             failed_worlds: self.shared.failed_count.load(Ordering::Relaxed),
             failed_saves: self.shared.failed_save_count.load(Ordering::Relaxed),
-            memory_bytes: self.shared.maps.memory().used_bytes(),
+            memory_bytes: self.maps().memory().used_bytes(),
         };
         metrics::render(&worlds, &self.shared.registry.load(), process)
     }
@@ -572,7 +568,7 @@ impl Worlds {
         {
             warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
         }
-        if let Err(error) = self.start(saved.id(), world, self.shared.maps.adopt(saved.owner(), map), ticket) {
+        if let Err(error) = self.start(saved.id(), world, self.maps().adopt(saved.owner(), map), ticket) {
             warn!(world_id, %error, "a saved world is not restored");
         }
     }

@@ -8,6 +8,8 @@ use e2e::{
 use std::time::Duration;
 use surefoot_agent::work::WorkError;
 use surefoot_net::client::{ClientTlsFiles, Credentials, Link};
+use surefoot_net::levels::MapPool;
+use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_net::secret::Secret;
 use surefoot_net::serving::tokens::Tokens;
 use surefoot_net::serving::{EndpointConfig, Limits, Security};
@@ -163,7 +165,7 @@ fn start_worker_to(server: &Running, planner: &str) -> tokio::task::JoinHandle<R
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         rehearses: true,
         composes: true,
-        max_memory_bytes: surefoot_agent::work::DEFAULT_MAP_BYTES,
+        maps: MapPool::within(DEFAULT_MAX_MEMORY_BYTES),
     };
     tokio::spawn(surefoot_agent::work::work(config, Policy::shipped().unwrap(), Default::default()))
 }
@@ -362,7 +364,7 @@ async fn a_starting_server_says_so_and_stops_when_it_is_told_to() {
 #[tokio::test(flavor = "multi_thread")]
 async fn memory_is_refused_before_it_is_used_and_equal_maps_are_paid_for_once() {
     // A map of 100 x 80 x 100 m takes 12 MB to generate, by the estimate.
-    let config = ServerConfig { max_memory_bytes: 16_000_000, ..ServerConfig::default() };
+    let config = ServerConfig { maps: MapPool::within(16_000_000), ..ServerConfig::default() };
     let server = start_server(config);
     let mut client = world_client(&server).await;
     let first = create_world(&mut client, 1, wire::TimeMode::Realtime).await;

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
 use surefoot_net::client::Link;
 use surefoot_net::levels::{MapPool, MapSource, SharedMap};
-use surefoot_net::memory::{MemoryBudget, Reservation};
+use surefoot_net::memory::Reservation;
 use surefoot_world::{Map, MapSpec, exchange};
 use tokio::sync::watch;
 use tracing::warn;
@@ -61,9 +61,9 @@ impl HeldMap {
 }
 
 impl Maps {
-    /// No maps yet; they may take `max_bytes` in all.
-    pub fn new(max_bytes: u64) -> Self {
-        Self { pool: MapPool::new(MemoryBudget::new(max_bytes)), levels: Mutex::default(), pace: Pace::default() }
+    /// No levels yet; generated maps come from `pool`.
+    pub fn new(pool: MapPool) -> Self {
+        Self { pool, levels: Mutex::default(), pace: Pace::default() }
     }
 
     /// The map of a world, which arrives later; a level is downloaded from `server`.

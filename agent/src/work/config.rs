@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 use surefoot_net::client::Credentials;
+use surefoot_net::levels::MapPool;
 use surefoot_planner::BuildSettings;
 
 /// Configuration of a worker.
@@ -25,12 +26,9 @@ pub struct WorkConfig {
     pub rehearses: bool,
     /// Whether NPCs compose themselves on legs on which rehearsals show that they arrive so.
     pub composes: bool,
-    /// Most memory for these maps, bytes; NPCs on further maps go without rehearsals.
-    pub max_memory_bytes: u64,
+    /// These maps, and their memory budget; NPCs on further maps go without rehearsals.
+    pub maps: MapPool,
 }
-
-/// Default for [`WorkConfig::max_memory_bytes`].
-pub const DEFAULT_MAP_BYTES: u64 = 1_000_000_000;
 
 /// First pause before a retry; doubled up to [`MAX_PAUSE`].
 pub(super) const MIN_PAUSE: Duration = Duration::from_millis(100);

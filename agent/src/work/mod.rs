@@ -12,7 +12,7 @@ mod inference;
 mod session;
 mod world;
 
-pub use config::{DEFAULT_MAP_BYTES, WorkConfig};
+pub use config::WorkConfig;
 
 use ahead::Maps;
 use config::{MAX_PAUSE, MIN_PAUSE};
@@ -49,7 +49,7 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
     let planner = config.planner.as_ref().map(|uri| config.credentials.dial(uri)).transpose()?;
     let policy_hash = &policy.manifest().weights_hash;
     let graphs = planner.map(|planner| Graphs::new(&planner, settings_to_wire(&config.graph), policy_hash.clone()));
-    let maps = config.rehearses.then(|| Arc::new(Maps::new(config.max_memory_bytes)));
+    let maps = config.rehearses.then(|| Arc::new(Maps::new(config.maps.clone())));
     let mut pause = MIN_PAUSE;
     while !shutdown.is_triggered() {
         let session = Session { config: &config, policy: &policy, graphs: graphs.as_ref(), maps: maps.as_ref() };

@@ -6,7 +6,9 @@ use crate::signals::shutdown_signal;
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use surefoot_agent::work::{DEFAULT_MAP_BYTES, WorkConfig, work};
+use surefoot_agent::work::{WorkConfig, work};
+use surefoot_net::levels::MapPool;
+use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
@@ -74,7 +76,7 @@ pub struct ServerLimits {
     #[arg(long, default_value_t = ServerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
     /// Memory budget for maps and environments, in MB; requests beyond it are refused
-    #[arg(long, default_value_t = ServerConfig::default().max_memory_bytes / MB, value_name = "MB")]
+    #[arg(long, default_value_t = DEFAULT_MAX_MEMORY_BYTES / MB, value_name = "MB")]
     max_memory: u64,
     /// Cut off a reader that reads nothing from its stream for this long
     #[arg(long, default_value_t = ServerConfig::default().reader_patience.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
@@ -104,7 +106,7 @@ impl ServerLimits {
             max_npcs_per_client: self.max_npcs_per_client,
             max_envs: self.max_envs,
             max_maps: self.max_maps,
-            max_memory_bytes: self.max_memory.saturating_mul(MB),
+            maps: MapPool::within(self.max_memory.saturating_mul(MB)),
             reader_patience: std::time::Duration::from_secs_f64(self.reader_patience),
             state: self.state.clone(),
             save_every: std::time::Duration::from_secs_f64(self.save_every),
@@ -208,7 +210,7 @@ pub struct WorkArgs {
     #[command(flatten)]
     style: StyleArg,
     /// Memory budget for these copies, in MB; NPCs on further maps do not rehearse
-    #[arg(long, default_value_t = DEFAULT_MAP_BYTES / MB, value_name = "MB")]
+    #[arg(long, default_value_t = DEFAULT_MAX_MEMORY_BYTES / MB, value_name = "MB")]
     max_memory: u64,
     /// Name that the server shows; default: host name and process id
     #[arg(long)]
@@ -359,7 +361,7 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         rehearses: !args.no_rehearsals,
         composes: args.style.composes(),
-        max_memory_bytes: args.max_memory.saturating_mul(MB),
+        maps: MapPool::within(args.max_memory.saturating_mul(MB)),
     };
     run_until_signal(|shutdown| async move { Ok(work(config, policy, shutdown).await?) })
 }

@@ -142,6 +142,8 @@ async fn scene(
     }
     let mut parts: JoinSet<anyhow::Result<()>> = JoinSet::new();
     let (limits, stop) = (args.limits.config(), shutdown.clone());
+    // Workers rehearse on the maps of the server: no map is generated or held twice.
+    let maps_in_use = limits.maps.clone();
     parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });
     let (config, prober, stop) =
         (PlannerConfig { threads: core_count(), ..PlannerConfig::default() }, policy.clone(), shutdown.clone());
@@ -157,7 +159,7 @@ async fn scene(
             noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
             rehearses: true,
             composes: true,
-            max_memory_bytes: surefoot_agent::work::DEFAULT_MAP_BYTES,
+            maps: maps_in_use.clone(),
         };
         let (policy, stop) = (policy.clone(), shutdown.clone());
         parts.spawn(async move { Ok(work(config, policy, stop).await?) });

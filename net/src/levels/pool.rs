@@ -55,6 +55,11 @@ impl MapPool {
         Self { memory, turns: Arc::new(Semaphore::new(GENERATED_AT_A_TIME)), by_spec: Arc::default() }
     }
 
+    /// No maps yet; they may take `max_bytes` in all.
+    pub fn within(max_bytes: u64) -> Self {
+        Self::new(MemoryBudget::new(max_bytes))
+    }
+
     /// The memory budget.
     pub fn memory(&self) -> &MemoryBudget {
         &self.memory
@@ -75,9 +80,9 @@ impl MapPool {
         if let Some(shared) = shared.upgrade() {
             return Ok(shared);
         }
-        let memory = self.memory.reserve(client, generation_bytes(spec.size))?;
-        // Never closed.
+        // Never closed. Those that wait hold no memory: generating a map takes three times what is kept of it.
         let turn = self.turns.clone().acquire_owned().await.ok();
+        let memory = self.memory.reserve(client, generation_bytes(spec.size))?;
         let task = tokio::task::spawn_blocking(move || {
             let _turn = turn;
             generate(&spec, memory, shared)
