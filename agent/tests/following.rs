@@ -14,6 +14,7 @@ fn plan(waypoints: &[f32]) -> Plan {
         key: EdgeKey::new(idx, idx + 1).into(),
         seconds: Seconds(1.0),
         chance: Chance::new(0.9),
+        death_chance: 0.0,
         ability: Ability::Walk,
     });
     Plan {

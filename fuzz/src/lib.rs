@@ -11,7 +11,7 @@ use std::sync::{Arc, LazyLock};
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::links::NavMesh;
-use surefoot_planner::{AbilitySet, Built, EdgeKey, NavGraph, Query, Router, store as cache};
+use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
 use surefoot_proto::plans;
@@ -396,7 +396,7 @@ fn graph_answers(graph: NavGraph) {
     let router = Router::new(graph, TABLE_LIMIT, 1);
     for (start, goal) in [([0.0; 3], [9.0, 1.0, 30.0]), ([1.0e9; 3], [-1.0e9; 3])] {
         for avoid in [vec![], vec![EdgeKey::new(0, 1).into()]] {
-            let query = Query { start: start.into(), goal: goal.into(), avoid, without: AbilitySet::default() };
+            let query = Query { avoid, ..Query::new(start.into(), goal.into()) };
             let plan = router.find_path(&query);
             assert_eq!(plan.waypoints.len(), plan.legs.len());
             assert_eq!(plan.waypoints.last(), Some(&plan.nearest.unwrap_or(query.goal)));

@@ -224,7 +224,7 @@ impl Hosted {
         let mut accepted = 0;
         for traversal in traversals {
             let Some(cost) = live.note(&view.edited.graph, reporter, traversal) else { continue };
-            repriced.insert(traversal.edge, cost as f32);
+            repriced.insert(traversal.edge, cost);
             accepted += 1;
         }
         accepted

@@ -93,6 +93,8 @@ pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
         seconds: edge.evidence.cost() as f32 * DECISION_SECONDS,
         price_factor: edge.evidence.price_factor,
         forced,
+        deaths: edge.evidence.deaths,
+        death_chance: edge.evidence.death_chance() as f32,
     }
 }
 

@@ -4,7 +4,7 @@ use redb::{Database, TableDefinition};
 use std::collections::BTreeMap;
 use std::path::Path;
 use surefoot_planner::edits::{Edit, Layer};
-use surefoot_planner::evidence::Evidence;
+use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
@@ -19,7 +19,7 @@ use surefoot_world::{Ability, Decisions};
 fn built(vertices: u32) -> Built {
     let edges = (1..vertices).map(|to| {
         let mut evidence = Evidence::default();
-        evidence.note(true, 7, Ability::Jump);
+        evidence.note(TryEnd::Arrived, 7, Ability::Jump);
         Edge { key: EdgeKey::new(to - 1, to), evidence }
     });
     let graph = NavGraph::check(GraphData {
@@ -205,7 +205,8 @@ fn layers_and_live_evidence_persist() {
     let (level, other) = (LevelId::of(b"one"), LevelId::of(b"two"));
     let graph = built(5);
     let mut live = LiveEvidence::default();
-    live.note(&graph.graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 9 }).unwrap();
+    live.note(&graph.graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), end: TryEnd::Failed, decisions: 9 })
+        .unwrap();
     {
         let store = open(folder.path());
         store.put_layer(&level, &layer("night")).unwrap();
@@ -253,6 +254,6 @@ fn live_evidence_adds_to_an_edge_with_the_maximum_number_of_tries() {
     (evidence.tries, evidence.successes) = (u32::MAX, u32::MAX);
     let graph = NavGraph::check(data).unwrap();
     let mut live = LiveEvidence::default();
-    live.note(&graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 9 }).unwrap();
+    live.note(&graph, &worker(), &Traversal { edge: EdgeKey::new(0, 1), end: TryEnd::Arrived, decisions: 9 }).unwrap();
     assert_eq!(live.apply_to(&graph).edge(EdgeKey::new(0, 1)).unwrap().evidence.tries, u32::MAX);
 }

@@ -1,5 +1,6 @@
 //! A graph's edges in flat arrays: outgoing edges by source vertex, incoming edges by target vertex.
 
+use crate::evidence::EdgeCost;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::plan::Leg;
@@ -20,7 +21,10 @@ pub(crate) struct Adjacency {
     starts: Vec<EdgeIdx>,
     keys: Vec<EdgeKey>,
     hops: Vec<Hop>,
+    /// Cost of each edge, in decisions, for careful plans.
     costs: Vec<f32>,
+    /// The part of it that the risk of death makes up.
+    death_costs: Vec<f32>,
 }
 
 /// What a plan needs of an edge, in one line of the cache.
@@ -37,13 +41,16 @@ pub(crate) struct Hop {
 
 impl Adjacency {
     pub fn new(graph: &NavGraph) -> Self {
-        let mut adjacency = Self { starts: vec![0], keys: Vec::new(), hops: Vec::new(), costs: Vec::new() };
+        let mut adjacency =
+            Self { starts: vec![0], keys: Vec::new(), hops: Vec::new(), costs: Vec::new(), death_costs: Vec::new() };
         for vertex in graph.vertices() {
             for edge in graph.edges_from(vertex) {
                 adjacency.keys.push(edge.key);
                 let (end, leg) = (graph.position(edge.key.to), Leg::proved(edge.key, &edge.evidence));
                 adjacency.hops.push(Hop { end, to: edge.key.to, leg });
-                adjacency.costs.push(edge.evidence.cost() as f32);
+                let EdgeCost { careful, by_death } = edge.evidence.edge_cost();
+                adjacency.costs.push(careful);
+                adjacency.death_costs.push(by_death);
             }
             adjacency.starts.push(adjacency.hops.len() as EdgeIdx);
         }
@@ -74,6 +81,11 @@ impl Adjacency {
     /// Returns the outgoing edge of a vertex by its index among the vertex's outgoing edges.
     pub fn nth_from(&self, vertex: VertexId, out_idx: u8) -> EdgeIdx {
         self.starts[vertex.idx()] + EdgeIdx::from(out_idx)
+    }
+
+    /// Returns the cost of an edge.
+    pub fn cost(&self, edge: EdgeIdx) -> EdgeCost {
+        EdgeCost { careful: self.costs[edge as usize], by_death: self.death_costs[edge as usize] }
     }
 
     /// Iterates over the outgoing edges of a vertex: index, target vertex, cost in decisions.

@@ -128,6 +128,7 @@ impl Builder<'_> {
             self.join_islands(&mut probed)?;
             let proving = self.proving(&probed.vertices, &probed.candidates);
             proving.prove_on_foot(&mut probed.evidence, self.settings.threshold).ok_or(BuildError::Cancelled)?;
+            proving.expect_deaths(&mut probed.evidence);
         }
         let seconds = (self.clock)() - started_s;
         let stats = BuildStats {

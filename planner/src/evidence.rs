@@ -1,4 +1,4 @@
-//! Evidence of an edge (tries, successes, decisions), and the cost that follows from it.
+//! Evidence of an edge (tries, successes, deaths, decisions), and the cost that follows from it.
 
 use crate::probe::Outcome;
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,9 @@ pub struct Evidence {
     pub tries: u32,
     /// Number of tries that arrived.
     pub successes: u32,
+    /// Number of tries during which the NPC died.
+    #[serde(default)]
+    pub deaths: u32,
     /// Sum of the decisions of tries that arrived.
     decisions_sum: f64,
     /// Sum of the squares of these decisions.
@@ -19,6 +22,10 @@ pub struct Evidence {
     pub ability: Ability,
     /// Expected chance of success without any tries, in [0, 1]. It weighs as much as one try.
     pub prior: f32,
+    /// Expected share of deaths among the tries that fail, in [0, 1]: the chance of death without any tries is this share of the expected
+    /// chance of failure.
+    #[serde(default)]
+    pub death_share: f32,
     /// Designers' factor on the cost, 0.1 to 1000; 1 if there is none.
     pub price_factor: f32,
     /// Lower and upper corner of the bounding box of all probes' tracks, m. Without tracks, the lower corner is above the upper.
@@ -30,10 +37,12 @@ impl Default for Evidence {
         Self {
             tries: 0,
             successes: 0,
+            deaths: 0,
             decisions_sum: 0.0,
             decisions_squared: 0.0,
             ability: Ability::Walk,
             prior: UNKNOWN_PRIOR,
+            death_share: 0.0,
             price_factor: 1.0,
             bounds: [Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)],
         }
@@ -61,7 +70,8 @@ impl Evidence {
 
     /// Adds the outcome of a probe, and widens the bounds by its track.
     pub fn note_probe(&mut self, outcome: &Outcome) {
-        self.note(outcome.reached, outcome.decisions, outcome.ability);
+        let end = if outcome.died { TryEnd::Died } else { TryEnd::of(outcome.reached) };
+        self.note(end, outcome.decisions, outcome.ability);
         outcome.bounds.into_iter().for_each(|corner| self.cover(corner));
     }
 
@@ -73,6 +83,7 @@ impl Evidence {
         Self {
             tries: self.tries.saturating_add(other.tries),
             successes: self.successes.saturating_add(other.successes),
+            deaths: self.deaths.saturating_add(other.deaths),
             decisions_sum: own_share * self.decisions_sum + other.decisions_sum,
             decisions_squared: own_share * self.decisions_squared + other.decisions_squared,
             ..*self
@@ -83,6 +94,7 @@ impl Evidence {
     pub fn halve(&mut self) {
         let kept = self.successes / 2;
         let share = f64::from(kept) / f64::from(self.successes.max(1));
+        self.deaths /= 2;
         self.tries = kept + (self.tries - self.successes) / 2;
         self.successes = kept;
         self.decisions_sum *= share;
@@ -98,6 +110,7 @@ impl Evidence {
         // At most `limit`, since there are no more successes than tries.
         let kept = ((successes * u64::from(limit) + tries / 2) / tries) as u32;
         let share = f64::from(kept) / f64::from(self.successes.max(1));
+        self.deaths = ((u64::from(self.deaths) * u64::from(limit) / tries) as u32).min(limit - kept);
         (self.tries, self.successes) = (limit, kept);
         self.decisions_sum *= share;
         self.decisions_squared *= share;
@@ -109,9 +122,10 @@ impl Evidence {
     }
 
     /// Adds a try with its number of decisions and the most demanding ability that it used.
-    pub fn note(&mut self, reached: bool, decisions: u32, ability: Ability) {
+    pub fn note(&mut self, end: TryEnd, decisions: u32, ability: Ability) {
         self.tries += 1;
-        if !reached {
+        self.deaths += u32::from(end == TryEnd::Died);
+        if end != TryEnd::Arrived {
             return;
         }
         self.ability = if self.successes == 0 { ability } else { self.ability.min(ability) };
@@ -136,6 +150,13 @@ impl Evidence {
         Chance::new((successes / (f64::from(self.tries) + 1.0)).max(MIN_CHANCE))
     }
 
+    /// Returns the estimated chance that a try ends in death, at most that of failing: the share of deaths with the expected one added as
+    /// one try.
+    pub fn death_chance(&self) -> f64 {
+        let deaths = f64::from(self.deaths) + (1.0 - f64::from(self.prior)) * f64::from(self.death_share);
+        (deaths / (f64::from(self.tries) + 1.0)).min(1.0 - self.chance().get())
+    }
+
     /// Returns the mean number of decisions of the tries that arrived; 0 without successes.
     pub fn decisions_mean(&self) -> Decisions {
         Decisions(self.decisions_sum / f64::from(self.successes.max(1)))
@@ -154,10 +175,11 @@ impl Evidence {
 
     /// Returns whether the values are in range and do not contradict each other.
     pub fn is_consistent(&self) -> bool {
-        self.successes <= self.tries
+        self.successes.checked_add(self.deaths).is_some_and(|ended| ended <= self.tries)
             && (0.0..=f64::MAX).contains(&self.decisions_sum)
             && (0.0..=f64::MAX).contains(&self.decisions_squared)
             && (0.0..=1.0).contains(&self.prior)
+            && (0.0..=1.0).contains(&self.death_share)
             && self.price_factor > 0.0
             && self.price_factor.is_finite()
             && self.bounds.iter().all(|corner| corner.is_finite())
@@ -175,10 +197,21 @@ impl Evidence {
         }
     }
 
-    /// Returns the cost that a search minimises, in decisions: the [`price`] of the mean decisions at the estimated chance, times
+    /// Returns the cost that a careful search minimises, in decisions: the [`price`] of the mean decisions at the estimated chances, times
     /// the designers' factor.
     pub fn cost(&self) -> f64 {
-        f64::from(self.price_factor) * price(self.decisions_mean(), self.chance())
+        self.cost_at(Caution::CAREFUL)
+    }
+
+    /// Returns the costs that searches minimise, by their caution.
+    pub fn edge_cost(&self) -> EdgeCost {
+        let careful = self.cost() as f32;
+        EdgeCost { careful, by_death: careful - self.cost_at(Caution::BOLD) as f32 }
+    }
+
+    /// Returns the cost that a search of this caution minimises, in decisions.
+    pub fn cost_at(&self, caution: Caution) -> f64 {
+        f64::from(self.price_factor) * price(self.decisions_mean(), self.chance(), self.death_chance(), caution)
     }
 
     /// Returns whether at least one try succeeded and the success rate reaches `threshold`.
@@ -187,13 +220,79 @@ impl Evidence {
     }
 }
 
-/// Returns the cost of a leg in decisions: the expected decisions of all tries until one succeeds, plus a term for risk. The
-/// term is logarithmic in the chance, because chances multiply along a plan.
-pub fn price(decisions: Decisions, chance: Chance) -> f64 {
-    decisions.0 / chance.get() - RISK_DECISIONS * libm::log(chance.get())
+/// How a try ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TryEnd {
+    /// The NPC arrived.
+    Arrived,
+    /// It made no progress.
+    Failed,
+    /// It fell out of the map, burnt or drowned.
+    Died,
+}
+
+impl TryEnd {
+    /// The end of a try that nobody died in.
+    pub fn of(reached: bool) -> Self {
+        if reached { Self::Arrived } else { Self::Failed }
+    }
+}
+
+/// How much a plan does to avoid that the NPC dies, from 0 (bold: a death costs no more than any failure) to 1 (careful).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Caution(f32);
+
+impl Caution {
+    /// Death costs most.
+    pub const CAREFUL: Self = Self(1.0);
+    /// Death costs no more than any failure.
+    pub const BOLD: Self = Self(0.0);
+
+    /// Returns this caution; `None` unless it is 0 to 1.
+    pub fn new(caution: f32) -> Option<Self> {
+        (0.0..=1.0).contains(&caution).then_some(Self(caution))
+    }
+
+    /// Returns the value, in [0, 1].
+    pub fn get(self) -> f32 {
+        self.0
+    }
+}
+
+impl Default for Caution {
+    fn default() -> Self {
+        Self::CAREFUL
+    }
+}
+
+/// Cost of an edge in decisions, for searches of any caution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgeCost {
+    /// Cost for careful ones.
+    pub careful: f32,
+    /// The part of it that the risk of death makes up.
+    pub by_death: f32,
+}
+
+impl EdgeCost {
+    /// Returns the cost for a search of this caution.
+    pub fn at(self, caution: Caution) -> f32 {
+        self.careful - (1.0 - caution.0) * self.by_death
+    }
+}
+
+/// Returns the cost of a leg in decisions: the expected decisions of all tries until one succeeds, plus terms for the risks of failing and
+/// of dying. These are logarithmic in the chances, because chances multiply along a plan. `death_chance` is at most `1 - chance`.
+pub fn price(decisions: Decisions, chance: Chance, death_chance: f64, caution: Caution) -> f64 {
+    decisions.0 / chance.get()
+        - RISK_DECISIONS * libm::log(chance.get())
+        - f64::from(caution.0) * DEATH_DECISIONS * libm::log(1.0 - death_chance)
 }
 
 /// Lower bound on the estimated chance of an edge.
 const MIN_CHANCE: f64 = 1.0e-3;
 /// Weight of risk: the number of additional decisions that a plan may take to avoid a leg with a chance of 1/e.
 pub(crate) const RISK_DECISIONS: f64 = 200.0;
+/// Weight of the risk of death: the number of additional decisions that a careful plan may take, besides, to avoid a leg that one survives
+/// with a chance of 1/e.
+pub(crate) const DEATH_DECISIONS: f64 = 1000.0;

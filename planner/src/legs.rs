@@ -5,7 +5,7 @@
 //! success with a linear regression of decisions, both on horizontal distance, climb and drop.
 
 use crate::candidates::Candidate;
-use crate::evidence::{Evidence, RISK_DECISIONS, price};
+use crate::evidence::{Caution, DEATH_DECISIONS, Evidence, RISK_DECISIONS, price};
 use crate::ids::EdgeKey;
 use crate::regression::{Linear, Logistic, dot, sigmoid};
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,11 @@ const MAX_CHANCE: f64 = 0.99;
 /// Number of probes below which [`LegModel::default`] is used instead of a fit.
 const MIN_PROBES: usize = 200;
 
+/// Number of failures at the usual share of deaths that are added to those of a build.
+const USUAL_FAILURES: f64 = 10.0;
+/// Share of deaths among failures, anywhere.
+const USUAL_DEATH_SHARE: f64 = 0.1;
+
 /// Estimates the cost of unproved legs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LegModel {
@@ -31,22 +36,39 @@ pub struct LegModel {
     decisions: [f64; FEATURES],
     /// Length of the longest leg in the fit, m. A leg `k` times as long is estimated as `k` legs of this length in a row.
     range_m: f64,
+    /// Share of deaths among the legs that fail.
+    #[serde(default)]
+    death_share: f64,
 }
 
-/// Estimated decisions and chance of a leg.
+/// Estimated decisions and chances of a leg.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LegEstimate {
     /// Decisions that the leg takes if it succeeds.
     pub decisions: Decisions,
     /// Chance of success, above 0.
     pub chance: Chance,
+    /// Chance of death, at most `1 - chance`.
+    pub death_chance: f64,
+}
+
+impl LegEstimate {
+    /// Returns the cost that a search of this caution minimises, in decisions.
+    pub fn cost_at(&self, caution: Caution) -> f64 {
+        price(self.decisions, self.chance, self.death_chance, caution)
+    }
 }
 
 impl Default for LegModel {
     /// Coefficients fitted to probes of the shipped reactive policy on training maps, for graphs with too few probes of their
     /// own.
     fn default() -> Self {
-        Self { success: [3.0, -0.6, 0.0, -1.0, -0.4, -0.3], decisions: [3.0, 13.0, 0.0, 6.0, 0.0, 1.0], range_m: 30.0 }
+        Self {
+            success: [3.0, -0.6, 0.0, -1.0, -0.4, -0.3],
+            decisions: [3.0, 13.0, 0.0, 6.0, 0.0, 1.0],
+            range_m: 30.0,
+            death_share: USUAL_DEATH_SHARE,
+        }
     }
 }
 
@@ -80,7 +102,12 @@ impl LegModel {
             }
             range_m = range_m.max(f64::from(from.distance(to)));
         }
-        Self { success: success.fit(), decisions: decisions.fit(), range_m }
+        Self {
+            success: success.fit(),
+            decisions: decisions.fit(),
+            range_m,
+            death_share: death_share(evidence, USUAL_DEATH_SHARE),
+        }
     }
 
     /// Returns whether every coefficient is finite and the range is at least 1 m.
@@ -88,6 +115,7 @@ impl LegModel {
         self.success.iter().chain(&self.decisions).all(|value| value.is_finite())
             && self.range_m.is_finite()
             && self.range_m >= 1.0
+            && (0.0..=1.0).contains(&self.death_share)
     }
 
     /// Returns the length of the longest leg in the fit, m.
@@ -104,12 +132,9 @@ impl LegModel {
     /// Estimates the leg from `from` to `to`.
     pub fn estimate(&self, from: Vec3, to: Vec3) -> LegEstimate {
         let (features, distance, range_multiple) = self.features_in_range(from, to);
-        LegEstimate {
-            decisions: Decisions(
-                (dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance)),
-            ),
-            chance: Self::chance(dot(&self.success, &features), range_multiple),
-        }
+        let decisions = (dot(&self.decisions, &features) * range_multiple).max(Self::least_decisions(distance));
+        let chance = Self::chance(dot(&self.success, &features), range_multiple);
+        LegEstimate { decisions: Decisions(decisions), chance, death_chance: self.death_share * (1.0 - chance.get()) }
     }
 
     fn chance(score: f64, range_multiple: f64) -> Chance {
@@ -134,7 +159,7 @@ impl LegModel {
     }
 
     /// Returns lower bounds on the cost of any leg by its horizontal length in steps of 1 m, in decisions.
-    fn least_prices(&self) -> [f32; METRES] {
+    fn least_prices(&self, caution: Caution) -> [f32; METRES] {
         // The most that climbs and drops can improve a leg's score and reduce its decisions.
         let max_score_gain =
             max_of_quadratic(self.success[3], self.success[4]) + max_of_quadratic(self.success[5], 0.0);
@@ -146,7 +171,7 @@ impl LegModel {
             let decisions =
                 (dot(&self.decisions, &flat) - max_decisions_saved).max(Self::least_decisions(metres as f64));
             let chance = sigmoid(dot(&self.success, &flat) + max_score_gain).clamp(MIN_CHANCE, MAX_CHANCE);
-            price(Decisions(decisions), Chance::new(chance)) as f32
+            price(Decisions(decisions), Chance::new(chance), self.death_share * (1.0 - chance), caution) as f32
         };
         let by_speed = |metres: usize| Self::least_decisions(metres as f64) as f32;
         let mut least: [f32; METRES] = std::array::from_fn(price_of);
@@ -158,6 +183,16 @@ impl LegModel {
         }
         least
     }
+}
+
+/// Returns the share of deaths among the tries that failed on edges on which others arrived, with a few more of which the `usual` share died.
+pub(crate) fn death_share<'e>(evidence: impl IntoIterator<Item = &'e Evidence>, usual: f64) -> f64 {
+    let (mut deaths, mut failures) = (USUAL_FAILURES * usual, USUAL_FAILURES);
+    for own in evidence.into_iter().filter(|own| own.successes > 0) {
+        deaths += f64::from(own.deaths);
+        failures += f64::from(own.tries - own.successes);
+    }
+    deaths / failures
 }
 
 /// Returns the maximum of `linear * x + square * x * x` for `x >= 0`.
@@ -186,12 +221,15 @@ pub(crate) struct LegPrices {
     risk: Curve,
     /// Expected number of tries, by the negative logarithm of the chance.
     tries: Curve,
+    /// What the risks of failing and of dying cost, by the negative logarithm of the chance.
+    risk_price: Curve,
     /// Lower bound for each horizontal distance, in steps of 1 m.
     least: [f32; METRES],
 }
 
 impl LegPrices {
-    pub fn new(model: &LegModel) -> Self {
+    /// The costs that a search of this caution minimises.
+    pub fn new(model: &LegModel, caution: Caution) -> Self {
         let log_odds = |chance: f64| libm::log(chance / (1.0 - chance));
         Self {
             success: model.success.map(|value| value as f32),
@@ -199,7 +237,11 @@ impl LegPrices {
             range_m: model.range_m as f32,
             risk: Curve::new([log_odds(MIN_CHANCE), log_odds(MAX_CHANCE)], |score| -libm::log(sigmoid(score))),
             tries: Curve::new([-libm::log(MAX_CHANCE), -libm::log(MIN_CHANCE)], libm::exp),
-            least: model.least_prices(),
+            risk_price: Curve::new([-libm::log(MAX_CHANCE), -libm::log(MIN_CHANCE)], |risk| {
+                let death = model.death_share * (1.0 - libm::exp(-risk));
+                RISK_DECISIONS * risk - f64::from(caution.get()) * DEATH_DECISIONS * libm::log(1.0 - death)
+            }),
+            least: model.least_prices(caution),
         }
     }
 
@@ -251,7 +293,7 @@ impl LegPrices {
     fn total(&self, decisions: &[f32; LANES], scores: &[f32; LANES], multiples: &[f32; LANES]) -> [f32; LANES] {
         std::array::from_fn(|lane| {
             let risk = (self.risk.at(scores[lane]) * multiples[lane]).min(self.tries.high);
-            decisions[lane] * self.tries.at(risk) + RISK_DECISIONS as f32 * risk
+            decisions[lane] * self.tries.at(risk) + self.risk_price.at(risk)
         })
     }
 }
@@ -297,14 +339,14 @@ mod tests {
     #[test]
     fn tabulated_prices_are_those_of_the_estimate() {
         let model = LegModel::default();
-        let prices = LegPrices::new(&model);
+        let prices = LegPrices::new(&model, Caution::CAREFUL);
         let offset = |n: i32| Vec3::new((n * 37 % 121 - 60) as f32, (n * 53 % 41 - 20) as f32 * 0.7, (n % 17) as f32);
         for n in (0..4000).step_by(LANES) {
             let lanes: [Vec3; LANES] = std::array::from_fn(|lane| offset(n + lane as i32));
             let priced = prices.of(&[lanes.map(|it| it.x), lanes.map(|it| it.y), lanes.map(|it| it.z)]);
             for (offset, priced) in lanes.into_iter().zip(priced) {
                 let estimate = model.estimate(Vec3::ZERO, offset);
-                let exact = price(estimate.decisions, estimate.chance) as f32;
+                let exact = estimate.cost_at(Caution::CAREFUL) as f32;
                 assert!((priced - exact).abs() <= 2.0e-3 + 1.0e-4 * exact, "{offset}: {priced} instead of {exact}");
                 assert!(prices.metres_below(priced * (1.0 + 1.0e-4)) >= libm::hypotf(offset.x, offset.z), "{offset}");
             }

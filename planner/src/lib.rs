@@ -44,6 +44,7 @@ pub mod update;
 mod ways;
 
 pub use build::{BuildStats, Builder, Built};
+pub use evidence::Caution;
 pub use graph::{Edge, NavGraph};
 pub use ids::{EdgeKey, LegKey, Stop, VertexId};
 pub use plan::{AbilitySet, Leg, NoPath, Plan, Query};

@@ -3,7 +3,7 @@
 //! Reports of trusted reporters count in full. Reports of all others together count at most half as many tries as the edge's
 //! own probes, so that they can raise a cost but never outweigh what was proved.
 
-use crate::evidence::Evidence;
+use crate::evidence::{EdgeCost, Evidence, TryEnd};
 use crate::graph::{Edge, NavGraph};
 use crate::ids::EdgeKey;
 use serde::{Deserialize, Serialize};
@@ -24,8 +24,8 @@ const PROBES_FOR_EACH: u32 = 2;
 pub struct Traversal {
     /// The edge.
     pub edge: EdgeKey,
-    /// Whether the NPC arrived.
-    pub reached: bool,
+    /// How it ended.
+    pub end: TryEnd,
     /// Number of decisions.
     pub decisions: u32,
 }
@@ -62,19 +62,19 @@ impl LiveEvidence {
         self.reporters.is_empty()
     }
 
-    /// Adds a traversal of an edge of `graph`. Returns the new cost of the edge in decisions; `None` if `graph` has no such edge.
-    pub fn note(&mut self, graph: &NavGraph, reporter: &Reporter, traversal: &Traversal) -> Option<f64> {
+    /// Adds a traversal of an edge of `graph`. Returns the new cost of the edge; `None` if `graph` has no such edge.
+    pub fn note(&mut self, graph: &NavGraph, reporter: &Reporter, traversal: &Traversal) -> Option<EdgeCost> {
         let edge = graph.edge(traversal.edge)?;
         let is_trusted = reporter.is_trusted;
         let has_entry = self.reporters.contains_key(reporter) || self.reporters.len() < MAX_REPORTERS;
         let entry = if has_entry { reporter.clone() } else { Reporter { name: OTHERS.to_owned(), is_trusted } };
         let own = self.reporters.entry(entry).or_default().entry(edge.key).or_default();
-        own.note(traversal.reached, traversal.decisions, edge.evidence.ability);
+        own.note(traversal.end, traversal.decisions, edge.evidence.ability);
         if self.sum(edge.key, is_trusted).tries >= MEMORY {
             let alike = self.reporters.iter_mut().filter(|(other, _)| other.is_trusted == is_trusted);
             alike.filter_map(|(_, edges)| edges.get_mut(&edge.key)).for_each(Evidence::halve);
         }
-        Some(self.added_to(edge).cost())
+        Some(self.added_to(edge).edge_cost())
     }
 
     /// Returns the sum of the evidence of an edge, of all trusted or of all other reporters.

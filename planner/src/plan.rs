@@ -1,6 +1,6 @@
 //! Path queries, and the plans that answer them.
 
-use crate::evidence::Evidence;
+use crate::evidence::{Caution, Evidence};
 use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
 use surefoot_world::{Ability, Chance, Decisions, Seconds, Vec3};
@@ -16,6 +16,20 @@ pub struct Query {
     pub avoid: Vec<LegKey>,
     /// Abilities that the plan must do without.
     pub without: AbilitySet,
+    /// How much the plan does to avoid that the NPC dies.
+    pub caution: Caution,
+}
+
+impl Query {
+    /// A query for a careful plan, by every means.
+    pub fn new(start: Vec3, goal: Vec3) -> Self {
+        Self { start, goal, avoid: Vec::new(), without: AbilitySet::default(), caution: Caution::CAREFUL }
+    }
+
+    /// Whether this asks for a careful plan, by every means: such plans can be looked up.
+    pub(crate) fn is_usual(&self) -> bool {
+        self.avoid.is_empty() && self.without.is_empty() && self.caution == Caution::CAREFUL
+    }
 }
 
 /// A set of abilities. One with jumps has double jumps as well, which begin with a jump.
@@ -49,6 +63,13 @@ impl FromIterator<Ability> for AbilitySet {
     }
 }
 
+/// Share of a plan's risk, as the logarithm of its chance, that rehearsals leave; this and the next two were fitted on validation maps.
+const LEFT_BY_REHEARSALS: f64 = 0.25;
+/// Share of the failures on a leg that neither rehearsals nor other plans make good.
+const LOST_BY_FAILING: f64 = 0.035;
+/// The same of deaths.
+const LOST_BY_DYING: f64 = 0.07;
+
 /// One leg of a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leg {
@@ -58,6 +79,8 @@ pub struct Leg {
     pub seconds: Seconds,
     /// Estimated chance of success.
     pub chance: Chance,
+    /// Estimated chance of dying on it, at most `1 - chance`.
+    pub death_chance: f32,
     /// The most demanding ability that the leg needs.
     pub ability: Ability,
 }
@@ -92,7 +115,7 @@ pub struct Plan {
 impl Plan {
     /// Returns the plan of one unproved leg straight to `goal`, m, of which nothing is known.
     pub fn straight(goal: Vec3) -> Self {
-        let leg = Leg::lasting(LegKey::DIRECT, Decisions(1.0), Chance::new(1.0), Ability::Walk);
+        let leg = Leg::lasting(LegKey::DIRECT, Decisions(1.0), Chance::new(1.0), 0.0, Ability::Walk);
         Self { waypoints: vec![goal], legs: vec![leg], no_path: None, nearest: None }
     }
 
@@ -101,7 +124,26 @@ impl Plan {
         self.legs.iter().map(|leg| leg.seconds).sum()
     }
 
-    /// Returns the estimated chance that every leg succeeds.
+    /// Returns the estimated chance of dying on the way, for an NPC that does not rehearse.
+    pub fn death_chance(&self) -> f64 {
+        1.0 - self.legs.iter().map(|leg| 1.0 - f64::from(leg.death_chance)).product::<f64>()
+    }
+
+    /// Returns the estimated chance that an NPC arrives without another plan that rehearses its legs.
+    pub fn as_planned_chance(&self) -> Chance {
+        Chance::new(libm::pow(self.chance().get(), LEFT_BY_REHEARSALS))
+    }
+
+    /// Returns the estimated chance that an NPC arrives that rehearses its legs, and plans anew where one fails.
+    pub fn arrival_chance(&self) -> Chance {
+        let kept = |leg: &Leg| {
+            let death = f64::from(leg.death_chance);
+            1.0 - LOST_BY_FAILING * (1.0 - leg.chance.get() - death) - LOST_BY_DYING * death
+        };
+        Chance::new(self.legs.iter().map(kept).product())
+    }
+
+    /// Returns the estimated chance that every leg succeeds, for an NPC that does not rehearse.
     pub fn chance(&self) -> Chance {
         self.legs.iter().map(|leg| leg.chance).product()
     }
@@ -110,16 +152,18 @@ impl Plan {
 impl Leg {
     /// Creates the leg along a proved edge.
     pub(crate) fn proved(key: EdgeKey, evidence: &Evidence) -> Self {
-        Self::lasting(key.into(), evidence.decisions_mean(), evidence.chance(), evidence.ability)
+        let (chance, death_chance) = (evidence.chance(), evidence.death_chance());
+        Self::lasting(key.into(), evidence.decisions_mean(), chance, death_chance, evidence.ability)
     }
 
     /// Creates an unproved leg, which `model` estimates from the positions of its two ends, m.
     pub(crate) fn unproved(model: &LegModel, key: LegKey, [start, end]: [Vec3; 2]) -> Self {
         let estimate = model.estimate(start, end);
-        Self::lasting(key, estimate.decisions, estimate.chance, Ability::Walk)
+        Self::lasting(key, estimate.decisions, estimate.chance, estimate.death_chance, Ability::Walk)
     }
 
-    fn lasting(key: LegKey, decisions: Decisions, chance: Chance, ability: Ability) -> Self {
-        Self { key, seconds: Decisions(decisions.0 / chance.get()).seconds(), chance, ability }
+    fn lasting(key: LegKey, decisions: Decisions, chance: Chance, death_chance: f64, ability: Ability) -> Self {
+        let seconds = Decisions(decisions.0 / chance.get()).seconds();
+        Self { key, seconds, chance, death_chance: death_chance as f32, ability }
     }
 }

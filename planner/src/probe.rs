@@ -24,6 +24,8 @@ pub struct Trial {
 pub struct Outcome {
     /// Whether the probe arrived.
     pub reached: bool,
+    /// Whether the probe ended because the body fell out of the map, burnt or drowned.
+    pub died: bool,
     /// Number of decisions.
     pub decisions: u32,
     /// The most demanding ability that the probe used.
@@ -42,6 +44,7 @@ impl Outcome {
     pub fn begin(start: Vec3) -> Self {
         Self {
             reached: false,
+            died: false,
             decisions: 0,
             ability: Ability::Walk,
             bounds: [start; 2],

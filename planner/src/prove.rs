@@ -11,9 +11,9 @@
 //! edge before.
 
 use crate::candidates::Candidate;
-use crate::evidence::{Evidence, price};
+use crate::evidence::{Caution, Evidence, price};
 use crate::ids::{EdgeKey, VertexId};
-use crate::legs::LegModel;
+use crate::legs::{LegModel, death_share};
 use crate::predictor::{Geometry, Predictor, is_perilous, measure};
 use crate::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use crate::progress::Progress;
@@ -56,6 +56,10 @@ const BRIDGE_SHARE: usize = 8;
 /// A candidate is needless if proved edges lead to its end at no more than this fraction of its expected cost.
 const NEEDLESS: f64 = 0.85;
 
+/// Usual share of deaths among failures on edges beside which a miss is fatal.
+const DEATHS_BESIDE_PERIL: f64 = 0.5;
+/// The same on other edges.
+const DEATHS_ELSEWHERE: f64 = 0.02;
 /// Probes on the run of an edge beside which a miss is fatal.
 const RUNS: u32 = 4;
 /// Success rate below which an edge is not probed on the run any more.
@@ -164,17 +168,36 @@ impl ProbeRun<'_> {
         let predictor = fit(evidence);
         let priors: Vec<f64> = (0..evidence.len()).map(|idx| predictor.chance(idx, evidence)).collect();
         evidence.iter_mut().zip(priors).for_each(|(evidence, prior)| evidence.prior = prior as f32);
+        self.expect_deaths(evidence);
         Some(())
+    }
+
+    /// Expects as many of the failures on an edge to be deaths as there are on others: those beside which a miss is fatal, or the rest.
+    pub fn expect_deaths(&self, evidence: &mut [Evidence]) {
+        let arrived: Vec<u32> =
+            (0..).zip(&*evidence).filter(|(_, own)| own.successes > 0).map(|(idx, _)| idx).collect();
+        let is_beside_peril = self.are_perilous(&arrived);
+        let classes = [(true, DEATHS_BESIDE_PERIL), (false, DEATHS_ELSEWHERE)];
+        for (class, usual) in classes {
+            let members = || arrived.iter().zip(&is_beside_peril).filter(|(_, is_beside)| **is_beside == class);
+            let share = death_share(members().map(|(&idx, _)| &evidence[idx as usize]), usual);
+            members().for_each(|(&idx, _)| evidence[idx as usize].death_share = share as f32);
+        }
+    }
+
+    /// Whether a miss is fatal beside each of these candidates.
+    fn are_perilous(&self, which: &[u32]) -> Vec<bool> {
+        self.in_parallel(which, |&idx| {
+            let EdgeKey { from, to } = self.candidates[idx as usize];
+            is_perilous(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
+        })
     }
 
     /// Probes those of `which` beside which a miss is fatal on the run, each time from another edge that leads to their start.
     pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
         let position = |vertex: VertexId| self.vertices[vertex.idx()];
         let arrived: Vec<u32> = which.iter().copied().filter(|&idx| evidence[idx as usize].successes > 0).collect();
-        let is_beside_peril = self.in_parallel(&arrived, |&idx| {
-            let EdgeKey { from, to } = self.candidates[idx as usize];
-            is_perilous(self.map, position(from), position(to))
-        });
+        let is_beside_peril = self.are_perilous(&arrived);
         let perilous: Vec<u32> =
             arrived.into_iter().zip(is_beside_peril).filter_map(|(idx, is_beside)| is_beside.then_some(idx)).collect();
         for run in 0..RUNS {
@@ -264,7 +287,7 @@ impl ProbeRun<'_> {
         let cost = |idx: u32| {
             let EdgeKey { from, to } = self.candidates[idx as usize];
             let decisions = legs.decisions(self.vertices[from.idx()], self.vertices[to.idx()]);
-            price(decisions, Chance::new(predictor.chance(idx as usize, evidence)))
+            price(decisions, Chance::new(predictor.chance(idx as usize, evidence)), 0.0, Caution::BOLD)
         };
         let mut by_start: HashMap<VertexId, f64> = HashMap::new();
         for &idx in which.iter() {

@@ -10,7 +10,7 @@
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS, VertexIndex};
 use crate::closure::Closure;
-use crate::evidence::price;
+use crate::evidence::{Caution, EdgeCost};
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
 use crate::hierarchy::Hierarchy;
@@ -18,6 +18,7 @@ use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::LegPrices;
 use crate::plan::{AbilitySet, Leg, NoPath, Plan, Query};
 use crate::table::Table;
+use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::OnceLock;
@@ -32,8 +33,8 @@ const LEAST_CLIMB_M: f32 = 5.0;
 /// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
 pub const DEFAULT_TABLE_LIMIT: usize = 4096;
 
-/// Current costs of edges that have changed since a router was made, in decisions; infinite for edges that must not be used.
-pub type EdgeCosts = HashMap<EdgeKey, f32>;
+/// Current costs of edges that have changed since a router was made.
+pub type EdgeCosts = HashMap<EdgeKey, EdgeCost>;
 
 /// A graph prepared for queries.
 #[derive(Debug)]
@@ -51,7 +52,7 @@ pub struct Router {
     sources: VertexIndex,
     /// Vertices with incoming edges.
     targets: VertexIndex,
-    /// The greatest distance that any edge covers per decision of its cost, m.
+    /// The greatest distance that any edge covers per decision of its cost, for plans of any caution, m.
     metres_per_cost: f32,
     prices: LegPrices,
     /// Limits of the unproved leg from the last vertex to the goal.
@@ -72,13 +73,14 @@ impl Router {
         let mut metres_per_cost = f32::MIN_POSITIVE;
         for edge in graph.edges() {
             let metres = graph.position(edge.key.from).distance(graph.position(edge.key.to));
-            metres_per_cost = metres_per_cost.max(metres / (edge.evidence.cost() as f32).max(f32::MIN_POSITIVE));
+            let least_cost = edge.evidence.cost_at(Caution::BOLD) as f32;
+            metres_per_cost = metres_per_cost.max(metres / least_cost.max(f32::MIN_POSITIVE));
         }
         Self {
             vertices: VertexIndex::new(&graph, cell_m, |_| true),
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
-            prices: LegPrices::new(graph.legs()),
+            prices: LegPrices::new(graph.legs(), Caution::CAREFUL),
             reach: Reach::of(&graph),
             forbidden: Vec::new(),
             closure: Closure::new(&graph),
@@ -163,11 +165,11 @@ impl Router {
 
     /// The cheapest path from one of `starts` to one of `goals`.
     fn join(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
-        if !self.knows_all() {
+        if !self.knows_all() || query.caution != Caution::CAREFUL {
             return self.a_star(starts, goals, query, repriced);
         }
         let path = self.look_up_path(starts, goals)?;
-        if query.avoid.is_empty() && query.without.is_empty() && repriced.is_empty() {
+        if query.is_usual() && repriced.is_empty() {
             return Some(path);
         }
         let is_usual = |edge: &EdgeIdx| {
@@ -194,12 +196,7 @@ impl Router {
 
     /// Searches the cheapest path between two vertices with A*. Returns its cost in decisions and its vertices.
     pub fn search(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
-        let query = Query {
-            start: self.graph.position(from),
-            goal: self.graph.position(to),
-            avoid: Vec::new(),
-            without: AbilitySet::default(),
-        };
+        let query = Query::new(self.graph.position(from), self.graph.position(to));
         self.a_star(&[(from, 0.0)], &[(to, 0.0)], &query, &EdgeCosts::new()).map(|path| self.vertices_of(&path))
     }
 
@@ -218,7 +215,7 @@ impl Router {
     fn attach_start(&self, query: &Query) -> Vec<Attachment> {
         let closed = self.closed_from(query.start);
         let accept = |vertex, _| is_start_open(query, vertex) && !closed.contains(&vertex);
-        self.sources.cheapest(query.start, ATTACHMENTS, &self.prices, f32::INFINITY, Direction::Away, accept)
+        self.sources.cheapest(query.start, ATTACHMENTS, &self.prices(query), f32::INFINITY, Direction::Away, accept)
     }
 
     /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
@@ -227,7 +224,7 @@ impl Router {
         let accept =
             |vertex, leg| is_start_open(query, vertex) && !closed.contains(&vertex) && self.reach.contains(leg);
         let reach_m = self.reach.length_m;
-        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices, reach_m, Direction::Away, accept)
+        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, accept)
     }
 
     /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
@@ -236,7 +233,16 @@ impl Router {
         let closed = self.closed_to(query.goal);
         let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
         let accept = |vertex, leg| is_open(vertex) && !closed.contains(&vertex) && self.reach.contains(leg);
-        self.targets.cheapest(query.goal, most, &self.prices, self.reach.length_m, Direction::Back, accept)
+        self.targets.cheapest(query.goal, most, &self.prices(query), self.reach.length_m, Direction::Back, accept)
+    }
+
+    /// What unproved legs cost in the plans that a query asks for.
+    fn prices(&self, query: &Query) -> Cow<'_, LegPrices> {
+        if query.caution == Caution::CAREFUL {
+            Cow::Borrowed(&self.prices)
+        } else {
+            Cow::Owned(LegPrices::new(self.graph.legs(), query.caution))
+        }
     }
 
     /// The vertices to which designers forbid the edge from a vertex at `start`.
@@ -297,6 +303,7 @@ impl Router {
             }
         }
         let mut best: (f32, Option<VertexId>) = (f32::INFINITY, None);
+        let is_careful = query.caution == Caution::CAREFUL;
         while let Some(Reverse((HeapCost(bound), vertex))) = open.pop() {
             // Rounding may lift a lower bound slightly above the true cost.
             if bound > best.0 * (1.0 + 1.0e-5) {
@@ -311,9 +318,14 @@ impl Router {
                     best = (so_far + exit, Some(vertex));
                 }
             }
-            for (edge, to, price) in self.adjacency.outgoing(vertex) {
+            for (edge, to, careful) in self.adjacency.outgoing(vertex) {
                 let key = EdgeKey { from: vertex, to };
-                let price = if repriced.is_empty() { price } else { *repriced.get(&key).unwrap_or(&price) };
+                let changed = if repriced.is_empty() { None } else { repriced.get(&key) };
+                let price = match changed {
+                    Some(cost) => cost.at(query.caution),
+                    None if is_careful => careful,
+                    None => self.adjacency.cost(edge).at(query.caution),
+                };
                 let next = so_far + price;
                 if next < cost[to.idx()] && self.is_open(query, edge) {
                     cost[to.idx()] = next;
@@ -335,7 +347,7 @@ impl Router {
 
     fn direct_cost(&self, query: &Query) -> f32 {
         let estimate = self.graph.legs().estimate(query.start, query.goal);
-        price(estimate.decisions, estimate.chance) as f32
+        estimate.cost_at(query.caution) as f32
     }
 
     fn direct(&self, query: &Query, no_path: Option<NoPath>) -> Plan {
@@ -386,8 +398,7 @@ impl Router {
         repriced: &EdgeCosts,
     ) -> Plan {
         let ends = [(nearest, 0.0)];
-        let is_usual = query.avoid.is_empty() && query.without.is_empty() && repriced.is_empty();
-        let path = if is_usual && self.knows_all() {
+        let path = if query.is_usual() && repriced.is_empty() && self.knows_all() {
             self.look_up_path(starts, &ends)
         } else {
             self.a_star(starts, &ends, query, repriced)

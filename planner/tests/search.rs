@@ -3,18 +3,18 @@
 use petgraph::algo::{astar, dijkstra};
 use petgraph::graph::NodeIndex;
 use proptest::prelude::*;
-use surefoot_planner::evidence::Evidence;
+use surefoot_planner::evidence::{Caution, EdgeCost, Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::search::EdgeCosts;
-use surefoot_planner::{AbilitySet, Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
+use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
 
 fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge {
     let mut evidence = Evidence::default();
     for attempt in 0..tries {
-        evidence.note(attempt < successes, decisions, Ability::Walk);
+        evidence.note(TryEnd::of(attempt < successes), decisions, Ability::Walk);
     }
     Edge { key: EdgeKey::new(from, to), evidence }
 }
@@ -28,7 +28,7 @@ fn row(count: u32) -> Vec<Vec3> {
 }
 
 fn query(start: Vec3, goal: Vec3) -> Query {
-    Query { start, goal, avoid: Vec::new(), without: AbilitySet::default() }
+    Query::new(start, goal)
 }
 
 fn router(graph: NavGraph) -> Router {
@@ -104,7 +104,7 @@ proptest! {
         let graph = graph(scattered(40), edges_of(tuples));
         let (start, goal) = (Vec3::new(ends[0], 0.0, ends[1]), Vec3::new(ends[2] + 60.0, ends[3] / 20.0, ends[4]));
         let barred: Vec<LegKey> = barred.into_iter().map(|(from, to)| EdgeKey::new(from, to).into()).collect();
-        let query = Query { start, goal, avoid: barred.clone(), without: AbilitySet::default() };
+        let query = Query { avoid: barred.clone(), ..Query::new(start, goal) };
         let routers = [labelled(graph.clone()), Router::new(graph.clone(), 0, 1)];
         let with = router(graph).find_path(&query);
         let total = |plan: &surefoot_planner::Plan| plan.legs.iter().map(|leg| f64::from(leg.seconds.0) / (1.0 / 6.0) - 60.0 * libm::log(leg.chance.get())).sum::<f64>();
@@ -169,7 +169,7 @@ fn where_the_only_way_is_forbidden_there_is_none() {
 /// An edge of 10 decisions that needs an ability.
 fn edge_by(from: u32, to: u32, ability: Ability) -> Edge {
     let mut evidence = Evidence::default();
-    evidence.note(true, 10, ability);
+    evidence.note(TryEnd::Arrived, 10, ability);
     Edge { key: EdgeKey::new(from, to), evidence }
 }
 
@@ -203,6 +203,54 @@ fn a_plan_does_without_what_it_is_told_to_with_and_without_a_table() {
 }
 
 #[test]
+fn the_more_cautious_a_plan_the_farther_it_goes_around_an_edge_that_kills() {
+    // Both of the short ways fail once in ten tries, and one of them kills.
+    let short = |end: TryEnd, to: u32| {
+        let mut evidence = Evidence::default();
+        (0..9).for_each(|_| evidence.note(TryEnd::Arrived, 20, Ability::Walk));
+        evidence.note(end, 20, Ability::Walk);
+        Edge { key: EdgeKey::new(0, to), evidence }
+    };
+    let vertices =
+        vec![Vec3::ZERO, Vec3::new(100.0, 0.0, 0.0), Vec3::new(50.0, 0.0, 60.0), Vec3::new(-100.0, 0.0, 0.0)];
+    let around = [edge(0, 2, 50, 99, 99), edge(2, 1, 50, 99, 99), edge(2, 3, 50, 99, 99)];
+    let edges = [vec![short(TryEnd::Died, 1), short(TryEnd::Failed, 3)], around.to_vec()].concat();
+    let graph = graph(vertices, edges);
+    for table_limit in [4096, 0] {
+        let router = Router::new(graph.clone(), table_limit, 1);
+        let plan = |x: f32, caution: Caution| {
+            router.find_path(&Query { caution, ..query(Vec3::ZERO, Vec3::new(x, 0.0, 0.0)) })
+        };
+        let passes = |x: f32, caution: Caution| plan(x, caution).waypoints.contains(&Vec3::new(50.0, 0.0, 60.0));
+        assert!(passes(100.0, Caution::CAREFUL), "a careful plan goes around");
+        assert!(!passes(100.0, Caution::BOLD), "a bold one does not");
+        assert!(!passes(100.0, Caution::new(0.1).unwrap()), "nor does one that is hardly careful");
+        assert!(!passes(-100.0, Caution::CAREFUL), "failing without harm is worth no detour");
+        let (careful, bold) = (plan(100.0, Caution::CAREFUL), plan(100.0, Caution::BOLD));
+        assert!(bold.death_chance() > 0.05 && careful.death_chance() < 0.02, "{bold:?} {careful:?}");
+        assert!(bold.arrival_chance().get() > bold.chance().get(), "most failures are made good by other plans");
+    }
+    assert_eq!([-0.1, 1.1, f32::NAN].map(Caution::new), [None; 3]);
+}
+
+#[test]
+fn reported_deaths_make_careful_plans_go_around() {
+    let graph = graph(row(2), vec![edge(0, 1, 10, 20, 20)]);
+    let (mut died, mut failed) = (LiveEvidence::default(), LiveEvidence::default());
+    let cost = |live: &mut LiveEvidence, end| {
+        let traversal = Traversal { edge: EdgeKey::new(0, 1), end, decisions: 10 };
+        live.note(&graph, &reporter("worker", true), &traversal).unwrap().careful
+    };
+    assert!(cost(&mut died, TryEnd::Died) > cost(&mut failed, TryEnd::Failed) + 10.0);
+    for _ in 0..500 {
+        cost(&mut died, TryEnd::Died);
+        assert!(died.is_sound());
+    }
+    let evidence = died.apply_to(&graph).edge(EdgeKey::new(0, 1)).unwrap().evidence;
+    assert!(evidence.is_consistent() && evidence.death_chance() > 0.5, "{evidence:?}");
+}
+
+#[test]
 fn a_failed_leg_is_not_used_again() {
     let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 30, 2, 2)]);
     let router = router(graph);
@@ -214,7 +262,10 @@ fn a_failed_leg_is_not_used_again() {
     assert_eq!(passed(Vec::new(), &EdgeCosts::new()), [(0, 1), (1, 2)]);
     assert_eq!(passed(vec![EdgeKey::new(1, 2).into()], &EdgeCosts::new()), [(0, 2)]);
     // The same holds where the edge has become expensive for all queries.
-    assert_eq!(passed(Vec::new(), &EdgeCosts::from([(EdgeKey::new(1, 2), 500.0)])), [(0, 2)]);
+    assert_eq!(
+        passed(Vec::new(), &EdgeCosts::from([(EdgeKey::new(1, 2), EdgeCost { careful: 500.0, by_death: 0.0 })])),
+        [(0, 2)]
+    );
 }
 
 fn reporter(name: &str, is_trusted: bool) -> Reporter {
@@ -225,7 +276,7 @@ fn reporter(name: &str, is_trusted: bool) -> Reporter {
 fn reports_of_strangers_never_outweigh_the_probes_and_can_be_taken_back() {
     let graph = graph(row(2), vec![edge(0, 1, 10, 4, 4)]);
     let mut live = LiveEvidence::default();
-    let failure = Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 10 };
+    let failure = Traversal { edge: EdgeKey::new(0, 1), end: TryEnd::Failed, decisions: 10 };
     let mut note = |name: &str, is_trusted, count: u32| {
         (0..count).for_each(|_| {
             live.note(&graph, &reporter(name, is_trusted), &failure).unwrap();
@@ -249,7 +300,7 @@ fn reports_of_strangers_never_outweigh_the_probes_and_can_be_taken_back() {
 fn any_number_of_reporters_takes_bounded_memory() {
     let graph = graph(row(2), vec![edge(0, 1, 10, 4, 4)]);
     let mut live = LiveEvidence::default();
-    let failure = Traversal { edge: EdgeKey::new(0, 1), reached: false, decisions: 10 };
+    let failure = Traversal { edge: EdgeKey::new(0, 1), end: TryEnd::Failed, decisions: 10 };
     for number in 0..1000 {
         live.note(&graph, &reporter(&number.to_string(), number % 2 == 0), &failure).unwrap();
     }
@@ -271,11 +322,11 @@ fn reported_failures_divert_plans_and_later_successes_bring_them_back() {
     let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 50, 2, 2)]);
     let mut live = LiveEvidence::default();
     let worker = reporter("worker", true);
-    let traversal = |reached| Traversal { edge: EdgeKey::new(1, 2), reached, decisions: 10 };
+    let traversal = |reached| Traversal { edge: EdgeKey::new(1, 2), end: TryEnd::of(reached), decisions: 10 };
     let before = graph.edge(EdgeKey::new(1, 2)).unwrap().evidence.cost();
     let mut cost = 0.0;
     for _ in 0..4 {
-        cost = live.note(&graph, &worker, &traversal(false)).unwrap();
+        cost = f64::from(live.note(&graph, &worker, &traversal(false)).unwrap().careful);
     }
     assert!(cost > before + 20.0, "{cost} after {before}");
     let path = |live: &LiveEvidence| router(live.apply_to(&graph)).look_up(VertexId(0), VertexId(2)).unwrap().1;
@@ -285,7 +336,10 @@ fn reported_failures_divert_plans_and_later_successes_bring_them_back() {
     }
     assert_eq!(path(&live), [0, 1, 2].map(VertexId));
     assert!(live.traversals() < 100, "old traversals are forgotten");
-    assert_eq!(live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(2, 0), reached: true, decisions: 1 }), None);
+    assert_eq!(
+        live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(2, 0), end: TryEnd::Arrived, decisions: 1 }),
+        None
+    );
 }
 
 #[test]

@@ -61,6 +61,9 @@ pub enum FieldError {
         /// The value.
         value: i32,
     },
+    /// Two flags are set that exclude each other.
+    #[error("{0} and {1} exclude each other")]
+    Exclusive(&'static str, &'static str),
     /// A packed array has the wrong length.
     #[error("{field} has {found} bytes, expected {expected}")]
     Length {
@@ -77,7 +80,9 @@ impl FieldError {
     /// Returns the path of the field.
     pub fn field(&self) -> String {
         match self {
-            FieldError::Missing(field) | FieldError::NotFinite(field) => (*field).to_owned(),
+            FieldError::Missing(field) | FieldError::NotFinite(field) | FieldError::Exclusive(field, _) => {
+                (*field).to_owned()
+            }
             FieldError::Spec(SpecError { field, .. }) => format!("map.{field}"),
             FieldError::Body(ProfileError { field, .. }) => format!("body.{field}"),
             FieldError::UnknownBody { .. } => "body.preset".to_owned(),

@@ -3,8 +3,11 @@
 use crate::convert::{self, FieldError};
 use crate::planner::v1 as wire;
 use crate::world::v1 as world;
+use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{BuildSettings, EdgeKey, Leg, LegKey, NoPath, Placement, Plan, Probing, Query, Stop, VertexId};
+use surefoot_planner::{
+    BuildSettings, Caution, EdgeKey, Leg, LegKey, NoPath, Placement, Plan, Probing, Query, Stop, VertexId,
+};
 use surefoot_world::{Ability, Chance, Seconds};
 
 /// Maximum number of legs that a query avoids.
@@ -47,11 +50,15 @@ fn without(value: i32) -> Result<Ability, FieldError> {
     }
 }
 
+fn caution(value: f32) -> Result<Caution, FieldError> {
+    Caution::new(value).ok_or(FieldError::Range { field: "query.caution", value: value.into(), min: 0.0, max: 1.0 })
+}
+
 /// Converts a query from the wire.
 ///
 /// # Errors
-/// If a point is absent or not finite, a leg to avoid lacks an end, there are more than 64 such legs, or the plan is to do without
-/// walking or something unknown.
+/// If a point is absent or not finite, a leg to avoid lacks an end, there are more than 64 such legs, the plan is to do without
+/// walking or something unknown, or the caution is not 0 to 1.
 pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
     let (found, limit) = (query.avoid.len(), MAX_AVOID);
     if found > limit {
@@ -62,6 +69,7 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
         goal: convert::point(query.goal.as_ref(), "query.goal")?,
         avoid: query.avoid.iter().map(leg_key).collect::<Result<_, _>>()?,
         without: query.without.iter().map(|&ability| without(ability)).collect::<Result<_, _>>()?,
+        caution: query.caution.map_or(Ok(Caution::CAREFUL), caution)?,
     })
 }
 
@@ -73,6 +81,7 @@ pub fn query_to_wire(query: &Query) -> wire::PathQuery {
         goal: Some(convert::to_wire(query.goal)),
         avoid: query.avoid.iter().map(avoid).collect(),
         without: query.without.iter().map(|ability| convert::ability_to_wire(ability).into()).collect(),
+        caution: (query.caution != Caution::CAREFUL).then_some(query.caution.get()),
     }
 }
 
@@ -91,6 +100,7 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
         seconds: leg.seconds.0,
         chance: leg.chance.get() as f32,
         ability: convert::ability_to_wire(leg.ability).into(),
+        death_chance: leg.death_chance,
     };
     wire::Plan {
         found: plan.no_path.is_none(),
@@ -100,6 +110,9 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
         seconds: plan.seconds().0,
         chance: plan.chance().get() as f32,
         nearest_reachable: plan.nearest.map(convert::to_wire),
+        arrival_chance: plan.arrival_chance().get() as f32,
+        death_chance: plan.death_chance() as f32,
+        as_planned_chance: plan.as_planned_chance().get() as f32,
     }
 }
 
@@ -129,6 +142,8 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
             key: LegKey { from, to },
             seconds: Seconds(leg.seconds),
             chance: Chance::new(f64::from(leg.chance)),
+            // Planners of before do not say.
+            death_chance: if leg.death_chance.is_nan() { 0.0 } else { leg.death_chance.clamp(0.0, 1.0) },
             ability: convert::ability(leg.ability),
         })
     };
@@ -198,14 +213,19 @@ pub fn settings_to_wire(settings: &BuildSettings) -> wire::BuildSettings {
 /// Converts a traversal from the wire.
 ///
 /// # Errors
-/// If its number of decisions is above 10000.
+/// If its number of decisions is above 10000, or the NPC both reached the vertex and died.
 pub fn traversal(traversal: &wire::Traversal) -> Result<Traversal, FieldError> {
-    let &wire::Traversal { from, to, reached, decisions } = traversal;
+    let &wire::Traversal { from, to, reached, decisions, died } = traversal;
     if decisions > MAX_DECISIONS {
         let (value, max) = (f64::from(decisions), f64::from(MAX_DECISIONS));
         return Err(FieldError::Range { field: "traversals.decisions", value, min: 0.0, max });
     }
-    Ok(Traversal { edge: EdgeKey::new(from, to), reached, decisions })
+    let end = match (reached, died) {
+        (true, true) => return Err(FieldError::Exclusive("traversals.died", "traversals.reached")),
+        (_, true) => TryEnd::Died,
+        (reached, false) => TryEnd::of(reached),
+    };
+    Ok(Traversal { edge: EdgeKey::new(from, to), end, decisions })
 }
 
 /// Converts a traversal to the wire.
@@ -213,8 +233,9 @@ pub fn traversal_to_wire(traversal: &Traversal) -> wire::Traversal {
     wire::Traversal {
         from: traversal.edge.from.0,
         to: traversal.edge.to.0,
-        reached: traversal.reached,
+        reached: traversal.end == TryEnd::Arrived,
         decisions: traversal.decisions,
+        died: traversal.end == TryEnd::Died,
     }
 }
 

@@ -27,9 +27,15 @@ pub struct Attempt {
     pub replans: u32,
     /// Length of the path from decision to decision, m.
     pub length: f32,
-    /// Chance of arriving that the first plan gave; `None` without a plan that leads to the goal.
+    /// Number of plans that were taken: 1 for one that went through as planned.
+    #[serde(default)]
+    pub plans: u32,
+    /// Chance of arriving as planned that the first plan gave; `None` without a plan that leads to the goal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub promised: Option<f32>,
+    /// Chance of arriving, re-plans included, that the first plan gave.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub promised_arrival: Option<f32>,
     /// Why the attempt failed; `None` if it succeeded or did not follow a plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Fault>,
@@ -180,7 +186,8 @@ struct Walker {
     lane: Lane,
     noise: NoiseStream,
     follower: Option<Follower>,
-    promised: Option<f32>,
+    /// Chances of arriving as planned, and with re-plans, that the first plan gave.
+    promised: Option<(f32, f32)>,
     /// Whether what lies ahead must be rehearsed before the next decision.
     rehearses_next: bool,
     ghost: Option<Ghost>,
@@ -235,7 +242,9 @@ impl Walker {
         let attempt = Attempt {
             end,
             decisions: self.track.len() as u32 - 1,
-            promised: self.promised,
+            plans: self.follower.as_ref().map_or(0, Follower::plans),
+            promised: self.promised.map(|it| it.0),
+            promised_arrival: self.promised.map(|it| it.1),
             replans: self.follower.as_ref().map_or(0, Follower::replans),
             length: self.track.windows(2).fold(0.0, |length, step| length + step[0].distance(step[1])),
             fault: failed.map(|follower| follower.fault(end.is_harm())),

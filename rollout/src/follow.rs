@@ -4,8 +4,9 @@
 
 use crate::style::Style;
 use serde::{Deserialize, Serialize};
+use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{AbilitySet, LegKey, Plan, Query, Stop};
+use surefoot_planner::{LegKey, Plan, Query, Stop};
 use surefoot_world::{Ability, Vec3};
 
 /// Constants of plan following.
@@ -88,6 +89,7 @@ pub struct Follower {
     best_goal_distance: f32,
     stalled_on_leg: u32,
     stalled: u32,
+    plans: u32,
     replans: u32,
     failed_legs: Vec<FailedLeg>,
     /// Legs to the goal itself that failed.
@@ -131,6 +133,7 @@ impl Follower {
             best_goal_distance: f32::INFINITY,
             stalled_on_leg: 0,
             stalled: 0,
+            plans: 0,
             replans: 0,
             failed_legs: Vec::new(),
             failed_arrivals: 0,
@@ -148,7 +151,7 @@ impl Follower {
 
     /// Records that the NPC came to harm, which ends the attempt on the current leg.
     pub fn note_harm(&mut self) {
-        self.end_leg(false);
+        self.end_leg(TryEnd::Died);
     }
 
     /// The fault if the attempt failed now, either by harm or by running out of patience or re-plans.
@@ -168,10 +171,10 @@ impl Follower {
         }
     }
 
-    fn end_leg(&mut self, reached: bool) {
+    fn end_leg(&mut self, end: TryEnd) {
         let Some(plan) = &self.plan else { return };
         if let Some(edge) = plan.legs[self.leg].key.edge() {
-            self.traversals.push(Traversal { edge, reached, decisions: self.decisions_on_leg });
+            self.traversals.push(Traversal { edge, end, decisions: self.decisions_on_leg });
         }
     }
 
@@ -237,9 +240,15 @@ impl Follower {
         self.plan.as_ref().is_some_and(|plan| self.leg + 1 == plan.waypoints.len())
     }
 
-    /// Chance of arriving that the plan gives; `None` without a plan that leads to the goal.
-    pub fn promised(&self) -> Option<f32> {
-        self.plan.as_ref().filter(|plan| plan.no_path.is_none()).map(|plan| plan.chance().get() as f32)
+    /// Chances of arriving as planned, and with re-plans, that the plan gives; `None` without a plan that leads to the goal.
+    pub fn promised(&self) -> Option<(f32, f32)> {
+        let plan = self.plan.as_ref().filter(|plan| plan.no_path.is_none())?;
+        Some((plan.as_planned_chance().get() as f32, plan.arrival_chance().get() as f32))
+    }
+
+    /// Number of plans that were taken so far.
+    pub fn plans(&self) -> u32 {
+        self.plans
     }
 
     /// Whether the plan leads elsewhere than to the goal, because no path leads there.
@@ -255,7 +264,7 @@ impl Follower {
     /// The query for a plan from `feet`, m, that avoids the failed legs.
     pub fn query(&self, feet: Vec3) -> Query {
         let avoid = self.failed_legs.iter().map(|leg| leg.key).collect();
-        Query { start: feet, goal: self.goal, avoid, without: AbilitySet::default() }
+        Query { avoid, ..Query::new(feet, self.goal) }
     }
 
     /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs on which there was no progress get
@@ -275,6 +284,7 @@ impl Follower {
     pub fn take_plan(&mut self, plan: Plan) -> Vec3 {
         let first = plan.waypoints[0];
         self.plan = Some(plan);
+        self.plans = self.plans.saturating_add(1);
         self.free_until = 0;
         self.start_leg(0);
         first
@@ -305,12 +315,12 @@ impl Follower {
         }
         let last_leg = plan.waypoints.len() - 1;
         if waypoint_reached && self.leg == last_leg && plan.nearest.is_some() {
-            self.end_leg(true);
+            self.end_leg(TryEnd::Arrived);
             return Step::Unreachable;
         }
         if waypoint_reached && self.leg < last_leg {
             let next = plan.waypoints[self.leg + 1];
-            self.end_leg(true);
+            self.end_leg(TryEnd::Arrived);
             self.start_leg(self.leg + 1);
             self.stalled = 0;
             return Step::Head(next);
@@ -330,7 +340,7 @@ impl Follower {
             return self.end();
         }
         let key = plan.legs[self.leg].key;
-        self.end_leg(false);
+        self.end_leg(TryEnd::Failed);
         self.replans += 1;
         self.plan_without(FailedLeg { key, is_harm: false }, MAX_FAILED_ARRIVALS)
     }

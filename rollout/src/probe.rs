@@ -248,6 +248,7 @@ impl Running {
         let gave_up = (episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress);
         let Some(end) = closed.end.or(gave_up) else { return true };
         outcome.reached = end == End::Reached;
+        outcome.died = end.is_harm();
         outcome.decisions = episode.decisions;
         let Some(next) = self.next.take() else { return false };
         let feet = npc.body.feet;

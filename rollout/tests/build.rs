@@ -6,8 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use surefoot_planner::candidates;
 use surefoot_planner::{
-    AbilitySet, BuildError, BuildSettings, GraphId, NavGraph, Placement, Probing, Progress, Query, RawBuildSettings,
-    Router,
+    BuildError, BuildSettings, GraphId, NavGraph, Placement, Probing, Progress, Query, RawBuildSettings, Router,
 };
 use surefoot_policy::Policy;
 use surefoot_rollout::ProbeContext;
@@ -88,7 +87,7 @@ fn every_builder_joins_most_of_a_small_map() {
         let found = points
             .chunks_exact(2)
             .filter(|pair| {
-                let query = Query { start: pair[0], goal: pair[1], avoid: Vec::new(), without: AbilitySet::default() };
+                let query = Query::new(pair[0], pair[1]);
                 router.find_path(&query).no_path.is_none()
             })
             .count();

@@ -17,11 +17,11 @@ use std::path::Path;
 use std::sync::Arc;
 use surefoot_planner::BuildStats;
 use surefoot_planner::edits::{Edit, Layer};
-use surefoot_planner::evidence::Evidence;
+use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export};
 use surefoot_planner::links::NavMesh;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
-use surefoot_planner::{AbilitySet, BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
+use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::wire as planner_wire;
 use surefoot_policy::{Actor, Manifest, checkpoint, exchange as weights};
 use surefoot_proto::plans::{plan_to_wire, settings_to_wire};
@@ -151,18 +151,13 @@ fn layer() -> Layer {
 fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     let graph_id = "0123456789abcdef".repeat(4);
     let router = Router::new(graph(), 64, 1);
-    let found = router.find_path(&Query {
-        start: Vec3::ONE,
-        goal: Vec3::new(36.0, 1.0, 9.0),
-        avoid: Vec::new(),
-        without: AbilitySet::default(),
-    });
+    let found = router.find_path(&Query::new(Vec3::ONE, Vec3::new(36.0, 1.0, 9.0)));
     let stop = |vertex| Some(plan::Stop { stop: Some(plan::stop::Stop::Vertex(vertex)) });
     let leg = plan::LegEnds { from: stop(0), to: stop(1) };
     let query =
-        plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg], without: Vec::new() };
+        plan::PathQuery { start: at(1.0, 1.0, 1.0), goal: at(19.0, 1.0, 9.0), avoid: vec![leg], ..Default::default() };
     let on_wire = planner_wire::layer_to_wire(&layer());
-    let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9 }];
+    let traversals = vec![plan::Traversal { from: 0, to: 1, reached: true, decisions: 9, died: false }];
     let settings = Some(settings_to_wire(&BuildSettings::default()));
     vec![
         ("start_build", plan::StartBuildRequest { map: Some(spec()), settings, ..Default::default() }.encode_to_vec()),
@@ -290,8 +285,8 @@ fn cache_entries() -> Vec<(&'static str, Vec<u8>)> {
     let graph = graph();
     let mut live = LiveEvidence::default();
     let worker = Reporter { name: "worker".to_owned(), is_trusted: true };
-    live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(0, 1), reached: true, decisions: 7 });
-    live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(1, 2), reached: false, decisions: 30 });
+    live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(0, 1), end: TryEnd::Arrived, decisions: 7 });
+    live.note(&graph, &worker, &Traversal { edge: EdgeKey::new(1, 2), end: TryEnd::Died, decisions: 30 });
     let whole = cache::encode_entry(&Built { graph, stats: BuildStats::default() });
     vec![
         ("graph", whole[32..].to_vec()),

@@ -241,7 +241,7 @@ async fn the_planner_refuses_what_it_cannot_use() {
 
     let (graph_id, summary) = build_graph(&mut client, 1).await;
     let find = |query| plan::FindPathRequest { graph_id: graph_id.clone(), query };
-    let query = |start, goal| Some(plan::PathQuery { start, goal, avoid: Vec::new(), without: Vec::new() });
+    let query = |start, goal| Some(plan::PathQuery { start, goal, ..Default::default() });
     refused(client.find_path(find(None)).await, Code::InvalidArgument, "query is missing");
     refused(
         client.find_path(find(query(None, at(1.0, 1.0, 1.0)))).await,
@@ -257,9 +257,14 @@ async fn the_planner_refuses_what_it_cannot_use() {
         start: at(1.0, 1.0, 1.0),
         goal: at(2.0, 1.0, 1.0),
         avoid: vec![plan::LegEnds::default(); 65],
-        without: Vec::new(),
+        ..Default::default()
     };
     refused(client.find_path(find(Some(stubborn))).await, Code::InvalidArgument, "query.avoid");
+    for caution in [f32::NAN, -0.1, 1.5] {
+        let reckless =
+            plan::PathQuery { caution: Some(caution), ..query(at(1.0, 1.0, 1.0), at(2.0, 1.0, 1.0)).unwrap() };
+        refused(client.find_path(find(Some(reckless))).await, Code::InvalidArgument, "query.caution");
+    }
     let batch = plan::FindPathsRequest {
         graph_id: graph_id.clone(),
         queries: vec![query(at(1.0, 1.0, 1.0), at(9.0, 1.0, 9.0)).unwrap(); 4],

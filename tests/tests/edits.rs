@@ -37,7 +37,7 @@ fn put(graph_id: &str, name: &str, edits: Vec<wire::Edit>) -> wire::PutLayerRequ
 }
 
 fn find(graph_id: &str, start: Vec3, goal: Vec3) -> wire::FindPathRequest {
-    let query = wire::PathQuery { start: Some(start), goal: Some(goal), avoid: Vec::new(), without: Vec::new() };
+    let query = wire::PathQuery { start: Some(start), goal: Some(goal), ..Default::default() };
     wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query) }
 }
 

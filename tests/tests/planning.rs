@@ -20,7 +20,7 @@ async fn get(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
 }
 
 async fn plan(client: &mut Client, graph_id: &str, start: Vec3, goal: Vec3) -> wire::Plan {
-    let query = wire::PathQuery { start: Some(start), goal: Some(goal), avoid: Vec::new(), without: Vec::new() };
+    let query = wire::PathQuery { start: Some(start), goal: Some(goal), ..Default::default() };
     let request = wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query) };
     client.find_path(request).await.unwrap().into_inner().plan.unwrap()
 }
@@ -93,8 +93,8 @@ async fn a_leg_that_npcs_fail_on_is_avoided_at_the_next_plan_and_remembered() {
     let mut client = planner_client(&planner).await;
     let (graph_id, _) = build_graph(&mut client, MAP).await;
     let (start, goal, leg, [from, to]) = travelled_edge(&mut client, &graph_id).await;
-    let failed = wire::Traversal { from, to, reached: false, decisions: 50 };
-    let nowhere = wire::Traversal { from: 4000, to: 4001, reached: true, decisions: 5 };
+    let failed = wire::Traversal { from, to, reached: false, decisions: 50, died: false };
+    let nowhere = wire::Traversal { from: 4000, to: 4001, reached: true, decisions: 5, died: false };
     let mut traversals = vec![failed; 30];
     traversals.push(nowhere);
     let request = wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals };
@@ -109,6 +109,47 @@ async fn a_leg_that_npcs_fail_on_is_avoided_at_the_next_plan_and_remembered() {
     let (same, summary) = build_graph(&mut client, MAP).await;
     assert!(same == graph_id && summary.cached && summary.traversals == 30);
     assert!(!passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_leg_that_killed_is_avoided_by_careful_plans_and_still_used_by_bold_ones() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let (graph_id, _) = build_graph(&mut client, MAP).await;
+    let vertices = get(&mut client, &graph_id).await.vertices;
+    let mut differ = 0;
+    for (idx, &start) in vertices.iter().enumerate().take(12) {
+        let goal = vertices[(idx + 25) % vertices.len()];
+        let ask = async |client: &mut Client, caution| {
+            let query = Some(wire::PathQuery { start: Some(start), goal: Some(goal), caution, ..Default::default() });
+            let request = wire::FindPathRequest { graph_id: graph_id.clone(), query };
+            client.find_path(request).await.unwrap().into_inner().plan.unwrap()
+        };
+        let before = ask(&mut client, None).await;
+        assert!(before.chance <= before.as_planned_chance && before.as_planned_chance <= before.arrival_chance);
+        let Some((leg, [from, to])) = before.legs.iter().find_map(|leg| Some((*leg, vertices_of(leg)?))) else {
+            continue;
+        };
+        let report = async |client: &mut Client, reached, count| {
+            let traversal = wire::Traversal { from, to, reached, decisions: 5, died: !reached };
+            let request =
+                wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals: vec![traversal; count] };
+            client.report_traversals(request).await.unwrap();
+        };
+        report(&mut client, true, 40).await;
+        for deaths in 1..15 {
+            report(&mut client, false, 1).await;
+            let (careful, bold) = (ask(&mut client, None).await, ask(&mut client, Some(0.0)).await);
+            assert!(deaths < 14 || !passes(&careful, &leg), "careful plans pass a leg that killed {deaths} times");
+            if !passes(&careful, &leg) {
+                differ += u32::from(passes(&bold, &leg));
+                break;
+            }
+        }
+    }
+    assert!(differ > 0, "careful plans avoid no leg that bold ones use");
     planner.stop().await;
 }
 
@@ -182,10 +223,13 @@ async fn edits_and_reports_that_make_no_sense_are_refused_and_change_nothing() {
         let status = client.put_layer(request).await.unwrap_err();
         assert!(status.code() == Code::InvalidArgument && status.message().contains(words), "{status:?}");
     }
-    let traversal = wire::Traversal { from: 0, to: 1, reached: true, decisions: 20_000 };
+    let traversal = wire::Traversal { from: 0, to: 1, reached: true, decisions: 20_000, died: false };
     let report = |traversals| wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals };
     let status = client.report_traversals(report(vec![traversal])).await.unwrap_err();
     assert!(status.message().contains("traversals.decisions is 20000"), "{status:?}");
+    let undead = wire::Traversal { died: true, decisions: 9, ..traversal };
+    let status = client.report_traversals(report(vec![undead])).await.unwrap_err();
+    assert!(status.message().contains("traversals.died and traversals.reached exclude each other"), "{status:?}");
     let status = client.report_traversals(report(vec![traversal; 5000])).await.unwrap_err();
     assert_eq!(status.code(), Code::OutOfRange);
     let after = get(&mut client, &graph_id).await.summary.unwrap();

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use surefoot_planner::BuildStats;
 use surefoot_planner::edits::{Edit, Layer};
-use surefoot_planner::evidence::Evidence;
+use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
@@ -173,8 +173,9 @@ fn ability() -> impl Strategy<Value = Ability> {
 fn graph() -> impl Strategy<Value = NavGraph> {
     let evidence = (1..5u32, 0..3u32, 0..500u32, ability()).prop_map(|(successes, failures, decisions, ability)| {
         let mut evidence = Evidence::default();
-        (0..successes).for_each(|_| evidence.note(true, decisions, ability));
-        (0..failures).for_each(|_| evidence.note(false, decisions, ability));
+        (0..successes).for_each(|_| evidence.note(TryEnd::Arrived, decisions, ability));
+        let failure = |idx: u32| if idx % 3 == 0 { TryEnd::Died } else { TryEnd::Failed };
+        (0..failures).for_each(|idx| evidence.note(failure(idx), decisions, ability));
         evidence.cover(Vec3::ONE);
         evidence
     });
@@ -234,6 +235,7 @@ fn plan() -> impl Strategy<Value = Plan> {
             key: LegKey { from, to },
             seconds: Seconds(seconds),
             chance: Chance::new(f64::from(chance)),
+            death_chance: 0.5 * (1.0 - chance),
             ability,
         },
     );
@@ -277,11 +279,12 @@ proptest! {
     }
 
     #[test]
-    fn live_evidence_comes_back(graph in graph(), traversals in prop::collection::vec((0..12u32, 0..12u32, any::<bool>(), any::<u32>()), 0..200)) {
+    fn live_evidence_comes_back(graph in graph(), traversals in prop::collection::vec((0..12u32, 0..12u32, 0..3, any::<u32>()), 0..200)) {
         let mut live = LiveEvidence::default();
-        for (from, to, reached, decisions) in traversals {
-            let reporter = Reporter { name: (from % 3).to_string(), is_trusted: reached };
-            live.note(&graph, &reporter, &Traversal { edge: EdgeKey::new(from, to), reached, decisions });
+        for (from, to, end, decisions) in traversals {
+            let end = [TryEnd::Arrived, TryEnd::Failed, TryEnd::Died][end as usize];
+            let reporter = Reporter { name: (from % 3).to_string(), is_trusted: end == TryEnd::Arrived };
+            live.note(&graph, &reporter, &Traversal { edge: EdgeKey::new(from, to), end, decisions });
         }
         prop_assert_eq!(&cache::decode_live(&cache::encode_live(&live)).unwrap(), &live);
         prop_assert_eq!(live.apply_to(&graph).edge_count(), graph.edge_count());

@@ -140,7 +140,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
     let graph_id = built(&mut admin).await;
     let key = |edge: &plan::Edge| (edge.from, edge.to);
     let probed = graph_of(&mut admin, &graph_id).await.edges[0];
-    let failed = plan::Traversal { from: probed.from, to: probed.to, reached: false, decisions: 50 };
+    let failed = plan::Traversal { from: probed.from, to: probed.to, reached: false, decisions: 50, died: false };
     for (role, dropped_by_cap) in [(Role::Client, true), (Role::Designer, true), (Role::Worker, false)] {
         let traversals = vec![failed; 60];
         let request = plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals };

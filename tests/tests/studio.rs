@@ -286,12 +286,8 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
     // A path of several legs between two vertices, farther than an NPC walks while an edit takes effect.
     let mut chosen = None;
     for (from, to) in (0..graph.vertices.len()).flat_map(|from| (0..50).map(move |to| (from, to))) {
-        let query = plan::PathQuery {
-            start: Some(graph.vertices[from]),
-            goal: Some(graph.vertices[to]),
-            avoid: vec![],
-            without: Vec::new(),
-        };
+        let query =
+            plan::PathQuery { start: Some(graph.vertices[from]), goal: Some(graph.vertices[to]), ..Default::default() };
         let request = plan::FindPathRequest { graph_id: graph_id.clone(), query: Some(query) };
         let found = planner_client.find_path(request).await.unwrap().into_inner().plan.unwrap();
         if found.found && found.waypoints.len() >= 6 && found.seconds > 15.0 {

@@ -149,13 +149,16 @@ pub struct MapReport {
     /// How far plans keep what they promise; absent without plans.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
+    /// How often NPCs go through with the first plan for which it gave a certain chance; null without plans.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration_as_planned: Option<Calibration>,
     /// Share of the attempts at unreachable goals that ended by saying so; null without such goals.
     pub told: Option<f64>,
     /// Share of the attempts at unreachable goals that came to harm; null without such goals.
     pub died_unreachable: Option<f64>,
 }
 
-/// How often NPCs arrive for which a plan gave a certain chance.
+/// How often NPCs arrive, or go through as planned, for which a plan gave a certain chance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// Mean square of the difference between promise and arrival (Brier 1950): 0 is best.
@@ -173,7 +176,7 @@ pub struct CalibrationBin {
     pub high: f64,
     /// Mean of the promised chances.
     pub promised: f64,
-    /// Share that arrived, re-plans included.
+    /// Share that arrived: re-plans included, or as planned.
     pub arrived: f64,
     /// Number of attempts.
     pub n: usize,
@@ -183,9 +186,19 @@ impl Calibration {
     /// Bounds of the bins.
     const BOUNDS: [f64; 9] = [0.0, 0.5, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98, 1.0];
 
-    fn of<'u>(attempts: impl Iterator<Item = &'u Attempt>) -> Option<Self> {
-        let promised = attempts.filter_map(|it| Some((f64::from(it.promised?), it.end == End::Reached)));
-        let all: Vec<(f64, f64)> = promised.map(|(chance, arrived)| (chance, f64::from(u8::from(arrived)))).collect();
+    /// The calibration of the chances of arriving, re-plans included.
+    fn of_arrivals<'u>(attempts: impl Iterator<Item = &'u Attempt>) -> Option<Self> {
+        Self::of(attempts.filter_map(|it| Some((it.promised_arrival?, it.end == End::Reached))))
+    }
+
+    /// The calibration of the chances of going through as planned.
+    fn of_plans<'u>(attempts: impl Iterator<Item = &'u Attempt>) -> Option<Self> {
+        Self::of(attempts.filter_map(|it| Some((it.promised?, it.end == End::Reached && it.plans == 1))))
+    }
+
+    /// The calibration of chances, each with whether that happened.
+    fn of(promised: impl Iterator<Item = (f32, bool)>) -> Option<Self> {
+        let all: Vec<(f64, f64)> = promised.map(|(chance, is)| (f64::from(chance), f64::from(u8::from(is)))).collect();
         let mean = |values: &mut dyn Iterator<Item = f64>, n: usize| values.sum::<f64>() / n as f64;
         let bin = |bounds: &[f64]| {
             let (low, high) = (bounds[0], bounds[1]);
@@ -222,7 +235,8 @@ impl MapReport {
             reachable: all.iter().filter(|(reachable, _)| *reachable).count() as f64 / all.len().max(1) as f64,
             success_reachable: share(true, |end| end == End::Reached).unwrap_or_default(),
             died: share(true, End::is_harm).unwrap_or_default(),
-            calibration: Calibration::of(of_map().flat_map(|unit| &unit.attempts)),
+            calibration: Calibration::of_arrivals(of_map().flat_map(|unit| &unit.attempts)),
+            calibration_as_planned: Calibration::of_plans(of_map().flat_map(|unit| &unit.attempts)),
             told: share(false, |end| end == End::Unreachable),
             died_unreachable: share(false, End::is_harm),
         }

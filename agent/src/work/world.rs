@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_planner::Plan;
+use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_policy::Policy;
 use surefoot_proto::convert;
@@ -355,7 +356,7 @@ impl WorldTask {
 
     /// Reports traversals to the planner, if one failed or enough have accumulated.
     fn report(&mut self) {
-        let is_urgent = self.traversals.iter().any(|traversal| !traversal.reached);
+        let is_urgent = self.traversals.iter().any(|traversal| traversal.end != TryEnd::Arrived);
         let Some(graph) = self.graph.as_ref().filter(|_| is_urgent || self.traversals.len() >= REPORT_LEN) else {
             return;
         };

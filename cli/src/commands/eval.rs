@@ -358,10 +358,15 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
             Some((told, died)) => println!("; of the others {} were told, {} died", percent(told), percent(died)),
             None => println!(),
         }
-        if let Some(calibration) = &map.calibration {
+        let calibrations = [
+            ("promised -> arrived", &map.calibration),
+            ("promised -> arrived as planned", &map.calibration_as_planned),
+        ];
+        for (what, calibration) in calibrations {
+            let Some(calibration) = calibration else { continue };
             let bin = |it: &CalibrationBin| format!("{} -> {} ({})", percent(it.promised), percent(it.arrived), it.n);
             let bins: Vec<String> = calibration.bins.iter().map(bin).collect();
-            println!("    promised -> arrived: {}; Brier score {:.3}", bins.join(", "), calibration.brier);
+            println!("    {what}: {}; Brier score {:.3}", bins.join(", "), calibration.brier);
         }
     }
     if let Some(spread) = report.spread {

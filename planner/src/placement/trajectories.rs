@@ -6,6 +6,7 @@
 //! Related to the observation graphs of "Semi-parametric topological memory" (Savinov et al., ICLR 2018).
 
 use super::{Draft, PlacementContext, even_spacing};
+use crate::evidence::TryEnd;
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
 use crate::probe::{Outcome, Trial};
@@ -92,7 +93,7 @@ impl Merger {
                 && before != vertex
             {
                 let evidence = self.draft.seen.entry(EdgeKey::new(before, vertex)).or_default();
-                evidence.note(true, decision - since, outcome.ability);
+                evidence.note(TryEnd::Arrived, decision - since, outcome.ability);
                 evidence.cover(feet);
             }
             if last.is_none_or(|(before, _)| before != vertex) {

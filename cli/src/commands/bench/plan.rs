@@ -16,7 +16,7 @@ use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::Progress;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::store::GraphStore;
-use surefoot_planner::{AbilitySet, BuildSettings, Built, NavGraph, Query, Router, Stop, VertexId};
+use surefoot_planner::{BuildSettings, Built, NavGraph, Query, Router, Stop, VertexId};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner_service::{self as service, PlannerConfig};
 use surefoot_policy::Policy;
@@ -84,7 +84,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let points = navigable::sample_many(&context.map, &context.profile, 2000, &mut rng)?;
     let mut draw = || points[rng.random_range(0..points.len())];
-    let queries: Vec<Query> = (0..QUERIES).map(|_| query(draw(), draw())).collect();
+    let queries: Vec<Query> = (0..QUERIES).map(|_| Query::new(draw(), draw())).collect();
     if let Some((_, graph)) = big_interim {
         let router = Router::new(graph, 0, core_count());
         let found = queries.iter().filter(|query| router.find_path(query).no_path.is_none()).count();
@@ -125,10 +125,6 @@ fn build_watched(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Re
         is_over.store(true, Ordering::Relaxed);
         Ok((built?, watching.join().expect("watching does not panic")))
     })
-}
-
-fn query(start: Vec3, goal: Vec3) -> Query {
-    Query { start, goal, avoid: Vec::new(), without: AbilitySet::default() }
 }
 
 /// The same queries to goals that no vertex leads to: as far above ground as no character jumps.
@@ -201,7 +197,7 @@ fn far_away(graph: &NavGraph, points: &[Vec3]) -> anyhow::Result<Vec<Figure>> {
         let [x, z] = [(); 2].map(|()| rng.random_range(0..TILES) as f32 * TILE_M);
         points[rng.random_range(0..points.len())] + Vec3::new(x, 0.0, z)
     };
-    let queries: Vec<Query> = (0..QUERIES / 2).map(|_| query(draw(), draw())).collect();
+    let queries: Vec<Query> = (0..QUERIES / 2).map(|_| Query::new(draw(), draw())).collect();
     let searched: Vec<f64> = queries[..REFERENCE_QUERIES / 10]
         .iter()
         .map(|query| micros(|| drop(black_box(router.find_path(query)))))
@@ -279,12 +275,7 @@ async fn over_grpc(
     let point = |point: Vec3| Some(convert::to_wire(point));
     let wire_queries: Vec<wire::PathQuery> = queries
         .iter()
-        .map(|query| wire::PathQuery {
-            start: point(query.start),
-            goal: point(query.goal),
-            avoid: Vec::new(),
-            without: Vec::new(),
-        })
+        .map(|query| wire::PathQuery { start: point(query.start), goal: point(query.goal), ..Default::default() })
         .collect();
     let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: wire_queries[..WIRE_BATCH].to_vec() };
     client.find_paths(batch.clone()).await?;

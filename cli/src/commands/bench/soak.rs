@@ -309,7 +309,7 @@ async fn graphs(channel: &Channel, idx: u64) -> Result<(), Status> {
     let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await?.into_inner();
     let Some(edge) = graph.edges.first() else { return Ok(()) };
     let (from, to) = (graph.vertices[edge.from as usize], graph.vertices[edge.to as usize]);
-    let query = Some(plan::PathQuery { start: Some(from), goal: Some(to), avoid: Vec::new(), without: Vec::new() });
+    let query = Some(plan::PathQuery { start: Some(from), goal: Some(to), ..Default::default() });
     client.find_path(plan::FindPathRequest { graph_id: graph_id.clone(), query }).await?;
     let forbid = plan::edit::Edit::ForbidEdge(plan::EdgeEdit { from: Some(from), to: Some(to) });
     let edits = vec![plan::Edit { edit: Some(forbid) }];

@@ -33,9 +33,9 @@ export function legsToAvoid(best: Plan): Leg[] {
     .slice(0, MAX_QUERIES)
 }
 
-export function alternativeQueries(start: Place, goal: Place, best: Plan): PathQuery[] {
+export function alternativeQueries(start: Place, goal: Place, caution: number, best: Plan): PathQuery[] {
   return legsToAvoid(best).map((leg) =>
-    create(PathQuerySchema, { start, goal, avoid: [{ from: leg.from, to: leg.to }] }),
+    create(PathQuerySchema, { start, goal, caution, avoid: [{ from: leg.from, to: leg.to }] }),
   )
 }
 

@@ -7,6 +7,9 @@ import type { Context } from '../context'
 import { failureOf, inWords } from '../net/errors'
 import { alternativeQueries, legKey, pickAlternatives } from './alternatives'
 
+/** How much plans do to avoid deaths, as `PathQuery.caution`. */
+export const CAUTIONS = { careful: 1, bold: 0 }
+
 export type PlanState = 'none' | 'asking' | 'ready' | 'failed'
 
 export class Plans {
@@ -14,6 +17,7 @@ export class Plans {
   readonly goal = signal<Place | undefined>(undefined)
   /** What the next click sets. */
   readonly next = signal<'start' | 'goal'>('start')
+  readonly caution = signal<keyof typeof CAUTIONS>('careful')
   readonly state = signal<PlanState>('none')
   /** The best plan first, then alternatives. */
   readonly plans = signal<readonly Plan[]>([])
@@ -83,6 +87,11 @@ export class Plans {
     })
   }
 
+  setCaution(caution: keyof typeof CAUTIONS): void {
+    this.caution.value = caution
+    void this.ask()
+  }
+
   choose(index: number): void {
     this.chosenIdx.value = index
   }
@@ -101,10 +110,11 @@ export class Plans {
     const { signal } = (this.running = new AbortController())
     if (!quietly) this.state.value = 'asking'
     try {
-      const { plan: best } = await this.context.planner.calls.findPath({ graphId, query: { start, goal } }, { signal })
+      const query = { start, goal, caution: CAUTIONS[this.caution.peek()] }
+      const { plan: best } = await this.context.planner.calls.findPath({ graphId, query }, { signal })
       if (best === undefined) return
       if (!quietly) this.take([best])
-      const alternatives = best.found ? await this.findAlternatives(graphId, start, goal, best, signal) : []
+      const alternatives = best.found ? await this.findAlternatives(graphId, query, best, signal) : []
       if (!signal.aborted) this.take([best, ...alternatives])
     } catch (error) {
       if (signal.aborted || failureOf(error) === 'cancelled') return
@@ -126,8 +136,13 @@ export class Plans {
     })
   }
 
-  private async findAlternatives(graphId: string, start: Place, goal: Place, best: Plan, signal: AbortSignal) {
-    const queries = alternativeQueries(start, goal, best)
+  private async findAlternatives(
+    graphId: string,
+    { start, goal, caution }: { start: Place; goal: Place; caution: number },
+    best: Plan,
+    signal: AbortSignal,
+  ) {
+    const queries = alternativeQueries(start, goal, caution, best)
     if (queries.length === 0) return []
     try {
       const { plans } = await this.context.planner.calls.findPaths({ graphId, queries }, { signal })

@@ -1,5 +1,5 @@
 import { priceEdits } from '../../data/edit/edits'
-import { count, counted, duration, factor, place } from '../../data/format'
+import { count, counted, duration, factor, percent, place } from '../../data/format'
 import type { Studio } from '../../data/studio'
 import type { Edge } from '../../gen/surefoot/planner/v1/planner_pb'
 import { AbilityName, Button, ChanceBar, Facts, Section } from '../controls'
@@ -33,7 +33,7 @@ export function EdgeInspector({ studio, from, to }: Props) {
 }
 
 function Evidence({ studio: { graphs }, edge }: { studio: Studio; edge: Edge }) {
-  const { tries, successes, decisionsMean, decisionsDeviation } = edge
+  const { tries, successes, deaths, decisionsMean, decisionsDeviation } = edge
   const mean = `${decisionsMean.toFixed(1)} ± ${decisionsDeviation.toFixed(1)}`
   return (
     <Facts
@@ -43,6 +43,7 @@ function Evidence({ studio: { graphs }, edge }: { studio: Studio; edge: Edge }) 
         ['Ability', <AbilityName ability={edge.ability} />],
         ['Estimated chance', <ChanceBar chance={edge.chance} label="Estimated chance" />],
         ['Arrived', tries === 0 ? 'never tried' : `${count(successes)} of ${counted(tries, 'try', 'tries')}`],
+        ['Died', `${count(deaths)}; chance ${percent(edge.deathChance)}`],
         ['Time', successes === 0 ? '-' : `${duration(decisionsMean * DECISION_SECONDS)} (${mean} decisions)`],
         [
           'Price',

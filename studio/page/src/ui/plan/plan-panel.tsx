@@ -4,7 +4,7 @@ import { count, duration, percent, place } from '../../data/format'
 import { edgeOf, legEnds } from '../../data/plan/alternatives'
 import type { Studio } from '../../data/studio'
 import type { Leg, Plan } from '../../gen/surefoot/planner/v1/planner_pb'
-import { AbilityName, Button, ChanceBar, Choice, Empty, Section } from '../controls'
+import { AbilityName, Button, ChanceBar, Choice, Empty, Facts, Section } from '../controls'
 import { NoGraph } from '../graph/no-graph'
 import { forbid } from '../tools'
 
@@ -56,6 +56,15 @@ function Ends({ studio }: { studio: Studio }) {
           plans.next.value = next
         }}
       />
+      <Choice
+        label="How much the path does to avoid deaths"
+        value={plans.caution.value}
+        options={[
+          { value: 'careful', name: 'Careful' },
+          { value: 'bold', name: 'Bold' },
+        ]}
+        onChange={(caution) => plans.setCaution(caution)}
+      />
       <div class="row wrap">
         {studio.tool.value !== 'plan' && (
           <Button label="Pick on the map" icon="plan" tone="main" onClick={() => studio.setTool('plan')} />
@@ -81,12 +90,20 @@ function Result({ studio }: { studio: Studio }) {
           <strong>{duration(plan.seconds)}</strong> expected
         </span>
         <span>
-          <strong>{percent(plan.chance)}</strong> chance
-        </span>
-        <span>
           <strong>{count(plan.legs.length)}</strong> legs
         </span>
       </p>
+      <Facts
+        rows={[
+          [
+            'Arrives',
+            <ChanceBar chance={plan.arrivalChance} label="Chance of arriving, with other plans where one fails" />,
+          ],
+          ['As planned', <ChanceBar chance={plan.asPlannedChance} label="Chance of arriving without another plan" />],
+          ['Unrehearsed', <ChanceBar chance={plan.chance} label="Chance that every leg succeeds without rehearsals" />],
+          ['Dies, unrehearsed', percent(plan.deathChance)],
+        ]}
+      />
       <SendButton studio={studio} />
       <ol class="legs" aria-label="Legs">
         {plan.legs.map((leg, index) => (
@@ -110,7 +127,7 @@ function Ways({ studio: { plans } }: { studio: Studio }) {
         >
           <strong>{index === 0 ? 'Best' : `Way ${index + 1}`}</strong>
           <span>{duration(plan.seconds)}</span>
-          <span>{percent(plan.chance)}</span>
+          <span>{percent(plan.asPlannedChance)}</span>
         </button>
       ))}
     </div>
