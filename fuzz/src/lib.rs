@@ -261,7 +261,7 @@ pub fn obj(bytes: &[u8]) {
 }
 
 fn import_round_trips(result: Result<Imported, ImportError>) {
-    let Some(Imported { map, warnings }) = accepted(result) else { return };
+    let Some(Imported { map, warnings, .. }) = accepted(result) else { return };
     assert!(warnings.iter().all(|warning| !warning.to_string().is_empty()));
     if volume(map.size()) <= MAX_VOLUME_M3 {
         map_round_trips(&map);

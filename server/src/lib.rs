@@ -2,7 +2,7 @@
 //!
 //! [`hosted`] is one world with the decisions of its NPCs, [`sim`] the thread that steps a world on an absolute 60 Hz schedule,
 //! [`worlds`] all worlds and their lifecycle. [`registry`] has the connected workers, [`messages`] the messages to and from them,
-//! [`envs`] the environments that remote trainers step themselves. [`grpc`] decodes, calls and encodes, [`wire`] converts.
+//! [`envs`] the environments that remote trainers step themselves, [`survey`] what bodies find on a map. [`grpc`] decodes, calls and encodes, [`wire`] converts.
 //! Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know wire types.
 
 mod config;
@@ -19,6 +19,7 @@ pub mod quota;
 pub mod registry;
 mod serve;
 pub mod sim;
+pub mod survey;
 pub mod times;
 pub mod view;
 pub mod wire;

@@ -7,6 +7,7 @@ use crate::hosted::{
 };
 use crate::ids::{NpcId, WorldId};
 use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToWorker};
+use crate::survey::Survey;
 use crate::view::{Region, Shown};
 use crate::worlds::WorldSummary;
 use std::collections::BTreeSet;
@@ -23,6 +24,10 @@ use surefoot_world::sense::{OBSERVATION_VERSION, Sight};
 use surefoot_world::{Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
 use tonic::Status;
 
+/// Most bodies in one survey.
+pub const MAX_SURVEYED: f64 = 8.0;
+/// Most places that a survey lists.
+pub const MAX_CUT_OFF: f64 = 10_000.0;
 /// Greatest capacity of a worker, NPCs.
 const MAX_CAPACITY: f64 = 65_536.0;
 /// Longest name of a worker or of its policy, bytes.
@@ -193,6 +198,19 @@ pub fn time_mode_to_wire(mode: TimeMode) -> wire::TimeMode {
     match mode {
         TimeMode::Realtime => wire::TimeMode::Realtime,
         TimeMode::Lockstep => wire::TimeMode::Lockstep,
+    }
+}
+
+/// Converts what a body finds on a map.
+pub fn survey_to_wire(survey: &Survey) -> wire::Survey {
+    wire::Survey {
+        body: Some(convert::body_to_wire(&survey.body)),
+        places: survey.places as u32,
+        islands: survey.islands as u32,
+        connected_on_foot: survey.connected_on_foot as f32,
+        connected: survey.connected as f32,
+        cut_off_places: survey.cut_off_places as u32,
+        cut_off: survey.cut_off.iter().copied().map(convert::to_wire).collect(),
     }
 }
 

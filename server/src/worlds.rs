@@ -9,6 +9,7 @@ use crate::metrics::{self, ProcessFigures, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry};
 use crate::sim::{Schedule, SimHandle, SimState};
+use crate::survey::Survey;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
@@ -16,7 +17,7 @@ use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tracing::{info, warn};
@@ -141,6 +142,8 @@ struct Shared {
     failed_count: AtomicU64,
     /// Times that a world could not be saved.
     failed_save_count: AtomicU64,
+    /// Bounds the surveys that run at a time.
+    surveying: Arc<Semaphore>,
     shutdown: Shutdown,
 }
 
@@ -163,6 +166,7 @@ impl Worlds {
             epoch: WorldId::at(SystemTime::now()),
             registry: Arc::default(),
             saving: tokio::sync::Mutex::default(),
+            surveying: Arc::new(Semaphore::new(1)),
             state: OnceLock::new(),
             failed_count: AtomicU64::new(0),
             failed_save_count: AtomicU64::new(0),
@@ -478,6 +482,28 @@ impl Worlds {
         let WorldHandle { map, body: usual, .. } = self.handle(world)?;
         let body = body.unwrap_or(usual);
         Ok(in_background("sampling", move || HostedWorld::sample_ground(&map, &body, count, seed)).await??)
+    }
+
+    /// Surveys a map for each of these bodies, and lists at most `max_cut_off` places that each cannot get to. One survey runs at a time; it
+    /// goes on when its caller is gone.
+    ///
+    /// # Errors
+    /// If the map cannot be made.
+    pub async fn survey(
+        &self,
+        caller: &Caller,
+        source: MapSource,
+        bodies: Vec<CharacterProfile>,
+        max_cut_off: usize,
+    ) -> Result<Vec<Survey>, WorldsError> {
+        // Never closed.
+        let turn = self.shared.surveying.clone().acquire_owned().await.ok();
+        let map = self.maps().get(&caller.name, &source).await?;
+        let survey = move || {
+            let _turn = turn;
+            bodies.into_iter().map(|body| Survey::of(map.map(), body, max_cut_off)).collect()
+        };
+        in_background("surveying", survey).await
     }
 
     // --- workers ---

@@ -78,6 +78,80 @@ async fn npcs_follow_plans_on_an_imported_level_also_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_place_of_the_map_that_is_marked_in_the_sidecar_is_there_in_the_next_import() {
+    let server = start_server(ServerConfig::default());
+    let mut maps = maps(&server.uri).await;
+    // In centimetres, z up, and off its origin.
+    let corners = [(500, 700), (4500, 700), (4500, 3700), (500, 3700)];
+    let corners: String = corners.iter().map(|(x, y)| format!("v {x} {y} 900\n")).collect();
+    let file = format!("o floor\n{corners}f 1 2 3 4\n").into_bytes();
+    let request = |sidecar: String| wire::ImportMapRequest {
+        name: "court.obj".to_owned(),
+        format: wire::MapFormat::Obj.into(),
+        file: file.clone(),
+        sidecar,
+        scale: 0.01,
+        up: wire::UpAxis::Z.into(),
+        ..Default::default()
+    };
+    let first = maps.import_map(request(String::new())).await.unwrap().into_inner();
+    let origin = first.origin.unwrap();
+    let marked = wire::Vec3 { x: 20.0, y: 1.0, z: 12.0 };
+    // As ImportMapResponse.origin says, and back to the level's axes and unit.
+    let at = [marked.x - origin.x, -(marked.z - origin.z), marked.y - origin.y].map(|metres| metres / 0.01);
+    let second = maps.import_map(request(format!("{{\"pads\": [{{\"at\": {at:?}}}]}}"))).await.unwrap().into_inner();
+    let mut client = world_client(&server).await;
+    let map_hash = second.map.unwrap().map_hash;
+    let request = wire::CreateWorldRequest { map_hash: map_hash.clone(), ..Default::default() };
+    let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
+    let features = client.get_features(wire::GetFeaturesRequest { world_id }).await.unwrap().into_inner();
+    let pad = features.pads[0].centre.unwrap();
+    let misses = [pad.x - marked.x, pad.y - marked.y, pad.z - marked.z];
+    assert!(misses.iter().all(|miss| miss.abs() < 0.01), "{pad:?}");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_survey_tells_bodies_apart_and_knows_what_they_cannot_get_to() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    // A floor, and a deck beside it, 3 m higher: too high for a body of the heavy kind, within two jumps of the usual one.
+    let quad = |x: i32, z: i32, y: i32, side: i32| {
+        let corners = [(x, z), (x, z + side), (x + side, z + side), (x + side, z)];
+        corners.iter().map(|(x, z)| format!("v {x} {y} {z}\n")).collect::<String>()
+    };
+    let file = format!("{}{}f 1 2 3 4\nf 5 6 7 8\n", quad(0, 0, 0, 40), quad(41, 10, 3, 10)).into_bytes();
+    let request = wire::ImportMapRequest {
+        name: "deck.obj".to_owned(),
+        format: wire::MapFormat::Obj.into(),
+        file,
+        ..Default::default()
+    };
+    let map_hash = maps(&server.uri).await.import_map(request).await.unwrap().into_inner().map.unwrap().map_hash;
+    let body = |preset: &str| wire::Body { preset: preset.to_owned(), ..Default::default() };
+    let request = wire::SurveyMapRequest {
+        map_hash,
+        bodies: vec![body("surefoot"), body("heavy")],
+        max_cut_off: 10,
+        ..Default::default()
+    };
+    let surveys = client.survey_map(request.clone()).await.unwrap().into_inner().surveys;
+    let [usual, heavy] = &surveys[..] else { panic!("{surveys:?}") };
+    assert!(usual.islands == 2 && usual.connected > 0.99 && usual.cut_off.is_empty(), "{usual:?}");
+    assert!(heavy.connected < 0.95 && heavy.cut_off_places > 20 && heavy.cut_off.len() == 10, "{heavy:?}");
+    assert!(heavy.cut_off.iter().all(|place| place.y > 3.0), "{:?}", heavy.cut_off);
+    let nine = wire::SurveyMapRequest { bodies: vec![body("small"); 9], ..request.clone() };
+    let giraffe = wire::SurveyMapRequest { bodies: vec![body("giraffe")], ..request.clone() };
+    let nowhere = wire::SurveyMapRequest { map_hash: "0".repeat(64), ..request };
+    let refusals = [(nine, "number of bodies"), (giraffe, "body.preset"), (nowhere, "ImportMap")];
+    for (request, words) in refusals {
+        let status = client.survey_map(request).await.unwrap_err();
+        assert!(status.message().contains(words), "{status:?}");
+    }
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn edits_of_a_level_outlive_its_changes() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());

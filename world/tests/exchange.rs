@@ -210,7 +210,7 @@ fn obj(text: &str) -> Imported {
 
 #[test]
 fn a_character_lives_on_an_obj_level_and_burns_in_its_lava() {
-    let Imported { map, warnings } = obj(&obj_level());
+    let Imported { map, warnings, .. } = obj(&obj_level());
     assert_eq!(warnings, []);
     // A margin of 2 m around; the lowest corner 1 m above 0, so the floor's top is at 2 m.
     assert_eq!(map.size(), MapSize { width: 44, height: 23, depth: 44 });
@@ -363,7 +363,7 @@ fn blocks_that_were_modelled_inside_out_are_solid() {
     let blocks = [("a", 0.0, 3.0), ("b", 6.0, 2.0), ("c", 12.0, 4.0)];
     let block = |(name, x, top): (&str, f32, f32)| obj_box(name, [x, 0.0, 0.0], [x + 5.0, top, 5.0]);
     let right = Arc::new(obj(&blocks.map(block).concat()).map);
-    let Imported { map, warnings } = obj(&blocks.map(|it| inside_out(&block(it))).concat());
+    let Imported { map, warnings, .. } = obj(&blocks.map(|it| inside_out(&block(it))).concat());
     assert_eq!(warnings, [Warning::TurnedShells { count: 3 }]);
     assert_eq!(map.mesh().triangles().len(), right.mesh().triangles().len());
     let wrong = Arc::new(map);
@@ -378,13 +378,13 @@ fn blocks_that_were_modelled_inside_out_are_solid() {
 #[test]
 fn a_room_seen_from_within_stays_a_room_and_what_stands_in_it_is_turned_alone() {
     let room = inside_out(&obj_box("room", [0.0; 3], [20.0, 6.0, 20.0]));
-    let Imported { map, warnings } = obj(&room);
+    let Imported { map, warnings, .. } = obj(&room);
     assert_eq!(warnings, [], "nothing is wrong with a room");
     let feet = Vec3::new(7.0, 1.01, 7.0);
     assert_eq!(map.mesh().solid_depth_at(feet + Vec3::Y), 0);
     assert!(stands(&Arc::new(map), feet));
     let table = inside_out(&obj_box("table", [12.0, 1.0, 12.0], [14.0, 2.0, 14.0]));
-    let Imported { map, warnings } = obj(&format!("{room}{table}"));
+    let Imported { map, warnings, .. } = obj(&format!("{room}{table}"));
     assert_eq!(warnings, [Warning::TurnedShells { count: 1 }]);
     let map = Arc::new(map);
     assert!(stands(&map, feet) && stands(&map, Vec3::new(15.0, 3.01, 15.0)));
@@ -396,7 +396,7 @@ fn surfaces_without_thickness_hold_from_both_sides() {
     // A deck that faces down, 3 m above the ground, and a wall across the level that faces away.
     let deck = "o deck\nv 0 4 0\nv 8 4 0\nv 8 4 20\nv 0 4 20\nf -4 -3 -2 -1\n";
     let wall = "o wall\nv 20 1 0\nv 20 1 20\nv 20 9 20\nv 20 9 0\nf -4 -3 -2 -1\n";
-    let Imported { map, warnings } = obj(&[&ground, deck, wall].concat());
+    let Imported { map, warnings, .. } = obj(&[&ground, deck, wall].concat());
     assert_eq!(warnings, [Warning::OpenEdges { count: 8 }, Warning::Plates { count: 4 }]);
     let map = Arc::new(map);
     assert!(stands(&map, Vec3::new(6.0, 5.07, 12.0)), "on the deck");
@@ -669,7 +669,7 @@ fn helpers_are_no_part_of_the_level() {
     let floor = obj_box("floor", [0.0; 3], [20.0, 1.0, 20.0]);
     let names = ["NavMesh_1", "Trigger Volume", "UCX_crate_01", "walls-occonly", "notes-noimp", "yard-navmesh"];
     let helpers = names.map(|name| obj_box(name, [5.0, 1.0, 5.0], [8.0, 4.0, 8.0]));
-    let Imported { map, warnings } = obj(&format!("{floor}{}", helpers.concat()));
+    let Imported { map, warnings, .. } = obj(&format!("{floor}{}", helpers.concat()));
     assert_eq!(map.hash(), obj(&floor).map.hash());
     assert_eq!(warnings, [Warning::Helpers { count: 6 }]);
     assert_eq!(obj(&format!("{floor}{}", obj_box("crate-col", [5.0, 1.0, 5.0], [8.0, 4.0, 8.0]))).warnings, []);

@@ -1,6 +1,6 @@
 //! `MapService`: decode, call, encode.
 
-use super::store::{Level, LevelError, LevelFormat, LevelStore, MapSource, read};
+use super::store::{Level, LevelError, LevelFormat, LevelStore, MapSource, Read, read};
 use super::uploads::UploadError;
 use crate::memory::MemoryError;
 use crate::paging::{PageSize, page};
@@ -129,10 +129,14 @@ impl MapService for LevelStore {
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
             read(format, &file, sidecar, &options)
         });
-        let (map, warnings) =
+        let Read { map, origin, warnings } =
             task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
         let level = self.put(&caller, name, Arc::new(map))?;
-        Ok(Response::new(wire::ImportMapResponse { map: Some(level_to_wire(&level)), warnings }))
+        Ok(Response::new(wire::ImportMapResponse {
+            map: Some(level_to_wire(&level)),
+            warnings,
+            origin: Some(convert::to_wire(origin)),
+        }))
     }
 
     async fn upload_chunk(

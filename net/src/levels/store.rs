@@ -6,7 +6,7 @@ use crate::serving::Caller;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use surefoot_world::exchange::{self, ImportOptions};
-use surefoot_world::{Map, MapHash, MapSpec};
+use surefoot_world::{Map, MapHash, MapSpec, Vec3};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 /// Most imported maps that a service keeps by default.
@@ -209,6 +209,15 @@ pub(super) enum LevelFormat {
     Obj,
 }
 
+/// A level as it was read.
+pub(super) struct Read {
+    pub map: Map,
+    /// Where the level's origin lies on the map, m.
+    pub origin: Vec3,
+    /// Problems that a designer may want to correct.
+    pub warnings: Vec<String>,
+}
+
 /// Reads the map in a file, and returns warnings about the level.
 ///
 /// # Errors
@@ -218,15 +227,16 @@ pub(super) fn read(
     file: &[u8],
     sidecar: Option<&str>,
     options: &ImportOptions,
-) -> Result<(Map, Vec<String>), LevelError> {
+) -> Result<Read, LevelError> {
     let imported = match format {
         LevelFormat::Saved => {
             let map = exchange::decode(file).map_err(|error| LevelError::File(error.to_string()))?;
-            return Ok((map, Vec::new()));
+            return Ok(Read { map, origin: Vec3::ZERO, warnings: Vec::new() });
         }
         LevelFormat::Gltf => exchange::import_gltf(file, sidecar, options),
         LevelFormat::Obj => exchange::import_obj(file, sidecar, options),
     };
     let imported = imported.map_err(|error| LevelError::File(error.to_string()))?;
-    Ok((imported.map, imported.warnings.iter().map(ToString::to_string).collect()))
+    let warnings = imported.warnings.iter().map(ToString::to_string).collect();
+    Ok(Read { map: imported.map, origin: imported.origin, warnings })
 }

@@ -43,6 +43,7 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.world.v1.WorldService/ListWorlds", GAMES),
     ("surefoot.world.v1.WorldService/DropWorld", GAMES),
     ("surefoot.world.v1.WorldService/SampleGround", GAMES),
+    ("surefoot.world.v1.WorldService/SurveyMap", GAMES),
     ("surefoot.world.v1.WorldService/SpawnNpc", GAMES),
     ("surefoot.world.v1.WorldService/BatchSpawnNpcs", GAMES),
     ("surefoot.world.v1.WorldService/DespawnNpc", GAMES),

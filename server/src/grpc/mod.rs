@@ -13,7 +13,10 @@ use crate::geometry::Tiles;
 use crate::hosted::HostedWorld;
 use crate::ids::{NpcId, WorldId};
 use crate::view::View;
-use crate::wire::{features_to_wire, npc_to_wire, region as convert_region, time_mode, world_to_wire};
+use crate::wire::{
+    MAX_CUT_OFF, MAX_SURVEYED, features_to_wire, npc_to_wire, region as convert_region, survey_to_wire, time_mode,
+    world_to_wire,
+};
 use crate::worlds::{NpcAccess, WorldSummary, Worlds};
 use readers::ReaderStream;
 use std::sync::Arc;
@@ -29,7 +32,7 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_server::WorldService;
 use surefoot_world::character::bodies::BODIES;
 use surefoot_world::sense::OBSERVATION_VERSION;
-use surefoot_world::{Map, OBSERVATION_LEN, Seed, TICKS_PER_DECISION, TICKS_PER_SECOND};
+use surefoot_world::{CharacterProfile, Map, OBSERVATION_LEN, Seed, TICKS_PER_DECISION, TICKS_PER_SECOND};
 use tokio::sync::Semaphore;
 use tonic::{Request, Response, Status, Streaming};
 use work::WorkStream;
@@ -146,6 +149,21 @@ impl WorldService for WorldApi {
         let body = body.map(|body| convert::body(Some(&body))).transpose()?;
         let points = self.worlds.sample_ground(WorldId(world_id), body, count as usize, Seed(seed)).await?;
         Ok(Response::new(wire::SampleGroundResponse { points: points.into_iter().map(convert::to_wire).collect() }))
+    }
+
+    async fn survey_map(
+        &self,
+        request: Request<wire::SurveyMapRequest>,
+    ) -> Result<Response<wire::SurveyMapResponse>, Status> {
+        let caller = Caller::of(&request);
+        let wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off } = request.into_inner();
+        let source = levels::source(self.worlds.levels(), map.as_ref(), &map_hash)?;
+        convert::in_range(bodies.len() as f64, 0.0, MAX_SURVEYED, "the number of bodies")?;
+        convert::in_range(f64::from(max_cut_off), 0.0, MAX_CUT_OFF, "max_cut_off")?;
+        let bodies: Vec<_> = bodies.iter().map(|body| convert::body(Some(body))).collect::<Result<_, _>>()?;
+        let bodies = if bodies.is_empty() { vec![CharacterProfile::default()] } else { bodies };
+        let surveys = self.worlds.survey(&caller, source, bodies, max_cut_off as usize).await?;
+        Ok(Response::new(wire::SurveyMapResponse { surveys: surveys.iter().map(survey_to_wire).collect() }))
     }
 
     async fn spawn_npc(

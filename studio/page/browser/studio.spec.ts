@@ -319,7 +319,30 @@ test('a designer drops a level, reads what is odd about it, and gets a world of 
   await section.getByRole('button', { name: 'Create world' }).click()
   await expect.poll(() => ask(page, ({ state }) => state.worlds.chosen.value?.bodies[0]?.preset)).toBe('unity')
   await expect.poll(() => ask(page, ({ state }) => state.level.features.value?.size.width)).toBe(44)
+  // What bodies find there, before there is a graph.
+  await section.getByRole('button', { name: 'Compare bodies' }).click()
+  const table = section.getByRole('table', { name: 'What bodies can get to' })
+  await expect(table.getByRole('row')).toHaveCount(8, { timeout: 30_000 })
   await page.screenshot({ path: 'test-results/imported-level.png' })
+  // Lava is marked on the floor, drawn, and part of the next import.
+  await ask(page, ({ state }) => {
+    state.setTool('mark')
+    state.marks.choose('lava')
+    state.marks.click({ x: 10, y: 1, z: 10 })
+    state.marks.click({ x: 16, y: 1, z: 14 })
+  })
+  const marks = page.getByRole('region', { name: 'Mark features' })
+  await expect(marks.getByText('Lava at')).toBeVisible()
+  const download = page.waitForEvent('download')
+  await marks.getByRole('button', { name: 'Save the sidecar' }).click()
+  expect((await download).suggestedFilename()).toBe('court.surefoot.json')
+  await page.screenshot({ path: 'test-results/marks.png' })
+  await marks.getByRole('button', { name: 'Import with marks' }).click()
+  await expect
+    .poll(() => ask(page, ({ state }) => state.level.features.value?.pools.map(({ centre }) => centre)), {
+      timeout: 30_000,
+    })
+    .toMatchObject([{ x: expect.closeTo(13, 1), z: expect.closeTo(12, 1) }])
   await expect
     .poll(() => ask(page, ({ state }) => state.graphs.loaded.value?.edges.length ?? 0), { timeout: 90_000 })
     .toBeGreaterThan(10)

@@ -35,6 +35,8 @@ const SMALL_M: f32 = 10.0;
 pub struct Imported {
     /// The map of the level.
     pub map: Map,
+    /// Where the level's origin lies on the map, m.
+    pub origin: Vec3,
     /// Oddities that a designer may want to correct.
     pub warnings: Vec<Warning>,
 }
@@ -98,7 +100,7 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let placed = found.place(place.shift, place.size).map_err(outside)?;
     check_load(place.size, &triangles, &placed)?;
     if open.is_empty() {
-        return Ok(Imported { map: Map::from_parts(place.size, triangles, placed), warnings });
+        return Ok(Imported { map: Map::from_parts(place.size, triangles, placed), origin: place.shift, warnings });
     }
     let map = Map::from_parts(place.size, triangles.clone(), placed.clone());
     let plates: Vec<Triangle> = open
@@ -107,13 +109,13 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
         .flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>())
         .collect();
     if plates.is_empty() {
-        return Ok(Imported { map, warnings });
+        return Ok(Imported { map, origin: place.shift, warnings });
     }
     warnings.push(Warning::Plates { count: plates.len() });
     let triangles: Vec<Triangle> = triangles.into_iter().chain(plates).collect();
     check_load(place.size, &triangles, &placed)?;
     let map = Map::from_parts(place.size, triangles, placed);
-    Ok(Imported { map, warnings })
+    Ok(Imported { map, origin: place.shift, warnings })
 }
 
 /// The irregular edges of a level as it was modelled.

@@ -12,11 +12,14 @@ import { ViewSettings } from './view-settings'
 import { Levels } from './world/import'
 import { Level } from './world/level'
 import { Live } from './world/live'
+import { Marks } from './world/marks'
 import { Npcs } from './world/npcs'
+import { Surveys } from './world/surveys'
 import { Worlds } from './world/worlds'
 
 /** What a click on the map does. */
-export type Tool = 'select' | 'plan' | 'forbid' | 'add' | 'move' | 'remove' | 'force' | 'spawn' | 'send' | 'teleport'
+export type Tool =
+  'select' | 'plan' | 'forbid' | 'add' | 'move' | 'remove' | 'force' | 'spawn' | 'send' | 'teleport' | 'mark'
 
 /** Tools that change the graph. */
 export const EDIT_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['forbid', 'add', 'move', 'remove', 'force'])
@@ -28,6 +31,8 @@ export class Studio {
   readonly live: Live
   readonly level: Level
   readonly levels: Levels
+  readonly marks = new Marks()
+  readonly surveys: Surveys
   readonly npcs: Npcs
   readonly graphs: Graphs
   readonly layers: Layers
@@ -54,6 +59,7 @@ export class Studio {
     this.live = new Live(context)
     this.level = new Level(context)
     this.levels = new Levels(context)
+    this.surveys = new Surveys(context)
     this.npcs = new Npcs(context)
     this.layers = new Layers(context, () => void this.graphs.reload())
     this.graphs = new Graphs(context, (graph) => this.layers.sync(graph))
@@ -119,7 +125,13 @@ export class Studio {
     batch(() => {
       this.tool.value = tool
       this.forceFrom.value = undefined
+      this.marks.begun.value = undefined
       if (tool === 'plan') this.openTab('plan')
+      if (tool === 'mark') {
+        this.openTab('map')
+        // It would hide what is marked.
+        this.graphs.setFilter({ visible: false })
+      }
       // What is changed should be seen.
       if (EDIT_TOOLS.has(tool)) this.graphs.setFilter({ visible: true })
     })
@@ -143,6 +155,9 @@ export class Studio {
       this.probes.forget()
       this.builds.clearComparison()
       this.npcs.select(undefined)
+      this.marks.clear()
+      this.surveys.shown.value = undefined
+      if (this.tool.value === 'mark') this.tool.value = 'select'
       this.forceFrom.value = undefined
     })
   }

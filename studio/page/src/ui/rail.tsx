@@ -14,6 +14,7 @@ const ICONS: Record<Tool, IconName> = {
   spawn: 'spawn',
   send: 'send',
   teleport: 'teleport',
+  mark: 'add',
 }
 
 /** The tools. Arrow keys go from one to the next, as in any toolbar; Tab goes past them. */

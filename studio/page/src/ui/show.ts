@@ -4,12 +4,13 @@ import { effect } from '@preact/signals'
 import { marksOf } from '../data/edit/edits'
 import type { Studio } from '../data/studio'
 import { PICKABLE } from './tools'
+import { featuresWith } from '../data/world/marks'
 import { poseOf } from '../data/world/snapshot'
 import type { SelectedNpc, Viewport } from '../view/viewport.types'
 
 /** Shows everything, and goes on doing so until what is returned is called. */
 export function show(studio: Studio, viewport: Viewport): () => void {
-  const { graphs, layers, live, npcs, plans, builds, view } = studio
+  const { graphs, layers, live, npcs, plans, builds, view, marks, surveys } = studio
   const ends = [
     effect(() => {
       const { tick, npcs } = live.moment.value
@@ -36,7 +37,12 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     }),
     effect(() => {
       const result = builds.comparison.value?.result
-      viewport.setDifference(result?.lost ?? [], result?.gained ?? [])
+      const shown = surveys.list.value.find(({ body }) => body === surveys.shown.value)?.survey
+      viewport.setDifference(shown?.cutOff ?? result?.lost ?? [], shown === undefined ? (result?.gained ?? []) : [])
+    }),
+    effect(() => {
+      const { value: features } = studio.level.features
+      if (features !== undefined) viewport.setFeatures(featuresWith(features, marks.list.value))
     }),
     effect(() => viewport.setSection(view.section.value ? view.sectionHeight.value : undefined)),
     effect(() => viewport.setTopView(view.top.value)),

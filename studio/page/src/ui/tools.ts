@@ -3,6 +3,7 @@
 import { addVertex, forbidEdge, forceEdge, moveVertex, removeVertex } from '../data/edit/edits'
 import { npcNumber } from '../data/world/snapshot'
 import { EDIT_TOOLS, type Studio, type Tool } from '../data/studio'
+import type { MarkKind } from '../data/world/marks'
 import type { Hit, Place } from '../view/viewport.types'
 
 /** What to do next with a tool, in a few words. */
@@ -20,8 +21,21 @@ export function hintFor(studio: Studio): string {
     spawn: 'Click where the NPC is to stand',
     send: `Click where ${named} is to go`,
     teleport: `Click where ${named} is to stand`,
+    mark: markHint(studio),
   }
   return hints[studio.tool.value]
+}
+
+function markHint({ marks }: Studio): string {
+  const hints: Record<MarkKind, readonly [first: string, second: string]> = {
+    lava: ['Click a corner of the lava', 'Click the opposite corner'],
+    water: ['Click a corner of the water', 'Click the opposite corner'],
+    pad: ['Click where the jump pad lies', ''],
+    zipLine: ['Click where the zip line begins', 'Click where it ends'],
+    teleporter: ['Click where the teleporter stands', 'Click where it leads'],
+    jetpack: ['Click where the jetpack lies', ''],
+  }
+  return hints[marks.kind.value][marks.begun.value === undefined ? 0 : 1]
 }
 
 /** What each tool is for: nothing else gets in its way. Select takes everything. */
@@ -36,6 +50,7 @@ export const PICKABLE: Readonly<Record<Tool, ReadonlySet<Hit['kind']> | undefine
   spawn: new Set(['ground', 'vertex']),
   send: new Set(['ground', 'vertex']),
   teleport: new Set(['ground', 'vertex']),
+  mark: new Set(['ground']),
 }
 
 export function clicked(studio: Studio, hit: Hit | undefined): void {
@@ -75,6 +90,9 @@ const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
   spawn: (studio, hit) => {
     const worldId = studio.worlds.chosenId.peek()
     if (hit !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, hit.at)
+  },
+  mark: (studio, hit) => {
+    if (hit?.kind === 'ground') studio.marks.click(hit.at)
   },
   send: (studio, hit) => withSelected(studio, hit, (id, at) => void studio.npcs.send(id, at)),
   teleport: (studio, hit) =>

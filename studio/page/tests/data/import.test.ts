@@ -30,7 +30,8 @@ describe('levels of files', () => {
       importMap: (request: object) => {
         requests.push(request)
         const map = { mapHash: 'abc', name: 'hall.obj', size: { width: 44, height: 22, depth: 24 } }
-        return Promise.resolve({ map, warnings: ['3 shells were inside out'] })
+        const origin = { x: 2, y: 1, z: 22 }
+        return Promise.resolve({ map, origin, warnings: ['3 shells were inside out'] })
       },
     }
     const levels = new Levels({ world: { maps } } as unknown as Context)
@@ -49,8 +50,14 @@ describe('levels of files', () => {
       mapHash: 'abc',
       extent: '44 x 24 m, 22 m high',
       warnings: ['3 shells were inside out'],
+      frame: { origin: { x: 2, y: 1, z: 22 }, scale: 0.01, up: UpAxis.Z },
+      sidecar: '{"pads":[]}',
     })
     expect(levels.sent.value).toBeUndefined()
+    await levels.importWith([{ kind: 'pad', at: { x: 12, y: 1, z: 12 } }])
+    expect(requests[1]).toMatchObject({ name: 'hall.obj', scale: 0.01 })
+    const { pads } = JSON.parse((requests[1] as { sidecar: string }).sidecar) as { pads: { at: number[] }[] }
+    expect(pads[0]?.at.map(Math.round)).toEqual([1000, 1000, 0])
   })
 
   it('say what they are called', () => {

@@ -4,6 +4,7 @@ import { formatOf, USUAL_OPTIONS } from '../../data/world/import'
 import { UpAxis } from '../../gen/surefoot/world/v1/maps_pb'
 import { Check, NumberField, Progress, SelectField } from '../controls'
 import { BODIES, type BodyName } from './kinds'
+import { SurveyTable } from './survey-table'
 
 const AXES = [
   { value: String(UpAxis.Y), name: 'y' },
@@ -11,7 +12,8 @@ const AXES = [
 ] as const
 
 /** Takes a level from a file, says what is odd about it, and makes a world of it. */
-export function ImportLevel({ studio: { levels, worlds } }: { studio: Studio }) {
+export function ImportLevel({ studio }: { studio: Studio }) {
+  const { levels, worlds } = studio
   const [files, setFiles] = useState<readonly File[]>([])
   const [options, setOptions] = useState(USUAL_OPTIONS)
   const [body, setBody] = useState<BodyName>('surefoot')
@@ -91,6 +93,12 @@ export function ImportLevel({ studio: { levels, worlds } }: { studio: Studio }) 
               {warning}
             </p>
           ))}
+          <SurveyTable
+            studio={studio}
+            of={imported.mapHash}
+            map={{ mapHash: imported.mapHash }}
+            isShown={worlds.chosen.value?.mapHash === imported.mapHash}
+          />
           <SelectField label="Body" value={body} options={BODIES} onChange={setBody} />
           <button
             type="button"

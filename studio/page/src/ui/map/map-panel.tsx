@@ -8,12 +8,15 @@ import { Empty, Facts, Section, SureButton } from '../controls'
 import { CreateWorldForm } from './create-world'
 import { ImportLevel } from './import-level'
 import { bodyName } from './kinds'
+import { MarksSection } from './marks-section'
+import { SurveyTable } from './survey-table'
 
 export function MapPanel({ studio }: { studio: Studio }) {
   return (
     <>
       <WorldList studio={studio} />
       <LevelFacts studio={studio} />
+      <MarksSection studio={studio} />
       <Section title="New world">
         <CreateWorldForm studio={studio} />
       </Section>
@@ -59,7 +62,8 @@ function describe(world: World): string {
   return `${mapName(world)} · ${counted(world.npcCount, 'NPC')}`
 }
 
-function LevelFacts({ studio: { level, worlds } }: { studio: Studio }) {
+function LevelFacts({ studio }: { studio: Studio }) {
+  const { level, worlds } = studio
   const features = level.features.value
   const world = worlds.chosen.value
   if (features === undefined || world === undefined) return null
@@ -96,6 +100,12 @@ function LevelFacts({ studio: { level, worlds } }: { studio: Studio }) {
             </li>
           ))}
       </ul>
+      <SurveyTable
+        studio={studio}
+        of={world.mapHash}
+        map={world.map === undefined ? { mapHash: world.mapHash } : { map: world.map }}
+        isShown
+      />
     </Section>
   )
 }

@@ -1,0 +1,147 @@
+// Lava, water and devices that a designer marks on an imported level, and the sidecar file that lists them.
+
+import { batch, signal } from '@preact/signals'
+import { UpAxis } from '../../gen/surefoot/world/v1/maps_pb'
+import type { Features, Place } from '../../view/viewport.types'
+
+export type MarkKind = 'lava' | 'water' | 'pad' | 'zipLine' | 'teleporter' | 'jetpack'
+
+/** Kinds that take two clicks: two corners of a pool, or the two ends of a way. */
+const PAIRED: ReadonlySet<MarkKind> = new Set(['lava', 'water', 'zipLine', 'teleporter'])
+
+/** How high the surface of a pool lies above the higher of its corners, and its ground below the lower one, m. */
+const POOL_ABOVE_M = 0.3
+const POOL_BELOW_M = 1
+/** How high a pad throws, m, unless the file says otherwise; and what pads are drawn with. */
+const PAD_HEIGHT_M = 4
+const PAD_SPEED = 20
+
+/** A feature on the map, m. */
+export interface Mark {
+  kind: MarkKind
+  at: Place
+  /** The other corner or end, where the kind has one. */
+  to?: Place | undefined
+}
+
+/** How a level's coordinates become those of its map. */
+export interface Frame {
+  /** Where the level's origin lies on the map, m. */
+  origin: Place
+  /** Metres per unit of the level. */
+  scale: number
+  up: UpAxis
+}
+
+export class Marks {
+  readonly kind = signal<MarkKind>('lava')
+  readonly list = signal<readonly Mark[]>([])
+  /** The first of two clicks. */
+  readonly begun = signal<Place | undefined>(undefined)
+
+  choose(kind: MarkKind): void {
+    batch(() => {
+      this.kind.value = kind
+      this.begun.value = undefined
+    })
+  }
+
+  /** A click on the map. */
+  click(at: Place): void {
+    const kind = this.kind.peek()
+    const first = this.begun.peek()
+    batch(() => {
+      if (PAIRED.has(kind) && first === undefined) {
+        this.begun.value = at
+        return
+      }
+      this.begun.value = undefined
+      this.list.value = [...this.list.value, first === undefined ? { kind, at } : { kind, at: first, to: at }]
+    })
+  }
+
+  remove(index: number): void {
+    this.list.value = this.list.value.filter((_, other) => other !== index)
+  }
+
+  clear(): void {
+    batch(() => {
+      this.list.value = []
+      this.begun.value = undefined
+    })
+  }
+}
+
+/** A place of the map in the level's own coordinates. */
+export function toLevel({ x, y, z }: Place, { origin, scale, up }: Frame): [number, number, number] {
+  const [east, above, south] = [(x - origin.x) / scale, (y - origin.y) / scale, (z - origin.z) / scale]
+  return up === UpAxis.Z ? [east, -south, above] : [east, above, south]
+}
+
+/** Opposite corners of the box of liquid between two places. */
+function poolBox(a: Place, b: Place): { low: Place; high: Place } {
+  return {
+    low: { x: Math.min(a.x, b.x), y: Math.min(a.y, b.y) - POOL_BELOW_M, z: Math.min(a.z, b.z) },
+    high: { x: Math.max(a.x, b.x), y: Math.max(a.y, b.y) + POOL_ABOVE_M, z: Math.max(a.z, b.z) },
+  }
+}
+
+/** Lists as the file has them; what else the file says is kept. */
+interface Sidecar {
+  pools?: unknown[]
+  pads?: unknown[]
+  zip_lines?: unknown[]
+  teleporters?: unknown[]
+  jetpacks?: unknown[]
+}
+
+/** The content of a level's .surefoot.json with these marks after what it had before; throws where that is no JSON object. */
+export function sidecarWith(before: string, marks: readonly Mark[], frame: Frame): string {
+  const sidecar: Sidecar = before.trim() === '' ? {} : (JSON.parse(before) as Sidecar)
+  for (const mark of marks) {
+    const at = toLevel(mark.at, frame)
+    const to = mark.to === undefined ? at : toLevel(mark.to, frame)
+    switch (mark.kind) {
+      case 'lava':
+      case 'water': {
+        const { low, high } = poolBox(mark.at, mark.to ?? mark.at)
+        const entry = { liquid: mark.kind, min: toLevel(low, frame), max: toLevel(high, frame) }
+        sidecar.pools = [...(sidecar.pools ?? []), entry]
+        break
+      }
+      case 'pad':
+        sidecar.pads = [...(sidecar.pads ?? []), { at, height: PAD_HEIGHT_M }]
+        break
+      case 'zipLine':
+        sidecar.zip_lines = [...(sidecar.zip_lines ?? []), { from: at, to }]
+        break
+      case 'teleporter':
+        sidecar.teleporters = [...(sidecar.teleporters ?? []), { from: at, to }]
+        break
+      case 'jetpack':
+        sidecar.jetpacks = [...(sidecar.jetpacks ?? []), { at }]
+        break
+    }
+  }
+  return `${JSON.stringify(sidecar, undefined, 1)}\n`
+}
+
+/** The features of a map with marks drawn as if they were there already. */
+export function featuresWith(features: Features, marks: readonly Mark[]): Features {
+  const of = (...kinds: MarkKind[]) => marks.filter(({ kind }) => kinds.includes(kind))
+  const pools = of('lava', 'water').map(({ kind, at, to }) => {
+    const { low, high } = poolBox(at, to ?? at)
+    const [halfX, halfZ] = [(high.x - low.x) / 2, (high.z - low.z) / 2]
+    const centre = { x: low.x + halfX, y: high.y, z: low.z + halfZ }
+    return { centre, halfX, halfZ, round: false, depth: high.y - low.y, lava: kind === 'lava' }
+  })
+  const ways = (kind: MarkKind) => of(kind).map(({ at, to }) => ({ from: at, to: to ?? at }))
+  return {
+    size: features.size,
+    pools: [...features.pools, ...pools],
+    pads: [...features.pads, ...of('pad').map(({ at }) => ({ centre: at, speed: PAD_SPEED }))],
+    zipLines: [...features.zipLines, ...ways('zipLine')],
+    teleporters: [...features.teleporters, ...ways('teleporter').map((way) => ({ ...way, twoWay: false }))],
+    jetpacks: [...features.jetpacks, ...of('jetpack').map(({ at }) => at)],
+  }
+}
