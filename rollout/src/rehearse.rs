@@ -23,6 +23,9 @@ const LEGS: usize = 2;
 const MAX_DECISIONS: u32 = 160;
 /// Decisions without coming closer after which a leg that is rehearsed has failed.
 const STALLED_AFTER: u32 = 40;
+/// Speed below which a body that has arrived stands, m/s, and the most decisions that it is watched for.
+const REST_SPEED: f32 = 0.5;
+const MAX_REST_DECISIONS: u32 = 18;
 /// Rehearsals of the same legs, with other noise each time, before another way is looked for.
 const HARM_DRAWS: u32 = 3;
 const STALL_DRAWS: u32 = 2;
@@ -229,24 +232,32 @@ impl Rehearsal {
                 world.set_goal(slot, waypoint);
             }
             hidden.extend_from_slice(&ghost.hidden);
-            running.push(Running { idx, slot, until, decisions: 0, ghost });
+            running.push(Running { idx, slot, until, decisions: 0, ghost, arrival: None });
         }
         self.decisions.set_hidden(hidden);
         while !running.is_empty() {
-            let lanes: Vec<Lane> =
-                running.iter().map(|it| Lane::of(it.slot).in_style(it.ghost.follower.style())).collect();
-            let noise = Noise::Rows(
-                running.iter_mut().zip(&lanes).flat_map(|(it, lane)| it.ghost.noise.draw(lane.style)).collect(),
-            );
-            let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
-            let closed = self.decisions.decide(&mut stage, policy, noise).to_vec();
+            let deciding = || running.iter().filter(|it| it.arrival.is_none());
+            let lanes: Vec<Lane> = deciding().map(|it| Lane::of(it.slot).in_style(it.ghost.follower.style())).collect();
+            let closed = if lanes.is_empty() {
+                self.worlds[0].tick_decision();
+                Vec::new()
+            } else {
+                let deciding = running.iter_mut().filter(|it| it.arrival.is_none());
+                let noise = deciding.zip(&lanes).flat_map(|(it, lane)| it.ghost.noise.draw(lane.style)).collect();
+                let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
+                self.decisions.decide(&mut stage, policy, Noise::Rows(noise)).to_vec()
+            };
             let mut closed = closed.into_iter();
             let [world] = &mut self.worlds;
             let hidden = self.decisions.hidden();
             running.retain_mut(|it| {
-                let end = closed.next().expect("an outcome for each lane").end;
-                let Some(result) = it.note(world, end) else { return true };
-                let npc = *world.npc(it.slot).expect("a running NPC");
+                let result = if it.arrival.is_some() {
+                    it.note_rest(world)
+                } else {
+                    it.note(world, closed.next().expect("an outcome for each lane").end)
+                };
+                let Some(result) = result else { return true };
+                let npc = it.arrival.unwrap_or(*world.npc(it.slot).expect("a running NPC"));
                 results[it.idx] = Some(result.map(|()| {
                     let row = it.slot.0 as usize * hidden_len;
                     Ghost { npc, hidden: hidden[row..row + hidden_len].to_vec(), ..it.ghost.clone() }
@@ -267,6 +278,8 @@ struct Running {
     until: usize,
     decisions: u32,
     ghost: Ghost,
+    /// How it arrived at the goal; since then it stands, or comes to a stop.
+    arrival: Option<Npc>,
 }
 
 impl Running {
@@ -282,8 +295,14 @@ impl Running {
             return Some(mishap(true, leg));
         }
         let reached = end == Some(End::Reached);
-        if reached && follower.is_last_leg() || self.decisions >= MAX_DECISIONS {
+        if self.decisions >= MAX_DECISIONS {
             return Some(Ok(()));
+        }
+        if reached && follower.is_last_leg() {
+            self.arrival = world.npc(self.slot).copied();
+            self.decisions = 0;
+            world.clear_goal(self.slot);
+            return None;
         }
         match follower.note(body.feet, reached) {
             Step::Head(waypoint) => world.set_goal(self.slot, waypoint),
@@ -291,5 +310,17 @@ impl Running {
             Step::Plan | Step::GiveUp | Step::Unreachable => return Some(mishap(false, leg)),
         }
         (follower.leg_idx() >= self.until && body.is_grounded()).then_some(Ok(()))
+    }
+
+    /// Records what becomes of a body that has arrived, until it stands: one that arrives in flight may fall beyond its goal.
+    fn note_rest(&mut self, world: &World) -> Option<Result<(), Mishap>> {
+        let npc = world.npc(self.slot).expect("a running NPC");
+        self.decisions += 1;
+        if npc.harm.is_some() {
+            let leg = self.ghost.follower.leg_key();
+            return Some(leg.map_or(Ok(()), |leg| Err(Mishap { leg, is_harm: true })));
+        }
+        let stands = npc.body.is_grounded() && npc.body.velocity.length_squared() < REST_SPEED * REST_SPEED;
+        (stands || self.decisions >= MAX_REST_DECISIONS).then_some(Ok(()))
     }
 }

@@ -12,7 +12,7 @@ use surefoot_rollout::{
     Attempt, DecisionLoop, FollowConfig, Follower, Goal, Lane, Noise, ProbeContext, Rollout, Stage,
 };
 use surefoot_world::map::MapKind;
-use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
+use surefoot_world::{CharacterProfile, End, Map, MapSpec, RawMapSpec, TaskConfig, Vec3, World, navigable};
 
 /// Platforms over a void.
 fn islands() -> Arc<Map> {
@@ -84,6 +84,49 @@ fn an_npc_does_what_its_rehearsal_foretold() {
         }
     }
     assert!(foretold > 100, "{foretold} decisions were foretold");
+}
+
+#[test]
+fn an_npc_whose_rehearsal_arrived_stands_alive_afterwards() {
+    let (map, policy) = (islands(), Policy::shipped().unwrap());
+    let (profile, task) = (CharacterProfile::default(), TaskConfig::default());
+    let mut rehearsal = Rehearsal::new(map.clone(), profile.clone(), task.clone(), &policy);
+    let (mut arrived, mut refused) = (0, 0);
+    for (stream, goal) in (0..).zip(goals(&map, 400)) {
+        let mut worlds = [World::new(map.clone(), profile.clone(), task.clone())];
+        let lane = Lane::of(worlds[0].spawn(goal.start, goal.yaw));
+        worlds[0].set_goal(lane.slot, goal.goal);
+        let mut noise = NoiseStream::new(0.5, 9, stream);
+        let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
+        let npc = *worlds[0].npc(lane.slot).unwrap();
+        let actor = Actor { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, ghost: None };
+        if rehearsal.run(&policy, vec![actor])[0].is_err() {
+            refused += 1;
+            continue;
+        }
+        let mut decisions = DecisionLoop::new(&policy);
+        decisions.begin(lane.row_idx);
+        // The rehearsal went on for 160 decisions at most.
+        let mut end = None;
+        for _ in 0..160 {
+            let draw = Noise::Rows(noise.draw(lane.style).collect());
+            end = decisions.decide(&mut Stage { worlds: &mut worlds, lanes: &[lane] }, &policy, draw)[0].end;
+            if end.is_some() {
+                break;
+            }
+        }
+        if end != Some(End::Reached) {
+            continue;
+        }
+        // What the server does with an NPC that has arrived.
+        worlds[0].clear_goal(lane.slot);
+        (0..240).for_each(|_| worlds[0].tick());
+        let npc = worlds[0].npc(lane.slot).unwrap();
+        assert_eq!(npc.harm, None, "an NPC that arrived at {} died", goal.goal);
+        assert!(npc.body.velocity.length() < 0.5, "{:?}", npc.body);
+        arrived += 1;
+    }
+    assert!(arrived > 20 && refused > 20, "{arrived} arrived, {refused} were refused");
 }
 
 #[test]
