@@ -224,6 +224,7 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
         npc_count: world.npc_count as u32,
         tick: world.tick.0,
         bodies: world.bodies.iter().map(convert::body_to_wire).collect(),
+        solid_npcs: world.solid_npcs,
     }
 }
 

@@ -113,6 +113,19 @@ pub struct WorldSummary {
     pub tick: Tick,
     /// Bodies that its NPCs have or had, the usual one first.
     pub bodies: Vec<CharacterProfile>,
+    /// Whether its NPCs get in each other's way.
+    pub solid_npcs: bool,
+}
+
+/// What a new world is like, beside its map.
+#[derive(Debug, Clone)]
+pub struct WorldSettings {
+    /// How its time passes.
+    pub mode: TimeMode,
+    /// The usual body of its NPCs.
+    pub body: CharacterProfile,
+    /// Whether they get in each other's way.
+    pub solid_npcs: bool,
 }
 
 /// All worlds; clones share them.
@@ -205,8 +218,7 @@ impl Worlds {
         &self,
         caller: &Caller,
         source: MapSource,
-        mode: TimeMode,
-        body: CharacterProfile,
+        WorldSettings { mode, body, solid_npcs }: WorldSettings,
     ) -> Result<WorldSummary, WorldsError> {
         let limit = self.shared.config.max_worlds;
         if self.shared.worlds.read().expect(POISON).len() >= limit {
@@ -216,7 +228,9 @@ impl Worlds {
         let map = self.maps().get(&caller.name, &source).await?;
         let id = self.next_id().await;
         let map_hash = map.map().hash();
-        let world = HostedWorld::new(id, map.map().clone(), mode, self.shared.registry.clone()).with_bodies(vec![body]);
+        let world = HostedWorld::new(id, map.map().clone(), mode, self.shared.registry.clone())
+            .with_bodies(vec![body])
+            .with_solid_npcs(solid_npcs);
         self.start(id, world, map, ticket)?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
         self.describe(caller, id).await
@@ -303,9 +317,16 @@ impl Worlds {
     /// If there is none of that id, or its thread does not answer.
     pub async fn describe(&self, caller: &Caller, id: WorldId) -> Result<WorldSummary, WorldsError> {
         let WorldHandle { sim, map, mode, .. } = self.handle_for(caller, id)?;
-        let (npc_count, tick, bodies) =
-            sim.call(|SimState { world, .. }| (world.npc_count(), world.tick(), world.bodies().to_vec())).await?;
-        Ok(WorldSummary { id, map, mode, npc_count, tick, bodies })
+        let describe = move |SimState { world, .. }: &mut SimState| WorldSummary {
+            id,
+            map,
+            mode,
+            npc_count: world.npc_count(),
+            tick: world.tick(),
+            bodies: world.bodies().to_vec(),
+            solid_npcs: world.has_solid_npcs(),
+        };
+        Ok(sim.call(describe).await?)
     }
 
     /// Returns the ids of all worlds in ascending order.

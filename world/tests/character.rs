@@ -1,5 +1,6 @@
 //! How a body moves on simple geometry.
 
+use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -394,6 +395,57 @@ fn npcs_push_each_other_aside_only_where_the_world_says_so() {
         assert_eq!(closest > 0.58, npc_collision, "{closest} m apart");
         assert!(places.iter().all(|place| (place.y - GROUND).abs() < 0.02));
     }
+}
+
+/// A world whose NPCs get in each other's way, on a deck from 15 to 25 m on both axes with nothing below.
+fn solid_world_on_a_deck() -> World {
+    let corners = [(15.0, 15.0), (15.0, 25.0), (25.0, 25.0), (25.0, 15.0)];
+    let deck = quad(corners.map(|(x, z)| Vec3::new(x, GROUND, z)));
+    let map = Arc::new(Map::from_parts(SIZE, deck, Placed::default()));
+    let profiles = vec![CharacterProfile::default()];
+    World::with_config(map, WorldConfig { profiles, task: TaskConfig::default(), npc_collision: true })
+}
+
+#[test]
+fn nobody_is_pushed_off_a_ledge() {
+    let mut world = solid_world_on_a_deck();
+    // One stands with its back to the edge; others run into it from the middle of the deck, and stop when they are beside it.
+    let stands = world.spawn(Vec3::new(24.8, GROUND, 20.0), 0.0);
+    let runners: Vec<NpcSlot> =
+        (0..6).map(|idx| world.spawn(Vec3::new(18.0 + idx as f32 * 0.7, GROUND, 20.0), FRAC_PI_2)).collect();
+    for _ in 0..60 {
+        for &runner in &runners {
+            let at = world.npc(runner).unwrap().body.feet.x;
+            world.decide(runner, if at < 24.6 { FORWARD } else { STAND });
+        }
+        (0..10).for_each(|_| world.tick());
+    }
+    let npc = world.npc(stands).unwrap();
+    assert_eq!((npc.harm, npc.body.is_grounded()), (None, true), "{:?}", npc.body);
+    assert!(npc.body.feet.distance(Vec3::new(24.8, GROUND, 20.0)) < 3.0, "{:?}", npc.body.feet);
+}
+
+#[test]
+fn solid_npcs_do_not_run_through_each_other_and_pass_where_they_meet() {
+    let mut world = solid_world_on_a_deck();
+    let ends = [Vec3::new(17.0, GROUND, 20.0), Vec3::new(23.0, GROUND, 20.0)];
+    let slots = [world.spawn(ends[0], FRAC_PI_2), world.spawn(ends[1], -FRAC_PI_2)];
+    let mut closest = f32::INFINITY;
+    let mut passed = false;
+    for _ in 0..60 {
+        slots.iter().for_each(|&slot| world.decide(slot, Action { forward: 0.3, ..FORWARD }));
+        for _ in 0..10 {
+            world.tick();
+            let [one, other] = slots.map(|slot| world.npc(slot).unwrap().body.feet);
+            closest = closest.min(one.distance(other));
+            passed |= one.x > other.x + 0.5;
+        }
+        if passed {
+            break;
+        }
+    }
+    assert!(passed, "they stand before each other");
+    assert!(closest > 0.4, "{closest} m apart");
 }
 
 #[test]

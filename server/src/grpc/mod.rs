@@ -17,7 +17,7 @@ use crate::wire::{
     MAX_CUT_OFF, MAX_SURVEYED, features_to_wire, npc_to_wire, region as convert_region, survey_to_wire, time_mode,
     world_to_wire,
 };
-use crate::worlds::{NpcAccess, WorldSummary, Worlds};
+use crate::worlds::{NpcAccess, WorldSettings, WorldSummary, Worlds};
 use readers::ReaderStream;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -98,9 +98,13 @@ impl WorldService for WorldApi {
         let caller = Caller::of(&request);
         let request = request.into_inner();
         let source = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
-        let (mode, body) = (time_mode(request.mode)?, convert::body(request.body.as_ref())?);
+        let settings = WorldSettings {
+            mode: time_mode(request.mode)?,
+            body: convert::body(request.body.as_ref())?,
+            solid_npcs: request.solid_npcs,
+        };
         let (worlds, owner) = (self.worlds.clone(), caller.clone());
-        let create = async move { Ok(worlds.create(&owner, source, mode, body).await?) };
+        let create = async move { Ok(worlds.create(&owner, source, settings).await?) };
         let world = self.created_worlds.once(&caller.name, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateWorldResponse { world: Some(world_to_wire(&world)) }))
     }

@@ -21,7 +21,7 @@ use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -37,6 +37,7 @@ pub struct SavedWorld {
     source: SavedMap,
     mode: TimeMode,
     bodies: Vec<CharacterProfile>,
+    solid_npcs: bool,
     state: WorldState,
     npcs: Vec<SavedNpc>,
     last_serial: u32,
@@ -265,6 +266,7 @@ impl HostedWorld {
             source,
             mode: self.mode,
             bodies: self.bodies().to_vec(),
+            solid_npcs: self.has_solid_npcs(),
             state: self.world.save(),
             npcs: npcs.collect(),
             last_serial: self.last_serial,
@@ -274,7 +276,9 @@ impl HostedWorld {
 
     /// Restores a saved world on its map. NPCs continue to their goals once workers decide for them.
     pub fn restore(saved: &SavedWorld, map: Arc<Map>, registry: Arc<Registry>, npc_quota: &Arc<Quota>) -> Self {
-        let mut world = Self::new(saved.id, map, saved.mode, registry).with_bodies(saved.bodies.clone());
+        let mut world = Self::new(saved.id, map, saved.mode, registry)
+            .with_bodies(saved.bodies.clone())
+            .with_solid_npcs(saved.solid_npcs);
         world.world.restore(saved.state.clone());
         world.last_serial = saved.last_serial.saturating_add(UNSAVED_SERIALS).min(NpcId::MAX_SERIAL);
         world.counters = saved.counters.clone();

@@ -151,10 +151,26 @@ impl HostedWorld {
 
     /// Sets the bodies of the world's NPCs, at least one; NPCs have the first unless their spawn has another. For a world without NPCs.
     #[must_use]
-    pub fn with_bodies(mut self, profiles: Vec<CharacterProfile>) -> Self {
+    pub fn with_bodies(self, profiles: Vec<CharacterProfile>) -> Self {
         let config = WorldConfig { profiles, ..self.world.config().clone() };
+        self.with_config(config)
+    }
+
+    /// Sets whether NPCs get in each other's way. For a world without NPCs.
+    #[must_use]
+    pub fn with_solid_npcs(self, npc_collision: bool) -> Self {
+        let config = WorldConfig { npc_collision, ..self.world.config().clone() };
+        self.with_config(config)
+    }
+
+    fn with_config(mut self, config: WorldConfig) -> Self {
         self.world = World::with_config(self.world.map().clone(), config);
         self
+    }
+
+    /// Whether NPCs get in each other's way.
+    pub fn has_solid_npcs(&self) -> bool {
+        self.world.config().npc_collision
     }
 
     /// Bodies that NPCs of the world have or had, the usual one first.

@@ -13,11 +13,13 @@ use surefoot_world::character::Action;
 use surefoot_world::map::MapSize;
 use surefoot_world::sense::{RAY_COUNT, RayCone};
 use surefoot_world::{
-    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, exchange, navigable,
+    CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig, exchange, navigable,
 };
 
 /// Number of NPCs in the benchmark world.
 const NPCS: usize = 256;
+/// Number of NPCs that get in each other's way.
+const SOLID_NPCS: usize = 1024;
 /// Number of timed decisions of each NPC.
 const DECISIONS: usize = 300;
 
@@ -35,6 +37,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     ]);
     figures.splice(0..0, scaling(&map)?);
     figures.splice(0..0, simulation(&map)?);
+    figures.push(collisions(&map)?);
     Ok(figures)
 }
 
@@ -91,10 +94,16 @@ struct Crowd {
 
 impl Crowd {
     fn new(map: &Arc<Map>, seed: u64) -> anyhow::Result<Self> {
+        Self::of(NPCS, map, seed, false)
+    }
+
+    /// So many NPCs, which get in each other's way or pass through one another.
+    fn of(count: usize, map: &Arc<Map>, seed: u64, npc_collision: bool) -> anyhow::Result<Self> {
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let points = navigable::sample_many(map, &profile, 2 * NPCS, &mut rng)?;
-        let mut world = World::new(map.clone(), profile, TaskConfig::default());
+        let points = navigable::sample_many(map, &profile, 2 * count, &mut rng)?;
+        let config = WorldConfig { profiles: vec![profile], task: TaskConfig::default(), npc_collision };
+        let mut world = World::with_config(map.clone(), config);
         for pair in points.chunks_exact(2) {
             let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
             world.set_goal(slot, pair[1]);
@@ -107,8 +116,8 @@ impl Crowd {
     }
 
     fn decide(&mut self) {
-        let Self { world, rng, .. } = self;
-        for idx in 0..NPCS {
+        let Self { world, rng, points, .. } = self;
+        for idx in 0..points.len() / 2 {
             let action = [
                 rng.random_range(0.0..1.0),
                 rng.random_range(-0.5..0.5),
@@ -211,6 +220,26 @@ fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
             false,
         ),
     ])
+}
+
+/// What a tick costs when NPCs get in each other's way, beside one in which they pass through one another.
+fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
+    let mut crowds = [false, true].map(|is_solid| Crowd::of(SOLID_NPCS, map, 0, is_solid));
+    let mut times = [Vec::new(), Vec::new()];
+    for _ in 0..DECISIONS / 3 {
+        for (crowd, times) in crowds.iter_mut().zip(&mut times) {
+            let crowd = crowd.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
+            crowd.decide();
+            times.push(timed(|| (0..10).for_each(|_| crowd.world.tick())) / 10.0);
+            crowd.close();
+        }
+    }
+    let [ghosts, solid] = times.map(|times| median(times) * 1.0e3);
+    Ok(Figure::new("solid_tick_ms", solid, "ms for 1,024 NPCs").at_most(1.3 * ghosts).with_reference(
+        "NPCs that pass through one another",
+        ghosts,
+        false,
+    ))
 }
 
 /// The same figures for rapier and parry; `None` in builds without them.
