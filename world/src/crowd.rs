@@ -22,10 +22,57 @@ const MAX_DROP_M: f32 = 1.0;
 /// Buffers of the neighbour search, reused from tick to tick.
 #[derive(Debug, Default)]
 pub(crate) struct CrowdScratch {
-    /// (cell, slot), sorted.
-    cells: Vec<((i32, i32), u32)>,
+    /// All bodies that get in the way, by cell and slot.
+    bodies: Vec<Listed>,
     /// Push of the NPC in each slot, m.
     pushes: Vec<Vec3>,
+}
+
+/// What the neighbour search needs of a body.
+#[derive(Debug, Clone, Copy)]
+struct Listed {
+    /// Column and row of its cell: neighbours in a row follow each other.
+    cell: u64,
+    slot: u32,
+    feet: Vec3,
+    radius: f32,
+    height: f32,
+}
+
+/// The number of the cell `rows` further than that of the key, in the column `columns` further.
+fn shifted(cell: u64, columns: u64, rows: i64) -> u64 {
+    cell.wrapping_add(columns << 32).wrapping_add_signed(rows)
+}
+
+impl Listed {
+    fn new(npc: &Npc, slot: u32, profiles: &[CharacterProfile]) -> Self {
+        // No map is so large that a row or a column would run over; bodies far outside share the last one.
+        let number = |metres: f32| ((metres / CELL_M) as i32).clamp(-(1 << 20), 1 << 20) as i64 + (1 << 21);
+        let (feet, profile) = (npc.body.feet, &profiles[usize::from(npc.profile.0)]);
+        let cell = (number(feet.x) << 32 | number(feet.z)) as u64;
+        Self { cell, slot, feet, radius: profile.radius, height: profile.height }
+    }
+
+    /// Push of this body by half of its overlap with `other`, m; the opposite is that of the other. Bodies in the same place separate
+    /// along x.
+    fn push(&self, other: &Self) -> Option<Vec3> {
+        let offset = self.feet - other.feet;
+        let reach = self.radius + other.radius;
+        if offset.x * offset.x + offset.z * offset.z >= reach * reach {
+            return None;
+        }
+        let clear = if offset.y > 0.0 { other.height } else { self.height };
+        if offset.y.abs() >= clear {
+            return None;
+        }
+        let distance = hypot(offset.x, offset.z);
+        let away = match distance > 1.0e-4 {
+            true => Vec3::new(offset.x, 0.0, offset.z) / distance,
+            false if self.slot < other.slot => Vec3::X,
+            false => -Vec3::X,
+        };
+        Some(away * (0.5 * (reach - distance)))
+    }
 }
 
 impl CrowdScratch {
@@ -37,31 +84,34 @@ impl CrowdScratch {
         profiles: &[CharacterProfile],
         scratch: &mut [MoveScratch],
     ) {
-        let cell_of = |feet: Vec3| ((feet.x / CELL_M) as i32, (feet.z / CELL_M) as i32);
-        let is_solid = |npc: &Npc| npc.harm.is_none() && npc.body.ride.is_none();
-        self.cells.clear();
-        self.cells.extend(npcs.iter().zip(0..).filter_map(|(npc, slot)| {
-            npc.as_ref().filter(|npc| is_solid(npc)).map(|npc| (cell_of(npc.body.feet), slot))
-        }));
-        self.cells.sort_unstable();
-        self.pushes.clear();
-        self.pushes.resize(npcs.len(), Vec3::ZERO);
-        for &(cell, slot) in &self.cells {
-            let npc = npcs[slot as usize].as_ref().expect("listed above");
-            for dx in -1..=1 {
-                for dz in -1..=1 {
-                    let near = (cell.0.saturating_add(dx), cell.1.saturating_add(dz));
-                    let start = self.cells.partition_point(|(other, _)| *other < near);
-                    for &(_, other) in self.cells[start..].iter().take_while(|(other, _)| *other == near) {
-                        if other != slot {
-                            let other_npc = npcs[other as usize].as_ref().expect("listed above");
-                            self.pushes[slot as usize] += push(npc, other_npc, slot < other, profiles);
-                        }
-                    }
+        let Self { bodies, pushes } = self;
+        let is_solid = |npc: &&Npc| npc.harm.is_none() && npc.body.ride.is_none();
+        bodies.clear();
+        bodies.extend(
+            npcs.iter()
+                .zip(0..)
+                .filter_map(|(npc, slot)| npc.as_ref().filter(is_solid).map(|npc| Listed::new(npc, slot, profiles))),
+        );
+        bodies.sort_unstable_by_key(|body| (body.cell, body.slot));
+        pushes.clear();
+        pushes.resize(npcs.len(), Vec3::ZERO);
+        // The first body of the next column that may be near; it never goes back.
+        let mut next_column = 0;
+        for (idx, body) in bodies.iter().enumerate() {
+            let (low, high) = (shifted(body.cell, 1, -1), shifted(body.cell, 1, 1));
+            while next_column < bodies.len() && bodies[next_column].cell < low {
+                next_column += 1;
+            }
+            let beside = bodies[idx + 1..].iter().take_while(|other| other.cell <= shifted(body.cell, 0, 1));
+            let beyond = bodies[next_column..].iter().take_while(|other| other.cell <= high);
+            for other in beside.chain(beyond) {
+                if let Some(push) = body.push(other) {
+                    pushes[body.slot as usize] += push;
+                    pushes[other.slot as usize] -= push;
                 }
             }
         }
-        for ((npc, push), scratch) in npcs.iter_mut().zip(&self.pushes).zip(scratch) {
+        for ((npc, push), scratch) in npcs.iter_mut().zip(pushes).zip(scratch) {
             let length = push.length();
             if let Some(npc) = npc.as_mut().filter(|_| length > 0.0) {
                 let profile = &profiles[usize::from(npc.profile.0)];
@@ -100,24 +150,4 @@ fn is_safe(map: &Map, feet: Vec3, push: Vec3, profile: &CharacterProfile) -> boo
     let from = ahead + Vec3::Y * KNEE_M;
     let below = map.mesh().cast_ray(from, DOWN, KNEE_M + MAX_DROP_M);
     below.is_some_and(|hit| hit.surface.is_solid() && map.liquid_at(ahead, 0.0) != Some(Liquid::Lava))
-}
-
-/// Push of `npc` by half of its overlap with `other`, m; bodies in the same place separate along x.
-fn push(npc: &Npc, other: &Npc, is_first: bool, profiles: &[CharacterProfile]) -> Vec3 {
-    let [own, others] = [npc, other].map(|npc| &profiles[usize::from(npc.profile.0)]);
-    let offset = npc.body.feet - other.body.feet;
-    let clear = if offset.y > 0.0 { others.height } else { own.height };
-    let distance = hypot(offset.x, offset.z);
-    let overlap = own.radius + others.radius - distance;
-    if overlap <= 0.0 || offset.y.abs() >= clear {
-        return Vec3::ZERO;
-    }
-    let away = if distance > 1.0e-4 {
-        Vec3::new(offset.x, 0.0, offset.z) / distance
-    } else if is_first {
-        Vec3::X
-    } else {
-        -Vec3::X
-    };
-    away * (0.5 * overlap)
 }
