@@ -1,6 +1,6 @@
 import { useState } from 'preact/hooks'
 import type { Studio } from '../../data/studio'
-import { NumberField, SelectField, Slider } from '../controls'
+import { Check, NumberField, SelectField, Slider } from '../controls'
 import { FEATURES, type FeatureName, randomSeed, STANDARD_FEATURES } from './features'
 import { BODIES, type BodyName, KINDS, type KindValue } from './kinds'
 
@@ -13,13 +13,14 @@ const SIZES = [
 
 type Size = (typeof SIZES)[number]['value']
 
-/** Seed, size, kind and features of a new world, and the body of its NPCs. */
+/** Seed, size, kind and features of a new world, and what its NPCs are like. */
 export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
   const [seed, setSeed] = useState(randomSeed)
   const [size, setSize] = useState<Size>('250')
   const [height, setHeight] = useState(80)
   const [kind, setKind] = useState<KindValue>(KINDS[0].value)
   const [body, setBody] = useState<BodyName>('surefoot')
+  const [solidNpcs, setSolidNpcs] = useState(false)
   const [features, setFeatures] = useState(STANDARD_FEATURES)
   const setFeature = (name: FeatureName, value: number) => setFeatures({ ...features, [name]: value })
   return (
@@ -29,7 +30,7 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
         event.preventDefault()
         const side = Number(size)
         const map = { seed: BigInt(seed), size: { width: side, height, depth: side }, features, kind: Number(kind) }
-        void worlds.create({ map, body: { preset: body } })
+        void worlds.create({ map, body: { preset: body }, solidNpcs })
         setSeed(randomSeed())
       }}
     >
@@ -42,6 +43,7 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
         <SelectField label="Ground" value={kind} options={KINDS} onChange={setKind} />
         <SelectField label="Body" value={body} options={BODIES} onChange={setBody} />
       </div>
+      <Check label="NPCs get in each other's way" checked={solidNpcs} onChange={setSolidNpcs} />
       <details>
         <summary>Features</summary>
         <div class="features">

@@ -84,6 +84,7 @@ function LevelFacts({ studio }: { studio: Studio }) {
         rows={[
           ['Extent', `${width} x ${depth} m, ${height} m high`],
           ['Body', world.bodies.map((body) => bodyName(body)).join('; ')],
+          ['NPCs', world.solidNpcs ? "get in each other's way" : 'pass through one another'],
           ['Hash', <code title={world.mapHash}>{world.mapHash.slice(0, 16)}</code>],
           ...(state.kind === 'ready'
             ? [['Loaded', `${counted(state.tiles, 'tile')} in ${state.seconds.toFixed(1)} s`] as const]
