@@ -174,7 +174,7 @@ fn graph() -> impl Strategy<Value = NavGraph> {
     let evidence = (1..5u32, 0..3u32, 0..500u32, ability()).prop_map(|(successes, failures, decisions, ability)| {
         let mut evidence = Evidence::default();
         (0..successes).for_each(|_| evidence.note(TryEnd::Arrived, decisions, ability));
-        let failure = |idx: u32| if idx % 3 == 0 { TryEnd::Died } else { TryEnd::Failed };
+        let failure = |idx: u32| if idx.is_multiple_of(3) { TryEnd::Died } else { TryEnd::Failed };
         (0..failures).for_each(|idx| evidence.note(failure(idx), decisions, ability));
         evidence.cover(Vec3::ONE);
         evidence
