@@ -676,6 +676,40 @@ fn helpers_are_no_part_of_the_level() {
 }
 
 #[test]
+fn the_sidecar_and_extras_say_what_is_solid() {
+    let floor = obj_box("Floor", [0.0; 3], [20.0, 1.0, 20.0]);
+    let crate_at = |name: &str, x: f32| obj_box(name, [x, 1.0, 5.0], [x + 2.0, 4.0, 8.0]);
+    let import = |text: &str, sidecar: &str| exchange::import_obj(text.as_bytes(), Some(sidecar), &PLAIN);
+    let level =
+        [floor.clone(), crate_at("FX_smoke", 3.0), crate_at("tree_LOD1", 7.0), crate_at("UCX_rock", 11.0)].concat();
+
+    let left_out = import(&level, r#"{"leave_out": ["fx_*", "*_lod1"]}"#).unwrap();
+    assert_eq!(left_out.map.hash(), obj(&floor).map.hash());
+    assert_eq!(left_out.warnings, [Warning::Helpers { count: 3 }]);
+
+    // What is listed is solid, whatever its name says, and nothing else is.
+    let colliders = import(&level, r#"{"colliders": ["floor", "ucx_*"]}"#).unwrap();
+    let rock = obj_box("rock", [11.0, 1.0, 5.0], [13.0, 4.0, 8.0]);
+    assert_eq!(colliders.map.hash(), obj(&format!("{floor}{rock}")).map.hash());
+    assert_eq!(colliders.warnings, [Warning::Helpers { count: 2 }]);
+
+    let nothing = import(&level, r#"{"colliders": ["wall"]}"#).unwrap_err().to_string();
+    assert!(nothing.contains("no solid"), "{nothing}");
+
+    let with_extras = |extras: serde_json::Value| {
+        gltf(&gltf_level(json!([
+            { "name": "Floor", "mesh": 0, "scale": [5, 1, 5] },
+            { "name": "trigger", "mesh": 0, "translation": [3, 1, 3], "extras": extras },
+        ])))
+    };
+    let count = |extras| with_extras(extras).unwrap().map.mesh().triangles().len();
+    assert!(count(json!({ "solid": true })) > count(json!({})));
+    assert_eq!(count(json!({ "solid": 0 })), count(json!({})));
+    let refused = with_extras(json!({ "solid": "yes" })).unwrap_err().to_string();
+    assert!(refused.contains("solid") && refused.contains("true or false"), "{refused}");
+}
+
+#[test]
 fn nodes_become_features_by_their_names() {
     let nodes = json!([
         { "name": "Floor", "mesh": 0, "scale": [5, 1, 5] },

@@ -212,7 +212,7 @@ pub enum ImportError {
     Obj(String),
     /// The level has no solid triangles.
     #[error(
-        "the level has no solid triangles: nodes called lava, water, pad, zip_line, teleporter or jetpack, and helpers such as navmesh or trigger, are not solid"
+        "the level has no solid triangles: nodes called lava, water, pad, zip_line, teleporter or jetpack, and helpers such as navmesh or trigger, are not solid, and with `colliders` in the sidecar nothing else is"
     )]
     Empty,
     /// The level has too many triangles.

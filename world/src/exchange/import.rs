@@ -6,7 +6,7 @@
 use super::faults::{ImportError, Warning};
 use super::inspect::{self, EdgeCounts};
 use super::load::{check_load, is_allowed};
-use super::named::{self, Found};
+use super::named::{self, Found, Sidecar};
 use super::scene::{Frame, ImportOptions, Scene, node_label};
 use super::sides::{self, Turned};
 use super::{gltf_in, obj_in};
@@ -63,10 +63,9 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     let frame = Frame::new(options)?;
     convert(&mut scene, frame)?;
     let mut found = Found::default();
-    let is_solid = named::collect_from_nodes(&scene.nodes, &mut found)?;
-    if let Some(json) = sidecar {
-        named::collect_from_sidecar(json, frame, &mut found)?;
-    }
+    let sidecar = sidecar.map_or_else(|| Ok(Sidecar::default()), Sidecar::parse)?;
+    let is_solid = named::collect_from_nodes(&scene.nodes, &sidecar, &mut found)?;
+    named::collect_from_sidecar(sidecar, frame, &mut found)?;
     let mut meshes: Vec<&mut Vec<[Vec3; 3]>> =
         scene.nodes.iter_mut().zip(is_solid).filter(|(_, solid)| *solid).map(|(node, _)| &mut node.triangles).collect();
     let former = scene.former_size.filter(|_| *options == ImportOptions::default());

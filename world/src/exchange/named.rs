@@ -6,6 +6,8 @@
 //!
 //! Helpers are left out: `navmesh*`, `trigger*`, `occluder*`, what ends in `-navmesh`, `-noimp` or `-occonly` (Godot), and the simple
 //! colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
+//! A node whose extras say `solid: false` is left out as well, and one with `solid: true` is solid whatever its name says. The sidecar lists
+//! patterns of names: `leave_out`, and `colliders`, beside which nothing else is solid.
 //! The position of a node without a mesh is its origin; if there are feature nodes below it, it is only a group.
 
 use super::faults::ImportError;
@@ -223,8 +225,19 @@ fn split_end(name: &str) -> Option<(End, String)> {
 }
 
 /// Adds the features among `nodes` to `found` and returns for each node whether it is solid.
-pub(super) fn collect_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Vec<bool>, ImportError> {
-    let kinds: Vec<Option<Kind>> = nodes.iter().map(|node| Kind::of(&node.name)).collect();
+pub(super) fn collect_from_nodes(
+    nodes: &[Node],
+    sidecar: &Sidecar,
+    found: &mut Found,
+) -> Result<Vec<bool>, ImportError> {
+    let says: Vec<Option<bool>> =
+        nodes.iter().enumerate().map(|(idx, node)| says_solid(node, idx, sidecar)).collect::<Result<_, _>>()?;
+    let kind = |(node, says): (&Node, &Option<bool>)| match (says, Kind::of(&node.name)) {
+        (Some(false), _) => Some(Kind::Helper),
+        (Some(true), Some(Kind::Helper)) => None,
+        (_, kind) => kind,
+    };
+    let kinds: Vec<Option<Kind>> = nodes.iter().zip(&says).map(kind).collect();
     let owners = feature_owners(nodes, &kinds);
     let mut bounds: Vec<Option<Bounds>> = vec![None; nodes.len()];
     for (node, owner) in nodes.iter().zip(&owners) {
@@ -255,7 +268,7 @@ pub(super) fn collect_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Ve
                 zip_lines.add(pair, end, Half { node, at: bounds.bottom(), two_way: false })?;
             }
             Kind::Teleporter(Some((end, pair))) => {
-                let two_way = extras.flag("two_way")?;
+                let two_way = extras.flag("two_way")?.unwrap_or_default();
                 teleporters.add(pair, end, Half { node, at: bounds.bottom(), two_way })?;
             }
             Kind::Helper => found.helper_count += 1,
@@ -271,7 +284,41 @@ pub(super) fn collect_from_nodes(nodes: &[Node], found: &mut Found) -> Result<Ve
         let two_way = from.two_way || to.two_way;
         found.teleporters.push((name, Teleporter { from: from.at, to: to.at, two_way }));
     }
-    Ok(owners.iter().map(Option::is_none).collect())
+    let mut is_solid: Vec<bool> = owners.iter().map(Option::is_none).collect();
+    if !sidecar.colliders.is_empty() {
+        let mut is_collider: Vec<bool> = Vec::with_capacity(nodes.len());
+        for (node, says) in nodes.iter().zip(says) {
+            is_collider.push(says == Some(true) || node.parent.is_some_and(|parent| is_collider[parent]));
+        }
+        for ((is_solid, is_collider), node) in is_solid.iter_mut().zip(is_collider).zip(nodes) {
+            found.helper_count += usize::from(*is_solid && !is_collider && !node.triangles.is_empty());
+            *is_solid &= is_collider;
+        }
+    }
+    Ok(is_solid)
+}
+
+/// Whether a node's extras or the sidecar say that it is solid or not; `None` if they do not say.
+fn says_solid(node: &Node, idx: usize, sidecar: &Sidecar) -> Result<Option<bool>, ImportError> {
+    let name = node.name.to_lowercase();
+    let is_listed = |patterns: &[String]| patterns.iter().any(|pattern| matches(pattern, &name));
+    let extras = Extras::new(node, &node_label(&node.name, idx))?.flag("solid")?;
+    Ok(extras.or(match () {
+        () if is_listed(&sidecar.leave_out) => Some(false),
+        () if is_listed(&sidecar.colliders) => Some(true),
+        () => None,
+    }))
+}
+
+/// Whether a name in lower case matches a pattern, which may begin and end with `*`. Case does not matter.
+fn matches(pattern: &str, name: &str) -> bool {
+    let pattern = pattern.to_lowercase();
+    match (pattern.strip_prefix('*'), pattern.strip_suffix('*')) {
+        (Some(_), Some(_)) => name.contains(pattern.trim_matches('*')),
+        (Some(end), None) => name.ends_with(end),
+        (None, Some(start)) => name.starts_with(start),
+        (None, None) => name == pattern,
+    }
 }
 
 /// For each node, the index of the feature node that it is or belongs to; `None` for solid nodes.
@@ -363,13 +410,13 @@ impl<'a> Extras<'a> {
         value.as_f64().map(Some).ok_or_else(|| property(self.of, key, value, "give a number"))
     }
 
-    /// Reads a flag, false by default; some tools write flags as 0 and 1.
-    fn flag(&self, key: &'static str) -> Result<bool, ImportError> {
+    /// Reads a flag, if there is one; some tools write flags as 0 and 1.
+    fn flag(&self, key: &'static str) -> Result<Option<bool>, ImportError> {
         match self.values.get(key) {
-            None => Ok(false),
-            Some(Value::Bool(flag)) => Ok(*flag),
-            Some(value) if value.as_f64() == Some(0.0) => Ok(false),
-            Some(value) if value.as_f64() == Some(1.0) => Ok(true),
+            None => Ok(None),
+            Some(Value::Bool(flag)) => Ok(Some(*flag)),
+            Some(value) if value.as_f64() == Some(0.0) => Ok(Some(false)),
+            Some(value) if value.as_f64() == Some(1.0) => Ok(Some(true)),
             Some(value) => Err(property(self.of, key, value, "give true or false")),
         }
     }
@@ -407,10 +454,16 @@ fn jetpack_fuel(fuel: Option<f64>, of: &str) -> Result<f32, ImportError> {
     if (0.0..=600.0).contains(&fuel) { Ok(fuel as f32) } else { Err(property(of, "fuel", fuel, "must be 0 to 600 s")) }
 }
 
-/// Content of `level.surefoot.json`: features in the level's own coordinates.
-#[derive(Deserialize)]
+/// Content of `level.surefoot.json`: features in the level's own coordinates, and what of the level is solid.
+#[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Sidecar {
+pub(super) struct Sidecar {
+    /// Patterns of the names of nodes that are no part of the level.
+    #[serde(default)]
+    leave_out: Vec<String>,
+    /// Patterns of the names of the only nodes that are solid; empty: all are.
+    #[serde(default)]
+    colliders: Vec<String>,
     #[serde(default)]
     pools: Vec<PoolEntry>,
     #[serde(default)]
@@ -468,9 +521,14 @@ struct JetpackEntry {
     fuel: Option<f64>,
 }
 
+impl Sidecar {
+    pub(super) fn parse(json: &str) -> Result<Self, ImportError> {
+        serde_json::from_str(json).map_err(|error| ImportError::Sidecar(error.to_string()))
+    }
+}
+
 /// Adds the features that the sidecar lists to `found`.
-pub(super) fn collect_from_sidecar(json: &str, frame: Frame, found: &mut Found) -> Result<(), ImportError> {
-    let sidecar: Sidecar = serde_json::from_str(json).map_err(|error| ImportError::Sidecar(error.to_string()))?;
+pub(super) fn collect_from_sidecar(sidecar: Sidecar, frame: Frame, found: &mut Found) -> Result<(), ImportError> {
     let label = |kind: &str, idx: usize| format!("{kind}[{idx}] of the sidecar");
     let metres = |name: &str, point: [f32; 3]| {
         let point = frame.to_metres(point.into());
