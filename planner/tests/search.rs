@@ -27,10 +27,6 @@ fn row(count: u32) -> Vec<Vec3> {
     (0..count).map(|idx| Vec3::new(30.0 * idx as f32, 0.0, 0.0)).collect()
 }
 
-fn query(start: Vec3, goal: Vec3) -> Query {
-    Query::new(start, goal)
-}
-
 fn router(graph: NavGraph) -> Router {
     Router::new(graph, 4096, 2)
 }
@@ -120,7 +116,7 @@ proptest! {
 fn a_plan_passes_proved_vertices_and_ends_at_the_goal() {
     let graph = graph(row(4), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(2, 3, 10, 2, 2)]);
     let goal = Vec3::new(92.0, 0.0, 1.0);
-    let plan = router(graph).find_path(&query(Vec3::new(-1.0, 0.0, 0.0), goal));
+    let plan = router(graph).find_path(&Query::new(Vec3::new(-1.0, 0.0, 0.0), goal));
     assert_eq!(plan.no_path, None);
     assert_eq!(plan.waypoints.last(), Some(&goal));
     assert_eq!(plan.legs.len(), plan.waypoints.len());
@@ -141,7 +137,7 @@ fn unproved_legs_do_not_stand_in_for_forbidden_edges() {
     // Without the edge from 0 to 1.
     let graph = graph(vertices.clone(), vec![edge(0, 2, 25, 10, 10), edge(2, 1, 25, 10, 10), edge(1, 0, 10, 10, 10)]);
     let leads_straight = |router: &Router, start, goal| {
-        router.find_path(&query(start, goal)).legs.iter().all(|leg| leg.key.edge().is_none())
+        router.find_path(&Query::new(start, goal)).legs.iter().all(|leg| leg.key.edge().is_none())
     };
     for table_limit in [4096, 0] {
         let proved = Router::new(graph.clone(), table_limit, 1);
@@ -149,7 +145,7 @@ fn unproved_legs_do_not_stand_in_for_forbidden_edges() {
         let router = proved.forbidding([EdgeKey::new(0, 1)]);
         let beside = Vec3::new(0.5, 0.0, 0.5);
         for (start, goal) in [(vertices[0], vertices[1]), (beside, vertices[1] + beside)] {
-            let plan = router.find_path(&query(start, goal));
+            let plan = router.find_path(&Query::new(start, goal));
             assert_eq!(plan.no_path, None);
             assert!(plan.waypoints.contains(&vertices[2]), "the way round: {plan:?}");
         }
@@ -162,7 +158,8 @@ fn unproved_legs_do_not_stand_in_for_forbidden_edges() {
 #[test]
 fn where_the_only_way_is_forbidden_there_is_none() {
     let graph = graph(vec![Vec3::ZERO, Vec3::new(12.0, 0.0, 0.0)], vec![edge(1, 0, 10, 10, 10)]);
-    let plan = router(graph).forbidding([EdgeKey::new(0, 1)]).find_path(&query(Vec3::ZERO, Vec3::new(12.0, 0.0, 0.0)));
+    let plan =
+        router(graph).forbidding([EdgeKey::new(0, 1)]).find_path(&Query::new(Vec3::ZERO, Vec3::new(12.0, 0.0, 0.0)));
     assert!(plan.no_path.is_some(), "{plan:?}");
 }
 
@@ -186,7 +183,7 @@ fn a_plan_does_without_what_it_is_told_to_with_and_without_a_table() {
     for table_limit in [4096, 0] {
         let router = Router::new(graph.clone(), table_limit, 1);
         let plan = |without: &[Ability], goal: Vec3| {
-            router.find_path(&Query { without: without.iter().copied().collect(), ..query(Vec3::ZERO, goal) })
+            router.find_path(&Query { without: without.iter().copied().collect(), ..Query::new(Vec3::ZERO, goal) })
         };
         let used = |without: &[Ability]| -> Vec<Ability> {
             let plan = plan(without, Vec3::new(60.0, 0.0, 0.0));
@@ -219,7 +216,7 @@ fn the_more_cautious_a_plan_the_farther_it_goes_around_an_edge_that_kills() {
     for table_limit in [4096, 0] {
         let router = Router::new(graph.clone(), table_limit, 1);
         let plan = |x: f32, caution: Caution| {
-            router.find_path(&Query { caution, ..query(Vec3::ZERO, Vec3::new(x, 0.0, 0.0)) })
+            router.find_path(&Query { caution, ..Query::new(Vec3::ZERO, Vec3::new(x, 0.0, 0.0)) })
         };
         let passes = |x: f32, caution: Caution| plan(x, caution).waypoints.contains(&Vec3::new(50.0, 0.0, 60.0));
         assert!(passes(100.0, Caution::CAREFUL), "a careful plan goes around");
@@ -255,7 +252,7 @@ fn a_failed_leg_is_not_used_again() {
     let graph = graph(row(3), vec![edge(0, 1, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(0, 2, 30, 2, 2)]);
     let router = router(graph);
     let passed = |avoid: Vec<LegKey>, repriced: &EdgeCosts| -> Vec<(u32, u32)> {
-        let query = Query { avoid, ..query(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0)) };
+        let query = Query { avoid, ..Query::new(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0)) };
         let plan = router.find_path_at(&query, repriced);
         plan.legs.iter().filter_map(|leg| leg.key.edge()).map(|edge| (edge.from.0, edge.to.0)).collect()
     };
@@ -311,7 +308,7 @@ fn any_number_of_reporters_takes_bounded_memory() {
 fn a_goal_that_no_leg_can_reach_is_off_the_graph() {
     let chain = (0..7).map(|idx| edge(idx, idx + 1, 10, 2, 2)).collect();
     let router = router(graph(row(8), chain));
-    let reason = |goal| router.find_path(&query(Vec3::ZERO, goal)).no_path;
+    let reason = |goal| router.find_path(&Query::new(Vec3::ZERO, goal)).no_path;
     assert_eq!(reason(Vec3::new(190.0, 0.0, 10.0)), None);
     assert_eq!(reason(Vec3::new(190.0, 50.0, 0.0)), Some(NoPath::GoalOffGraph), "50 m up in the air");
     assert_eq!(reason(Vec3::new(1.0e9, 0.0, 0.0)), Some(NoPath::GoalOffGraph));
@@ -353,20 +350,20 @@ fn without_a_path_the_plan_gives_the_reason_and_leads_to_the_nearest_place() {
         graph(vertices, chain(0, 7).chain(chain(8, 15)).chain(edges).collect())
     };
     let (start, goal) = (Vec3::new(10.0, 0.0, 0.0), Vec3::new(5100.0, 0.0, 0.0));
-    let plan = router(two_islands(Vec::new())).find_path(&query(start, goal));
+    let plan = router(two_islands(Vec::new())).find_path(&Query::new(start, goal));
     assert_eq!((plan.no_path, plan.nearest), (Some(NoPath::DifferentIslands), Some(Vec3::new(210.0, 0.0, 0.0))));
     assert_eq!((plan.waypoints.len(), plan.waypoints.last()), (plan.legs.len(), plan.nearest.as_ref()));
     assert_eq!(
         (plan.legs[0].key.from, plan.legs[plan.legs.len() - 1].key.to),
         (Stop::Start, Stop::Vertex(VertexId(7)))
     );
-    let plan = router(two_islands(vec![edge(8, 7, 10, 2, 2)])).find_path(&query(start, goal));
+    let plan = router(two_islands(vec![edge(8, 7, 10, 2, 2)])).find_path(&Query::new(start, goal));
     assert_eq!(plan.no_path, Some(NoPath::OneWay));
-    let plan = router(two_islands(vec![edge(7, 8, 10, 2, 2)])).find_path(&query(start, goal));
+    let plan = router(two_islands(vec![edge(7, 8, 10, 2, 2)])).find_path(&Query::new(start, goal));
     assert_eq!(plan.no_path, None);
     let bare = graph(row(3), Vec::new());
     assert_eq!(
-        router(bare).find_path(&query(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0))).no_path,
+        router(bare).find_path(&Query::new(Vec3::ZERO, Vec3::new(60.0, 0.0, 0.0))).no_path,
         Some(NoPath::StartOffGraph)
     );
 }

@@ -142,7 +142,7 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
             key: LegKey { from, to },
             seconds: Seconds(leg.seconds),
             chance: Chance::new(f64::from(leg.chance)),
-            // Planners of before do not say.
+            // A broken planner must not spread NaN.
             death_chance: if leg.death_chance.is_nan() { 0.0 } else { leg.death_chance.clamp(0.0, 1.0) },
             ability: convert::ability(leg.ability),
         })

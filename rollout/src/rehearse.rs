@@ -23,8 +23,7 @@ const LEGS: usize = 2;
 const MAX_DECISIONS: u32 = 160;
 /// Decisions without coming closer after which a leg that is rehearsed has failed.
 const STALLED_AFTER: u32 = 40;
-/// Speed below which a body that has arrived stands, m/s, and the most decisions that it is watched for.
-const REST_SPEED: f32 = 0.5;
+/// Most decisions for which a body that has arrived is watched until it stands.
 const MAX_REST_DECISIONS: u32 = 18;
 /// Rehearsals of the same legs, with other noise each time, before another way is looked for.
 const HARM_DRAWS: u32 = 3;
@@ -320,7 +319,6 @@ impl Running {
             let leg = self.ghost.follower.leg_key();
             return Some(leg.map_or(Ok(()), |leg| Err(Mishap { leg, is_harm: true })));
         }
-        let stands = npc.body.is_grounded() && npc.body.velocity.length_squared() < REST_SPEED * REST_SPEED;
-        (stands || self.decisions >= MAX_REST_DECISIONS).then_some(Ok(()))
+        (npc.body.is_at_rest() || self.decisions >= MAX_REST_DECISIONS).then_some(Ok(()))
     }
 }

@@ -48,20 +48,25 @@ fn npcs_that_rehearse_do_not_fall_where_others_do() {
     assert_eq!(harmed(&rehearsed), 0);
 }
 
+/// A world with one NPC that heads straight for its goal, and the NPC as an actor of its rehearsal.
+fn heads_straight(map: &Arc<Map>, policy: &Policy, goal: &Goal, noise: NoiseStream) -> ([World; 1], Lane, Actor) {
+    let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+    let lane = Lane::of(world.spawn(goal.start, goal.yaw));
+    world.set_goal(lane.slot, goal.goal);
+    let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
+    let npc = *world.npc(lane.slot).unwrap();
+    let actor = Actor { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, ghost: None };
+    ([world], lane, actor)
+}
+
 #[test]
 fn an_npc_does_what_its_rehearsal_foretold() {
     let (map, policy) = (islands(), Policy::shipped().unwrap());
-    let (profile, task) = (CharacterProfile::default(), TaskConfig::default());
-    let mut rehearsal = Rehearsal::new(map.clone(), profile.clone(), task.clone(), &policy);
+    let mut rehearsal = Rehearsal::new(map.clone(), CharacterProfile::default(), TaskConfig::default(), &policy);
     let mut foretold = 0;
     for (stream, goal) in (0..).zip(goals(&map, 12)) {
-        let mut worlds = [World::new(map.clone(), profile.clone(), task.clone())];
-        let lane = Lane::of(worlds[0].spawn(goal.start, goal.yaw));
-        worlds[0].set_goal(lane.slot, goal.goal);
         let mut noise = NoiseStream::new(0.5, 7, stream);
-        let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
-        let npc = *worlds[0].npc(lane.slot).unwrap();
-        let actor = Actor { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, ghost: None };
+        let (mut worlds, lane, actor) = heads_straight(&map, &policy, &goal, noise);
         let Ok(mut ghost) = rehearsal.run(&policy, vec![actor]).remove(0) else { continue };
         let mut decisions = DecisionLoop::new(&policy);
         decisions.begin(lane.row_idx);
@@ -89,17 +94,11 @@ fn an_npc_does_what_its_rehearsal_foretold() {
 #[test]
 fn an_npc_whose_rehearsal_arrived_stands_alive_afterwards() {
     let (map, policy) = (islands(), Policy::shipped().unwrap());
-    let (profile, task) = (CharacterProfile::default(), TaskConfig::default());
-    let mut rehearsal = Rehearsal::new(map.clone(), profile.clone(), task.clone(), &policy);
+    let mut rehearsal = Rehearsal::new(map.clone(), CharacterProfile::default(), TaskConfig::default(), &policy);
     let (mut arrived, mut refused) = (0, 0);
     for (stream, goal) in (0..).zip(goals(&map, 400)) {
-        let mut worlds = [World::new(map.clone(), profile.clone(), task.clone())];
-        let lane = Lane::of(worlds[0].spawn(goal.start, goal.yaw));
-        worlds[0].set_goal(lane.slot, goal.goal);
         let mut noise = NoiseStream::new(0.5, 9, stream);
-        let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
-        let npc = *worlds[0].npc(lane.slot).unwrap();
-        let actor = Actor { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, ghost: None };
+        let (mut worlds, lane, actor) = heads_straight(&map, &policy, &goal, noise);
         if rehearsal.run(&policy, vec![actor])[0].is_err() {
             refused += 1;
             continue;

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::time::Duration;
 use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
-use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 
 /// Configuration of a world server.
 #[derive(Debug, Clone)]
@@ -40,7 +39,7 @@ impl Default for ServerConfig {
             max_npcs_per_client: 8192,
             max_envs: 16,
             max_maps: DEFAULT_MAX_MAPS,
-            maps: MapPool::within(DEFAULT_MAX_MEMORY_BYTES),
+            maps: MapPool::default(),
             reader_patience: Duration::from_secs(5),
             state: None,
             save_every: Duration::from_secs(30),

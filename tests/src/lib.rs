@@ -9,7 +9,6 @@ use std::time::Duration;
 use surefoot_agent::work::{WorkConfig, WorkError, work};
 use surefoot_net::client::Credentials;
 use surefoot_net::levels::MapPool;
-use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_planner::BuildSettings;
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
@@ -176,7 +175,7 @@ pub fn worker_config(server: &Running, planner: Option<&Running>, capacity: u32)
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         rehearses: true,
         composes: true,
-        maps: MapPool::within(DEFAULT_MAX_MEMORY_BYTES),
+        maps: MapPool::default(),
     }
 }
 

@@ -54,7 +54,7 @@ async fn angles(composes: bool) -> Vec<f32> {
 #[tokio::test(flavor = "multi_thread")]
 async fn composed_npcs_face_where_they_go() {
     let (composed, free) = (angles(true).await, angles(false).await);
-    assert!(composed.len() > 100 && free.len() > 100, "{} and {} angles", composed.len(), free.len());
+    assert!(composed.len() > 150 && free.len() > 150, "{} and {} angles", composed.len(), free.len());
     let median = |angles: &[f32]| angles[angles.len() / 2].to_degrees();
     assert!(median(&composed) < 0.7 * median(&free), "{} and {} degrees", median(&composed), median(&free));
 }

@@ -20,7 +20,16 @@ async fn get(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
 }
 
 async fn plan(client: &mut Client, graph_id: &str, start: Vec3, goal: Vec3) -> wire::Plan {
-    let query = wire::PathQuery { start: Some(start), goal: Some(goal), ..Default::default() };
+    cautious_plan(client, graph_id, [start, goal], None).await
+}
+
+async fn cautious_plan(
+    client: &mut Client,
+    graph_id: &str,
+    [start, goal]: [Vec3; 2],
+    caution: Option<f32>,
+) -> wire::Plan {
+    let query = wire::PathQuery { start: Some(start), goal: Some(goal), caution, ..Default::default() };
     let request = wire::FindPathRequest { graph_id: graph_id.to_owned(), query: Some(query) };
     client.find_path(request).await.unwrap().into_inner().plan.unwrap()
 }
@@ -122,12 +131,7 @@ async fn a_leg_that_killed_is_avoided_by_careful_plans_and_still_used_by_bold_on
     let mut differ = 0;
     for (idx, &start) in vertices.iter().enumerate().take(12) {
         let goal = vertices[(idx + 25) % vertices.len()];
-        let ask = async |client: &mut Client, caution| {
-            let query = Some(wire::PathQuery { start: Some(start), goal: Some(goal), caution, ..Default::default() });
-            let request = wire::FindPathRequest { graph_id: graph_id.clone(), query };
-            client.find_path(request).await.unwrap().into_inner().plan.unwrap()
-        };
-        let before = ask(&mut client, None).await;
+        let before = plan(&mut client, &graph_id, start, goal).await;
         assert!(before.chance <= before.as_planned_chance && before.as_planned_chance <= before.arrival_chance);
         let Some((leg, [from, to])) = before.legs.iter().find_map(|leg| Some((*leg, vertices_of(leg)?))) else {
             continue;
@@ -141,7 +145,8 @@ async fn a_leg_that_killed_is_avoided_by_careful_plans_and_still_used_by_bold_on
         report(&mut client, true, 40).await;
         for deaths in 1..15 {
             report(&mut client, false, 1).await;
-            let (careful, bold) = (ask(&mut client, None).await, ask(&mut client, Some(0.0)).await);
+            let careful = plan(&mut client, &graph_id, start, goal).await;
+            let bold = cautious_plan(&mut client, &graph_id, [start, goal], Some(0.0)).await;
             assert!(deaths < 14 || !passes(&careful, &leg), "careful plans pass a leg that killed {deaths} times");
             if !passes(&careful, &leg) {
                 differ += u32::from(passes(&bold, &leg));

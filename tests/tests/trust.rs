@@ -9,7 +9,6 @@ use std::time::Duration;
 use surefoot_agent::work::WorkError;
 use surefoot_net::client::{ClientTlsFiles, Credentials, Link};
 use surefoot_net::levels::MapPool;
-use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_net::secret::Secret;
 use surefoot_net::serving::tokens::Tokens;
 use surefoot_net::serving::{EndpointConfig, Limits, Security};
@@ -165,7 +164,7 @@ fn start_worker_to(server: &Running, planner: &str) -> tokio::task::JoinHandle<R
         noise_share: surefoot_rollout::DEFAULT_NOISE_SHARE,
         rehearses: true,
         composes: true,
-        maps: MapPool::within(DEFAULT_MAX_MEMORY_BYTES),
+        maps: MapPool::default(),
     };
     tokio::spawn(surefoot_agent::work::work(config, Policy::shipped().unwrap(), Default::default()))
 }

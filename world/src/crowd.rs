@@ -66,10 +66,12 @@ impl Listed {
             return None;
         }
         let distance = hypot(offset.x, offset.z);
-        let away = match distance > 1.0e-4 {
-            true => Vec3::new(offset.x, 0.0, offset.z) / distance,
-            false if self.slot < other.slot => Vec3::X,
-            false => -Vec3::X,
+        let away = if distance > 1.0e-4 {
+            Vec3::new(offset.x, 0.0, offset.z) / distance
+        } else if self.slot < other.slot {
+            Vec3::X
+        } else {
+            -Vec3::X
         };
         Some(away * (0.5 * (reach - distance)))
     }

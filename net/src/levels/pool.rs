@@ -1,7 +1,7 @@
 //! Generated maps in use: equal ones are shared, and each is paid for from the memory budget before it is generated.
 
 use super::store::MapSource;
-use crate::memory::{MemoryBudget, MemoryError, Reservation};
+use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
 use surefoot_world::map::MapSize;
@@ -47,6 +47,12 @@ pub struct MapPool {
     memory: MemoryBudget,
     turns: Arc<Semaphore>,
     by_spec: Arc<Mutex<BTreeMap<String, Slot>>>,
+}
+
+impl Default for MapPool {
+    fn default() -> Self {
+        Self::within(DEFAULT_MAX_MEMORY_BYTES)
+    }
 }
 
 impl MapPool {

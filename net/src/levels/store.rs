@@ -218,7 +218,7 @@ pub(super) struct Read {
     pub warnings: Vec<String>,
 }
 
-/// Reads the map in a file, and returns warnings about the level.
+/// Reads the map in a file.
 ///
 /// # Errors
 /// [`LevelError::File`] with what is wrong with the file.

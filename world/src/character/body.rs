@@ -110,6 +110,13 @@ impl Body {
         self.support == Support::Ground
     }
 
+    /// Whether the body stands on walkable ground and hardly moves.
+    pub fn is_at_rest(&self) -> bool {
+        /// m/s.
+        const REST_SPEED: f32 = 0.5;
+        self.is_grounded() && self.velocity.length_squared() < REST_SPEED * REST_SPEED
+    }
+
     /// Whether a jump requested now would be made.
     pub fn can_jump(&self, profile: &CharacterProfile) -> bool {
         self.is_grounded() || self.ticks_in_air <= profile.coyote_ticks || self.air_jumps_left > 0

@@ -15,8 +15,6 @@ const MAP_LIMIT: Duration = Duration::from_secs(120);
 const PLAN_DECISIONS: u32 = 3;
 /// The same while the graph is on its way.
 const GRAPH_DECISIONS: u32 = 60;
-/// Speed below which a body is at rest, m/s.
-const REST_SPEED: f32 = 0.5;
 /// Decisions after which an NPC that came to harm without a plan, in a rehearsal, tries again.
 const RETRY_DECISIONS: u32 = 12;
 
@@ -84,7 +82,7 @@ impl WorldTask {
             let npc = self.npc(*id);
             if turns.contains(id) {
                 (npc.rehearses_next, npc.holds) = (false, false);
-            } else if npc.rehearses_next && npc.ghost.is_none() && is_at_rest(state) {
+            } else if npc.rehearses_next && npc.ghost.is_none() && state.body.is_at_rest() {
                 // One that stands still does so until its turn.
                 npc.holds = true;
             }
@@ -235,10 +233,6 @@ impl WorldTask {
             }
         }
     }
-}
-
-fn is_at_rest(state: &State) -> bool {
-    state.body.is_grounded() && state.body.velocity.length_squared() < REST_SPEED * REST_SPEED
 }
 
 impl Npc {

@@ -224,11 +224,10 @@ fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
 
 /// What a tick costs when NPCs get in each other's way, beside one in which they pass through one another.
 fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
-    let mut crowds = [false, true].map(|is_solid| Crowd::of(SOLID_NPCS, map, 0, is_solid));
+    let mut crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, map, 0, true)?];
     let mut times = [Vec::new(), Vec::new()];
     for _ in 0..DECISIONS / 3 {
         for (crowd, times) in crowds.iter_mut().zip(&mut times) {
-            let crowd = crowd.as_mut().map_err(|error| anyhow::anyhow!("{error}"))?;
             crowd.decide();
             times.push(timed(|| (0..10).for_each(|_| crowd.world.tick())) / 10.0);
             crowd.close();
