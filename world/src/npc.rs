@@ -1,6 +1,8 @@
 //! NPCs, the configuration that they run under, and the state of a world as plain data.
 
 use crate::character::{Action, Body, CharacterProfile, TickEvents};
+use crate::map::Map;
+use crate::movers::{MoverState, Movers};
 use crate::sense::LastDecision;
 use crate::task::{End, Episode, TaskConfig};
 use serde::{Deserialize, Serialize};
@@ -79,6 +81,7 @@ const MAX_COUNT: u32 = 1 << 30;
 pub struct WorldState {
     pub(crate) tick: u64,
     pub(crate) npcs: Vec<Option<Npc>>,
+    pub(crate) movers: Vec<MoverState>,
 }
 
 impl WorldState {
@@ -87,9 +90,15 @@ impl WorldState {
         self.tick
     }
 
-    /// Whether this can be the state of a world with `profile_count` profiles on a map with `zip_line_count` zip lines.
-    pub fn fits(&self, profile_count: usize, zip_line_count: usize) -> bool {
-        self.npcs.iter().flatten().all(|npc| npc.fits(profile_count, zip_line_count))
+    /// Whether this can be the state of a world with `profile_count` profiles on some map.
+    pub fn fits_some_map(&self, profile_count: usize) -> bool {
+        self.npcs.iter().flatten().all(|npc| npc.fits(profile_count, usize::MAX))
+    }
+
+    /// Whether this can be the state of a world with `profile_count` profiles on `map`.
+    pub fn fits(&self, profile_count: usize, map: &Map) -> bool {
+        let zip_line_count = map.placed().zip_lines.len();
+        self.npcs.iter().flatten().all(|npc| npc.fits(profile_count, zip_line_count)) && Movers::fit(map, &self.movers)
     }
 
     /// Occupied slots in ascending order.

@@ -5,6 +5,7 @@
 use crate::character::{Action, CharacterProfile};
 use crate::map::{Map, MapHash, MapSpec};
 use crate::npc::{NpcSlot, ProfileIdx, WorldConfig, WorldState};
+use crate::movers::MoverOrder;
 use crate::sealed::{self, SealError};
 use crate::{TaskConfig, Vec3};
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// First bytes of a recording's file.
 const MAGIC: &[u8; 8] = b"SFREPLAY";
 /// Changes whenever older recordings cannot be read or would replay differently.
-pub const REPLAY_VERSION: u32 = 3;
+pub const REPLAY_VERSION: u32 = 4;
 /// Ticks between two hashes of the state.
 pub const CHECK_EVERY_TICKS: u64 = 600;
 
@@ -33,6 +34,8 @@ pub enum Input {
     Decide(NpcSlot, Action),
     /// `World::close_decision`.
     Close(NpcSlot),
+    /// `World::order`.
+    Order(u16, MoverOrder),
 }
 
 /// A recorded run of one world.
@@ -94,6 +97,14 @@ pub enum ReplayError {
         input: &'static str,
         /// Slot of the missing NPC.
         slot: u32,
+    },
+    /// An order names a mover that does not exist, or that cannot follow it.
+    #[error("the recording is inconsistent at tick {tick}: mover {mover} does not exist or cannot follow its order")]
+    NoSuchMover {
+        /// Tick of the order.
+        tick: u64,
+        /// Index of the mover.
+        mover: u16,
     },
     /// The state differs from the recorded one.
     #[error("the replay differs from the recording at tick {tick} (they agreed up to tick {agreed})")]
@@ -178,7 +189,7 @@ impl Recording {
         if !(1..=256).contains(&profile_count) {
             return senseless("it has no character profile or too many");
         }
-        if !self.start.fits(profile_count, usize::MAX) {
+        if !self.start.fits_some_map(profile_count) {
             return senseless("its initial state is out of range");
         }
         let spawns_unknown =

@@ -17,9 +17,8 @@ impl Recording {
         if map.hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.hash() });
         }
-        let zip_line_count = map.placed().zip_lines.len();
-        if !self.start.fits(self.profiles.len(), zip_line_count) {
-            return Err(ReplayError::Senseless("an NPC hangs on a zip line that the map does not have"));
+        if !self.start.fits(self.profiles.len(), &map) {
+            return Err(ReplayError::Senseless("it needs zip lines or movers that the map does not have"));
         }
         let config =
             WorldConfig { profiles: self.profiles.clone(), task: self.task.clone(), npc_collision: self.npc_collision };
@@ -61,6 +60,10 @@ fn apply(world: &mut World, tick: u64, input: Input) -> Result<(), ReplayError> 
             world.spawn_as(profile, feet, yaw);
             return Ok(());
         }
+        Input::Order(mover, order) => {
+            let obeyed = world.order(mover, order);
+            return if obeyed { Ok(()) } else { Err(ReplayError::NoSuchMover { tick, mover }) };
+        }
         Input::Despawn(slot) => (slot, "despawn"),
         Input::Teleport(slot, ..) => (slot, "teleport"),
         Input::SetGoal(slot, _) => (slot, "set goal"),
@@ -72,7 +75,7 @@ fn apply(world: &mut World, tick: u64, input: Input) -> Result<(), ReplayError> 
         return Err(ReplayError::Inconsistent { tick, input: name, slot: slot.0 });
     }
     match input {
-        Input::Spawn(..) => {}
+        Input::Spawn(..) | Input::Order(..) => {}
         Input::Despawn(_) => _ = world.despawn(slot),
         Input::Teleport(_, feet, yaw) => world.teleport(slot, feet, yaw),
         Input::SetGoal(_, goal) => world.set_goal(slot, goal),

@@ -16,6 +16,7 @@
 use crate::character::{Body, CharacterProfile, RawCharacterProfile};
 use crate::map::{DEVICE_RANGE_M, Map};
 use crate::mesh::{ConeHit, Elevations, LANES, Surface};
+use crate::movers::Movers;
 use crate::task::TaskConfig;
 use crate::{Episode, Vec3};
 use serde::{Deserialize, Serialize};
@@ -93,12 +94,39 @@ impl RayCone {
         }
     }
 
+    /// Casts the cone from `body` at the map and its movers and calls `found` with the index, distance (m) and surface of each ray that
+    /// hits.
+    fn cast_with(
+        &self,
+        map: &Map,
+        movers: &Movers,
+        profile: &CharacterProfile,
+        body: &Body,
+        mut found: impl FnMut(usize, f32, Surface),
+    ) {
+        if movers.is_empty() {
+            return self.cast(map, profile, body, found);
+        }
+        let mut hits: [Option<(f32, Surface)>; RAY_COUNT] = [None; RAY_COUNT];
+        self.cast(map, profile, body, |idx, distance, surface| hits[idx] = Some((distance, surface)));
+        movers.cast_cone(Self::eye(profile, body), &self.directions_of(body), RAY_RANGE_M, |idx, distance| {
+            if hits[idx].is_none_or(|(nearest, _)| distance < nearest) {
+                hits[idx] = Some((distance, Surface::Ground));
+            }
+        });
+        for (idx, hit) in hits.into_iter().enumerate() {
+            if let Some((distance, surface)) = hit {
+                found(idx, distance, surface);
+            }
+        }
+    }
+
     /// Casts the cone from `body` and returns where every ray ends.
-    pub fn sight(&self, map: &Map, profile: &CharacterProfile, body: &Body) -> Sight {
+    pub(crate) fn sight(&self, map: &Map, movers: &Movers, profile: &CharacterProfile, body: &Body) -> Sight {
         let eye = Self::eye(profile, body);
         let mut ends: Vec<_> =
             self.directions_of(body).into_iter().map(|direction| (eye + direction * RAY_RANGE_M, None)).collect();
-        self.cast(map, profile, body, |idx, distance, surface| {
+        self.cast_with(map, movers, profile, body, |idx, distance, surface| {
             ends[idx] = (eye + (ends[idx].0 - eye) * (distance / RAY_RANGE_M), Some(surface));
         });
         Sight { eye, ends }
@@ -151,9 +179,10 @@ pub struct LastDecision {
 ///
 /// # Panics
 /// If `row` is not [`OBSERVATION_LEN`] long.
-pub fn observe(
+pub(crate) fn observe(
     cone: &RayCone,
     context: SenseContext<'_>,
+    movers: &Movers,
     body: &Body,
     episode: &Episode,
     last: &LastDecision,
@@ -162,7 +191,7 @@ pub fn observe(
     assert_eq!(row.len(), OBSERVATION_LEN);
     let (rays, state) = row.split_at_mut(RAY_COUNT * RAY_CHANNELS);
     rays.fill(0.0);
-    cone.cast(context.map, context.profile, body, |idx, distance, surface| {
+    cone.cast_with(context.map, movers, context.profile, body, |idx, distance, surface| {
         rays[idx] = 1.0 - distance / RAY_RANGE_M;
         if let Some((channel, value)) = surface_channel(surface) {
             rays[channel * RAY_COUNT + idx] = value;

@@ -3,6 +3,7 @@
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
 use crate::crowd::CrowdScratch;
 use crate::map::{Liquid, Map};
+use crate::movers::{MoverOrder, MoverState, Movers};
 use crate::npc::{Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::recording::{CHECK_EVERY_TICKS, Input, Recording};
 use crate::sense::{self, LastDecision, RayCone, SenseContext, Sight};
@@ -35,6 +36,7 @@ pub struct World {
     /// Scratch memory of each NPC; not part of the state.
     scratch: Vec<MoveScratch>,
     crowd: CrowdScratch,
+    movers: Movers,
     recording: Option<Box<Recording>>,
 }
 
@@ -51,6 +53,7 @@ impl World {
     pub fn with_config(map: Arc<Map>, config: WorldConfig) -> Self {
         assert!((1..=256).contains(&config.profiles.len()), "1 to 256 profiles");
         Self {
+            movers: Movers::new(&map),
             map,
             config,
             cone: RayCone::default(),
@@ -83,7 +86,7 @@ impl World {
 
     /// Copies the state; together with the map and the configuration, it restores this world.
     pub fn save(&self) -> WorldState {
-        WorldState { tick: self.tick, npcs: self.npcs.clone() }
+        WorldState { tick: self.tick, npcs: self.npcs.clone(), movers: self.movers.states().to_vec() }
     }
 
     /// Restores a saved state, which must come from a world with the same map and configuration. Discards a recording in
@@ -92,6 +95,7 @@ impl World {
         self.recording = None;
         self.tick = state.tick;
         self.npcs = state.npcs;
+        self.movers.restore(&self.map, state.movers);
         self.tick_events = vec![TickEvents::default(); self.npcs.len()];
         self.scratch.resize_with(self.npcs.len(), MoveScratch::default);
     }
@@ -260,7 +264,11 @@ impl World {
     /// Advances every NPC by one tick. An NPC that came to harm stays in place; one that reached its goal continues until
     /// its decision is over.
     pub fn tick(&mut self) {
-        self.move_npcs(1);
+        if self.movers.is_empty() {
+            self.move_npcs(1);
+        } else {
+            self.move_with_movers();
+        }
         let Self { map, config, npcs, scratch, crowd, .. } = self;
         if config.npc_collision {
             crowd.separate(npcs, map, &config.profiles, scratch);
@@ -273,7 +281,7 @@ impl World {
 
     /// Advances every NPC by ten ticks: a whole decision if all NPCs decide together.
     pub fn tick_decision(&mut self) {
-        if self.config.npc_collision || self.recording.is_some() {
+        if self.config.npc_collision || self.recording.is_some() || !self.movers.is_empty() {
             (0..TICKS_PER_DECISION).for_each(|_| self.tick());
         } else {
             self.move_npcs(TICKS_PER_DECISION);
@@ -291,6 +299,54 @@ impl World {
             }
         }
         self.tick += u64::from(tick_count);
+    }
+
+    /// Moves the movers, then the NPCs that they carry and push; a mover that would crush an NPC stays where it was.
+    fn move_with_movers(&mut self) {
+        let Self { map, config, npcs, tick_events, scratch, movers, .. } = self;
+        movers.advance(map);
+        for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(scratch) {
+            let Some(npc) = npc else { continue };
+            let profile = &config.profiles[usize::from(npc.profile.0)];
+            if npc.harm.is_some() {
+                *events = TickEvents::default();
+                continue;
+            }
+            let carried = movers.carry(map, profile, &mut npc.body, scratch);
+            *events = tick_npc(npc, map, profile, &config.task, scratch);
+            if carried != Vec3::ZERO && !npc.body.is_grounded() {
+                // Who leaves a mover keeps its speed.
+                npc.body.velocity += Vec3::new(carried.x, carried.y.max(0.0), carried.z);
+            }
+            movers.note_pressed(profile, &npc.body, scratch);
+        }
+        movers.settle(map);
+        self.tick += 1;
+    }
+
+    /// States of the movers, in the order of those of the map.
+    pub fn movers(&self) -> &[MoverState] {
+        self.movers.states()
+    }
+
+    /// Gives the mover of that index an order; false, and nothing changes, if it does not exist or cannot follow it.
+    pub fn order(&mut self, mover: u16, order: MoverOrder) -> bool {
+        let obeyed = self.movers.order(&self.map, usize::from(mover), order);
+        if obeyed {
+            self.note(Input::Order(mover, order));
+        }
+        obeyed
+    }
+
+    /// Takes over the states of the movers of another world on the same map, in the order of those of the map. A recording in progress
+    /// would lack them and is discarded.
+    ///
+    /// # Panics
+    /// If the states do not fit the movers of the map.
+    pub fn set_movers(&mut self, states: Vec<MoverState>) {
+        assert!(Movers::fit(&self.map, &states), "states of the movers of this map");
+        self.recording = None;
+        self.movers.restore(&self.map, states);
     }
 
     /// Closes the current decision of an NPC and returns its reward; `None` if the NPC has no episode.
@@ -311,14 +367,14 @@ impl World {
         };
         let profile = &self.config.profiles[usize::from(npc.profile.0)];
         let context = SenseContext { map: &self.map, profile, task: &self.config.task };
-        sense::observe(&self.cone, context, &npc.body, episode, &npc.last, row);
+        sense::observe(&self.cone, context, &self.movers, &npc.body, episode, &npc.last, row);
         true
     }
 
     /// Casts the rays of an NPC, for display.
     pub fn sight(&self, slot: NpcSlot) -> Sight {
         let npc = self.npc(slot).expect("an occupied slot");
-        self.cone.sight(&self.map, &self.config.profiles[usize::from(npc.profile.0)], &npc.body)
+        self.cone.sight(&self.map, &self.movers, &self.config.profiles[usize::from(npc.profile.0)], &npc.body)
     }
 
     fn npc_mut(&mut self, slot: NpcSlot) -> &mut Npc {

@@ -51,7 +51,8 @@ impl Parts {
     }
 
     fn replay(&self, map: &Arc<Map>) -> Result<(), ReplayError> {
-        let state = (self.start_tick, &self.npcs);
+        let movers: [surefoot_world::MoverState; 0] = [];
+        let state = (self.start_tick, &self.npcs, movers);
         let config = (&self.profiles, TaskConfig::default(), true);
         let content = (map.hash(), None::<MapSpec>, config, state, &self.inputs, &self.checks, self.end_tick);
         let content = postcard::to_stdvec(&content).expect("plain data");

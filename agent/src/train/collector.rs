@@ -69,7 +69,7 @@ impl ArenaState {
     /// The arena and its world; `None` if this cannot be their state.
     fn restore(self, config: &CollectorConfig) -> Option<(Arena, World)> {
         let (mut arena, mut world) = Arena::new(self.seed, config);
-        let is_whole = self.world.fits(1, world.map().placed().zip_lines.len())
+        let is_whole = self.world.fits(1, world.map())
             && self.world.slots().eq((0..config.npcs_per_world as u32).map(NpcSlot))
             && self.failures.iter().flat_map(|(start, goal)| [start, goal]).all(|place| place.is_finite());
         is_whole.then(|| {

@@ -21,7 +21,7 @@ use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -126,7 +126,7 @@ impl SavedWorld {
             SavedMap::Spec(spec) => Map::generate(spec),
             SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
         };
-        if map.hash() == self.map && self.state.fits(self.bodies.len(), map.placed().zip_lines.len()) {
+        if map.hash() == self.map && self.state.fits(self.bodies.len(), &map) {
             Ok(Arc::new(map))
         } else {
             Err(SavedError::OtherMap(self.id))
@@ -174,7 +174,7 @@ impl SavedWorld {
             && self.state.slots().eq(slots)
             // Rides on zip lines are checked in `map`, which knows the number of lines.
             && (1..=MAX_BODIES).contains(&self.bodies.len())
-            && self.state.fits(self.bodies.len(), usize::MAX)
+            && self.state.fits_some_map(self.bodies.len())
     }
 }
 

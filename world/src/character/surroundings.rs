@@ -28,6 +28,8 @@ pub struct MoveScratch {
     /// Bit `n` of each is set where triangle `n` of the block touches the box of the present move.
     touched: Vec<u8>,
     indices: Vec<u32>,
+    /// Solid triangles that are no part of a map.
+    obstacles: Vec<Triangle>,
     slope: Slope,
 }
 
@@ -125,6 +127,16 @@ impl MoveScratch {
         self.touched.extend(self.planes.iter().map(|planes| planes.touching(low, high)));
     }
 
+    /// Forgets all obstacles besides the map.
+    pub(crate) fn begin_obstacles(&mut self) {
+        self.obstacles.clear();
+    }
+
+    /// Adds solid triangles that the next moves collide with, besides those of the map.
+    pub(crate) fn add_obstacles(&mut self, triangles: &[Triangle]) {
+        self.obstacles.extend_from_slice(triangles);
+    }
+
     fn gather(&mut self, mesh: &Mesh, low: Vec3, high: Vec3) {
         mesh.gather_solids(low, high, &mut self.indices);
         self.triangles.clear();
@@ -139,7 +151,7 @@ impl MoveScratch {
 
     /// The deepest contact of a body with the selected triangles; of several that are as deep, the one of the first triangle
     /// of the map.
-    pub(super) fn deepest_contact(&self, profile: &CharacterProfile, feet: Vec3) -> Option<Contact> {
+    pub(crate) fn deepest_contact(&self, profile: &CharacterProfile, feet: Vec3) -> Option<Contact> {
         let low = feet + Vec3::new(0.0, profile.radius, 0.0);
         let height = profile.height - 2.0 * profile.radius;
         let mut deepest: Option<Contact> = None;
@@ -163,6 +175,11 @@ impl MoveScratch {
                     deepest = Some(contact);
                 }
             }
+        }
+        for obstacle in &self.obstacles {
+            let depth = deepest.map_or(CONTACT_SLOP_M, |best| best.depth + DEEPER_M);
+            let contact = obstacle.capsule_contact(low, height, profile.radius);
+            deepest = contact.filter(|contact| contact.depth > depth).or(deepest);
         }
         deepest
     }

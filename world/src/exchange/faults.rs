@@ -3,6 +3,7 @@
 //! Messages name the level's own nodes and meshes, and say what to change.
 
 use super::load::Overload;
+use crate::map::MoverError;
 use crate::Vec3;
 use crate::map::MapSize;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
@@ -261,6 +262,15 @@ pub enum ImportError {
         /// Allowed values.
         expected: &'static str,
     },
+    /// The box of a mover has no volume.
+    #[error("{of} is a box without volume: give `min` and `max` that differ along all axes")]
+    NoVolume {
+        /// The entry of the sidecar.
+        of: String,
+    },
+    /// A mover cannot be part of a map.
+    #[error(transparent)]
+    Mover(#[from] MoverError),
     /// A feature lies outside the level.
     #[error("{what} lies outside the level, which spans {low} to {high} in its own coordinates: move or delete it")]
     Outside {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! header   magic 8 | format version u32 | payload length u64 | BLAKE3 of the payload 32
-//! payload  map hash 32 | description length u32 | description (postcard: spec, size, placed)
+//! payload  map hash 32 | description length u32 | description (postcard: spec, size, placed, movers)
 //!          | vertex count u32 | triangle count u32
 //!          | vertices 3 x f32 | corners 3 x u32 for each triangle | surfaces u8 for each triangle
 //! ```
@@ -13,13 +13,15 @@
 use super::load::{Overload, check_load, is_allowed};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::{Features, Map, MapHash, MapSize, MapSpec, Placed, RawMapSpec, SpecError};
+use crate::map::{Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Placed, RawMapSpec, SpecError};
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
+/// Format of maps without movers.
+const VERSION_WITHOUT_MOVERS: u32 = 2;
 /// Format whose specs have no kind.
 const VERSION_WITHOUT_KIND: u32 = 1;
 /// Seed, size and features of a spec in that format.
@@ -115,6 +117,9 @@ pub enum FileError {
         /// Index of the triangle.
         triangle: usize,
     },
+    /// A mover cannot be part of a map.
+    #[error("the saved map is not valid: {0}")]
+    Mover(#[from] MoverError),
     /// The map is too large to index.
     #[error("the saved map cannot be indexed: {0}")]
     Overload(#[from] Overload),
@@ -131,7 +136,7 @@ pub enum FileError {
 /// Encodes a map; the same map gives the same bytes.
 pub fn encode(map: &Map) -> Vec<u8> {
     let triangles = map.mesh().triangles();
-    let description = postcard::to_stdvec(&(map.spec(), map.size(), map.placed())).expect("plain data");
+    let description = postcard::to_stdvec(&(map.spec(), map.size(), map.placed(), map.movers())).expect("plain data");
     let mut numbers = HashMap::with_capacity(triangles.len());
     let mut vertices = Vec::with_capacity(triangles.len() * VERTEX_LEN);
     let mut corners = Vec::with_capacity(triangles.len() * CORNERS_LEN);
@@ -172,7 +177,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let mut payload = Reader(payload);
     let saved = MapHash(*payload.array()?);
     let description_len = payload.number()?;
-    let (spec, size, placed) = read_description(payload.bytes(description_len as usize)?, version)?;
+    let Description { spec, size, placed, movers } = read_description(payload.bytes(description_len as usize)?, version)?;
     let (vertex_count, triangle_count) = (payload.number()?, payload.number()?);
     let claimed = u64::from(vertex_count) * VERTEX_LEN as u64 + u64::from(triangle_count) * (CORNERS_LEN as u64 + 1);
     if claimed != payload.0.len() as u64 {
@@ -182,7 +187,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let corners = payload.bytes(triangle_count as usize * CORNERS_LEN)?;
     let triangles = read_triangles(&vertices, corners, payload.0)?;
     check_load(size, &triangles, &placed)?;
-    let map = Map::assemble(spec, size, triangles, placed);
+    let map = Map::assemble(spec, size, triangles, placed).with_movers(movers)?;
     if map.hash() == saved { Ok(map) } else { Err(FileError::Hash { found: map.hash(), saved }) }
 }
 
@@ -196,7 +201,7 @@ fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     let mut header = Reader(&bytes[MAGIC.len()..]);
     let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
     let found = header.number().map_err(too_short)?;
-    if ![VERSION_WITHOUT_KIND, VERSION].contains(&found) {
+    if ![VERSION_WITHOUT_KIND, VERSION_WITHOUT_MOVERS, VERSION].contains(&found) {
         return Err(FileError::Version { found });
     }
     let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
@@ -212,18 +217,28 @@ fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     if blake3::hash(payload).as_bytes() == checksum { Ok((found, payload)) } else { Err(FileError::Damaged) }
 }
 
-fn read_description(bytes: &[u8], version: u32) -> Result<(Option<MapSpec>, MapSize, Placed), FileError> {
-    let read = if version == VERSION_WITHOUT_KIND {
-        postcard::take_from_bytes::<(Option<SpecWithoutKind>, MapSize, Placed)>(bytes).map(
-            |((spec, size, placed), rest)| {
-                let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
-                ((spec, size, placed), rest)
-            },
-        )
-    } else {
-        postcard::take_from_bytes::<(Option<RawMapSpec>, MapSize, Placed)>(bytes)
+/// What a saved map says besides its triangles.
+struct Description {
+    spec: Option<MapSpec>,
+    size: MapSize,
+    placed: Placed,
+    movers: Vec<Mover>,
+}
+
+fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError> {
+    type WithoutKind = (Option<SpecWithoutKind>, MapSize, Placed);
+    type WithoutMovers = (Option<RawMapSpec>, MapSize, Placed);
+    type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>);
+    let read: Result<(Present, &[u8]), postcard::Error> = match version {
+        VERSION_WITHOUT_KIND => postcard::take_from_bytes::<WithoutKind>(bytes).map(|((spec, size, placed), rest)| {
+            let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
+            ((spec, size, placed, Vec::new()), rest)
+        }),
+        VERSION_WITHOUT_MOVERS => postcard::take_from_bytes::<WithoutMovers>(bytes)
+            .map(|((spec, size, placed), rest)| ((spec, size, placed, Vec::new()), rest)),
+        _ => postcard::take_from_bytes::<Present>(bytes),
     };
-    let ((spec, size, placed), rest) = read.map_err(|error| FileError::Description(error.to_string()))?;
+    let ((spec, size, placed, movers), rest) = read.map_err(|error| FileError::Description(error.to_string()))?;
     if !rest.is_empty() {
         return Err(FileError::Description(format!("{} bytes too long", rest.len())));
     }
@@ -235,7 +250,7 @@ fn read_description(bytes: &[u8], version: u32) -> Result<(Option<MapSpec>, MapS
         return Err(FileError::SpecSize);
     }
     check_placed(&placed)?;
-    Ok((spec, size, placed))
+    Ok(Description { spec, size, placed, movers })
 }
 
 fn read_vertices(bytes: &[u8]) -> Result<Vec<Vec3>, FileError> {

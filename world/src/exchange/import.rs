@@ -64,7 +64,7 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
     convert(&mut scene, frame)?;
     let mut found = Found::default();
     let sidecar = sidecar.map_or_else(|| Ok(Sidecar::default()), Sidecar::parse)?;
-    let is_solid = named::collect_from_nodes(&scene.nodes, &sidecar, &mut found)?;
+    let is_solid = named::collect_from_nodes(&scene.nodes, &sidecar, frame, &mut found)?;
     named::collect_from_sidecar(sidecar, frame, &mut found)?;
     let mut meshes: Vec<&mut Vec<[Vec3; 3]>> =
         scene.nodes.iter_mut().zip(is_solid).filter(|(_, solid)| *solid).map(|(node, _)| &mut node.triangles).collect();
@@ -96,10 +96,12 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
         let (one, other) = (frame.to_level(place.low), frame.to_level(place.high));
         ImportError::Outside { what, low: one.min(other), high: one.max(other) }
     };
+    let movers = found.take_movers(place.shift);
     let placed = found.place(place.shift, place.size).map_err(outside)?;
     check_load(place.size, &triangles, &placed)?;
     if open.is_empty() {
-        return Ok(Imported { map: Map::from_parts(place.size, triangles, placed), origin: place.shift, warnings });
+        let map = Map::from_parts(place.size, triangles, placed).with_movers(movers)?;
+        return Ok(Imported { map, origin: place.shift, warnings });
     }
     let map = Map::from_parts(place.size, triangles.clone(), placed.clone());
     let plates: Vec<Triangle> = open
@@ -108,12 +110,12 @@ fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> R
         .flat_map(|backs| backs.iter().filter_map(moved).collect::<Vec<_>>())
         .collect();
     if plates.is_empty() {
-        return Ok(Imported { map, origin: place.shift, warnings });
+        return Ok(Imported { map: map.with_movers(movers)?, origin: place.shift, warnings });
     }
     warnings.push(Warning::Plates { count: plates.len() });
     let triangles: Vec<Triangle> = triangles.into_iter().chain(plates).collect();
     check_load(place.size, &triangles, &placed)?;
-    let map = Map::from_parts(place.size, triangles, placed);
+    let map = Map::from_parts(place.size, triangles, placed).with_movers(movers)?;
     Ok(Imported { map, origin: place.shift, warnings })
 }
 

@@ -9,6 +9,7 @@
 //! warnings.
 
 mod export;
+mod extras;
 mod faults;
 mod file;
 mod gltf_in;
@@ -16,6 +17,7 @@ mod import;
 mod inspect;
 mod load;
 mod meshopt;
+mod moving;
 mod named;
 mod obj_in;
 mod scene;

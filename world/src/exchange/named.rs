@@ -8,15 +8,17 @@
 //! colliders `UCX_*`, `UBX_*`, `UCP_*` and `USP_*` (Unreal), whose meshes are solid themselves.
 //! A node whose extras say `solid: false` is left out as well, and one with `solid: true` is solid whatever its name says. The sidecar lists
 //! patterns of names: `leave_out`, and `colliders`, beside which nothing else is solid.
+//! What moves is found in `moving`.
 //! The position of a node without a mesh is its origin; if there are feature nodes below it, it is only a group.
 
+use super::extras::{Extras, property};
 use super::faults::ImportError;
-use super::scene::{Frame, Node, node_label};
+use super::moving::{self, MoverEntry, Paths, Sign};
+use super::scene::{Bounds, Frame, Node, node_label};
 use crate::Vec3;
 use crate::map::spec::MAX_HEIGHT_M;
-use crate::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features};
+use crate::map::{Jetpack, Liquid, MapSize, Mover, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features};
 use serde::Deserialize;
-use serde_json::Value;
 use std::collections::HashMap;
 
 /// Constants of pads in `f64`, like the numbers of JSON.
@@ -37,6 +39,7 @@ pub(super) struct Found {
     zip_lines: Vec<(String, ZipLine)>,
     teleporters: Vec<(String, Teleporter)>,
     jetpacks: Vec<(String, Jetpack)>,
+    movers: Vec<Mover>,
     /// Number of helpers, which are left out.
     pub(super) helper_count: usize,
 }
@@ -57,6 +60,16 @@ impl Found {
 
     pub(super) fn flat_pool_count(&self) -> usize {
         self.pools.iter().filter(|(_, pool)| pool.bounds.high.y - pool.bounds.low.y < FLAT_M).count()
+    }
+
+    /// Takes the movers, shifted onto the map.
+    pub(super) fn take_movers(&mut self, shift: Vec3) -> Vec<Mover> {
+        let moved = |mover: Mover| Mover {
+            triangles: mover.triangles.iter().map(|corners| corners.map(|corner| corner + shift)).collect(),
+            pivot: mover.pivot + shift,
+            ..mover
+        };
+        std::mem::take(&mut self.movers).into_iter().map(moved).collect()
     }
 
     /// Shifts all features onto the map and clips pools at its rim; `Err` is the name of a feature that lies outside.
@@ -119,30 +132,6 @@ impl FoundPool {
     }
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    low: Vec3,
-    high: Vec3,
-}
-
-impl Bounds {
-    fn of(points: impl IntoIterator<Item = Vec3>) -> Option<Self> {
-        points.into_iter().fold(None, |bounds: Option<Self>, point| {
-            let Self { low, high } = bounds.unwrap_or(Self { low: point, high: point });
-            Some(Self { low: low.min(point), high: high.max(point) })
-        })
-    }
-
-    fn union(self, other: Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    fn bottom(self) -> Vec3 {
-        let middle = (self.low + self.high) * 0.5;
-        Vec3::new(middle.x, self.low.y, middle.z)
-    }
-}
-
 /// Kind of feature that a node's name stands for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Kind {
@@ -152,6 +141,10 @@ enum Kind {
     /// The end and the name of the pair; `None` if the node's name does not say which end it is.
     ZipLine(Option<(End, String)>),
     Teleporter(Option<(End, String)>),
+    /// A door, lift, platform, floor or conveyor.
+    Mover(MoverKind),
+    /// A place on the path of a mover.
+    Path,
     /// No part of the level.
     Helper,
 }
@@ -228,16 +221,24 @@ fn split_end(name: &str) -> Option<(End, String)> {
 pub(super) fn collect_from_nodes(
     nodes: &[Node],
     sidecar: &Sidecar,
+    frame: Frame,
     found: &mut Found,
 ) -> Result<Vec<bool>, ImportError> {
     let says: Vec<Option<bool>> =
         nodes.iter().enumerate().map(|(idx, node)| says_solid(node, idx, sidecar)).collect::<Result<_, _>>()?;
-    let kind = |(node, says): (&Node, &Option<bool>)| match (says, Kind::of(&node.name)) {
-        (Some(false), _) => Some(Kind::Helper),
-        (Some(true), Some(Kind::Helper)) => None,
-        (_, kind) => kind,
+    let paths = Paths::of(nodes);
+    let kind = |(idx, (node, says)): (usize, (&Node, &Option<bool>))| {
+        let label = node_label(&node.name, idx);
+        let moving = moving::sign(&node.name, &Extras::new(node, &label)?, &paths)?;
+        Ok(match (says, Kind::of(&node.name), moving) {
+            (Some(false), ..) => Some(Kind::Helper),
+            (Some(true), Some(Kind::Helper), _) => None,
+            (_, None, Some(Sign::Mover(kind))) => Some(Kind::Mover(kind)),
+            (_, None, Some(Sign::Path(..))) => Some(Kind::Path),
+            (_, kind, _) => kind,
+        })
     };
-    let kinds: Vec<Option<Kind>> = nodes.iter().zip(&says).map(kind).collect();
+    let kinds: Vec<Option<Kind>> = nodes.iter().zip(&says).enumerate().map(kind).collect::<Result<_, ImportError>>()?;
     let owners = feature_owners(nodes, &kinds);
     let mut bounds: Vec<Option<Bounds>> = vec![None; nodes.len()];
     for (node, owner) in nodes.iter().zip(&owners) {
@@ -271,6 +272,12 @@ pub(super) fn collect_from_nodes(
                 let two_way = extras.flag("two_way")?.unwrap_or_default();
                 teleporters.add(pair, end, Half { node, at: bounds.bottom(), two_way })?;
             }
+            Kind::Mover(kind) => {
+                let own = nodes.iter().zip(&owners).filter(|(_, owner)| **owner == Some(idx));
+                let triangles = own.flat_map(|(node, _)| node.triangles.iter().copied()).collect();
+                found.movers.extend(moving::from_node(kind, node, &extras, frame, &paths, triangles)?);
+            }
+            Kind::Path => {}
             Kind::Helper => found.helper_count += 1,
             Kind::ZipLine(None) | Kind::Teleporter(None) => {
                 return Err(ImportError::NoEnd { node: node.name.clone() });
@@ -388,58 +395,6 @@ fn missing_half(node: &Node, end: End) -> ImportError {
     ImportError::MissingHalf { node: node.name.clone(), missing }
 }
 
-/// Properties that a designer attached to a node.
-struct Extras<'a> {
-    of: &'a str,
-    values: serde_json::Map<String, Value>,
-}
-
-impl<'a> Extras<'a> {
-    fn new(node: &Node, of: &'a str) -> Result<Self, ImportError> {
-        let json = node.extras.as_ref().map_or("{}", |extras| extras.get());
-        match serde_json::from_str(json) {
-            Ok(Value::Object(values)) => Ok(Self { of, values }),
-            // Extras that are not an object have no meaning here.
-            Ok(_) => Ok(Self { of, values: serde_json::Map::new() }),
-            Err(error) => Err(ImportError::Json(format!("extras of {of}: {error}"))),
-        }
-    }
-
-    fn number(&self, key: &'static str) -> Result<Option<f64>, ImportError> {
-        let Some(value) = self.values.get(key) else { return Ok(None) };
-        value.as_f64().map(Some).ok_or_else(|| property(self.of, key, value, "give a number"))
-    }
-
-    /// Reads a flag, if there is one; some tools write flags as 0 and 1.
-    fn flag(&self, key: &'static str) -> Result<Option<bool>, ImportError> {
-        match self.values.get(key) {
-            None => Ok(None),
-            Some(Value::Bool(flag)) => Ok(Some(*flag)),
-            Some(value) if value.as_f64() == Some(0.0) => Ok(Some(false)),
-            Some(value) if value.as_f64() == Some(1.0) => Ok(Some(true)),
-            Some(value) => Err(property(self.of, key, value, "give true or false")),
-        }
-    }
-
-    /// Radius of a pool that is marked as round, m; `None` for a rectangle.
-    fn radius(&self) -> Result<Option<f32>, ImportError> {
-        let Some(outline) = self.values.get("outline") else { return Ok(None) };
-        match (outline.as_str(), self.number("radius")?) {
-            (Some("rectangle"), _) => Ok(None),
-            (Some("round"), Some(radius)) if radius > 0.0 => Ok(Some(radius as f32)),
-            (Some("round"), _) => {
-                let radius = self.values.get("radius").unwrap_or(&Value::Null);
-                Err(property(self.of, "radius", radius, "a round pool needs a radius above 0"))
-            }
-            _ => Err(property(self.of, "outline", outline, "must be \"round\" or \"rectangle\"")),
-        }
-    }
-}
-
-fn property(of: &str, key: &'static str, value: impl ToString, expected: &'static str) -> ImportError {
-    ImportError::Property { of: of.to_owned(), key, value: value.to_string(), expected }
-}
-
 /// Upward speed of a pad that throws characters `height` metres up, m/s.
 fn pad_speed(height: Option<f64>, of: &str) -> Result<f32, ImportError> {
     let height = height.unwrap_or(PAD_HEIGHT_M);
@@ -474,6 +429,8 @@ pub(super) struct Sidecar {
     teleporters: Vec<TeleporterEntry>,
     #[serde(default)]
     jetpacks: Vec<JetpackEntry>,
+    #[serde(default)]
+    movers: Vec<MoverEntry>,
 }
 
 #[derive(Deserialize)]
@@ -563,6 +520,10 @@ pub(super) fn collect_from_sidecar(sidecar: Sidecar, frame: Frame, found: &mut F
         let name = label("jetpacks", idx);
         let jetpack = Jetpack { centre: metres(&name, at)?, fuel: jetpack_fuel(fuel, &name)? };
         found.jetpacks.push((name, jetpack));
+    }
+    for (idx, entry) in sidecar.movers.into_iter().enumerate() {
+        let name = label("movers", idx);
+        found.movers.push(entry.mover(frame).ok_or(ImportError::NoVolume { of: name })?);
     }
     Ok(())
 }

@@ -6,6 +6,7 @@
 mod built;
 pub mod features;
 pub mod generate;
+pub mod mover;
 mod repair;
 pub mod spec;
 pub mod stage;
@@ -19,6 +20,7 @@ pub use features::{
     Building, CATCH_HEIGHT_M, Cave, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau, Pool, Ravine,
     Teleporter, ZipLine,
 };
+pub use mover::{Mover, MoverError, MoverKind, MoverStop};
 use serde::{Deserialize, Serialize};
 pub use spec::{Features, MapKind, MapSize, MapSpec, RawMapSpec, SpecError};
 use std::fmt;
@@ -33,6 +35,7 @@ pub struct Map {
     mesh: Mesh,
     placed: Placed,
     zones: ZoneGrid,
+    movers: Vec<Mover>,
     hash: MapHash,
 }
 
@@ -85,7 +88,21 @@ impl Map {
         let extent = size.extent();
         let hash = content_hash(size, &triangles, &placed);
         let zones = ZoneGrid::new(extent, &placed);
-        Self { spec, size, mesh: Mesh::draft(triangles, extent), placed, zones, hash }
+        Self { spec, size, mesh: Mesh::draft(triangles, extent), placed, zones, movers: Vec::new(), hash }
+    }
+
+    /// Adds movers to a map without, whose hash then tells of them.
+    ///
+    /// # Errors
+    /// If one of them is not valid, or they are too many.
+    pub fn with_movers(self, movers: Vec<Mover>) -> Result<Self, MoverError> {
+        mover::check(&movers)?;
+        if movers.is_empty() {
+            return Ok(self);
+        }
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&self.hash.0).update(&postcard::to_stdvec(&movers).expect("plain data"));
+        Ok(Self { hash: MapHash(*hasher.finalize().as_bytes()), movers, ..self })
     }
 
     /// Returns the triangles of the mesh.
@@ -113,7 +130,12 @@ impl Map {
         &self.placed
     }
 
-    /// Content hash: equal for maps with the same geometry and features.
+    /// All movers of the map; their indices name them.
+    pub fn movers(&self) -> &[Mover] {
+        &self.movers
+    }
+
+    /// Content hash: equal for maps with the same geometry, features and movers.
     pub fn hash(&self) -> MapHash {
         self.hash
     }

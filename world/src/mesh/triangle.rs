@@ -99,7 +99,7 @@ impl Triangle {
     /// Distance of the two-sided intersection within `near..=far` along the ray: the plane first, which decides most cases,
     /// then barycentric coordinates, slightly widened so that seams do not leak.
     #[inline]
-    pub(super) fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
+    pub(crate) fn ray(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<f32> {
         let offset = origin - self.a;
         let distance = -self.normal.dot(offset) / self.normal.dot(direction);
         // Also rejects the NaN of a ray inside the plane.

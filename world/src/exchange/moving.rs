@@ -1,0 +1,359 @@
+//! Finds the movers of a level by the names of its nodes, their extras, and in the sidecar.
+//!
+//! Nodes: `door*` opens; `lift*`, `elevator*` and `platform*` travel to the places of the nodes `NAME:path` (`NAME:path.001`, ...), in
+//! the order of their names; `vanish*` is there and away in turn; `conveyor*` carries what stands on it with the `velocity` of its extras.
+//! Names that only speak of a door (`door_frame`, `doorway`, `doorstep`) stay solid, like lifts and platforms without a path and conveyors
+//! without a velocity. An extra `mover` with the kind makes a mover of any node, and `mover: false` keeps it solid.
+
+use super::extras::Extras;
+use super::faults::ImportError;
+use super::inspect;
+use super::scene::{Bounds, Frame, Node};
+use super::sides;
+use crate::Vec3;
+use crate::map::{Mover, MoverKind, MoverStop};
+use crate::mesh::{Surface, Triangle};
+use serde::Deserialize;
+use std::collections::HashMap;
+
+/// Usual speed of lifts and platforms, m/s, and usual duration of a door's or a floor's change, s.
+const TRAVEL_SPEED: f32 = 2.0;
+const CHANGE_S: f64 = 1.0;
+/// Usual time at each stop, s.
+const DWELL_S: f64 = 4.0;
+/// Usual angle by which a hinged door opens, degrees.
+const HINGE_DEG: f64 = 90.0;
+/// How near one of its ends a door's origin must lie for a hinge, as a share of its width.
+const HINGE_SHARE: f32 = 0.15;
+/// Share of its width by which a sliding door opens.
+const SLIDE_SHARE: f32 = 0.96;
+/// Distance below which a place on a path is where the mover already is, m.
+const SAME_M: f32 = 0.05;
+/// Parts of names that speak of what is around a door.
+const NOT_DOORS: [&str; 6] = ["frame", "way", "step", "arch", "sill", "handle"];
+
+/// What a name or an extra says about a node.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Sign {
+    /// The node is a mover.
+    Mover(MoverKind),
+    /// The node marks a place on the path of the mover of that name, which is one of several with these numbers.
+    Path(String, u32),
+}
+
+/// Whether a node is a mover or belongs to one; `paths` are the places of all nodes' paths.
+pub(super) fn sign(name: &str, extras: &Extras<'_>, paths: &Paths) -> Result<Option<Sign>, ImportError> {
+    let name = name.to_lowercase();
+    if let Some((stem, number)) = path_of(&name) {
+        return Ok(Some(Sign::Path(stem, number)));
+    }
+    if let Some(kind) = extras.text("mover") {
+        return Ok(Some(Sign::Mover(kind_named(extras, kind)?)));
+    }
+    if extras.flag("mover")? == Some(false) {
+        return Ok(None);
+    }
+    let starts = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
+    let has_path = extras.has("path") || paths.0.contains_key(&name);
+    Ok(match () {
+        () if starts(&["door"]) && !NOT_DOORS.iter().any(|part| name.contains(part)) => Some(MoverKind::Door),
+        () if starts(&["lift", "elevator"]) && has_path => Some(MoverKind::Lift),
+        () if starts(&["platform"]) && has_path => Some(MoverKind::Platform),
+        () if starts(&["vanish"]) => Some(MoverKind::Floor),
+        () if starts(&["conveyor"]) && extras.has("velocity") => Some(MoverKind::Conveyor),
+        () => None,
+    }
+    .map(Sign::Mover))
+}
+
+fn kind_named(extras: &Extras<'_>, kind: &str) -> Result<MoverKind, ImportError> {
+    Ok(match kind {
+        "door" => MoverKind::Door,
+        "lift" => MoverKind::Lift,
+        "platform" => MoverKind::Platform,
+        "floor" => MoverKind::Floor,
+        "conveyor" => MoverKind::Conveyor,
+        _ => return Err(extras.refuse("mover", kind, "must be door, lift, platform, floor, conveyor or false")),
+    })
+}
+
+/// Splits `lift_2:path.001` into `lift_2` and 1.
+fn path_of(name: &str) -> Option<(String, u32)> {
+    let (stem, rest) = name.rsplit_once(":path")?;
+    let digits = rest.trim_start_matches(['.', '_', '-']);
+    let number = if digits.is_empty() { 0 } else { digits.parse().ok()? };
+    Some((stem.to_owned(), number))
+}
+
+/// The places of paths by the name of their mover, each with its number.
+#[derive(Default)]
+pub(super) struct Paths(HashMap<String, Vec<(u32, Place)>>);
+
+/// A place on a path.
+#[derive(Clone, Copy)]
+enum Place {
+    /// Where the origin of the mover goes, m.
+    Origin(Vec3),
+    /// Where the centre of its bottom goes, m.
+    Bottom(Vec3),
+}
+
+impl Paths {
+    /// The places that the nodes of a level mark.
+    pub(super) fn of(nodes: &[Node]) -> Self {
+        let mut paths = Self::default();
+        for node in nodes {
+            if let Some((stem, number)) = path_of(&node.name.to_lowercase()) {
+                let bounds = Bounds::of(node.triangles.iter().flatten().copied());
+                let place = bounds.map_or(Place::Origin(node.origin), |bounds| Place::Bottom(bounds.bottom()));
+                paths.0.entry(stem).or_default().push((number, place));
+            }
+        }
+        paths.0.values_mut().for_each(|places| places.sort_by_key(|(number, _)| *number));
+        paths
+    }
+
+    /// Shifts from where a mover was modelled to its further stops, m.
+    fn offsets(&self, node: &Node, bounds: Bounds) -> Vec<Vec3> {
+        let slack = Vec3::ONE;
+        let origin = node.origin;
+        let lies_there = origin.cmpge(bounds.low - slack).all() && origin.cmple(bounds.high + slack).all();
+        let places = self.0.get(&node.name.to_lowercase()).map_or(&[][..], Vec::as_slice);
+        let offset = |(_, place): &(u32, Place)| match place {
+            Place::Origin(at) if lies_there => *at - origin,
+            Place::Origin(at) | Place::Bottom(at) => *at - bounds.bottom(),
+        };
+        places.iter().map(offset).collect()
+    }
+}
+
+/// What a level says of how a mover moves.
+struct Motion {
+    /// Shifts to the stops after the first, m.
+    path: Vec<Vec3>,
+    /// Angle of a hinge, degrees.
+    hinge: Option<f64>,
+    /// Duration of each journey, s, or speed, m/s.
+    seconds: Option<f64>,
+    speed: Option<f64>,
+    dwell: Option<f64>,
+    cycles: Option<bool>,
+    velocity: Option<Vec3>,
+    start: u8,
+}
+
+/// Makes a mover of a node whose triangles, with those of its children, are `triangles`.
+pub(super) fn from_node(
+    kind: MoverKind,
+    node: &Node,
+    extras: &Extras<'_>,
+    frame: Frame,
+    paths: &Paths,
+    triangles: Vec<[Vec3; 3]>,
+) -> Result<Option<Mover>, ImportError> {
+    let Some(bounds) = Bounds::of(triangles.iter().flatten().copied()) else { return Ok(None) };
+    let metres = |vector: Vec3| frame.to_metres(vector);
+    let mut path = extras.vectors("path")?.into_iter().map(metres).collect::<Vec<_>>();
+    path.extend(extras.vector("slide")?.map(metres));
+    path.extend(paths.offsets(node, bounds));
+    let motion = Motion {
+        path,
+        hinge: extras.number("hinge")?,
+        seconds: extras.number("seconds")?,
+        speed: extras.number("speed")?,
+        dwell: extras.number("dwell")?,
+        cycles: extras.flag("loop")?,
+        velocity: extras.vector("velocity")?.map(metres),
+        start: u8::from(extras.flag("open")? == Some(true)),
+    };
+    Ok(Some(mover(node.name.clone(), kind, solid(triangles), bounds, Some(node.origin), motion)))
+}
+
+/// Gives both sides to what is no closed body, and turns what lies inside out.
+fn solid(mut triangles: Vec<[Vec3; 3]>) -> Vec<[Vec3; 3]> {
+    triangles.retain(|corners| Triangle::new(*corners, Surface::Ground).is_some());
+    sides::turn(&mut [&mut triangles]);
+    if inspect::edges(&triangles).open > 0 {
+        let backs: Vec<[Vec3; 3]> = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        triangles.extend(backs);
+    }
+    triangles
+}
+
+fn mover(
+    name: String,
+    kind: MoverKind,
+    triangles: Vec<[Vec3; 3]>,
+    bounds: Bounds,
+    origin: Option<Vec3>,
+    motion: Motion,
+) -> Mover {
+    let here = MoverStop { offset: Vec3::ZERO, yaw: 0.0, is_there: true };
+    let along = |offset: Vec3| MoverStop { offset, ..here };
+    let mut stops = vec![here];
+    stops.extend(motion.path.iter().filter(|offset| offset.length() > SAME_M).map(|offset| along(*offset)));
+    let mut pivot = bounds.bottom();
+    match kind {
+        MoverKind::Door => {
+            let leaf = Leaf::new(bounds);
+            let hinge = leaf.hinge(origin);
+            if motion.hinge.is_some() || (stops.len() == 1 && hinge.is_some()) {
+                pivot = hinge.unwrap_or_else(|| leaf.end());
+                let angle = motion.hinge.unwrap_or(HINGE_DEG) as f32;
+                stops = vec![here, MoverStop { yaw: angle.to_radians(), ..here }];
+            } else if stops.len() == 1 {
+                stops.push(along(leaf.along * (leaf.width * SLIDE_SHARE)));
+            }
+            stops.truncate(2);
+        }
+        MoverKind::Floor => stops = vec![here, MoverStop { is_there: false, ..here }],
+        MoverKind::Conveyor => stops.truncate(1),
+        MoverKind::Lift | MoverKind::Platform => {}
+    }
+    let farthest =
+        stops.windows(2).map(|pair| pair[0].offset.distance(pair[1].offset)).fold(0.0, f32::max);
+    let usual = match kind {
+        MoverKind::Lift | MoverKind::Platform => {
+            f64::from(farthest) / motion.speed.unwrap_or(f64::from(TRAVEL_SPEED)).max(1.0e-3)
+        }
+        _ => motion.speed.map_or(CHANGE_S, |speed| f64::from(farthest) / speed.max(1.0e-3)),
+    };
+    let goes_on_its_own = matches!(kind, MoverKind::Lift | MoverKind::Platform);
+    Mover {
+        name,
+        kind,
+        triangles,
+        pivot,
+        stops,
+        start: motion.start,
+        travel_s: motion.seconds.unwrap_or(usual) as f32,
+        dwell_s: motion.dwell.unwrap_or(DWELL_S) as f32,
+        cycles: motion.cycles.unwrap_or(goes_on_its_own),
+        belt: motion.velocity.unwrap_or(Vec3::ZERO),
+    }
+}
+
+/// A door seen from above.
+struct Leaf {
+    bounds: Bounds,
+    /// Direction of its width.
+    along: Vec3,
+    width: f32,
+}
+
+impl Leaf {
+    fn new(bounds: Bounds) -> Self {
+        let size = bounds.high - bounds.low;
+        let along = if size.x >= size.z { Vec3::X } else { Vec3::Z };
+        Self { bounds, along, width: size.x.max(size.z) }
+    }
+
+    /// One end of its bottom.
+    fn end(&self) -> Vec3 {
+        self.bounds.bottom() - self.along * (0.5 * self.width)
+    }
+
+    /// The place of its hinges, if its origin is one.
+    fn hinge(&self, origin: Option<Vec3>) -> Option<Vec3> {
+        let origin = origin?;
+        let offset = origin - self.bounds.bottom();
+        let across = Vec3::new(offset.x, 0.0, offset.z) - self.along * offset.dot(self.along);
+        let from_end = (offset.dot(self.along).abs() - 0.5 * self.width).abs();
+        (from_end <= HINGE_SHARE * self.width && across.length() <= 0.5 * self.width).then_some(origin)
+    }
+}
+
+/// A mover in the sidecar: a box.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MoverEntry {
+    name: String,
+    kind: MoverKindName,
+    min: [f32; 3],
+    max: [f32; 3],
+    #[serde(default)]
+    path: Vec<[f32; 3]>,
+    hinge: Option<f64>,
+    seconds: Option<f64>,
+    speed: Option<f64>,
+    dwell: Option<f64>,
+    #[serde(rename = "loop")]
+    cycles: Option<bool>,
+    velocity: Option<[f32; 3]>,
+    #[serde(default)]
+    open: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum MoverKindName {
+    Door,
+    Lift,
+    Platform,
+    Floor,
+    Conveyor,
+}
+
+impl MoverEntry {
+    /// The mover in metres; `None` if its box has no volume.
+    pub(super) fn mover(self, frame: Frame) -> Option<Mover> {
+        let metres = |point: [f32; 3]| frame.to_metres(point.into());
+        let (one, other) = (metres(self.min), metres(self.max));
+        let bounds = Bounds { low: one.min(other), high: one.max(other) };
+        // Also false for NaN.
+        let has_volume = (bounds.high - bounds.low).min_element() > 0.0;
+        let kind = match self.kind {
+            MoverKindName::Door => MoverKind::Door,
+            MoverKindName::Lift => MoverKind::Lift,
+            MoverKindName::Platform => MoverKind::Platform,
+            MoverKindName::Floor => MoverKind::Floor,
+            MoverKindName::Conveyor => MoverKind::Conveyor,
+        };
+        let motion = Motion {
+            path: self.path.into_iter().map(metres).collect(),
+            hinge: self.hinge,
+            seconds: self.seconds,
+            speed: self.speed,
+            dwell: self.dwell,
+            cycles: self.cycles,
+            velocity: self.velocity.map(metres),
+            start: u8::from(self.open),
+        };
+        has_volume.then(|| mover(self.name, kind, box_triangles(bounds), bounds, None, motion))
+    }
+}
+
+/// The faces of a box, counter-clockwise seen from outside.
+fn box_triangles(Bounds { low, high }: Bounds) -> Vec<[Vec3; 3]> {
+    let corner = |idx: usize| {
+        let pick = |axis: usize| if idx >> axis & 1 == 1 { high[axis] } else { low[axis] };
+        Vec3::new(pick(0), pick(1), pick(2))
+    };
+    const QUADS: [[usize; 4]; 6] =
+        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let halves = |[a, b, c, d]: [usize; 4]| [[a, b, c], [a, c, d]].map(|face| face.map(corner));
+    QUADS.into_iter().flat_map(halves).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_faces_of_a_box_look_outwards() {
+        let bounds = Bounds { low: Vec3::new(1.0, 2.0, 3.0), high: Vec3::new(2.0, 4.0, 6.0) };
+        let centre = (bounds.low + bounds.high) * 0.5;
+        for corners in box_triangles(bounds) {
+            let triangle = Triangle::new(corners, Surface::Ground).unwrap();
+            assert!(triangle.normal().dot(corners[0] - centre) > 0.0, "{corners:?}");
+        }
+    }
+
+    #[test]
+    fn a_path_is_named_after_its_mover() {
+        assert_eq!(path_of("lift_2:path.012"), Some(("lift_2".to_owned(), 12)));
+        assert_eq!(path_of("lift:path"), Some(("lift".to_owned(), 0)));
+        assert_eq!(path_of("garden_path"), None);
+        assert_eq!(path_of("lift:pathway"), None);
+    }
+}

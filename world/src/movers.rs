@@ -1,0 +1,408 @@
+//! The movers of a world: where each of them is, what it does, and what bodies and rays meet of it.
+
+use crate::character::{Body, CharacterProfile, MoveScratch};
+use crate::map::{Map, Mover, MoverKind, MoverStop};
+use crate::mesh::{Surface, Triangle};
+use crate::navigable::DOWN;
+use crate::{TICK_SECONDS, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// Fastest and slowest pace of a mover, in multiples of its usual one.
+pub const PACE_RANGE: std::ops::RangeInclusive<f32> = 0.0..=4.0;
+/// Deepest that a mover may press a body into anything before it stops, m.
+const MAX_PRESS_M: f32 = 0.06;
+/// A mover nearer to a body than this touches it, m.
+const TOUCH_M: f32 = 0.05;
+/// How far from a body movers are looked for, m: what it moves and they move in a tick, and the step that it may take.
+const REACH_M: f32 = 1.5;
+/// Height above the feet from which the mover below them is looked for, m, and how far below them it may be.
+const KNEE_M: f32 = 0.3;
+const GAP_M: f32 = 0.08;
+/// Side of a cell of the grid that finds movers, m.
+const CELL_M: f32 = 16.0;
+
+/// What a mover does at the moment.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct MoverState {
+    /// The stop at which it stands, or which it left last.
+    pub from: u8,
+    /// The stop to which it travels; `from` while it stands.
+    pub to: u8,
+    /// Share of that journey, 0 to 1.
+    pub progress: f32,
+    /// Ticks for which it has stood at its stop, saturating.
+    pub stood: u32,
+    /// The stop to which it was told to go and where it then stays; `None` while it cycles.
+    pub told: Option<u8>,
+    /// Its pace, in multiples of the usual one: 0 to 4.
+    pub pace: f32,
+    /// Whether it cycles back towards its first stop.
+    pub is_returning: bool,
+    /// Ticks for which it has waited because a body was in its way, saturating; 0 again once it moves.
+    pub blocked: u32,
+}
+
+/// What a mover is told to do.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum MoverOrder {
+    /// Go to a stop and stay there.
+    GoTo(u8),
+    /// Go from stop to stop, forth and back.
+    Cycle,
+    /// Keep this pace, in multiples of the usual one: 0 to 4.
+    Pace(f32),
+}
+
+impl MoverState {
+    /// The state in which a mover begins.
+    pub fn new(mover: &Mover) -> Self {
+        Self {
+            from: mover.start,
+            to: mover.start,
+            progress: 0.0,
+            stood: 0,
+            told: (!mover.cycles).then_some(mover.start),
+            pace: 1.0,
+            is_returning: false,
+            blocked: 0,
+        }
+    }
+
+    /// The stop at which it stands; `None` while it travels.
+    pub fn at(&self) -> Option<u8> {
+        (self.from == self.to).then_some(self.from)
+    }
+
+    /// The stop at which it stands or to which it is on its way.
+    pub fn bound_for(&self) -> u8 {
+        self.told.unwrap_or(self.to)
+    }
+
+    /// Whether this can be the state of `mover`.
+    pub fn fits(&self, mover: &Mover) -> bool {
+        let exists = |stop: u8| usize::from(stop) < mover.stops.len();
+        exists(self.from)
+            && exists(self.to)
+            && self.from.abs_diff(self.to) <= 1
+            && self.told.is_none_or(exists)
+            && (0.0..=1.0).contains(&self.progress)
+            && PACE_RANGE.contains(&self.pace)
+    }
+
+    /// Takes an order; false, and nothing changes, if the mover cannot follow it.
+    pub fn obey(&mut self, order: MoverOrder, mover: &Mover) -> bool {
+        match order {
+            MoverOrder::GoTo(stop) if usize::from(stop) < mover.stops.len() => {
+                self.told = Some(stop);
+                if self.from != self.to && (self.from >= stop) == (self.to > self.from) {
+                    // It turns round on the way.
+                    (self.from, self.to, self.progress) = (self.to, self.from, 1.0 - self.progress);
+                }
+            }
+            MoverOrder::Cycle if mover.stops.len() > 1 => self.told = None,
+            MoverOrder::Pace(pace) if PACE_RANGE.contains(&pace) => self.pace = pace,
+            _ => return false,
+        }
+        true
+    }
+
+    /// Goes on by one tick.
+    fn advance(&mut self, mover: &Mover) {
+        if self.from == self.to {
+            let next = self.next_stop(mover);
+            if next == self.from {
+                self.stood = self.stood.saturating_add(1);
+                return;
+            }
+            (self.to, self.stood, self.progress) = (next, 0, 0.0);
+        }
+        self.progress += self.pace / mover.travel_ticks();
+        if self.progress >= 1.0 {
+            (self.from, self.progress) = (self.to, 0.0);
+        }
+    }
+
+    /// The stop that it sets out for now; the one at which it stands if it stays.
+    fn next_stop(&mut self, mover: &Mover) -> u8 {
+        let towards = |stop: u8| if stop > self.from { self.from + 1 } else { self.from - 1 };
+        match self.told {
+            Some(stop) if stop != self.from => towards(stop),
+            Some(_) => self.from,
+            None if self.stood < mover.dwell_ticks() || mover.stops.len() < 2 || self.pace == 0.0 => self.from,
+            None => {
+                let last = mover.stops.len() as u8 - 1;
+                self.is_returning = (self.is_returning || self.from == last) && self.from != 0;
+                if self.is_returning { self.from - 1 } else { self.from + 1 }
+            }
+        }
+    }
+
+    /// Where it is.
+    pub fn pose(&self, mover: &Mover) -> MoverStop {
+        mover.between(self.from, self.to, self.progress)
+    }
+}
+
+/// A mover at its place.
+#[derive(Debug, Clone)]
+struct Posed {
+    triangles: Vec<Triangle>,
+    low: Vec3,
+    high: Vec3,
+    pose: MoverStop,
+    /// The pose one tick before.
+    former: MoverStop,
+}
+
+impl Posed {
+    fn new(mover: &Mover, pose: MoverStop) -> Self {
+        let mut posed = Self { triangles: Vec::new(), low: Vec3::ZERO, high: Vec3::ZERO, pose, former: pose };
+        posed.place(mover, pose);
+        posed
+    }
+
+    fn place(&mut self, mover: &Mover, pose: MoverStop) {
+        self.pose = pose;
+        self.triangles.clear();
+        (self.low, self.high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        if !pose.is_there {
+            return;
+        }
+        for corners in &mover.triangles {
+            let corners = corners.map(|corner| mover.placed(pose, corner));
+            for corner in corners {
+                (self.low, self.high) = (self.low.min(corner), self.high.max(corner));
+            }
+            self.triangles.extend(Triangle::new(corners, Surface::Ground));
+        }
+    }
+
+    fn touches(&self, low: Vec3, high: Vec3) -> bool {
+        self.low.cmple(high).all() && self.high.cmpge(low).all()
+    }
+
+    /// Distance of the first hit of a ray within `most` metres.
+    fn cast_ray(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<f32> {
+        let hit = |far: f32, triangle: &Triangle| triangle.ray(origin, direction, 0.0, far).unwrap_or(far);
+        let nearest = self.triangles.iter().fold(most, hit);
+        (nearest < most).then_some(nearest)
+    }
+}
+
+/// The movers that may ever be near a place, by cells seen from above.
+#[derive(Debug, Clone, Default)]
+struct Near {
+    columns: usize,
+    rows: usize,
+    cells: Vec<Vec<u16>>,
+}
+
+impl Near {
+    fn new(map: &Map) -> Self {
+        if map.movers().is_empty() {
+            return Self::default();
+        }
+        let extent = map.extent();
+        let [columns, rows] = [extent.x, extent.z].map(|side| (side / CELL_M) as usize + 1);
+        let mut near = Self { columns, rows, cells: vec![Vec::new(); columns * rows] };
+        for (idx, mover) in (0..).zip(map.movers()) {
+            let all = (0..mover.stops.len()).map(|stop| mover.bounds_at(stop));
+            let swept = all.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
+            let (low, high) = swept.expect("a mover has stops");
+            // On its way a mover that turns reaches farther than at its stops.
+            let turned = if mover.stops.iter().any(|stop| stop.yaw != 0.0) { (high - low).length() } else { 0.0 };
+            let reach = Vec3::splat(REACH_M + turned);
+            let ([left, top], [right, bottom]) = (near.cell(low - reach), near.cell(high + reach));
+            for row in top..=bottom {
+                for column in left..=right {
+                    near.cells[row * columns + column].push(idx);
+                }
+            }
+        }
+        near
+    }
+
+    fn cell(&self, point: Vec3) -> [usize; 2] {
+        let number = |metres: f32, count: usize| ((metres / CELL_M).max(0.0) as usize).min(count - 1);
+        [number(point.x, self.columns), number(point.z, self.rows)]
+    }
+
+    fn of(&self, point: Vec3) -> &[u16] {
+        if self.cells.is_empty() {
+            return &[];
+        }
+        let [column, row] = self.cell(point);
+        &self.cells[row * self.columns + column]
+    }
+}
+
+/// The movers of one world.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Movers {
+    states: Vec<MoverState>,
+    posed: Vec<Posed>,
+    near: Near,
+    /// The movers that a body was in the way of in this tick.
+    blocked: Vec<bool>,
+    /// The states one tick before.
+    former: Vec<MoverState>,
+}
+
+impl Movers {
+    pub(crate) fn new(map: &Map) -> Self {
+        let states: Vec<MoverState> = map.movers().iter().map(MoverState::new).collect();
+        let posed = map.movers().iter().zip(&states).map(|(mover, state)| Posed::new(mover, state.pose(mover)));
+        Self {
+            posed: posed.collect(),
+            near: Near::new(map),
+            blocked: vec![false; states.len()],
+            former: states.clone(),
+            states,
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.states.is_empty()
+    }
+
+    pub(crate) fn states(&self) -> &[MoverState] {
+        &self.states
+    }
+
+    /// Takes over states, which must fit the movers of the map.
+    pub(crate) fn restore(&mut self, map: &Map, states: Vec<MoverState>) {
+        self.states = states;
+        for ((mover, posed), state) in map.movers().iter().zip(&mut self.posed).zip(&self.states) {
+            posed.place(mover, state.pose(mover));
+            posed.former = posed.pose;
+        }
+    }
+
+    /// Gives a mover an order; false, and nothing changes, if it does not exist or cannot follow it.
+    pub(crate) fn order(&mut self, map: &Map, idx: usize, order: MoverOrder) -> bool {
+        let mover = map.movers().get(idx);
+        mover.zip(self.states.get_mut(idx)).is_some_and(|(mover, state)| state.obey(order, mover))
+    }
+
+    /// Moves all movers by one tick.
+    pub(crate) fn advance(&mut self, map: &Map) {
+        self.former.clone_from(&self.states);
+        for ((mover, posed), state) in map.movers().iter().zip(&mut self.posed).zip(&mut self.states) {
+            state.advance(mover);
+            posed.former = posed.pose;
+            let pose = state.pose(mover);
+            if pose != posed.pose {
+                posed.place(mover, pose);
+            }
+        }
+    }
+
+    /// Moves a body with the mover on which it stands, and makes known to `scratch` what is around it. Returns the velocity of what it
+    /// stands on, m/s.
+    pub(crate) fn carry(&self, map: &Map, profile: &CharacterProfile, body: &mut Body, scratch: &mut MoveScratch) -> Vec3 {
+        scratch.begin_obstacles();
+        let near = self.near.of(body.feet);
+        if near.is_empty() {
+            return Vec3::ZERO;
+        }
+        let reach = Vec3::splat(REACH_M);
+        let (low, high) = (body.feet - reach, body.feet + Vec3::new(0.0, profile.height, 0.0) + reach);
+        for idx in near {
+            let posed = &self.posed[usize::from(*idx)];
+            if posed.touches(low, high) {
+                scratch.add_obstacles(&posed.triangles);
+            }
+        }
+        if !body.is_grounded() || body.ride.is_some() {
+            return Vec3::ZERO;
+        }
+        let Some(shift) = near.iter().find_map(|idx| self.shift_of(map, usize::from(*idx), body.feet)) else {
+            return Vec3::ZERO;
+        };
+        body.shove(map.mesh(), profile, shift, scratch);
+        shift / TICK_SECONDS
+    }
+
+    /// How far a body with its feet at `feet` was carried in this tick by a mover, m; `None` if it does not stand on it, or that stands
+    /// still.
+    fn shift_of(&self, map: &Map, idx: usize, feet: Vec3) -> Option<Vec3> {
+        let (mover, posed) = (&map.movers()[idx], &self.posed[idx]);
+        let belt = mover.belt * (self.states[idx].pace * TICK_SECONDS);
+        if (posed.pose == posed.former && belt == Vec3::ZERO) || !posed.pose.is_there {
+            return None;
+        }
+        // The feet in the frame of the mover: back by its former pose, forth by the present one.
+        let (former, pose) = (posed.former, posed.pose);
+        let back = MoverStop { offset: Vec3::ZERO, yaw: -former.yaw, ..former };
+        let carried = mover.placed(pose, mover.placed(back, feet - former.offset));
+        let knee = carried + Vec3::Y * KNEE_M;
+        posed.cast_ray(knee, DOWN, KNEE_M + GAP_M).map(|_| carried - feet + belt)
+    }
+
+    /// Records the movers that press a body into anything by more than they may.
+    pub(crate) fn note_pressed(&mut self, profile: &CharacterProfile, body: &Body, scratch: &MoveScratch) {
+        let near = self.near.of(body.feet);
+        let is_pressed = || scratch.deepest_contact(profile, body.feet).is_some_and(|it| it.depth > MAX_PRESS_M);
+        if near.is_empty() || !is_pressed() {
+            return;
+        }
+        let reach = profile.radius + TOUCH_M;
+        let (low, height) = (body.feet + Vec3::Y * profile.radius, profile.height - 2.0 * profile.radius);
+        for idx in near {
+            let posed = &self.posed[usize::from(*idx)];
+            let touches = || posed.triangles.iter().any(|it| it.capsule_contact(low, height, reach).is_some());
+            self.blocked[usize::from(*idx)] |= posed.pose != posed.former && touches();
+        }
+    }
+
+    /// Takes back the move of each mover that a body was in the way of.
+    pub(crate) fn settle(&mut self, map: &Map) {
+        for (idx, blocked) in self.blocked.iter_mut().enumerate() {
+            let state = &mut self.states[idx];
+            if !std::mem::take(blocked) {
+                state.blocked = 0;
+                continue;
+            }
+            *state = MoverState { blocked: state.blocked.saturating_add(1), ..self.former[idx] };
+            let former = self.posed[idx].former;
+            self.posed[idx].place(&map.movers()[idx], former);
+        }
+    }
+
+    /// Calls `found` with the index and the distance (m) of each of these rays that ends on a mover, within the distance that `reach` gives
+    /// for it.
+    pub(crate) fn cast_cone(&self, eye: Vec3, directions: &[Vec3], range: f32, mut found: impl FnMut(usize, f32)) {
+        let (low, high) = (eye - Vec3::splat(range), eye + Vec3::splat(range));
+        for posed in self.posed.iter().filter(|posed| posed.touches(low, high)) {
+            let (centre, radius) = ((posed.low + posed.high) * 0.5, 0.5 * posed.low.distance(posed.high));
+            for (idx, direction) in directions.iter().enumerate() {
+                let offset = centre - eye;
+                let along = offset.dot(*direction);
+                // Rays that pass the ball around the mover.
+                if along < -radius || offset.length_squared() - along * along > radius * radius {
+                    continue;
+                }
+                if let Some(distance) = posed.cast_ray(eye, *direction, range) {
+                    found(idx, distance);
+                }
+            }
+        }
+    }
+
+    /// Whether all states fit the movers of a map.
+    pub(crate) fn fit(map: &Map, states: &[MoverState]) -> bool {
+        states.len() == map.movers().len() && states.iter().zip(map.movers()).all(|(state, mover)| state.fits(mover))
+    }
+}
+
+impl Mover {
+    /// Whether it is solid where `state` says that it is.
+    pub fn is_there(&self, state: &MoverState) -> bool {
+        state.pose(self).is_there
+    }
+
+    /// Whether bodies may rely on it to stand on.
+    pub fn carries(&self) -> bool {
+        self.kind != MoverKind::Door
+    }
+}
