@@ -347,6 +347,8 @@ impl Planner {
             stream: 0,
             on_foot: false,
             keep_track: false,
+            held: None,
+            ride: None,
         };
         let Ok(permit) = self.shared.probing.clone().acquire_owned().await else {
             return Err(PlannerError::ShuttingDown);

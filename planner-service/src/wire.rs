@@ -15,7 +15,7 @@ use surefoot_planner::settings::MAX_VERTICES;
 use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
-use surefoot_proto::plans::settings_to_wire;
+use surefoot_proto::plans::{needs_to_wire, settings_to_wire};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::MapSpec;
 use surefoot_world::{DECISION_SECONDS, Vec3};
@@ -81,6 +81,7 @@ pub fn revision_to_wire(revision: Revision) -> u64 {
 
 /// Converts an edge to the wire; `forced` says whether a designer forced it.
 pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
+    let (needs, ride) = needs_to_wire(&edge.evidence.needs);
     wire::Edge {
         from: edge.key.from.0,
         to: edge.key.to.0,
@@ -95,6 +96,8 @@ pub fn edge_to_wire(edge: &Edge, forced: bool) -> wire::Edge {
         forced,
         deaths: edge.evidence.deaths,
         death_chance: edge.evidence.death_chance() as f32,
+        needs,
+        ride,
     }
 }
 

@@ -5,11 +5,13 @@
 use crate::candidates::{self, Candidate};
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
+use crate::needs::Berths;
 use crate::placement::{self, PlacementContext};
 use crate::probe::ProbeExecutor;
 use crate::progress::Progress;
 use crate::prove::ProbeRun;
 use crate::settings::{BuildError, BuildSettings, Placement, Probing};
+use crate::ids::VertexId;
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashMap};
@@ -106,7 +108,8 @@ impl Builder<'_> {
     /// If the map has no navigable ground, or `progress.cancel` was set.
     pub fn build(&self) -> Result<Built, BuildError> {
         let started_s = (self.clock)();
-        let draft = placement::place(&self.placing())?;
+        let berths = Berths::of(&self.site.map, &self.site.profile);
+        let draft = placement::place(&self.placing(&berths))?;
         self.progress.done.store(0, Ordering::Relaxed);
         let placing_s = (self.clock)() - started_s;
         let (candidates, special) = match draft.candidates {
@@ -121,6 +124,9 @@ impl Builder<'_> {
             candidates.iter().map(|candidate| draft.seen[candidate]).collect()
         };
         let mut probed = Probed::new(draft.vertices, candidates, evidence);
+        if probes_edges {
+            self.try_berths(&berths, &mut probed)?;
+        }
         if probes_edges && self.settings.probing == Probing::Frugal {
             if self.settings.special_moves {
                 self.stitch(&mut probed)?;
@@ -143,9 +149,27 @@ impl Builder<'_> {
         Ok(Built { graph: probed.graph(self.settings.threshold), stats })
     }
 
-    fn placing(&self) -> PlacementContext<'_> {
+    fn placing<'b>(&'b self, berths: &'b Berths) -> PlacementContext<'b> {
         let Self { site, settings, executor, progress, .. } = *self;
-        PlacementContext { site, settings, executor, progress }
+        PlacementContext { site, settings, berths, executor, progress }
+    }
+
+    /// Probes all edges of berths, of which the predictor knows nothing: once, and again as often as others where they fail at first.
+    fn try_berths(&self, berths: &Berths, probed: &mut Probed) -> Result<(), BuildError> {
+        let is_moored = |key: &Candidate| {
+            [key.from, key.to].iter().any(|end| berths.at(probed.vertices[end.idx()]).is_some())
+        };
+        let moored: Vec<u32> =
+            (0..).zip(&probed.candidates).filter(|(_, key)| is_moored(key)).map(|(idx, _)| idx).collect();
+        for repeat in 0..self.settings.repeats {
+            let is_due = |idx: &u32| {
+                let own = &probed.evidence[*idx as usize];
+                own.tries == repeat && (repeat == 0 || own.successes > 0)
+            };
+            let due: Vec<u32> = moored.iter().copied().filter(is_due).collect();
+            self.try_once_each(&due, probed)?;
+        }
+        Ok(())
     }
 
     /// Probes each listed candidate once per listing.
@@ -167,6 +191,7 @@ impl Builder<'_> {
             map: &self.site.map,
             vertices,
             candidates,
+            berths: Berths::of(&self.site.map, &self.site.profile),
             repeats: self.settings.repeats,
             seed: self.settings.seed,
             thread_count: self.thread_count,
@@ -185,6 +210,18 @@ pub(crate) fn untried(evidence: &[Evidence]) -> u64 {
 /// devices and ledges. Also returns the number of the latter.
 pub fn find_candidates(site: &Site, settings: &BuildSettings, vertices: &[Vec3]) -> (Vec<Candidate>, u64) {
     let mut candidates = candidates::nearest(vertices, settings.neighbours);
+    let berths = Berths::of(&site.map, &site.profile);
+    if berths.places().next().is_some() {
+        let position = |vertex: VertexId| vertices[vertex.idx()];
+        let is_moored = |vertex| berths.at(position(vertex)).is_some();
+        // Nobody leaps from one mover to another.
+        candidates.retain(|key| {
+            !(is_moored(key.from) && is_moored(key.to)) || berths.ride(position(key.from), position(key.to)).is_some()
+        });
+        let mut known = candidates.clone();
+        known.sort_unstable();
+        candidates.extend(candidates::by_berths(&berths, vertices, &known));
+    }
     if !settings.special_moves {
         return (candidates, 0);
     }

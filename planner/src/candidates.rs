@@ -6,6 +6,7 @@
 
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
+use crate::needs::Berths;
 use std::collections::BTreeSet;
 use surefoot_world::float::hypot;
 use surefoot_world::{CharacterProfile, Map, Vec3};
@@ -31,6 +32,10 @@ const DROPS: usize = 2;
 const DROP_M: f32 = 4.0;
 /// Greatest horizontal distance that a character covers while dropping, m.
 const DROP_REACH_M: f32 = 16.0;
+
+/// Number of vertices that each berth is paired with, and their greatest distance, m.
+const BOARDINGS: usize = 10;
+const BOARD_M: f32 = 14.0;
 
 /// Pairs each vertex with its `neighbours` nearest vertices, in the order of the vertices, nearest first.
 pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
@@ -95,6 +100,31 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
     for (from, &ledge) in (0..).zip(vertices) {
         let below = closest(&grid, vertices, ledge, DROP_REACH_M, DROPS, |at| ledge.y - at.y > DROP_M);
         join(&[from], &below);
+    }
+    known.iter().for_each(|candidate| {
+        found.remove(candidate);
+    });
+    found.into_iter().collect()
+}
+
+/// Finds the candidate edges of berths that are not in `known`, in ascending order: the rides, and the ways to and from the nearest vertices
+/// that are no berths.
+pub fn by_berths(berths: &Berths, vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
+    let mut found = BTreeSet::new();
+    let moored: Vec<bool> = vertices.iter().map(|at| berths.at(*at).is_some()).collect();
+    for (berth, &at) in (0..).zip(vertices).filter(|(idx, _)| moored[*idx as usize]) {
+        let mut others: Vec<(f32, u32)> = Vec::new();
+        for (other, &place) in (0..).zip(vertices).filter(|(other, _)| *other != berth) {
+            if berths.ride(at, place).is_some() {
+                found.insert(EdgeKey::new(berth, other));
+            } else if !moored[other as usize] && place.distance(at) <= BOARD_M {
+                others.push((place.distance_squared(at), other));
+            }
+        }
+        others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for (_, other) in others.into_iter().take(BOARDINGS) {
+            found.extend([EdgeKey::new(berth, other), EdgeKey::new(other, berth)]);
+        }
     }
     known.iter().for_each(|candidate| {
         found.remove(candidate);

@@ -1,5 +1,6 @@
 //! Evidence of an edge (tries, successes, deaths, decisions), and the cost that follows from it.
 
+use crate::needs::Needs;
 use crate::probe::Outcome;
 use serde::{Deserialize, Serialize};
 use surefoot_world::{Ability, Chance, Decisions, Vec3};
@@ -28,6 +29,9 @@ pub struct Evidence {
     pub death_share: f32,
     /// Designers' factor on the cost, 0.1 to 1000; 1 if there is none.
     pub price_factor: f32,
+    /// What the tries that arrived hung on.
+    #[serde(default)]
+    pub needs: Needs,
     /// Lower and upper corner of the bounding box of all probes' tracks, m. Without tracks, the lower corner is above the upper.
     pub bounds: [Vec3; 2],
 }
@@ -44,6 +48,7 @@ impl Default for Evidence {
             prior: UNKNOWN_PRIOR,
             death_share: 0.0,
             price_factor: 1.0,
+            needs: Needs::default(),
             bounds: [Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)],
         }
     }
@@ -73,6 +78,9 @@ impl Evidence {
         let end = if outcome.died { TryEnd::Died } else { TryEnd::of(outcome.reached) };
         self.note(end, outcome.decisions, outcome.ability);
         outcome.bounds.into_iter().for_each(|corner| self.cover(corner));
+        if outcome.reached {
+            self.needs.merge(&outcome.needs);
+        }
     }
 
     /// Returns the sum of this evidence and `other` of the same edge. Ability, prior, factor and bounds are those of `self`.

@@ -3,6 +3,7 @@
 use crate::evidence::{Caution, Evidence};
 use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
+use crate::needs::Needs;
 use surefoot_world::{Ability, Chance, Decisions, Seconds, Vec3};
 
 /// A path query.
@@ -18,17 +19,21 @@ pub struct Query {
     pub without: AbilitySet,
     /// How much the plan does to avoid that the NPC dies.
     pub caution: Caution,
+    /// The stops at which each mover of the map stands sooner or later, as bits; empty: all movers stand everywhere. See
+    /// [`all_stops_ahead`](crate::needs::all_stops_ahead).
+    pub stops: Vec<u16>,
 }
 
 impl Query {
     /// A query for a careful plan, by every means.
     pub fn new(start: Vec3, goal: Vec3) -> Self {
-        Self { start, goal, avoid: Vec::new(), without: AbilitySet::default(), caution: Caution::CAREFUL }
+        let (avoid, stops) = Default::default();
+        Self { start, goal, avoid, without: AbilitySet::default(), caution: Caution::CAREFUL, stops }
     }
 
     /// Whether this asks for a careful plan, by every means: such plans can be looked up.
     pub(crate) fn is_usual(&self) -> bool {
-        self.avoid.is_empty() && self.without.is_empty() && self.caution == Caution::CAREFUL
+        self.avoid.is_empty() && self.without.is_empty() && self.caution == Caution::CAREFUL && self.stops.is_empty()
     }
 }
 
@@ -107,6 +112,8 @@ pub struct Plan {
     pub legs: Vec<Leg>,
     /// Why there is no path; `None` if there is one.
     pub no_path: Option<NoPath>,
+    /// What legs hang on: the index of each that hangs on movers, in ascending order.
+    pub needs: Vec<(usize, Needs)>,
     /// Without a path: position of the reachable vertex that is nearest to the goal, m, to which the plan leads; `None` if no vertex is
     /// reachable: the plan is then a single leg straight to the goal.
     pub nearest: Option<Vec3>,
@@ -116,7 +123,12 @@ impl Plan {
     /// Returns the plan of one unproved leg straight to `goal`, m, of which nothing is known.
     pub fn straight(goal: Vec3) -> Self {
         let leg = Leg::lasting(LegKey::DIRECT, Decisions(1.0), Chance::new(1.0), 0.0, Ability::Walk);
-        Self { waypoints: vec![goal], legs: vec![leg], no_path: None, nearest: None }
+        Self { waypoints: vec![goal], legs: vec![leg], no_path: None, needs: Vec::new(), nearest: None }
+    }
+
+    /// What leg `leg` hangs on; `None` if it hangs on nothing.
+    pub fn needs_of(&self, leg: usize) -> Option<&Needs> {
+        self.needs.binary_search_by_key(&leg, |(leg, _)| *leg).ok().map(|at| &self.needs[at].1)
     }
 
     /// Returns the expected duration of all legs, including what failures cost.

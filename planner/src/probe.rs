@@ -1,5 +1,6 @@
 //! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
 
+use crate::needs::{Needs, Ride};
 use surefoot_world::{Ability, Vec3};
 
 /// The input of one probe.
@@ -17,6 +18,10 @@ pub struct Trial {
     pub on_foot: bool,
     /// Whether to record the track.
     pub keep_track: bool,
+    /// Mover that stands at that stop, unlike where movers usually stand in probes.
+    pub held: Option<(u16, u8)>,
+    /// The ride that the probe is, if it is one: it stands still on the mover.
+    pub ride: Option<Ride>,
 }
 
 /// The outcome of one probe.
@@ -35,6 +40,8 @@ pub struct Outcome {
     /// Positions of the feet at the start and after each decision, m; `None` in the air. Empty unless the trial asked to record
     /// the track.
     pub track: Vec<Option<Vec3>>,
+    /// What the probe hung on.
+    pub needs: Needs,
     /// Outcome of the way to [`Trial::via`], if there was one; all else is about the way from there to the goal.
     pub approach: Option<Box<Outcome>>,
 }
@@ -49,6 +56,7 @@ impl Outcome {
             ability: Ability::Walk,
             bounds: [start; 2],
             track: Vec::new(),
+            needs: Needs::default(),
             approach: None,
         }
     }

@@ -14,6 +14,7 @@ use crate::candidates::Candidate;
 use crate::evidence::{Caution, Evidence, price};
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::{LegModel, death_share};
+use crate::needs::Berths;
 use crate::predictor::{Geometry, Predictor, is_perilous, measure};
 use crate::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use crate::progress::Progress;
@@ -33,6 +34,8 @@ pub struct ProbeRun<'a> {
     pub candidates: &'a [Candidate],
     /// Maximum number of probes per candidate edge.
     pub repeats: u32,
+    /// The berths among the vertices.
+    pub berths: Berths,
     /// Seed of initial headings and of noise.
     pub seed: u64,
     /// Number of threads for work other than probing.
@@ -125,10 +128,19 @@ impl ProbeRun<'_> {
         let trial = |&(idx, attempt): &(u32, u32)| {
             let candidate = self.candidates[idx as usize];
             let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
-            Trial { start, via: None, goal, stream: stream(candidate, attempt), on_foot, keep_track: false }
+            let held = self.held(candidate);
+            let ride = self.berths.ride(start, goal);
+            let stream = stream(candidate, attempt);
+            Trial { start, via: None, goal, stream, on_foot, keep_track: false, held, ride }
         };
         let trials: Vec<Trial> = tries.iter().map(trial).collect();
         self.executor.run(&trials, self.seed, watch)
+    }
+
+    /// The mover that is held at a stop for probes of this candidate, of which an end is a berth.
+    fn held(&self, EdgeKey { from, to }: Candidate) -> Option<(u16, u8)> {
+        let berth = |vertex: VertexId| self.berths.at(self.vertices[vertex.idx()]);
+        berth(from).or_else(|| berth(to))
     }
 
     fn frugal(&self, evidence: &mut [Evidence]) -> Option<()> {
@@ -196,7 +208,9 @@ impl ProbeRun<'_> {
     /// Probes those of `which` beside which a miss is fatal on the run, each time from another edge that leads to their start.
     pub fn prove_on_the_run(&self, which: &[u32], evidence: &mut [Evidence]) -> Option<()> {
         let position = |vertex: VertexId| self.vertices[vertex.idx()];
-        let arrived: Vec<u32> = which.iter().copied().filter(|&idx| evidence[idx as usize].successes > 0).collect();
+        // A ride stands still.
+        let is_run = |idx: u32| evidence[idx as usize].successes > 0 && evidence[idx as usize].needs.ride.is_none();
+        let arrived: Vec<u32> = which.iter().copied().filter(|&idx| is_run(idx)).collect();
         let is_beside_peril = self.are_perilous(&arrived);
         let perilous: Vec<u32> =
             arrived.into_iter().zip(is_beside_peril).filter_map(|(idx, is_beside)| is_beside.then_some(idx)).collect();
@@ -212,6 +226,8 @@ impl ProbeRun<'_> {
                     stream: stream(candidate, FIRST_RUN + run),
                     on_foot: false,
                     keep_track: false,
+                    held: self.held(candidate),
+                    ride: None,
                 }
             };
             let trials: Vec<Trial> = runs.iter().map(trial).collect();
@@ -239,9 +255,12 @@ impl ProbeRun<'_> {
         }
         let run_up = |idx: u32| {
             let EdgeKey { from, to } = self.candidates[idx as usize];
-            // Nobody comes back at once.
-            let mut before =
-                entrances[from.idx()].iter().copied().filter(|&it| self.candidates[it as usize].from != to);
+            // Nobody comes back at once, and movers stand where the edge itself needs them.
+            let leads_there = |it: &u32| {
+                let key = self.candidates[*it as usize];
+                key.from != to && self.held(key).is_none()
+            };
+            let mut before = entrances[from.idx()].iter().copied().filter(leads_there);
             let count = before.clone().count();
             (idx, before.nth((idx as usize + run as usize) % count.max(1)))
         };

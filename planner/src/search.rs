@@ -16,11 +16,12 @@ use crate::grid::PointGrid;
 use crate::hierarchy::Hierarchy;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::LegPrices;
-use crate::plan::{AbilitySet, Leg, NoPath, Plan, Query};
+use crate::needs::Needs;
+use crate::plan::{Leg, NoPath, Plan, Query};
 use crate::table::Table;
 use std::borrow::Cow;
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::{BinaryHeap, HashMap, HashSet};
 use std::sync::OnceLock;
 use surefoot_world::{Ability, Vec3};
 
@@ -59,6 +60,10 @@ pub struct Router {
     reach: Reach,
     /// Edges that unproved legs must not stand in for.
     forbidden: Vec<EdgeKey>,
+    /// What edges hang on, of those that do.
+    needs: HashMap<EdgeKey, Needs>,
+    /// The berths on movers, which unproved legs lead to or from only where they begin or end there.
+    berths: HashSet<VertexId>,
 }
 
 impl Router {
@@ -76,7 +81,11 @@ impl Router {
             let least_cost = edge.evidence.cost_at(Caution::BOLD) as f32;
             metres_per_cost = metres_per_cost.max(metres / least_cost.max(f32::MIN_POSITIVE));
         }
+        let hanging = graph.edges().filter(|edge| !edge.evidence.needs.is_empty());
+        let rides = graph.edges().filter(|edge| edge.evidence.needs.ride.is_some());
         Self {
+            needs: hanging.map(|edge| (edge.key, edge.evidence.needs)).collect(),
+            berths: rides.flat_map(|edge| [edge.key.from, edge.key.to]).collect(),
             vertices: VertexIndex::new(&graph, cell_m, |_| true),
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
@@ -214,7 +223,9 @@ impl Router {
     /// Finds the cheapest vertices to walk to from the start. Those without outgoing edges are left out.
     fn attach_start(&self, query: &Query) -> Vec<Attachment> {
         let closed = self.closed_from(query.start);
-        let accept = |vertex, _| is_start_open(query, vertex) && !closed.contains(&vertex);
+        let accept = |vertex, _| {
+            is_start_open(query, vertex) && !closed.contains(&vertex) && self.is_boarded(query.start, vertex)
+        };
         self.sources.cheapest(query.start, ATTACHMENTS, &self.prices(query), f32::INFINITY, Direction::Away, accept)
     }
 
@@ -222,7 +233,7 @@ impl Router {
     fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
         let closed = self.closed_from(query.start);
         let accept =
-            |vertex, leg| is_start_open(query, vertex) && !closed.contains(&vertex) && self.reach.contains(leg);
+            |vertex, leg| is_start_open(query, vertex) && !closed.contains(&vertex) && self.reach.contains(leg) && self.is_boarded(query.start, vertex);
         let reach_m = self.reach.length_m;
         self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, accept)
     }
@@ -232,7 +243,10 @@ impl Router {
     fn attach_goal(&self, query: &Query, most: usize) -> Vec<Attachment> {
         let closed = self.closed_to(query.goal);
         let is_open = |vertex| !query.avoid.contains(&LegKey { from: Stop::Vertex(vertex), to: Stop::Goal });
-        let accept = |vertex, leg| is_open(vertex) && !closed.contains(&vertex) && self.reach.contains(leg);
+        let accept = |vertex, leg| {
+            let stays = self.is_boarded(query.goal, vertex);
+            is_open(vertex) && !closed.contains(&vertex) && self.reach.contains(leg) && stays
+        };
         self.targets.cheapest(query.goal, most, &self.prices(query), self.reach.length_m, Direction::Back, accept)
     }
 
@@ -278,8 +292,22 @@ impl Router {
         Some(Path { cost: least, first, edges: table.path(&self.adjacency, first, goal) })
     }
 
-    /// Whether the query neither avoids an edge nor does without its ability.
+    /// Whether an unproved leg between `point` and a vertex makes sense: to a berth only close by.
+    fn is_boarded(&self, point: Vec3, vertex: VertexId) -> bool {
+        self.berths.is_empty() || !self.berths.contains(&vertex) || self.is_at(point, vertex)
+    }
+
+    /// What an edge hangs on.
+    fn needs_of(&self, key: EdgeKey) -> Option<&Needs> {
+        if self.needs.is_empty() { None } else { self.needs.get(&key) }
+    }
+
+    /// Whether the query neither avoids an edge nor does without its ability, and the movers that it hangs on stand where it needs them.
     fn is_open(&self, query: &Query, edge: EdgeIdx) -> bool {
+        let is_met = |needs: &Needs| needs.are_met(&query.stops);
+        if !query.stops.is_empty() && !self.needs_of(self.adjacency.key(edge)).is_none_or(is_met) {
+            return false;
+        }
         (query.avoid.is_empty() || !query.avoid.contains(&self.adjacency.key(edge).into()))
             && (query.without.is_empty() || !query.without.contains(self.adjacency.hop(edge).leg.ability))
     }
@@ -352,26 +380,29 @@ impl Router {
 
     fn direct(&self, query: &Query, no_path: Option<NoPath>) -> Plan {
         let leg = Leg::unproved(self.graph.legs(), LegKey::DIRECT, [query.start, query.goal]);
-        Plan { waypoints: vec![query.goal], legs: vec![leg], no_path, nearest: None }
+        Plan { waypoints: vec![query.goal], legs: vec![leg], no_path, needs: Vec::new(), nearest: None }
     }
 
     fn assemble(&self, query: &Query, path: &Path) -> Plan {
         let leg_count = path.edges.len() + 2;
         let (mut waypoints, mut legs) = (Vec::with_capacity(leg_count), Vec::with_capacity(leg_count));
         let model = self.graph.legs();
+        let mut hanging = Vec::new();
         let mut last = path.first;
         let mut at = self.graph.position(last);
         waypoints.push(at);
         legs.push(Leg::unproved(model, LegKey { from: Stop::Start, to: Stop::Vertex(last) }, [query.start, at]));
         for &edge in &path.edges {
             let hop = self.adjacency.hop(edge);
+            let needs = self.needs_of(EdgeKey { from: last, to: hop.to });
+            hanging.extend(needs.map(|needs| (legs.len(), *needs)));
             (last, at) = (hop.to, hop.end);
             waypoints.push(at);
             legs.push(hop.leg);
         }
         waypoints.push(query.goal);
         legs.push(Leg::unproved(model, LegKey { from: Stop::Vertex(last), to: Stop::Goal }, [at, query.goal]));
-        Plan { waypoints, legs, no_path: None, nearest: None }
+        Plan { waypoints, legs, no_path: None, needs: hanging, nearest: None }
     }
 
     fn explain(&self, query: &Query, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
@@ -382,7 +413,7 @@ impl Router {
             return NoPath::GoalOffGraph;
         }
         let back = goals.iter().any(|&(goal, _)| {
-            let reached = self.reached_from(goal, query.without);
+            let reached = self.reached_from(goal, query);
             starts.iter().any(|&(start, _)| reached.contains(start))
         });
         if back { NoPath::OneWay } else { NoPath::DifferentIslands }
@@ -418,13 +449,13 @@ impl Router {
         let islands = self.graph.islands();
         let mut from: Vec<VertexId> = Vec::new();
         for &(start, _) in starts {
-            // What one vertex of an island leads to, all do, unless the query does without an ability.
+            // What one vertex of an island leads to, all do, unless the query does without an ability or a mover.
             let is_new = from.iter().all(|other| islands[other.idx()] != islands[start.idx()]);
-            if is_new || !query.without.is_empty() {
+            if is_new || !query.without.is_empty() || !query.stops.is_empty() {
                 from.push(start);
             }
         }
-        let reached: Vec<Reached<'_>> = from.iter().map(|&start| self.reached_from(start, query.without)).collect();
+        let reached: Vec<Reached<'_>> = from.iter().map(|&start| self.reached_from(start, query)).collect();
         let mut best: Option<(f32, VertexId)> = None;
         self.vertices.visit_from(goal, |bound, vertices| {
             if best.is_some_and(|(least, _)| bound > least) {
@@ -442,11 +473,14 @@ impl Router {
         best.map(|(_, vertex)| vertex)
     }
 
-    /// The vertices that paths without some abilities lead to from `from`, itself included.
-    fn reached_from(&self, from: VertexId, without: AbilitySet) -> Reached<'_> {
+    /// The vertices that paths that a query may take lead to from `from`, itself included.
+    fn reached_from(&self, from: VertexId, query: &Query) -> Reached<'_> {
+        let is_open = |edge: &Edge| {
+            !query.without.contains(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops)
+        };
         match &self.closure {
-            Some(closure) if without.is_empty() => Reached::Closure(closure, from),
-            _ => Reached::Search(self.graph.reachable_along(from, |edge| !without.contains(edge.evidence.ability))),
+            Some(closure) if query.without.is_empty() && query.stops.is_empty() => Reached::Closure(closure, from),
+            _ => Reached::Search(self.graph.reachable_along(from, is_open)),
         }
     }
 }

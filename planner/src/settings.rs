@@ -9,7 +9,7 @@ use std::ops::Deref;
 use surefoot_world::navigable::NoGround;
 
 /// Version of the builder; changes whenever the same settings would yield a different graph.
-pub const BUILDER_VERSION: u32 = 10;
+pub const BUILDER_VERSION: u32 = 11;
 
 /// How vertices are placed and candidate edges are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -10,6 +10,7 @@ use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::VertexId;
+use crate::needs::Berths;
 use crate::settings::BuildError;
 use crate::site::Site;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -33,7 +34,7 @@ pub struct Change {
 }
 
 impl Change {
-    /// Compares two maps: all triangles, pads, zip lines, teleporters and jetpacks.
+    /// Compares two maps: all triangles, pads, zip lines, teleporters, jetpacks and movers.
     pub fn between(old: &Map, new: &Map) -> Self {
         let key = |triangle: &surefoot_world::mesh::Triangle| {
             (triangle.corners().map(|corner| corner.to_array().map(f32::to_bits)), triangle.surface() as u8)
@@ -59,6 +60,13 @@ impl Change {
                 .map(|(at, rest)| at.to_array().into_iter().chain(rest).map(f32::to_bits).collect())
                 .collect()
         };
+        for (map, other) in [(old, new), (new, old)] {
+            for mover in map.movers().iter().filter(|mover| !other.movers().contains(mover)) {
+                for (low, high) in (0..mover.stops.len()).map(|stop| mover.bounds_at(stop)) {
+                    change.add(low, high);
+                }
+            }
+        }
         let room = Vec3::splat(DEVICE_M);
         for spot in spots(old).symmetric_difference(&spots(new)) {
             let at = Vec3::new(f32::from_bits(spot[0]), f32::from_bits(spot[1]), f32::from_bits(spot[2]));
@@ -191,11 +199,12 @@ impl Builder<'_> {
 /// Returns the vertices in changed columns where the character can no longer stand.
 fn lost_vertices(vertices: &[Vec3], change: &Change, site: &Site) -> Vec<VertexId> {
     let mut scratch = MoveScratch::default();
+    let berths = Berths::of(&site.map, &site.profile);
     (0..)
         .map(VertexId)
         .zip(vertices)
         // At any height: a vertex inside a new block may be far from the block's faces.
-        .filter(|(_, feet)| change.touches_column(**feet))
+        .filter(|(_, feet)| change.touches_column(**feet) && berths.at(**feet).is_none())
         .filter(|(_, feet)| {
             let stands = navigable::stand_at(&site.map, &site.profile, **feet, SHIFT_M, &mut scratch);
             stands.is_none_or(|stands| stands.distance(**feet) > 2.0 * SHIFT_M)

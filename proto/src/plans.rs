@@ -6,7 +6,7 @@ use crate::world::v1 as world;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{
-    BuildSettings, Caution, EdgeKey, Leg, LegKey, NoPath, Placement, Plan, Probing, Query, Stop, VertexId,
+    BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride, Stop, VertexId,
 };
 use surefoot_world::{Ability, Chance, Seconds};
 
@@ -54,6 +54,53 @@ fn caution(value: f32) -> Result<Caution, FieldError> {
     Caution::new(value).ok_or(FieldError::Range { field: "query.caution", value: value.into(), min: 0.0, max: 1.0 })
 }
 
+/// Most movers of a map.
+const MAX_MOVERS: usize = surefoot_world::map::mover::MAX_MOVERS;
+
+fn stops(movers: &[wire::MoverStops]) -> Result<Vec<u16>, FieldError> {
+    let mut stops = Vec::new();
+    for known in movers {
+        let most = MAX_MOVERS as f64 - 1.0;
+        convert::in_range(f64::from(known.mover), 0.0, most, "query.movers.mover")?;
+        let idx = known.mover as usize;
+        if stops.len() <= idx {
+            stops.resize(idx + 1, u16::MAX);
+        }
+        stops[idx] &= known.stops as u16;
+    }
+    Ok(stops)
+}
+
+fn stops_to_wire((mover, stops): (usize, u16)) -> wire::MoverStops {
+    wire::MoverStops { mover: mover as u32, stops: stops.into() }
+}
+
+/// Converts what an edge or a leg hangs on to the wire: its movers with their stops, and its ride.
+pub fn needs_to_wire(needs: &Needs) -> (Vec<wire::MoverStops>, Option<wire::MoverRide>) {
+    let list = needs.iter().map(|need| stops_to_wire((need.mover.into(), need.stops))).collect();
+    let ride = needs.ride.map(|ride| wire::MoverRide {
+        mover: ride.mover.into(),
+        from_stop: ride.from.into(),
+        to_stop: ride.to.into(),
+    });
+    (list, ride)
+}
+
+/// Converts what a leg hangs on from the wire; `None` if it hangs on nothing.
+fn needs(leg: &wire::Leg) -> Result<Option<Needs>, FieldError> {
+    let most = MAX_MOVERS as f64 - 1.0;
+    let mover = |mover: u32| convert::in_range(f64::from(mover), 0.0, most, "plan.legs.needs.mover").map(|it| it as u16);
+    let stop = |stop: u32| convert::in_range(f64::from(stop), 0.0, 15.0, "plan.legs.ride.stop").map(|it| it as u8);
+    let mut needs = Needs::default();
+    for need in &leg.needs {
+        needs.add(Need { mover: mover(need.mover)?, stops: need.stops as u16 });
+    }
+    if let Some(ride) = leg.ride {
+        needs.ride = Some(Ride { mover: mover(ride.mover)?, from: stop(ride.from_stop)?, to: stop(ride.to_stop)? });
+    }
+    Ok(Some(needs).filter(|needs| !needs.is_empty()))
+}
+
 /// Converts a query from the wire.
 ///
 /// # Errors
@@ -70,6 +117,7 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
         avoid: query.avoid.iter().map(leg_key).collect::<Result<_, _>>()?,
         without: query.without.iter().map(|&ability| without(ability)).collect::<Result<_, _>>()?,
         caution: query.caution.map_or(Ok(Caution::CAREFUL), caution)?,
+        stops: stops(&query.movers)?,
     })
 }
 
@@ -82,6 +130,7 @@ pub fn query_to_wire(query: &Query) -> wire::PathQuery {
         avoid: query.avoid.iter().map(avoid).collect(),
         without: query.without.iter().map(|ability| convert::ability_to_wire(ability).into()).collect(),
         caution: (query.caution != Caution::CAREFUL).then_some(query.caution.get()),
+        movers: query.stops.iter().copied().enumerate().map(stops_to_wire).collect(),
     }
 }
 
@@ -94,19 +143,23 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
         Some(NoPath::DifferentIslands) => wire::NoPath::DifferentIslands,
         Some(NoPath::OneWay) => wire::NoPath::OneWay,
     };
-    let leg = |leg: &Leg| wire::Leg {
+    let leg = |(idx, leg): (usize, &Leg)| {
+        let (needs, ride) = plan.needs_of(idx).map(needs_to_wire).unwrap_or_default();
+        wire::Leg {
         from: stop_to_wire(leg.key.from),
         to: stop_to_wire(leg.key.to),
         seconds: leg.seconds.0,
         chance: leg.chance.get() as f32,
         ability: convert::ability_to_wire(leg.ability).into(),
         death_chance: leg.death_chance,
-    };
+        needs,
+        ride,
+    }};
     wire::Plan {
         found: plan.no_path.is_none(),
         reason: reason.into(),
         waypoints: plan.waypoints.iter().copied().map(convert::to_wire).collect(),
-        legs: plan.legs.iter().map(leg).collect(),
+        legs: plan.legs.iter().enumerate().map(leg).collect(),
         seconds: plan.seconds().0,
         chance: plan.chance().get() as f32,
         nearest_reachable: plan.nearest.map(convert::to_wire),
@@ -148,6 +201,10 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
         })
     };
     let legs = plan.legs.iter().map(leg).collect::<Result<_, FieldError>>()?;
+    let mut hanging = Vec::new();
+    for (idx, leg) in plan.legs.iter().enumerate() {
+        hanging.extend(needs(leg)?.map(|needs| (idx, needs)));
+    }
     let no_path = match wire::NoPath::try_from(plan.reason) {
         Ok(wire::NoPath::StartOffGraph) => Some(NoPath::StartOffGraph),
         Ok(wire::NoPath::GoalOffGraph) => Some(NoPath::GoalOffGraph),
@@ -159,7 +216,8 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
         Some(nearest) => Some(convert::point(Some(nearest), "plan.nearest_reachable")?),
         None => None,
     };
-    Ok(Plan { waypoints, legs, no_path, nearest })
+    Ok(Plan {
+        needs: hanging, waypoints, legs, no_path, nearest })
 }
 
 /// Converts a plan to the form in which a worker reports it to the world server.

@@ -5,6 +5,7 @@ use crate::follow::{Fault, FollowConfig, Follower, Step};
 use crate::goals::Goal;
 use crate::motion::{Motion, Trace};
 use crate::rehearse::{Actor, Ghost, Next, NoiseStream, Rehearsal, Resort, Tally};
+use crate::scene::Scene;
 use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -146,6 +147,7 @@ impl Rollout {
         let mut lanes: Vec<Lane> = walkers.iter().map(|walker| walker.lane).collect();
         loop {
             if let Some(guide) = &mut guide {
+                guide.look(&mut worlds[0], &mut walkers);
                 guide.rehearse(&mut worlds[0], &mut walkers, &decisions);
             }
             lanes.retain(|lane| walkers[lane.slot.0 as usize].goes_on(&mut worlds[0]));
@@ -219,6 +221,9 @@ impl Walker {
 
     /// How the NPC moves next: composed only where a rehearsal has shown that it arrives so.
     fn style(&self) -> Style {
+        if let Some(stay) = self.follower.as_ref().and_then(Follower::stays) {
+            return stay;
+        }
         let ghost = self.ghost.as_ref().filter(|ghost| ghost.is_ahead());
         ghost.and(self.follower.as_ref()).map_or(Style::Free, Follower::style)
     }
@@ -268,7 +273,8 @@ impl Guide<'_> {
         let slot = walker.lane.slot;
         let body = world.npc(slot).expect("a running NPC").body;
         let feet = body.feet;
-        if self.rehearses && !walker.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&body)) {
+        let is_barred = walker.follower.as_ref().is_some_and(Follower::is_barred);
+        if self.rehearses && !is_barred && !walker.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&body)) {
             (walker.ghost, walker.rehearses_next) = (None, true);
         }
         let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
@@ -305,6 +311,28 @@ impl Guide<'_> {
         }
     }
 
+    /// Lets all NPCs look at the movers, and call those that they want; those whose way is barred plan anew.
+    fn look(&mut self, world: &mut World, walkers: &mut [Walker]) {
+        if world.movers().is_empty() {
+            return;
+        }
+        for walker in walkers.iter_mut().filter(|walker| walker.end.is_none()) {
+            let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
+            let body = world.npc(walker.lane.slot).expect("a running NPC").body;
+            follower.look(Scene { map: world.map(), states: world.movers() }, body.feet, body.is_grounded());
+            if follower.waypoint().is_none() {
+                let waypoint = self.plan(follower, body.feet);
+                world.set_goal(walker.lane.slot, waypoint);
+                (walker.ghost, walker.rehearses_next) = (None, true);
+                let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
+                follower.look(Scene { map: world.map(), states: world.movers() }, body.feet, body.is_grounded());
+            }
+            if let Some(call) = walker.follower.as_ref().and_then(Follower::call) {
+                world.call(call.mover, call.stop);
+            }
+        }
+    }
+
     /// Rehearses the next legs of all NPCs that are due, until nothing goes wrong any more.
     fn rehearse(&mut self, world: &mut World, walkers: &mut [Walker], decisions: &DecisionLoop) {
         let hidden_len = self.policy.memory_len();
@@ -325,7 +353,7 @@ impl Guide<'_> {
                 Actor { npc, follower: follower.clone(), hidden, noise: *noise, ghost }
             });
             let actors: Vec<Actor> = actors.collect();
-            let results = self.rehearsal.run(self.policy, actors);
+            let results = self.rehearsal.run(self.policy, actors, world.movers());
             let mut results = results.into_iter();
             waiting.retain_mut(|(idx, tally)| {
                 let walker = &mut walkers[*idx];

@@ -10,7 +10,7 @@ use surefoot_world::{Action, DecisionOutcome, NpcSlot, OBSERVATION_LEN, TICKS_PE
 pub const DEFAULT_NOISE_SHARE: f32 = 0.5;
 
 /// An NPC that decides, and the row of its hidden state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lane {
     /// Index of the world in [`Stage::worlds`].
     pub world_idx: usize,

@@ -2,12 +2,13 @@
 //!
 //! A [`Follower`] is pure state and neither senses nor searches. Workers feed it from the network, evaluation from a world.
 
+use crate::scene::{Call, Conduct, Scene};
 use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{LegKey, Plan, Query, Stop};
-use surefoot_world::{Ability, Vec3};
+use surefoot_world::{Ability, TICKS_PER_SECOND, Vec3};
 
 /// Constants of plan following.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,6 +101,15 @@ pub struct Follower {
     /// The leg of the plan before which the NPC moves freely.
     free_until: usize,
     traversals: Vec<Traversal>,
+    /// The stops at which movers stand sooner or later, as they were seen last.
+    stops: Vec<u16>,
+    /// What the NPC does about movers.
+    conduct: Conduct,
+    /// Decisions for which it has stayed on this leg.
+    stayed: u32,
+    /// Decisions for which it has waited, where paths lead no further, for a mover that bars the way.
+    barred: u32,
+    call: Option<Call>,
 }
 
 /// A leg that failed.
@@ -118,6 +128,13 @@ const MAX_FAILED_ARRIVALS: u32 = 5;
 const MAX_AVOIDED_ARRIVALS: u32 = 12;
 /// How often legs on which there was no progress are given another chance, where no other way is left.
 const MAX_CHANCES: u32 = 3;
+/// Decisions for which an NPC waits for a mover before the leg counts as failed: 40 s.
+const MAX_STAY: u32 = 240;
+/// Decisions for which it waits for a mover that bars all ways before the goal counts as unreachable: 30 s.
+const MAX_BARRED: u32 = 180;
+/// Distance within which an NPC waits where paths lead no further, m.
+const BARRED_WITHIN_M: f32 = 1.5;
+
 /// Most failed legs kept for an attempt; the oldest is dropped first.
 const MAX_FAILED_LEGS: usize = 48;
 
@@ -141,6 +158,11 @@ impl Follower {
             decisions_on_leg: 0,
             free_until: 0,
             traversals: Vec::new(),
+            stops: Vec::new(),
+            conduct: Conduct::Go,
+            stayed: 0,
+            barred: 0,
+            call: None,
         }
     }
 
@@ -190,7 +212,64 @@ impl Follower {
 
     /// How the NPC moves on the current leg, if that was rehearsed.
     pub fn style(&self) -> Style {
+        if let Some(stay) = self.stays() {
+            return stay;
+        }
         self.ability().filter(|_| self.composes(self.leg)).map_or(Style::Free, Style::for_leg)
+    }
+
+    /// How the NPC stays where it is, if it waits for a mover or rides on it, which needs no rehearsal.
+    pub fn stays(&self) -> Option<Style> {
+        match self.conduct {
+            Conduct::Go => None,
+            Conduct::Stay { at, within } => Some(Style::Stay { at, within }),
+        }
+    }
+
+    /// Whether the NPC waits, where paths lead no further, for a mover that bars the way.
+    pub fn is_barred(&self) -> bool {
+        self.barred > 0
+    }
+
+    /// The lift or platform that the NPC calls, if it waits for one.
+    pub fn call(&self) -> Option<Call> {
+        self.call
+    }
+
+    /// Looks at the movers before a decision, with the feet at `feet`, m. Drops the plan if movers have barred one of the legs that lie
+    /// ahead, or freed the way where all ways were barred; not while the NPC is in the air or rides, when it cannot turn back.
+    pub fn look(&mut self, scene: Scene<'_>, feet: Vec3, is_grounded: bool) {
+        let stops = scene.stops_ahead();
+        let has_changed = stops != self.stops;
+        self.stops = stops;
+        let former = std::mem::replace(&mut self.conduct, Conduct::Go);
+        self.call = None;
+        let Some(plan) = &self.plan else { return };
+        let ride = plan.needs_of(self.leg).and_then(|needs| needs.ride);
+        if has_changed && is_grounded && ride.is_none() {
+            let is_barred = plan.needs.iter().any(|(leg, needs)| *leg >= self.leg && !needs.are_met(&self.stops));
+            if is_barred || plan.nearest.is_some() {
+                self.plan = None;
+                return;
+            }
+        }
+        if self.barred > 0 && plan.nearest.is_some() {
+            self.conduct = stay_where_it_was(former, feet, BARRED_WITHIN_M);
+            return;
+        }
+        let Some(needs) = plan.needs_of(self.leg) else { return };
+        if let Some(ride) = ride {
+            let end = plan.waypoints[self.leg];
+            self.conduct = scene.ride(ride, feet, end);
+            self.call = scene.call_of_ride(ride, feet, end);
+        } else if self.stayed > 0 || self.decisions_on_leg == 0 {
+            let ticks = plan.legs[self.leg].seconds.0 * TICKS_PER_SECOND as f32;
+            self.conduct = scene.gate(needs, feet, ticks as u32);
+            if let Conduct::Stay { within, .. } = self.conduct {
+                self.conduct = stay_where_it_was(former, feet, within);
+                self.call = scene.call_of_gate(needs);
+            }
+        }
     }
 
     /// Whether the NPC composes itself on a leg of its plan.
@@ -264,7 +343,7 @@ impl Follower {
     /// The query for a plan from `feet`, m, that avoids the failed legs.
     pub fn query(&self, feet: Vec3) -> Query {
         let avoid = self.failed_legs.iter().map(|leg| leg.key).collect();
-        Query { avoid, ..Query::new(feet, self.goal) }
+        Query { avoid, stops: self.stops.clone(), ..Query::new(feet, self.goal) }
     }
 
     /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs on which there was no progress get
@@ -293,6 +372,7 @@ impl Follower {
     /// Drops the plan because its graph has changed; the leg does not count as failed.
     pub fn forget_plan(&mut self) {
         self.plan = None;
+        self.conduct = Conduct::Go;
     }
 
     fn start_leg(&mut self, leg: usize) {
@@ -300,11 +380,27 @@ impl Follower {
         self.best_leg_distance = f32::INFINITY;
         self.stalled_on_leg = 0;
         self.decisions_on_leg = 0;
+        self.stayed = 0;
+        self.barred = 0;
+        self.conduct = Conduct::Go;
     }
 
     /// Records one decision: the position of the feet, m, and whether the waypoint was reached during the decision.
     pub fn note(&mut self, feet: Vec3, waypoint_reached: bool) -> Step {
         let Some(plan) = &self.plan else { return Step::Plan };
+        if self.barred > 0 && plan.nearest.is_some() {
+            self.barred += 1;
+            return if self.barred > MAX_BARRED { Step::Unreachable } else { Step::Keep };
+        }
+        if self.conduct != Conduct::Go {
+            self.decisions_on_leg += 1;
+            self.stayed += 1;
+            if self.stayed <= MAX_STAY {
+                return Step::Keep;
+            }
+            let key = plan.legs[self.leg].key;
+            return self.plan_without(FailedLeg { key, is_harm: false }, MAX_FAILED_ARRIVALS);
+        }
         let goal_distance = feet.distance(self.goal);
         self.stalled += 1;
         self.stalled_on_leg += 1;
@@ -316,7 +412,11 @@ impl Follower {
         let last_leg = plan.waypoints.len() - 1;
         if waypoint_reached && self.leg == last_leg && plan.nearest.is_some() {
             self.end_leg(TryEnd::Arrived);
-            return Step::Unreachable;
+            if self.stops.is_empty() {
+                return Step::Unreachable;
+            }
+            self.barred = 1;
+            return Step::Keep;
         }
         if waypoint_reached && self.leg < last_leg {
             let next = plan.waypoints[self.leg + 1];
@@ -372,5 +472,13 @@ impl Follower {
             return Step::Unreachable;
         }
         Step::Plan
+    }
+}
+
+/// The conduct of staying where the NPC already stays, or at `feet`, m.
+fn stay_where_it_was(former: Conduct, feet: Vec3, within: f32) -> Conduct {
+    match former {
+        Conduct::Stay { at, .. } => Conduct::Stay { at, within },
+        Conduct::Go => Conduct::Stay { at: feet, within },
     }
 }

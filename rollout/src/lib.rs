@@ -18,6 +18,7 @@ pub mod graphs;
 pub mod motion;
 pub mod probe;
 pub mod rehearse;
+pub mod scene;
 pub mod style;
 
 pub use attempts::{Attempt, Rollout};

@@ -10,12 +10,16 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
+use surefoot_planner::needs::{self, Berths, Need, Needs, Ride};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
 use surefoot_policy::actor::gaussian;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::{Ability, CharacterProfile, DecisionOutcome, End, Map, NpcSlot, TaskConfig, Vec3, World};
+use surefoot_world::reliance::Reliance;
+use surefoot_world::{
+    Ability, CharacterProfile, DecisionOutcome, End, Map, MoverOrder, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, World,
+};
 
 /// Most trials handed to a thread at a time.
 const MAX_CHUNK: usize = 256;
@@ -55,8 +59,13 @@ impl ProbeContext {
         PolicyHash::new(self.policy.weights_hash())
     }
 
-    fn world(&self) -> World {
-        World::new(self.map.clone(), self.profile.clone(), TaskConfig::default())
+    /// A world in which movers stand where edges are proved, and `held` at its stop.
+    fn world_for(&self, held: Option<(u16, u8)>) -> World {
+        let mut world = World::new(self.map.clone(), self.profile.clone(), TaskConfig::default());
+        if !self.map.movers().is_empty() {
+            world.set_movers(needs::states_for_proof(&self.map, held));
+        }
+        world
     }
 }
 
@@ -72,9 +81,12 @@ pub struct InProcess {
 impl ProbeExecutor for InProcess {
     fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         // Chunks must not depend on the number of threads, since results may depend on what shares a batch. Many of them keep all
-        // threads busy to the end.
+        // threads busy to the end. The trials of one chunk share the movers of its world.
         let chunk_len = (trials.len() / 32).clamp(MIN_CHUNK, MAX_CHUNK);
-        let chunks: Vec<&[Trial]> = trials.chunks(chunk_len).collect();
+        let mut order: Vec<usize> = (0..trials.len()).collect();
+        order.sort_by_key(|&idx| trials[idx].held);
+        let alike = order.chunk_by(|&one, &other| trials[one].held == trials[other].held);
+        let chunks: Vec<&[usize]> = alike.flat_map(|alike| alike.chunks(chunk_len)).collect();
         let next = AtomicUsize::new(0);
         let results: Mutex<Vec<Option<Vec<Outcome>>>> = Mutex::new(vec![None; chunks.len()]);
         std::thread::scope(|scope| {
@@ -83,21 +95,23 @@ impl ProbeExecutor for InProcess {
                     loop {
                         let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
                         let Some(chunk) = chunks.get(chunk_idx) else { return };
-                        let outcomes = run_chunk(&self.context, chunk, chunk_idx * chunk_len, seed, watch);
+                        let outcomes = run_chunk(&self.context, trials, chunk, seed, watch);
                         results.lock().expect("no probe panics")[chunk_idx] = outcomes;
                     }
                 });
             }
         });
-        let outcomes: Option<Vec<Vec<Outcome>>> = results.into_inner().expect("no probe panics").into_iter().collect();
-        outcomes.map(|chunks| chunks.into_iter().flatten().collect())
+        let results: Option<Vec<Vec<Outcome>>> = results.into_inner().expect("no probe panics").into_iter().collect();
+        let mut outcomes: Vec<(usize, Outcome)> = order.iter().copied().zip(results?.into_iter().flatten()).collect();
+        outcomes.sort_by_key(|(idx, _)| *idx);
+        Some(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
     }
 }
 
 /// Runs one trial and returns its outcome, which equals that of [`InProcess`], and the positions of the feet, m: the start, then
 /// the position after every tick.
 pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec<Vec3>) {
-    let mut probes = Probes::new(context, seed);
+    let mut probes = Probes::new(context, seed, trial.held);
     probes.start(0, trial);
     let mut track = vec![trial.start];
     loop {
@@ -110,22 +124,29 @@ pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec
     }
 }
 
-/// Runs the trials that begin with the one of index `first`; `None` if `watch` cancelled.
+/// Runs the trials of these indices, of which the same movers are held, and returns their outcomes in this order; `None` if `watch`
+/// cancelled.
 fn run_chunk(
     context: &ProbeContext,
     trials: &[Trial],
-    first: usize,
+    chunk: &[usize],
     seed: u64,
     watch: &dyn ProbeWatch,
 ) -> Option<Vec<Outcome>> {
-    let mut probes = Probes::new(context, seed);
-    let mut outcomes: Vec<Option<Outcome>> = vec![None; trials.len()];
-    let mut waiting = trials.iter().enumerate();
+    let mut probes = Probes::new(context, seed, chunk.first().and_then(|&idx| trials[idx].held));
+    let mut outcomes: Vec<Option<Outcome>> = vec![None; chunk.len()];
+    let mut waiting = chunk.iter().map(|&idx| &trials[idx]).enumerate();
     loop {
         while probes.running.len() < BATCH
-            && let Some((trial_idx, trial)) = waiting.next()
+            && let Some((at, trial)) = waiting.next()
         {
-            probes.start(trial_idx, trial);
+            if let Some(ride) = trial.ride {
+                let outcome = run_ride(context, trial, ride);
+                watch.finished(chunk[at], &outcome);
+                outcomes[at] = Some(outcome);
+            } else {
+                probes.start(at, trial);
+            }
         }
         if probes.running.is_empty() {
             return outcomes.into_iter().collect();
@@ -133,11 +154,33 @@ fn run_chunk(
         if watch.is_cancelled() {
             return None;
         }
-        for (trial_idx, outcome) in probes.decide(None) {
-            watch.finished(first + trial_idx, &outcome);
-            outcomes[trial_idx] = Some(outcome);
+        for (at, outcome) in probes.decide(None) {
+            watch.finished(chunk[at], &outcome);
+            outcomes[at] = Some(outcome);
         }
     }
+}
+
+/// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends.
+fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride) -> Outcome {
+    let mut world = context.world_for(Some((ride.mover, ride.from)));
+    let mut outcome = Outcome::begin(trial.start);
+    outcome.needs = Needs::of_ride(ride);
+    let slot = world.spawn(trial.start, 0.0);
+    world.order(ride.mover, MoverOrder::GoTo(ride.to));
+    for tick in 1..=needs::longest_ride_ticks(&context.map.movers()[usize::from(ride.mover)], ride) {
+        world.tick();
+        let npc = world.npc(slot).expect("just spawned");
+        outcome.bounds = [outcome.bounds[0].min(npc.body.feet), outcome.bounds[1].max(npc.body.feet)];
+        let has_arrived = world.movers()[usize::from(ride.mover)].at() == Some(ride.to);
+        if npc.harm.is_some() || has_arrived {
+            outcome.died = npc.harm.is_some();
+            outcome.reached = has_arrived && npc.body.feet.distance(trial.goal) <= world.task().goal_radius;
+            outcome.decisions = tick.div_ceil(TICKS_PER_DECISION);
+            break;
+        }
+    }
+    outcome
 }
 
 /// Sees the worlds after each tick.
@@ -150,30 +193,57 @@ struct Probes<'a> {
     worlds: [World; 1],
     running: Vec<Running>,
     decisions: DecisionLoop,
+    reliance: Reliance,
+    berths: Berths,
 }
 
 impl<'a> Probes<'a> {
-    fn new(context: &'a ProbeContext, seed: u64) -> Self {
+    /// Prepares trials of which this mover is held at that stop.
+    fn new(context: &'a ProbeContext, seed: u64, held: Option<(u16, u8)>) -> Self {
         let policy = &context.policy;
-        Self { policy, seed, worlds: [context.world()], running: Vec::new(), decisions: DecisionLoop::new(policy) }
+        Self {
+            policy,
+            seed,
+            worlds: [context.world_for(held)],
+            running: Vec::new(),
+            decisions: DecisionLoop::new(policy),
+            reliance: Reliance::on(&context.map),
+            berths: Berths::of(&context.map, &context.profile),
+        }
+    }
+
+    /// Decisions for which NPCs wait on average before they board the berth to which a trial leads.
+    fn wait_for(&self, trial: &Trial) -> u32 {
+        let boarded = self.berths.at(trial.goal).filter(|_| self.berths.at(trial.start).is_none());
+        let wait = |(mover, _): (u16, u8)| needs::mean_wait(&self.worlds[0].map().movers()[usize::from(mover)]);
+        boarded.map_or(0, |berth| wait(berth).0 as u32)
     }
 
     fn start(&mut self, trial_idx: usize, trial: &Trial) {
-        let started = Running::start(&mut self.worlds[0], trial_idx, trial, self.seed);
+        let wait = self.wait_for(trial);
+        let started = Running::start(&mut self.worlds[0], trial_idx, trial, self.seed, wait);
         self.decisions.begin(Lane::of(started.slot).row_idx);
         self.running.push(started);
     }
 
     /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
     /// each tick if somebody watches.
-    fn decide(&mut self, watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
+    fn decide(&mut self, mut watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
         let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot).in_style(probe.style)).collect();
         let noise = self.running.iter_mut().flat_map(Running::noise).collect();
         let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
         let noise = Noise::Rows(noise);
-        let closed = match watch {
-            Some(watch) => self.decisions.decide_watched(&mut stage, self.policy, noise, watch),
-            None => self.decisions.decide(&mut stage, self.policy, noise),
+        let Self { reliance, running, .. } = self;
+        let closed = if reliance.is_void() && watch.is_none() {
+            self.decisions.decide(&mut stage, self.policy, noise)
+        } else {
+            let note_tick = |worlds: &[World]| {
+                running.iter_mut().for_each(|probe| probe.note_needs(&worlds[0], reliance));
+                if let Some(watch) = &mut watch {
+                    watch(worlds);
+                }
+            };
+            self.decisions.decide_watched(&mut stage, self.policy, noise, note_tick)
         };
         let mut closed = closed.iter();
         let mut finished = Vec::new();
@@ -201,10 +271,12 @@ struct Running {
     give_up_after: u32,
     rng: ChaCha8Rng,
     outcome: Outcome,
+    /// Decisions for which NPCs wait before they begin.
+    wait: u32,
 }
 
 impl Running {
-    fn start(world: &mut World, trial_idx: usize, trial: &Trial, seed: u64) -> Self {
+    fn start(world: &mut World, trial_idx: usize, trial: &Trial, seed: u64, wait: u32) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(trial.stream);
         let slot = world.spawn(trial.start, random_yaw(&mut rng));
@@ -216,7 +288,7 @@ impl Running {
         outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
         let give_up_after = Self::head_for(world, slot, first);
         let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
-        Self { slot, trial_idx, style, keep_track: trial.keep_track, next, give_up_after, rng, outcome }
+        Self { slot, trial_idx, style, keep_track: trial.keep_track, next, give_up_after, rng, outcome, wait }
     }
 
     /// Sets the goal and returns after how many decisions without progress towards it the probe has failed.
@@ -235,6 +307,15 @@ impl Running {
         gaussian(&mut self.rng, ACTION_LEN).into_iter().map(move |value| value * share)
     }
 
+    /// Records what the body relies on in this tick.
+    fn note_needs(&mut self, world: &World, reliance: &Reliance) {
+        let Some(npc) = world.npc(self.slot) else { return };
+        let needs = &mut self.outcome.needs;
+        reliance.of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| {
+            needs.add(Need { mover, stops });
+        });
+    }
+
     /// Records one decision and returns whether the trial continues.
     fn note(&mut self, world: &mut World, closed: DecisionOutcome) -> bool {
         let npc = world.npc(self.slot).expect("a trial has an NPC");
@@ -249,10 +330,11 @@ impl Running {
         let Some(end) = closed.end.or(gave_up) else { return true };
         outcome.reached = end == End::Reached;
         outcome.died = end.is_harm();
-        outcome.decisions = episode.decisions;
+        outcome.decisions = episode.decisions + self.wait;
         let Some(next) = self.next.take() else { return false };
         let feet = npc.body.feet;
         let approach = std::mem::replace(outcome, Outcome::begin(feet));
+        self.wait = 0;
         let goes_on = approach.reached;
         outcome.approach = Some(Box::new(approach));
         if goes_on {

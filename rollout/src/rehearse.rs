@@ -5,6 +5,7 @@
 
 use crate::decision::{DecisionLoop, Lane, Noise, Stage};
 use crate::follow::{Follower, Step};
+use crate::scene::Scene;
 use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -15,7 +16,7 @@ use surefoot_policy::Policy;
 use surefoot_policy::actor::gaussian;
 use surefoot_world::character::{ACTION_LEN, Body};
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, SenseContext, state_vector};
-use surefoot_world::{CharacterProfile, End, Episode, Map, Npc, NpcSlot, TaskConfig, Vec3, World};
+use surefoot_world::{CharacterProfile, End, Episode, Map, MoverState, Npc, NpcSlot, TaskConfig, Vec3, World};
 
 /// Legs that a rehearsal runs ahead: where the first one ends, the second must be possible.
 const LEGS: usize = 2;
@@ -209,18 +210,27 @@ impl Rehearsal {
         self.worlds[0].map()
     }
 
-    /// Runs the next legs of each actor, and returns for each how it will be after them, or what went wrong.
-    pub fn run(&mut self, policy: &Policy, actors: Vec<Actor>) -> Vec<Result<Ghost, Mishap>> {
+    /// Runs the next legs of each actor, while the map's movers begin with these states, and returns for each how it will be after them, or
+    /// what went wrong.
+    ///
+    /// # Panics
+    /// If the states do not fit the movers of the map.
+    pub fn run(&mut self, policy: &Policy, actors: Vec<Actor>, movers: &[MoverState]) -> Vec<Result<Ghost, Mishap>> {
         let hidden_len = policy.memory_len();
         let mut hidden = Vec::with_capacity(actors.len() * hidden_len);
         let [world] = &mut self.worlds;
         world.clear();
+        let has_movers = !movers.is_empty();
+        if has_movers {
+            world.set_movers(movers.to_vec());
+        }
         let mut results: Vec<Option<Result<Ghost, Mishap>>> = Vec::new();
         results.resize_with(actors.len(), || None);
         let mut running: Vec<Running> = Vec::with_capacity(actors.len());
         for (idx, Actor { npc, follower, hidden: row, noise, ghost }) in actors.into_iter().enumerate() {
             let until = follower.leg_idx() + LEGS;
-            let ghost = ghost.unwrap_or_else(|| {
+            // Movers are known as they are now, not as they are when a former rehearsal ends.
+            let ghost = ghost.filter(|_| !has_movers).unwrap_or_else(|| {
                 let follower = follower.rehearsing(STALLED_AFTER);
                 Ghost { npc, follower, hidden: row, noise, ahead: VecDeque::new() }
             });
@@ -235,6 +245,9 @@ impl Rehearsal {
         }
         self.decisions.set_hidden(hidden);
         while !running.is_empty() {
+            if has_movers {
+                self.look(&mut running);
+            }
             let deciding = || running.iter().filter(|it| it.arrival.is_none());
             let lanes: Vec<Lane> = deciding().map(|it| Lane::of(it.slot).in_style(it.ghost.follower.style())).collect();
             let closed = if lanes.is_empty() {
@@ -266,6 +279,27 @@ impl Rehearsal {
             });
         }
         results.into_iter().map(|result| result.expect("every rehearsal ends")).collect()
+    }
+}
+
+impl Rehearsal {
+    /// Lets all who decide next look at the movers, and call those that they want.
+    fn look(&mut self, running: &mut [Running]) {
+        let [world] = &mut self.worlds;
+        for it in running.iter_mut().filter(|it| it.arrival.is_none()) {
+            let body = world.npc(it.slot).expect("a running NPC").body;
+            let scene = Scene { map: world.map(), states: world.movers() };
+            let follower = &mut it.ghost.follower;
+            // A plan that is barred meanwhile is given up by the NPC itself, in time.
+            let plan = follower.clone();
+            follower.look(scene, body.feet, body.is_grounded());
+            if follower.waypoint().is_none() {
+                *follower = plan;
+            }
+            if let Some(call) = follower.call() {
+                world.call(call.mover, call.stop);
+            }
+        }
     }
 }
 

@@ -25,7 +25,7 @@ const SIDEWAYS: f32 = 0.4;
 const LOOK_AHEAD: f32 = 0.7;
 
 /// How an NPC carries out what its policy wants.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Style {
     /// Exactly as the policy wants.
     #[default]
@@ -34,6 +34,13 @@ pub enum Style {
     Composed {
         /// Whether it jumps when the policy wants to.
         jumps: bool,
+    },
+    /// Standing still at a place, whatever the policy wants: while the NPC waits for a mover, or rides on it.
+    Stay {
+        /// The place, m.
+        at: Vec3,
+        /// How far from there the NPC may stand, m.
+        within: f32,
     },
 }
 
@@ -50,7 +57,11 @@ impl Style {
 
     /// The action by which `npc` does in this style what the policy wants with `action`.
     pub fn shape(self, action: Action, npc: &Npc, profile: &CharacterProfile) -> Action {
-        let Self::Composed { jumps } = self else { return action };
+        let jumps = match self {
+            Self::Free => return action,
+            Self::Stay { at, within } => return stay(at, within, &npc.body, profile),
+            Self::Composed { jumps } => jumps,
+        };
         let body = &npc.body;
         let jump = if jumps { action.jump } else { action.jump.min(0.0) };
         let (x, z) = wish(action, body, profile);
@@ -69,6 +80,26 @@ impl Style {
         let strafe = if profile.side_speed_share > 0.0 { right / profile.side_speed_share } else { 0.0 };
         Action { forward: forward.clamp(-1.0, 1.0), strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, jump }
     }
+}
+
+/// Speed at which a body goes back to where it stays, in m/s for each metre, and at most.
+const RETURN_RATE: f32 = 2.5;
+const RETURN_SPEED: f32 = 3.0;
+
+/// The action by which a body stays at a place.
+fn stay(at: Vec3, within: f32, body: &Body, profile: &CharacterProfile) -> Action {
+    let (x, z) = (at.x - body.feet.x, at.z - body.feet.z);
+    let distance = hypot(x, z);
+    if distance <= within {
+        return Action::default();
+    }
+    let speed = (RETURN_RATE * distance).min(RETURN_SPEED).min(profile.forward_speed) / distance;
+    let (sin, cos) = libm::sincosf(body.yaw);
+    let share = speed / profile.forward_speed;
+    let (forward, right) = ((x * sin + z * cos) * share, (z * sin - x * cos) * share);
+    let side = profile.side_speed_share;
+    let strafe = if side > 0.0 { right / side } else { 0.0 };
+    Action { forward: forward.clamp(-1.0, 1.0), strafe: strafe.clamp(-1.0, 1.0), turn: 0.0, jump: -1.0 }
 }
 
 /// The greatest turn in one decision, rad.

@@ -77,6 +77,8 @@ pub struct ObservationBatch {
     pub states: Vec<Vec<u8>>,
     /// Index of their body among those of the world.
     pub body: ProfileIdx,
+    /// State of each mover, see [`MoverState::pack`](surefoot_world::MoverState::pack); empty if there are none.
+    pub movers: Vec<u8>,
 }
 
 impl ObservationBatch {
@@ -94,6 +96,7 @@ impl ObservationBatch {
             waypoint_reached: Vec::new(),
             grounded: Vec::new(),
             states: Vec::new(),
+            movers: Vec::new(),
         }
     }
 }
@@ -141,6 +144,8 @@ pub struct Answer {
     pub plans: Vec<(NpcId, u32, NpcPlan)>,
     /// Plans that the planner has not delivered since the worker's last answer.
     pub plans_failed: u32,
+    /// Movers that NPCs call, and the stops where they want them.
+    pub mover_calls: Vec<(u16, u8)>,
     /// Actions, waypoints and plans among these that were left out because a number made no sense.
     pub invalid: u64,
 }

@@ -4,7 +4,8 @@ use crate::hosted::{NpcState, Snapshot};
 use crate::ids::NpcId;
 use std::collections::BTreeMap;
 use std::time::SystemTime;
-use surefoot_world::{Tick, Vec3};
+use surefoot_world::map::MoverStop;
+use surefoot_world::{MoverState, Player, PlayerSlot, Tick, Vec3};
 
 /// An axis-aligned box; no coordinate of `low` exceeds that of `high`.
 #[derive(Debug, Clone, Copy)]
@@ -42,6 +43,10 @@ pub struct Shown {
     pub is_delta: bool,
     /// NPCs that have left the region or the world since the snapshot before.
     pub gone: Vec<NpcId>,
+    /// What movers do and where they are, by index: of all, or of those that have changed since the snapshot before.
+    pub movers: Vec<(usize, MoverState, MoverStop)>,
+    /// All players.
+    pub players: Vec<(PlayerSlot, Player)>,
 }
 
 /// Reduces snapshots to what one reader has subscribed to.
@@ -51,12 +56,14 @@ pub struct View {
     delta: bool,
     /// With `delta`: the NPCs that the reader knows; `None` before the first snapshot.
     seen: Option<BTreeMap<NpcId, NpcState>>,
+    /// With `delta`: the movers as the reader knows them.
+    seen_movers: Vec<(MoverState, MoverStop)>,
 }
 
 impl View {
     /// A view of the NPCs in `region` (`None`: everywhere); with `delta`, only of changes since the snapshot before.
     pub fn new(region: Option<Region>, delta: bool) -> Self {
-        Self { region, delta, seen: None }
+        Self { region, delta, seen: None, seen_movers: Vec::new() }
     }
 
     /// Returns the part of `snapshot` to send to the reader.
@@ -64,7 +71,21 @@ impl View {
         let &Snapshot { tick, time, .. } = snapshot;
         let within = |npc: &&NpcState| self.region.is_none_or(|region| region.holds(npc.position));
         let npcs = snapshot.npcs.iter().filter(within).copied();
-        let mut shown = Shown { tick, time, npcs: Vec::new(), changed: Vec::new(), is_delta: false, gone: Vec::new() };
+        let known = std::mem::replace(&mut self.seen_movers, snapshot.movers.clone());
+        let movers = snapshot.movers.iter().enumerate();
+        let is_news = |(idx, mover): &(usize, &(MoverState, MoverStop))| !self.delta || known.get(*idx) != Some(*mover);
+        let movers = movers.filter(is_news).map(|(idx, (state, pose))| (idx, *state, *pose)).collect();
+        let players = snapshot.players.clone();
+        let mut shown = Shown {
+            tick,
+            time,
+            npcs: Vec::new(),
+            changed: Vec::new(),
+            is_delta: false,
+            gone: Vec::new(),
+            movers,
+            players,
+        };
         if !self.delta {
             return Shown { npcs: npcs.collect(), ..shown };
         }

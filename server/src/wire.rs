@@ -1,5 +1,7 @@
 //! Converts between the wire types of `surefoot.world.v1` and the server's own. Requests are checked here.
 
+pub mod living;
+
 use crate::envs::{EnvSettings, StepResults};
 use crate::geometry::TileMesh;
 use crate::hosted::{
@@ -114,6 +116,9 @@ pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
             Err(_) => answer.invalid += 1,
         }
     }
+    // Calls of what does not exist come to nothing.
+    let call = |call: wire::MoverCall| Some((u16::try_from(call.mover).ok()?, u8::try_from(call.stop).ok()?));
+    answer.mover_calls = batch.mover_calls.into_iter().filter_map(call).collect();
     let end = |unreachable: bool| if unreachable { End::Unreachable } else { End::NoProgress };
     answer.gave_up = batch.gave_up.into_iter().map(|it| (NpcId(it.npc_id), it.attempt, end(it.unreachable))).collect();
     Ok(answer)
@@ -376,6 +381,8 @@ pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
         npcs: shown.npcs.iter().map(npc_to_wire).collect(),
         changed: shown.changed.iter().map(npc_delta_to_wire).collect(),
         gone_npc_ids: shown.gone.iter().map(|npc| npc.0).collect(),
+        movers: shown.movers.iter().map(|(idx, state, pose)| living::mover_state_to_wire(*idx, state, *pose)).collect(),
+        players: shown.players.iter().map(|(slot, player)| living::player_to_wire(*slot, player)).collect(),
     }
 }
 
@@ -468,6 +475,7 @@ fn observations_to_wire(batch: ObservationBatch) -> wire::ObservationBatch {
         states: batch.states,
         state_version: NPC_STATE_VERSION,
         body_idx: batch.body.0.into(),
+        movers: batch.movers,
     }
 }
 

@@ -311,6 +311,15 @@ impl Worlds {
         Ok(WorldHandle { sim: handle.sim.for_client(&caller.name), ..handle })
     }
 
+    /// Access to a world of the caller's own.
+    ///
+    /// # Errors
+    /// If there is none of that id, or it belongs to somebody else.
+    pub fn handle_to_change(&self, caller: &Caller, id: WorldId) -> Result<WorldHandle, WorldsError> {
+        let handle = self.handle_for(caller, id)?;
+        if caller.may_add_to(handle.ticket.client()) { Ok(handle) } else { Err(WorldsError::NotOwner(id)) }
+    }
+
     /// One world.
     ///
     /// # Errors

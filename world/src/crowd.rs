@@ -1,11 +1,13 @@
-//! Collisions between NPCs: those that overlap are pushed apart, but never off a ledge, and go around each other.
+//! Collisions of NPCs with each other and with players: those that overlap are pushed apart, but never off a ledge, and go around each
+//! other.
 
 use crate::Vec3;
 use crate::character::{CharacterProfile, MoveScratch};
 use crate::float::hypot;
 use crate::map::{Liquid, Map};
 use crate::navigable::DOWN;
-use crate::npc::Npc;
+use crate::npc::{Npc, WorldConfig};
+use crate::player::{Player, PlayerContact};
 
 /// Side of a cell of the grid that finds neighbours, m; bodies further apart than this never touch.
 const CELL_M: f32 = 2.0;
@@ -37,6 +39,8 @@ struct Listed {
     feet: Vec3,
     radius: f32,
     height: f32,
+    /// Velocity, m/s, and contact of a player, whose slot is beyond those of all NPCs; `None`: it is an NPC.
+    player: Option<(Vec3, PlayerContact)>,
 }
 
 /// The number of the cell `rows` further than that of the key, in the column `columns` further.
@@ -45,17 +49,21 @@ fn shifted(cell: u64, columns: u64, rows: i64) -> u64 {
 }
 
 impl Listed {
-    fn new(npc: &Npc, slot: u32, profiles: &[CharacterProfile]) -> Self {
-        // No map is so large that a row or a column would run over; bodies far outside share the last one.
-        let number = |metres: f32| ((metres / CELL_M) as i32).clamp(-(1 << 20), 1 << 20) as i64 + (1 << 21);
-        let (feet, profile) = (npc.body.feet, &profiles[usize::from(npc.profile.0)]);
-        let cell = (number(feet.x) << 32 | number(feet.z)) as u64;
-        Self { cell, slot, feet, radius: profile.radius, height: profile.height }
+    fn of_npc(npc: &Npc, slot: u32, profiles: &[CharacterProfile]) -> Self {
+        let profile = &profiles[usize::from(npc.profile.0)];
+        Self::new(slot, npc.body.feet, (profile.radius, profile.height), None)
     }
 
-    /// Push of this body by half of its overlap with `other`, m; the opposite is that of the other. Bodies in the same place separate
-    /// along x.
-    fn push(&self, other: &Self) -> Option<Vec3> {
+    fn new(slot: u32, feet: Vec3, (radius, height): (f32, f32), player: Option<(Vec3, PlayerContact)>) -> Self {
+        // No map is so large that a row or a column would run over; bodies far outside share the last one.
+        let number = |metres: f32| ((metres / CELL_M) as i32).clamp(-(1 << 20), 1 << 20) as i64 + (1 << 21);
+        let cell = (number(feet.x) << 32 | number(feet.z)) as u64;
+        Self { cell, slot, feet, radius, height, player }
+    }
+
+    /// Overlap of this body with `other`, m, in the direction that leads away from it; the opposite is that of the other. Bodies in the
+    /// same place separate along x.
+    fn overlap(&self, other: &Self) -> Option<Vec3> {
         let offset = self.feet - other.feet;
         let reach = self.radius + other.radius;
         if offset.x * offset.x + offset.z * offset.z >= reach * reach {
@@ -73,27 +81,35 @@ impl Listed {
         } else {
             -Vec3::X
         };
-        Some(away * (0.5 * (reach - distance)))
+        Some(away * (reach - distance))
     }
 }
 
 impl CrowdScratch {
-    /// Pushes apart all bodies that overlap, each by half of the overlap, along the ground, and stops them from running on into each other.
-    pub(crate) fn separate(
+    /// Pushes apart all bodies that overlap, each NPC by half of the overlap, along the ground, and stops them from running on into each
+    /// other.
+    pub(crate) fn separate<'a>(
         &mut self,
         npcs: &mut [Option<Npc>],
+        players: impl Iterator<Item = &'a Player>,
         map: &Map,
-        profiles: &[CharacterProfile],
+        config: &WorldConfig,
         scratch: &mut [MoveScratch],
     ) {
+        let profiles = &config.profiles;
         let Self { bodies, pushes } = self;
         let is_solid = |npc: &&Npc| npc.harm.is_none() && npc.body.ride.is_none();
         bodies.clear();
         bodies.extend(
             npcs.iter()
                 .zip(0..)
-                .filter_map(|(npc, slot)| npc.as_ref().filter(is_solid).map(|npc| Listed::new(npc, slot, profiles))),
+                .filter_map(|(npc, slot)| npc.as_ref().filter(is_solid).map(|npc| Listed::of_npc(npc, slot, profiles))),
         );
+        let solid = players.filter(|player| player.contact != PlayerContact::Ghost);
+        bodies.extend((npcs.len() as u32..).zip(solid).map(|(slot, player)| {
+            let contact = Some((player.velocity, player.contact));
+            Listed::new(slot, player.feet, (player.radius, player.height), contact)
+        }));
         bodies.sort_unstable_by_key(|body| (body.cell, body.slot));
         pushes.clear();
         pushes.resize(npcs.len(), Vec3::ZERO);
@@ -107,9 +123,8 @@ impl CrowdScratch {
             let beside = bodies[idx + 1..].iter().take_while(|other| other.cell <= shifted(body.cell, 0, 1));
             let beyond = bodies[next_column..].iter().take_while(|other| other.cell <= high);
             for other in beside.chain(beyond) {
-                if let Some(push) = body.push(other) {
-                    pushes[body.slot as usize] += push;
-                    pushes[other.slot as usize] -= push;
+                if let Some(overlap) = body.overlap(other) {
+                    share(npcs, [body, other], overlap, config.npc_collision, pushes);
                 }
             }
         }
@@ -126,6 +141,37 @@ impl CrowdScratch {
             }
         }
     }
+}
+
+/// Adds to the pushes of two bodies the share that each takes of their overlap, which leads from the second to the first.
+fn share(
+    npcs: &[Option<Npc>],
+    [one, other]: [&Listed; 2],
+    overlap: Vec3,
+    npcs_are_solid: bool,
+    pushes: &mut [Vec3],
+) {
+    match (one.player, other.player) {
+        (None, None) if npcs_are_solid => {
+            pushes[one.slot as usize] += overlap * 0.5;
+            pushes[other.slot as usize] -= overlap * 0.5;
+        }
+        (None, Some(player)) => pushes[one.slot as usize] += overlap * yields(npcs, one, overlap, player),
+        (Some(player), None) => pushes[other.slot as usize] -= overlap * yields(npcs, other, -overlap, player),
+        _ => {}
+    }
+}
+
+/// The share of its overlap with a player by which an NPC gives way: all of it to one that pushes; otherwise the share that came about by
+/// its own motion.
+fn yields(npcs: &[Option<Npc>], npc: &Listed, overlap: Vec3, (velocity, contact): (Vec3, PlayerContact)) -> f32 {
+    if contact == PlayerContact::Push {
+        return 1.0;
+    }
+    let away = overlap.normalize_or_zero();
+    let own = npcs[npc.slot as usize].as_ref().map_or(0.0, |npc| -npc.body.velocity.dot(away)).max(0.0);
+    let players = velocity.dot(away).max(0.0);
+    if own > 0.0 { own / (own + players) } else { 0.0 }
 }
 
 /// Stops a body from going on towards another that it has run into, and lets one that stands on the ground go around it: on the right, or

@@ -21,8 +21,10 @@ pub mod navigable;
 mod movers;
 mod npc;
 mod parallel;
+pub mod player;
 pub mod reach;
 mod recording;
+pub mod reliance;
 pub mod replay;
 pub mod sealed;
 pub mod sense;
@@ -35,6 +37,7 @@ pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterPr
 pub use glam::Vec3;
 pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};
 pub use movers::{MoverOrder, MoverState, PACE_RANGE};
+pub use player::{Player, PlayerContact, PlayerSlot};
 pub use npc::{NPC_STATE_VERSION, Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 pub use sense::{OBSERVATION_LEN, RAY_COUNT};
 pub use task::{End, Episode, TaskConfig};

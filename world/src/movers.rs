@@ -4,7 +4,7 @@ use crate::character::{Body, CharacterProfile, MoveScratch};
 use crate::map::{Map, Mover, MoverKind, MoverStop};
 use crate::mesh::{Surface, Triangle};
 use crate::navigable::DOWN;
-use crate::{TICK_SECONDS, Vec3};
+use crate::{TICK_SECONDS, TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Fastest and slowest pace of a mover, in multiples of its usual one.
@@ -68,9 +68,28 @@ impl MoverState {
         }
     }
 
+    /// The states of all movers of a world as bytes, for a process that holds the same map; empty if there are none.
+    pub fn pack(states: &[Self]) -> Vec<u8> {
+        if states.is_empty() { Vec::new() } else { postcard::to_stdvec(states).expect("plain data") }
+    }
+
+    /// Reads what [`MoverState::pack`] wrote for a world on `map`; `None` if the bytes are something else.
+    pub fn unpack(bytes: &[u8], map: &Map) -> Option<Vec<Self>> {
+        let states = if bytes.is_empty() { Vec::new() } else { postcard::from_bytes(bytes).ok()? };
+        Movers::fit(map, &states).then_some(states)
+    }
+
     /// The stop at which it stands; `None` while it travels.
     pub fn at(&self) -> Option<u8> {
         (self.from == self.to).then_some(self.from)
+    }
+
+    /// Whether it goes to `stop` when an NPC calls it: lifts and platforms do once they have stood for a second where they were told to go.
+    pub(crate) fn follows_call(&self, mover: &Mover, stop: u8) -> bool {
+        matches!(mover.kind, MoverKind::Lift | MoverKind::Platform)
+            && usize::from(stop) < mover.stops.len()
+            && self.told.is_some_and(|told| self.at() == Some(told) && told != stop)
+            && self.stood >= TICKS_PER_SECOND
     }
 
     /// The stop at which it stands or to which it is on its way.
@@ -395,14 +414,3 @@ impl Movers {
     }
 }
 
-impl Mover {
-    /// Whether it is solid where `state` says that it is.
-    pub fn is_there(&self, state: &MoverState) -> bool {
-        state.pose(self).is_there
-    }
-
-    /// Whether bodies may rely on it to stand on.
-    pub fn carries(&self) -> bool {
-        self.kind != MoverKind::Door
-    }
-}

@@ -3,6 +3,7 @@
 use crate::character::{Action, Body, CharacterProfile, TickEvents};
 use crate::map::Map;
 use crate::movers::{MoverState, Movers};
+use crate::player::Player;
 use crate::sense::LastDecision;
 use crate::task::{End, Episode, TaskConfig};
 use serde::{Deserialize, Serialize};
@@ -82,6 +83,7 @@ pub struct WorldState {
     pub(crate) tick: u64,
     pub(crate) npcs: Vec<Option<Npc>>,
     pub(crate) movers: Vec<MoverState>,
+    pub(crate) players: Vec<Option<Player>>,
 }
 
 impl WorldState {
@@ -93,12 +95,15 @@ impl WorldState {
     /// Whether this can be the state of a world with `profile_count` profiles on some map.
     pub fn fits_some_map(&self, profile_count: usize) -> bool {
         self.npcs.iter().flatten().all(|npc| npc.fits(profile_count, usize::MAX))
+            && self.players.iter().flatten().all(Player::is_sound)
     }
 
     /// Whether this can be the state of a world with `profile_count` profiles on `map`.
     pub fn fits(&self, profile_count: usize, map: &Map) -> bool {
         let zip_line_count = map.placed().zip_lines.len();
-        self.npcs.iter().flatten().all(|npc| npc.fits(profile_count, zip_line_count)) && Movers::fit(map, &self.movers)
+        self.npcs.iter().flatten().all(|npc| npc.fits(profile_count, zip_line_count))
+            && self.players.iter().flatten().all(Player::is_sound)
+            && Movers::fit(map, &self.movers)
     }
 
     /// Occupied slots in ascending order.

@@ -6,6 +6,7 @@ use crate::character::{Action, CharacterProfile};
 use crate::map::{Map, MapHash, MapSpec};
 use crate::npc::{NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::movers::MoverOrder;
+use crate::player::{Player, PlayerSlot};
 use crate::sealed::{self, SealError};
 use crate::{TaskConfig, Vec3};
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,12 @@ pub enum Input {
     Close(NpcSlot),
     /// `World::order`.
     Order(u16, MoverOrder),
+    /// `World::spawn_player`.
+    SpawnPlayer(Player),
+    /// `World::move_player`.
+    MovePlayer(PlayerSlot, Vec3, Vec3),
+    /// `World::remove_player`.
+    RemovePlayer(PlayerSlot),
 }
 
 /// A recorded run of one world.
@@ -105,6 +112,14 @@ pub enum ReplayError {
         tick: u64,
         /// Index of the mover.
         mover: u16,
+    },
+    /// A player that is moved or removed does not exist.
+    #[error("the recording is inconsistent at tick {tick}: player {player} does not exist")]
+    NoSuchPlayer {
+        /// Tick of the input.
+        tick: u64,
+        /// Slot of the player.
+        player: u32,
     },
     /// The state differs from the recorded one.
     #[error("the replay differs from the recording at tick {tick} (they agreed up to tick {agreed})")]
@@ -194,6 +209,9 @@ impl Recording {
         }
         let spawns_unknown =
             |input: &Input| matches!(input, Input::Spawn(profile, ..) if usize::from(profile.0) >= profile_count);
+        if self.inputs.iter().any(|(_, input)| matches!(input, Input::SpawnPlayer(player) if !player.is_sound())) {
+            return senseless("a player has a size that is out of range");
+        }
         if self.inputs.iter().any(|(_, input)| spawns_unknown(input)) {
             return senseless("an NPC has a profile that does not exist");
         }

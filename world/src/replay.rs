@@ -64,6 +64,18 @@ fn apply(world: &mut World, tick: u64, input: Input) -> Result<(), ReplayError> 
             let obeyed = world.order(mover, order);
             return if obeyed { Ok(()) } else { Err(ReplayError::NoSuchMover { tick, mover }) };
         }
+        Input::SpawnPlayer(player) => {
+            world.spawn_player(player);
+            return Ok(());
+        }
+        Input::MovePlayer(player, feet, velocity) => {
+            let moved = world.move_player(player, feet, velocity);
+            return if moved { Ok(()) } else { Err(ReplayError::NoSuchPlayer { tick, player: player.0 }) };
+        }
+        Input::RemovePlayer(player) => {
+            let removed = world.remove_player(player);
+            return if removed { Ok(()) } else { Err(ReplayError::NoSuchPlayer { tick, player: player.0 }) };
+        }
         Input::Despawn(slot) => (slot, "despawn"),
         Input::Teleport(slot, ..) => (slot, "teleport"),
         Input::SetGoal(slot, _) => (slot, "set goal"),
@@ -75,7 +87,11 @@ fn apply(world: &mut World, tick: u64, input: Input) -> Result<(), ReplayError> 
         return Err(ReplayError::Inconsistent { tick, input: name, slot: slot.0 });
     }
     match input {
-        Input::Spawn(..) | Input::Order(..) => {}
+        Input::Spawn(..)
+        | Input::Order(..)
+        | Input::SpawnPlayer(_)
+        | Input::MovePlayer(..)
+        | Input::RemovePlayer(_) => {}
         Input::Despawn(_) => _ = world.despawn(slot),
         Input::Teleport(_, feet, yaw) => world.teleport(slot, feet, yaw),
         Input::SetGoal(_, goal) => world.set_goal(slot, goal),

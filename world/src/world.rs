@@ -5,6 +5,7 @@ use crate::crowd::CrowdScratch;
 use crate::map::{Liquid, Map};
 use crate::movers::{MoverOrder, MoverState, Movers};
 use crate::npc::{Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
+use crate::player::{Player, PlayerSlot};
 use crate::recording::{CHECK_EVERY_TICKS, Input, Recording};
 use crate::sense::{self, LastDecision, RayCone, SenseContext, Sight};
 use crate::task::{End, Episode, TaskConfig};
@@ -37,6 +38,7 @@ pub struct World {
     scratch: Vec<MoveScratch>,
     crowd: CrowdScratch,
     movers: Movers,
+    players: Vec<Option<Player>>,
     recording: Option<Box<Recording>>,
 }
 
@@ -62,6 +64,7 @@ impl World {
             tick_events: Vec::new(),
             scratch: Vec::new(),
             crowd: CrowdScratch::default(),
+            players: Vec::new(),
             recording: None,
         }
     }
@@ -86,7 +89,8 @@ impl World {
 
     /// Copies the state; together with the map and the configuration, it restores this world.
     pub fn save(&self) -> WorldState {
-        WorldState { tick: self.tick, npcs: self.npcs.clone(), movers: self.movers.states().to_vec() }
+        let movers = self.movers.states().to_vec();
+        WorldState { tick: self.tick, npcs: self.npcs.clone(), movers, players: self.players.clone() }
     }
 
     /// Restores a saved state, which must come from a world with the same map and configuration. Discards a recording in
@@ -96,6 +100,7 @@ impl World {
         self.tick = state.tick;
         self.npcs = state.npcs;
         self.movers.restore(&self.map, state.movers);
+        self.players = state.players;
         self.tick_events = vec![TickEvents::default(); self.npcs.len()];
         self.scratch.resize_with(self.npcs.len(), MoveScratch::default);
     }
@@ -269,9 +274,10 @@ impl World {
         } else {
             self.move_with_movers();
         }
-        let Self { map, config, npcs, scratch, crowd, .. } = self;
-        if config.npc_collision {
-            crowd.separate(npcs, map, &config.profiles, scratch);
+        if self.has_contacts() {
+            let Self { map, config, npcs, scratch, crowd, players, .. } = self;
+            let players = players.iter().flatten();
+            crowd.separate(npcs, players, map, config, scratch);
         }
         if self.recording.is_some() && self.tick.is_multiple_of(CHECK_EVERY_TICKS) {
             let hash = self.save().hash();
@@ -279,9 +285,14 @@ impl World {
         }
     }
 
+    /// Whether NPCs meet each other, or players.
+    fn has_contacts(&self) -> bool {
+        self.config.npc_collision || self.players.iter().any(Option::is_some)
+    }
+
     /// Advances every NPC by ten ticks: a whole decision if all NPCs decide together.
     pub fn tick_decision(&mut self) {
-        if self.config.npc_collision || self.recording.is_some() || !self.movers.is_empty() {
+        if self.has_contacts() || self.recording.is_some() || !self.movers.is_empty() {
             (0..TICKS_PER_DECISION).for_each(|_| self.tick());
         } else {
             self.move_npcs(TICKS_PER_DECISION);
@@ -324,6 +335,48 @@ impl World {
         self.tick += 1;
     }
 
+    /// Adds a player and returns its slot.
+    ///
+    /// # Panics
+    /// If the player is not sound.
+    pub fn spawn_player(&mut self, player: Player) -> PlayerSlot {
+        assert!(player.is_sound(), "a player of an allowed size");
+        self.note(Input::SpawnPlayer(player));
+        let free = self.players.iter().position(Option::is_none).unwrap_or_else(|| {
+            self.players.push(None);
+            self.players.len() - 1
+        });
+        self.players[free] = Some(player);
+        PlayerSlot(free as u32)
+    }
+
+    /// Moves a player; `feet` is in m, `velocity` in m/s. False, and nothing changes, if it does not exist or a number is not finite.
+    pub fn move_player(&mut self, slot: PlayerSlot, feet: Vec3, velocity: Vec3) -> bool {
+        let Some(player) = self.players.get_mut(slot.0 as usize).and_then(Option::as_mut) else { return false };
+        let moved = Player { feet, velocity, ..*player };
+        if !moved.is_sound() {
+            return false;
+        }
+        *player = moved;
+        self.note(Input::MovePlayer(slot, feet, velocity));
+        true
+    }
+
+    /// Removes a player; false if it does not exist.
+    pub fn remove_player(&mut self, slot: PlayerSlot) -> bool {
+        let removed = self.players.get_mut(slot.0 as usize).is_some_and(|player| player.take().is_some());
+        if removed {
+            self.note(Input::RemovePlayer(slot));
+        }
+        removed
+    }
+
+    /// All players with their slots, in ascending order.
+    pub fn players(&self) -> impl Iterator<Item = (PlayerSlot, &Player)> {
+        let listed = (0..).zip(&self.players);
+        listed.filter_map(|(slot, player)| player.as_ref().map(|player| (PlayerSlot(slot), player)))
+    }
+
     /// States of the movers, in the order of those of the map.
     pub fn movers(&self) -> &[MoverState] {
         self.movers.states()
@@ -336,6 +389,16 @@ impl World {
             self.note(Input::Order(mover, order));
         }
         obeyed
+    }
+
+    /// Sends a lift or platform to the stop where an NPC wants it, unless it cycles, is on its way, or was called elsewhere within the last
+    /// second.
+    pub fn call(&mut self, mover: u16, stop: u8) {
+        let idx = usize::from(mover);
+        let called = self.map.movers().get(idx).zip(self.movers.states().get(idx));
+        if called.is_some_and(|(mover, state)| state.follows_call(mover, stop)) {
+            self.order(mover, MoverOrder::GoTo(stop));
+        }
     }
 
     /// Takes over the states of the movers of another world on the same map, in the order of those of the map. A recording in progress

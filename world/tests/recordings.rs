@@ -6,7 +6,7 @@ use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::{Input, REPLAY_VERSION, Recording, ReplayError};
 use surefoot_world::{
-    Action, CharacterProfile, Map, MapSpec, Npc, NpcSlot, ProfileIdx, RawCharacterProfile, TaskConfig, Vec3, World,
+    Action, CharacterProfile, Map, MapSpec, MoverState, Npc, NpcSlot, Player, ProfileIdx, RawCharacterProfile, TaskConfig, Vec3, World,
 };
 
 fn floor() -> Arc<Map> {
@@ -51,8 +51,8 @@ impl Parts {
     }
 
     fn replay(&self, map: &Arc<Map>) -> Result<(), ReplayError> {
-        let movers: [surefoot_world::MoverState; 0] = [];
-        let state = (self.start_tick, &self.npcs, movers);
+        let none: (Vec<MoverState>, Vec<Option<Player>>) = Default::default();
+        let state = (self.start_tick, &self.npcs, &none);
         let config = (&self.profiles, TaskConfig::default(), true);
         let content = (map.hash(), None::<MapSpec>, config, state, &self.inputs, &self.checks, self.end_tick);
         let content = postcard::to_stdvec(&content).expect("plain data");
@@ -81,7 +81,7 @@ fn what_cannot_have_happened_is_refused() {
         ("initial state", |parts, _| {
             parts.npc().episode.iter_mut().for_each(|episode| episode.decisions = u32::MAX);
         }),
-        ("zip line that the map does not have", |parts, _| {
+        ("zip lines or movers that the map does not have", |parts, _| {
             parts.npc().body.ride = Some(Ride { line_idx: 0, distance: 0.0 });
         }),
         ("profile that does not exist", |parts, at| parts.inputs.push((3, Input::Spawn(ProfileIdx(1), at, 0.0)))),

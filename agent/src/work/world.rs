@@ -6,7 +6,7 @@ use super::ahead::{Arrival, Maps};
 use super::graph::{Graph, revision_from_wire};
 use super::inference::{Decided, Inference, Rows};
 use prost::Message;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_planner::Plan;
@@ -20,7 +20,8 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::Style;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::{Ghost, NoiseStream, Rehearsal};
-use surefoot_world::{Action, CharacterProfile, OBSERVATION_LEN, Vec3};
+use surefoot_rollout::scene::{Call, Scene};
+use surefoot_world::{Action, CharacterProfile, MoverState, OBSERVATION_LEN, Vec3};
 use tokio::sync::{mpsc, watch};
 use tonic::Code;
 use tracing::warn;
@@ -220,6 +221,8 @@ impl WorldTask {
         };
         let at = |values: &[f32], idx: usize| Vec3::new(values[3 * idx], values[3 * idx + 1], values[3 * idx + 2]);
         self.apply_received();
+        let movers = self.movers(&batch.movers);
+        let mut calls = BTreeSet::new();
         let mut attempts = Vec::with_capacity(count);
         let mut gave_up = Vec::new();
         let mut queries = Vec::new();
@@ -229,6 +232,7 @@ impl WorldTask {
             let touched = batch.waypoint_reached.get(idx).copied().unwrap_or(false);
             let grounded = batch.grounded.get(idx).copied().unwrap_or(true);
             self.meet(id, attempt, goal, (batch.tick, idx));
+            calls.extend(self.look(id, &movers, feet, grounded));
             match self.note(id, feet, touched, grounded) {
                 Step::Keep => {}
                 Step::Head(waypoint) => {
@@ -248,7 +252,7 @@ impl WorldTask {
         }
         let states = self.states(&batch.npc_ids, &batch.states, batch.state_version).await;
         let mut no_way = Vec::new();
-        self.rehearse(&states, &mut no_way).await?;
+        self.rehearse(&states, &movers, &mut no_way).await?;
         let no_way = no_way.into_iter();
         gave_up.extend(no_way.map(|(npc_id, attempt)| wire::GivenUp { npc_id, attempt, unreachable: true }));
         if self.awaits_map() {
@@ -256,7 +260,7 @@ impl WorldTask {
                 self.npc(id).holds = batch.grounded.get(idx).copied().unwrap_or(true);
             }
         } else {
-            self.rehearse_straight(&states, &batch.npc_ids).await?;
+            self.rehearse_straight(&states, &movers, &batch.npc_ids).await?;
         }
         self.aim(&states, &batch.npc_ids, &mut observations);
         let waypoints = batch.npc_ids.iter().filter_map(|&id| {
@@ -282,6 +286,7 @@ impl WorldTask {
             plans,
             attempts,
             plans_failed: std::mem::take(&mut self.plans_failed),
+            mover_calls: calls.into_iter().map(|call| wire::MoverCall { mover: call.mover.into(), stop: call.stop.into() }).collect(),
         })
     }
 
@@ -314,6 +319,19 @@ impl WorldTask {
         if npc.attempt != attempt {
             *npc = begin();
         }
+    }
+
+    /// Lets an NPC look at the movers of its world, and returns the one that it calls.
+    fn look(&mut self, id: u64, movers: &[MoverState], feet: Vec3, grounded: bool) -> Option<Call> {
+        let map = self.rehearsal.as_ref().filter(|_| !movers.is_empty())?.map().clone();
+        let npc = self.npc(id);
+        npc.follower.look(Scene { map: &map, states: movers }, feet, grounded);
+        npc.follower.call()
+    }
+
+    /// The states of the movers of a batch; none if there are none, or it is not known yet where they are.
+    fn movers(&self, bytes: &[u8]) -> Vec<MoverState> {
+        self.rehearsal.as_ref().and_then(|it| MoverState::unpack(bytes, it.map())).unwrap_or_default()
     }
 
     /// Updates an NPC's follower with its position and returns the follower's step.
@@ -570,6 +588,7 @@ fn split(mut answer: wire::ActionBatch, limit: usize) -> Vec<wire::ActionBatch> 
         part.actions.extend_from_slice(&answer.actions[idx * action_bytes..][..action_bytes]);
     }
     part.plans_failed = answer.plans_failed;
+    part.mover_calls = answer.mover_calls;
     parts.push(part);
     parts
 }
@@ -594,6 +613,7 @@ mod tests {
                 .collect(),
             gave_up: vec![wire::GivenUp { npc_id: 1, attempt: 1, unreachable: true }],
             plans_failed: 3,
+            mover_calls: vec![wire::MoverCall { mover: 2, stop: 1 }],
         };
         assert!(answer.encoded_len() > 2 << 20);
         let parts = split(answer.clone(), MAX_ANSWER_BYTES);
@@ -608,6 +628,7 @@ mod tests {
             whole.plans.extend(part.plans.iter().cloned());
             whole.gave_up.extend(part.gave_up.iter().cloned());
             whole.plans_failed += part.plans_failed;
+            whole.mover_calls.extend(&part.mover_calls);
         }
         assert_eq!(whole, answer);
         assert_eq!(split(parts[0].clone(), MAX_ANSWER_BYTES), [parts[0].clone()], "a small one stays whole");

@@ -1,6 +1,8 @@
-//! Places vertices beside devices, so that every pad, zip line and teleporter has one at each end.
+//! Places vertices beside devices and movers, so that every pad, zip line and teleporter has one at each end, every door one on each side,
+//! and every lift some around each of its stops.
 
 use surefoot_world::character::MoveScratch;
+use surefoot_world::map::MoverKind;
 use surefoot_world::{CharacterProfile, Map, Vec3, navigable};
 
 /// Greatest horizontal distance of a vertex from its device, m.
@@ -34,6 +36,7 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
     if profile.uses_jetpacks {
         spots.extend(placed.jetpacks.iter().map(|jetpack| near(jetpack.centre)));
     }
+    spots.extend(beside_movers(map));
     let mut scratch = MoveScratch::default();
     let mut anchors: Vec<Vec3> = Vec::new();
     for (point, reach, rise) in spots {
@@ -46,4 +49,35 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
         }
     }
     anchors
+}
+
+/// Distance from a mover at which an NPC waits for it, m, and how far from there and how much higher or lower a vertex may be.
+const WAIT_M: f32 = 1.3;
+const WAIT_REACH_M: f32 = 1.2;
+const WAIT_RISE_M: f32 = 1.0;
+
+/// Places on both sides of doors, and around the stops of lifts and platforms: centre, and greatest distances of each search, m.
+fn beside_movers(map: &Map) -> Vec<(Vec3, f32, f32)> {
+    let mut spots = Vec::new();
+    for mover in map.movers() {
+        let stops = match mover.kind {
+            MoverKind::Door => 0..1,
+            MoverKind::Lift | MoverKind::Platform => 0..mover.stops.len(),
+            MoverKind::Floor | MoverKind::Conveyor => continue,
+        };
+        for stop in stops {
+            let (low, high) = mover.bounds_at(stop);
+            let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+            let level = if mover.kind == MoverKind::Door { low.y } else { high.y };
+            let aside = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].into_iter().filter(|side| {
+                // Only across a door.
+                mover.kind != MoverKind::Door || (half.x < half.z) == (side.x != 0.0)
+            });
+            spots.extend(aside.map(|side| {
+                let at = Vec3::new(middle.x, level, middle.z) + side * (half.dot(side.abs()) + WAIT_M);
+                (at, WAIT_REACH_M, WAIT_RISE_M)
+            }));
+        }
+    }
+    spots
 }

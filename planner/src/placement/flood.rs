@@ -30,7 +30,7 @@ const POOL: usize = 10;
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
-    let PlacementContext { site, settings, executor, progress } = placing;
+    let PlacementContext { site, settings, executor, progress, .. } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL * settings.vertices, rng)?;
     let spacing = even_spacing(&site.map, settings.vertices);
     let apart = MIN_SEPARATION * spacing;
@@ -63,7 +63,7 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
                 let goal = pool[goals.swap_remove(rng.random_range(0..goals.len())) as usize];
                 stream += 1;
                 sources.push(source);
-                trials.push(Trial { start: from, via: None, goal, stream, on_foot: false, keep_track: false });
+                trials.push(Trial { start: from, via: None, goal, stream, on_foot: false, keep_track: false, held: None, ride: None });
             }
         }
         let outcomes = executor.run(&trials, settings.seed, *progress).ok_or(BuildError::Cancelled)?;

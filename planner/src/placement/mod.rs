@@ -14,6 +14,7 @@ pub use anchors::beside_devices;
 
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
+use crate::needs::Berths;
 use crate::probe::ProbeExecutor;
 use crate::progress::Progress;
 use crate::settings::{BuildError, BuildSettings, Placement};
@@ -42,6 +43,8 @@ pub struct PlacementContext<'a> {
     pub site: &'a Site,
     /// Settings of the build.
     pub settings: &'a BuildSettings,
+    /// The berths of the map, which become vertices.
+    pub berths: &'a Berths,
     /// Runs episodes.
     pub executor: &'a dyn ProbeExecutor,
     /// Counts the episodes, and cancels them.
@@ -57,7 +60,7 @@ pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     let (map, profile, count) = (&site.map, &site.profile, settings.vertices);
     let only = |vertices| Draft { vertices, ..Draft::default() };
-    Ok(match settings.placement {
+    let mut draft = match settings.placement {
         Placement::Random => only(random::place(map, profile, count, &mut rng)?),
         Placement::Spaced => {
             let anchors = if settings.special_moves {
@@ -75,7 +78,9 @@ pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
         }
         Placement::Flood => flood::place(placing, false, &mut rng)?,
         Placement::FloodGrandchildren => flood::place(placing, true, &mut rng)?,
-    })
+    };
+    draft.vertices.extend(placing.berths.places());
+    Ok(draft)
 }
 
 /// At most one vertex in this many is reserved for devices.

@@ -34,7 +34,7 @@ const POOL: usize = 4096;
 /// # Errors
 /// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
-    let PlacementContext { site, settings, executor, progress } = placing;
+    let PlacementContext { site, settings, executor, progress, .. } = placing;
     let pool = navigable::sample_many(&site.map, &site.profile, POOL.min(8 * settings.vertices), rng)?;
     let merge_m = MERGE * even_spacing(&site.map, settings.vertices);
     let grid = PointGrid::new(&pool, RUN_M.end);
@@ -54,7 +54,7 @@ pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Dra
                     .collect();
                 let goal = pool[*goals.get(rng.random_range(0..goals.len().max(1)))? as usize];
                 let stream = round * ROUND as u64 + idx;
-                Some(Trial { start, via: None, goal, stream, on_foot: false, keep_track: true })
+                Some(Trial { start, via: None, goal, stream, on_foot: false, keep_track: true, held: None, ride: None })
             })
             .collect();
         let before = merger.draft.vertices.len();

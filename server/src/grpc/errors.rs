@@ -2,7 +2,7 @@
 
 use crate::envs::EnvError;
 use crate::errors::SimError;
-use crate::hosted::{EventsLost, NpcError};
+use crate::hosted::{EventsLost, LivingError, NpcError};
 use crate::messages::Goodbye;
 use crate::worlds::WorldsError;
 use std::time::Duration;
@@ -27,6 +27,22 @@ impl From<NpcError> for Status {
             NpcError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             NpcError::Down(_) => status::failure(Reason::NpcDown, message),
             NpcError::NoGround(_) => status::failure(Reason::NoGround, message),
+        }
+    }
+}
+
+impl From<LivingError> for Status {
+    fn from(error: LivingError) -> Self {
+        let message = error.to_string();
+        match error {
+            LivingError::NoSuchMover(_, name) => status::not_found(Reason::MoverNotFound, "mover", name, message),
+            LivingError::Order { field, .. } | LivingError::Outside { field, .. } => status::invalid(field, message),
+            LivingError::NoSuchPlayer(_, player) => {
+                status::not_found(Reason::PlayerNotFound, "player", player.to_string(), message)
+            }
+            LivingError::TooManyPlayers(world) => {
+                status::quota(Reason::TooManyPlayers, format!("world:{world}"), message)
+            }
         }
     }
 }

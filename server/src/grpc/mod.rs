@@ -1,11 +1,13 @@
 //! `WorldService`: decode, call, encode.
 //!
-//! `batches` has the calls for many NPCs, `readers` the streams to readers, `work` the streams of workers, `env` implements
+//! `batches` has the calls for many NPCs, `readers` the streams to readers, `living` the calls about movers and players, `work`
+//! the streams of workers, `env` implements
 //! `EnvService`, `errors` converts the server's errors to statuses.
 
 mod batches;
 pub mod env;
 mod errors;
+mod living;
 mod readers;
 mod work;
 
@@ -62,6 +64,10 @@ impl WorldApi {
             spawned: AnswerCache::default(),
             spawned_batches: AnswerCache::default(),
         }
+    }
+
+    fn worlds(&self) -> &Worlds {
+        &self.worlds
     }
 
     /// How long a reader may leave all messages unread until it is cut off.
@@ -446,6 +452,46 @@ impl WorldService for WorldApi {
     ) -> Result<Response<wire::GetFeaturesResponse>, Status> {
         let map = self.worlds.handle(WorldId(request.into_inner().world_id))?.map;
         Ok(Response::new(features_to_wire(&map)))
+    }
+
+    async fn list_movers(
+        &self,
+        request: Request<wire::ListMoversRequest>,
+    ) -> Result<Response<wire::ListMoversResponse>, Status> {
+        let caller = Caller::of(&request);
+        Ok(Response::new(self.movers_of(&caller, request.into_inner()).await?))
+    }
+
+    async fn set_mover(
+        &self,
+        request: Request<wire::SetMoverRequest>,
+    ) -> Result<Response<wire::SetMoverResponse>, Status> {
+        let caller = Caller::of(&request);
+        Ok(Response::new(self.order_mover(&caller, request.into_inner()).await?))
+    }
+
+    async fn spawn_player(
+        &self,
+        request: Request<wire::SpawnPlayerRequest>,
+    ) -> Result<Response<wire::SpawnPlayerResponse>, Status> {
+        let caller = Caller::of(&request);
+        Ok(Response::new(self.add_player(&caller, request.into_inner()).await?))
+    }
+
+    async fn move_players(
+        &self,
+        request: Request<wire::MovePlayersRequest>,
+    ) -> Result<Response<wire::MovePlayersResponse>, Status> {
+        let caller = Caller::of(&request);
+        Ok(Response::new(self.place_players(&caller, request.into_inner()).await?))
+    }
+
+    async fn remove_player(
+        &self,
+        request: Request<wire::RemovePlayerRequest>,
+    ) -> Result<Response<wire::RemovePlayerResponse>, Status> {
+        let caller = Caller::of(&request);
+        Ok(Response::new(self.drop_player(&caller, request.into_inner()).await?))
     }
 
     async fn stall_world(

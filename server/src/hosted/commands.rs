@@ -230,9 +230,16 @@ impl HostedWorld {
         self.records.iter().map(|(&id, record)| self.describe(id, record))
     }
 
-    /// Copies the states of all NPCs.
+    /// Copies the states of all NPCs, movers and players.
     pub fn snapshot(&self) -> Snapshot {
-        Snapshot { tick: self.tick(), time: SystemTime::now(), npcs: self.npcs().collect() }
+        let movers = self.movers().iter().zip(self.mover_states());
+        Snapshot {
+            tick: self.tick(),
+            time: SystemTime::now(),
+            npcs: self.npcs().collect(),
+            movers: movers.map(|(mover, state)| (*state, state.pose(mover))).collect(),
+            players: self.world.players().map(|(slot, player)| (slot, *player)).collect(),
+        }
     }
 
     /// Copies the statistics of the world.

@@ -1,12 +1,14 @@
 //! One world on the server: its NPCs, which decisions are due, which worker makes them, and how attempts end.
 //!
 //! A tick is [`HostedWorld::step`] (in `tick`): request decisions, move, end attempts. Answers arrive between ticks. `workers`
-//! hands NPCs from one worker to another, `commands` has the calls of clients, `snapshot` and `events` what clients see (`motion`
+//! hands NPCs from one worker to another, `commands` has the calls of clients (`living` those about movers and
+//! players), `snapshot` and `events` what clients see (`motion`
 //! detects jumps and landings), `saved` what outlives the process.
 //! Nothing here awaits, and nothing knows wire types.
 
 mod commands;
 mod events;
+mod living;
 mod mode;
 mod motion;
 mod outbox;
@@ -18,6 +20,7 @@ mod world;
 
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
+pub use living::{Destination, LivingError};
 pub use mode::TimeMode;
 pub use saved::{SavedError, SavedMap, SavedWorld, StateFolder};
 pub use snapshot::{

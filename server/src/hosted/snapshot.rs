@@ -5,7 +5,8 @@ use crate::ids::WorkerId;
 use crate::times::TickTimes;
 use serde::{Deserialize, Serialize};
 use std::time::SystemTime;
-use surefoot_world::{Ability, Chance, End, ProfileIdx, Seconds, Tick, Vec3};
+use surefoot_world::map::MoverStop;
+use surefoot_world::{Ability, Chance, End, MoverState, Player, PlayerSlot, ProfileIdx, Seconds, Tick, Vec3};
 
 /// What an NPC is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,11 +78,15 @@ pub struct Snapshot {
     pub time: SystemTime,
     /// The NPCs, ordered by id.
     pub npcs: Vec<NpcState>,
+    /// What each mover of the map does, and where it is.
+    pub movers: Vec<(MoverState, MoverStop)>,
+    /// The players.
+    pub players: Vec<(PlayerSlot, Player)>,
 }
 
 impl Default for Snapshot {
     fn default() -> Self {
-        Self { tick: Tick(0), time: SystemTime::UNIX_EPOCH, npcs: Vec::new() }
+        Self { tick: Tick(0), time: SystemTime::UNIX_EPOCH, npcs: Vec::new(), movers: Vec::new(), players: Vec::new() }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::ids::WorkerId;
 use crate::messages::{Answer, AttemptEnd, Decision, ObservationBatch, ToWorker};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use surefoot_world::{Action, End, Npc, ProfileIdx, TICKS_PER_DECISION};
+use surefoot_world::{Action, End, MoverState, Npc, ProfileIdx, TICKS_PER_DECISION};
 
 /// Misses in a row after which an NPC takes the neutral action instead of repeating its last one.
 const MISSES_UNTIL_NEUTRAL: u8 = 2;
@@ -86,7 +86,10 @@ impl HostedWorld {
             self.world.close_decision(record.slot);
             self.world.observe(record.slot, &mut self.row);
             let npc = self.world.npc(record.slot).expect("every record has an NPC");
-            let new_batch = || ObservationBatch::new(self.id, tick, npc.profile);
+            let new_batch = || {
+                let movers = MoverState::pack(self.world.movers());
+                ObservationBatch { movers, ..ObservationBatch::new(self.id, tick, npc.profile) }
+            };
             let batch = self.batches.entry((worker, npc.profile.0)).or_insert_with(new_batch);
             batch.npcs.push(id);
             batch.observations.extend_from_slice(&self.row);
@@ -131,6 +134,9 @@ impl HostedWorld {
             };
             self.counters.answered += 1;
             self.world.decide(record.slot, action);
+        }
+        for (mover, stop) in answer.mover_calls {
+            self.world.call(mover, stop);
         }
         for (id, attempt, plan) in answer.plans {
             if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {

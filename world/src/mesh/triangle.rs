@@ -80,6 +80,12 @@ impl Triangle {
         self.surface
     }
 
+    /// Height of the triangle above or below a point of the plane, m; `None` if it does not reach there.
+    pub fn height_at(&self, x: f32, z: f32) -> Option<f32> {
+        const HIGH: f32 = 20_000.0;
+        self.ray(Vec3::new(x, HIGH, z), Vec3::NEG_Y, 0.0, 2.0 * HIGH).map(|distance| HIGH - distance)
+    }
+
     /// Least and greatest coordinates of the corners, m.
     pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         let [a, b, c] = self.corners();

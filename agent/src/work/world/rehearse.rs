@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_rollout::Style;
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
-use surefoot_world::{NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
+use surefoot_world::{MoverState, NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
 
 /// Longest wait for the map: NPCs that go without having rehearsed die where ground ends.
 const MAP_LIMIT: Duration = Duration::from_secs(120);
@@ -52,6 +52,7 @@ impl WorldTask {
     pub(super) async fn rehearse(
         &mut self,
         states: &[(u64, State)],
+        movers: &[MoverState],
         gave_up: &mut Vec<(u64, u32)>,
     ) -> Result<(), WorldError> {
         if self.rehearsal.is_none() {
@@ -60,7 +61,7 @@ impl WorldTask {
         for (id, state) in states {
             let npc = self.npc(*id);
             let was_foretold = npc.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&state.body));
-            if !was_foretold && npc.follower.waypoint().is_some() {
+            if !was_foretold && npc.follower.waypoint().is_some() && !npc.follower.is_barred() {
                 (npc.ghost, npc.rehearses_next) = (None, true);
             }
         }
@@ -90,7 +91,7 @@ impl WorldTask {
         while !waiting.is_empty() {
             let actors: Vec<Actor> = waiting.iter().map(|(state, id, _)| self.npc(*id).actor(state)).collect();
             let Some(rehearsal) = self.rehearsal.take() else { return Ok(()) };
-            let results = self.perform(rehearsal, actors).await?;
+            let results = self.perform(rehearsal, actors, movers).await?;
             let mut queries = Vec::new();
             let mut results = results.into_iter();
             waiting.retain_mut(|(state, id, tally)| {
@@ -140,6 +141,7 @@ impl WorldTask {
     pub(super) async fn rehearse_straight(
         &mut self,
         states: &[(u64, State)],
+        movers: &[MoverState],
         npc_ids: &[u64],
     ) -> Result<(), WorldError> {
         let takes_interim = self.takes_interim();
@@ -181,7 +183,7 @@ impl WorldTask {
         }
         let Some(rehearsal) = self.rehearsal.take() else { return Ok(()) };
         let (ids, actors): (Vec<u64>, Vec<Actor>) = actors.into_iter().unzip();
-        for (id, result) in ids.into_iter().zip(self.perform(rehearsal, actors).await?) {
+        for (id, result) in ids.into_iter().zip(self.perform(rehearsal, actors, movers).await?) {
             if result.is_err_and(|mishap| mishap.is_harm) {
                 let npc = self.npc(id);
                 (npc.holds, npc.next_try) = (true, npc.unplanned + RETRY_DECISIONS);
@@ -197,7 +199,8 @@ impl WorldTask {
         let style = |id: &u64| {
             let (_, state) = states.next_if(|(other, _)| other == id)?;
             let npc = self.npcs.get(id)?;
-            npc.ghost.as_ref().filter(|ghost| ghost.is_ahead()).map(|_| (npc.follower.style(), *state))
+            let is_known = npc.follower.stays().is_some() || npc.ghost.as_ref().is_some_and(Ghost::is_ahead);
+            is_known.then(|| (npc.follower.style(), *state))
         };
         npc_ids.iter().map(style).collect()
     }
@@ -207,11 +210,12 @@ impl WorldTask {
         &mut self,
         mut rehearsal: Rehearsal,
         actors: Vec<Actor>,
+        movers: &[MoverState],
     ) -> Result<Vec<Result<Ghost, Mishap>>, WorldError> {
-        let policy = self.policy.clone();
+        let (policy, movers) = (self.policy.clone(), movers.to_vec());
         let started = Instant::now();
         let task = tokio::task::spawn_blocking(move || {
-            let results = rehearsal.run(&policy, actors);
+            let results = rehearsal.run(&policy, actors, &movers);
             (rehearsal, results)
         });
         let (returned, results) = task.await?;

@@ -1,0 +1,215 @@
+//! What an edge hangs on: movers that must stand at certain stops while an NPC runs along it, and rides on them.
+//!
+//! The places on lifts and platforms where an NPC stands, one at each stop, are vertices like any other: berths. Edges to and from a berth
+//! are proved while the mover is held at its stop, and the edge between two berths of a mover is the ride.
+
+use serde::{Deserialize, Serialize};
+use surefoot_world::character::{MoveScratch, is_clear};
+use surefoot_world::map::{Mover, MoverKind};
+use surefoot_world::{
+    CharacterProfile, DECISION_SECONDS, Decisions, Map, MoverState, TICKS_PER_DECISION, TICKS_PER_SECOND, Vec3,
+};
+
+/// Most movers that one edge hangs on; those that were noticed first count.
+const MAX_NEEDS: usize = 2;
+/// Distance within which a place is a berth, m.
+const SAME_M: f32 = 0.01;
+/// Overlap of a body with what is static that a berth may have, m.
+const CLEAR_SLOP_M: f32 = 0.1;
+
+/// A mover that must stand at one of some stops.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Need {
+    /// Index of the mover on the map.
+    pub mover: u16,
+    /// Its stops, as bits; none for no need.
+    pub stops: u16,
+}
+
+/// A ride from one stop of a mover to another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ride {
+    /// Index of the mover on the map.
+    pub mover: u16,
+    /// Index of the stop where the ride begins.
+    pub from: u8,
+    /// Index of the stop where it ends.
+    pub to: u8,
+}
+
+/// Everything that an edge hangs on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Needs {
+    list: [Need; MAX_NEEDS],
+    /// The ride that the edge is, if it is one.
+    pub ride: Option<Ride>,
+}
+
+impl Needs {
+    /// What a ride hangs on: that the mover stands where it begins.
+    pub fn of_ride(ride: Ride) -> Self {
+        let mut needs = Self { ride: Some(ride), ..Self::default() };
+        needs.add(Need { mover: ride.mover, stops: 1 << ride.from });
+        needs
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.ride.is_none() && self.iter().next().is_none()
+    }
+
+    /// The movers, each once.
+    pub fn iter(&self) -> impl Iterator<Item = Need> {
+        self.list.into_iter().filter(|need| need.stops != 0)
+    }
+
+    /// Adds a need; one for the same mover is narrowed. Without a stop that would satisfy both, the former need stays.
+    pub fn add(&mut self, need: Need) {
+        if let Some(known) = self.list.iter_mut().find(|known| known.stops != 0 && known.mover == need.mover) {
+            if known.stops & need.stops != 0 {
+                known.stops &= need.stops;
+            }
+        } else if let Some(free) = self.list.iter_mut().find(|known| known.stops == 0) {
+            *free = need;
+        }
+    }
+
+    /// Adds all that another try along the same edge hung on.
+    pub fn merge(&mut self, other: &Self) {
+        other.iter().for_each(|need| self.add(need));
+        self.ride = self.ride.or(other.ride);
+    }
+
+    /// Whether the edge can be used while each mover stands only at `stops`, in the order of the map; movers that are not listed stand
+    /// anywhere. A ride needs both of its stops.
+    pub fn are_met(&self, stops: &[u16]) -> bool {
+        let of = |mover: u16| stops.get(usize::from(mover)).copied().unwrap_or(u16::MAX);
+        self.iter().all(|need| need.stops & of(need.mover) != 0)
+            && self.ride.is_none_or(|ride| of(ride.mover) & 1 << ride.to != 0)
+    }
+}
+
+/// The stops at which a mover stands sooner or later, as bits, if nobody but NPCs tells it otherwise.
+pub fn stops_ahead(mover: &Mover, state: &MoverState) -> u16 {
+    let all = ((1u32 << mover.stops.len()) - 1) as u16;
+    let calls = matches!(mover.kind, MoverKind::Lift | MoverKind::Platform);
+    match (state.told, state.at()) {
+        (_, Some(at)) if state.pace == 0.0 => 1 << at,
+        (_, None) if state.pace == 0.0 => 0,
+        (Some(told), _) if !calls => 1 << told,
+        _ => all,
+    }
+}
+
+/// The same for all movers of a map; empty if each of them stands at all of its stops, or there are none.
+pub fn all_stops_ahead(map: &Map, states: &[MoverState]) -> Vec<u16> {
+    let ahead: Vec<u16> = map.movers().iter().zip(states).map(|(mover, state)| stops_ahead(mover, state)).collect();
+    let is_free = |(mover, stops): (&Mover, &u16)| stops.count_ones() as usize == mover.stops.len();
+    if map.movers().iter().zip(&ahead).all(is_free) { Vec::new() } else { ahead }
+}
+
+/// The states in which edges are proved: doors open, floors there, lifts and platforms at their first stop, but `held` at that of its own.
+pub fn states_for_proof(map: &Map, held: Option<(u16, u8)>) -> Vec<MoverState> {
+    let state = |(idx, mover): (u16, &Mover)| {
+        let usual = if mover.kind == MoverKind::Door { mover.stops.len() as u8 - 1 } else { 0 };
+        let stop = held.filter(|(held, _)| *held == idx).map_or(usual, |(_, stop)| stop);
+        MoverState { from: stop, to: stop, told: Some(stop), progress: 0.0, ..MoverState::new(mover) }
+    };
+    (0..).zip(map.movers()).map(state).collect()
+}
+
+/// The places on the movers of a map where an NPC stands.
+#[derive(Debug, Clone, Default)]
+pub struct Berths {
+    places: Vec<(Vec3, u16, u8)>,
+}
+
+impl Berths {
+    /// The berths of all lifts and platforms of a map on which this body fits.
+    pub fn of(map: &Map, profile: &CharacterProfile) -> Self {
+        let mut places = Vec::new();
+        let mut scratch = MoveScratch::default();
+        for (idx, mover) in (0..).zip(map.movers()) {
+            if !matches!(mover.kind, MoverKind::Lift | MoverKind::Platform) {
+                continue;
+            }
+            for stop in 0..mover.stops.len() {
+                let place = top(mover, stop).filter(|place| {
+                    let inside = !map.is_outside(*place) && place.y <= map.extent().y;
+                    inside && is_clear(map.mesh(), profile, *place, CLEAR_SLOP_M, &mut scratch)
+                });
+                places.extend(place.map(|place| (place, idx, stop as u8)));
+            }
+        }
+        Self { places }
+    }
+
+    /// All places, m.
+    pub fn places(&self) -> impl Iterator<Item = Vec3> {
+        self.places.iter().map(|(place, ..)| *place)
+    }
+
+    /// The mover and its stop of which `place` is the berth.
+    pub fn at(&self, place: Vec3) -> Option<(u16, u8)> {
+        let here = |(berth, ..): &&(Vec3, u16, u8)| berth.distance_squared(place) < SAME_M * SAME_M;
+        self.places.iter().find(here).map(|(_, mover, stop)| (*mover, *stop))
+    }
+
+    /// The ride between two berths; `None` unless they are those of one mover.
+    pub fn ride(&self, start: Vec3, goal: Vec3) -> Option<Ride> {
+        let ((mover, from), (other, to)) = self.at(start).zip(self.at(goal))?;
+        (mover == other && from != to).then_some(Ride { mover, from, to })
+    }
+}
+
+/// The middle of the top of a mover at a stop, m.
+fn top(mover: &Mover, stop: usize) -> Option<Vec3> {
+    let (low, high) = mover.bounds_at(stop);
+    let above = Vec3::new(0.5 * (low.x + high.x), high.y + 0.5, 0.5 * (low.z + high.z));
+    let triangles = mover.triangles_at(mover.stops[stop]);
+    let heights = triangles.iter().filter_map(|triangle| triangle.height_at(above.x, above.z));
+    heights.filter(|height| *height <= high.y + 0.01).reduce(f32::max).map(|height| Vec3::new(above.x, height, above.z))
+}
+
+/// How long an NPC that wants to board a mover waits on average until it stands at the stop.
+pub fn mean_wait(mover: &Mover) -> Decisions {
+    let journeys = (mover.stops.len() - 1) as f32;
+    let seconds = if mover.cycles {
+        // There and back, with a stay at each stop; who comes while it is there does not wait.
+        let round = 2.0 * journeys * (mover.travel_s + mover.dwell_s);
+        let away = round - mover.dwell_s;
+        0.5 * away * away / round.max(f32::MIN_POSITIVE)
+    } else {
+        0.5 * journeys * mover.travel_s
+    };
+    Decisions(f64::from(seconds / DECISION_SECONDS))
+}
+
+/// Longest duration of a ride, its stops on the way included, in ticks.
+pub fn longest_ride_ticks(mover: &Mover, ride: Ride) -> u32 {
+    let journeys = f32::from(ride.from.abs_diff(ride.to)).max(1.0) * 2.0 * mover.stops.len() as f32;
+    (journeys * (mover.travel_s + mover.dwell_s) * TICKS_PER_SECOND as f32) as u32 + 10 * TICKS_PER_DECISION
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn needs_of_the_same_mover_are_narrowed_and_others_are_added() {
+        let mut needs = Needs::default();
+        assert!(needs.is_empty() && needs.are_met(&[0, 0, 0]));
+        needs.add(Need { mover: 1, stops: 0b110 });
+        needs.add(Need { mover: 1, stops: 0b011 });
+        needs.add(Need { mover: 2, stops: 0b001 });
+        assert_eq!(needs.iter().collect::<Vec<_>>(), [Need { mover: 1, stops: 0b010 }, Need { mover: 2, stops: 0b001 }]);
+        assert!(needs.are_met(&[]) && needs.are_met(&[0, 0b010, 0b101]));
+        assert!(!needs.are_met(&[0, 0b001, 1]) && !needs.are_met(&[0, 0b010, 0b110]));
+    }
+
+    #[test]
+    fn a_ride_needs_both_of_its_stops() {
+        let needs = Needs::of_ride(Ride { mover: 0, from: 0, to: 2 });
+        assert!(needs.are_met(&[0b101]) && !needs.are_met(&[0b001]) && !needs.are_met(&[0b100]));
+    }
+}

@@ -1,0 +1,90 @@
+//! The calls about movers and players.
+
+use super::WorldApi;
+use crate::hosted::{HostedWorld, LivingError};
+use crate::ids::WorldId;
+use crate::sim::SimHandle;
+use crate::wire::living;
+use crate::worlds::WorldsError;
+use surefoot_net::serving::Caller;
+use surefoot_net::status;
+use surefoot_proto::world::v1 as wire;
+use surefoot_world::PlayerSlot;
+use surefoot_world::player::MAX_PLAYERS;
+use tonic::Status;
+
+impl WorldApi {
+    /// The thread of a world that the caller may change.
+    fn change(&self, caller: &Caller, world: u64) -> Result<SimHandle, WorldsError> {
+        self.worlds().handle_to_change(caller, WorldId(world)).map(|handle| handle.sim)
+    }
+
+    pub(super) async fn movers_of(
+        &self,
+        caller: &Caller,
+        wire::ListMoversRequest { world_id }: wire::ListMoversRequest,
+    ) -> Result<wire::ListMoversResponse, Status> {
+        let handle = self.worlds().handle_for(caller, WorldId(world_id))?;
+        let (tick, states) = handle.sim.call(|state| (state.world.tick(), state.world.mover_states().to_vec())).await?;
+        let movers = handle.map.movers();
+        let each = movers.iter().zip(&states).enumerate();
+        let states = each.map(|(idx, (mover, state))| living::mover_state_to_wire(idx, state, state.pose(mover)));
+        Ok(wire::ListMoversResponse {
+            states: states.collect(),
+            movers: movers.iter().map(living::mover_to_wire).collect(),
+            tick: tick.0,
+        })
+    }
+
+    pub(super) async fn order_mover(
+        &self,
+        caller: &Caller,
+        request: wire::SetMoverRequest,
+    ) -> Result<wire::SetMoverResponse, Status> {
+        let destination = living::destination(&request)?;
+        let sim = self.change(caller, request.world_id)?;
+        let set = move |world: &mut HostedWorld| {
+            let (idx, state) = world.set_mover(&request.name, destination, request.pace)?;
+            Ok::<_, LivingError>(living::mover_state_to_wire(idx, &state, state.pose(&world.movers()[idx])))
+        };
+        let state = sim.call(move |state| set(&mut state.world)).await??;
+        Ok(wire::SetMoverResponse { state: Some(state) })
+    }
+
+    pub(super) async fn add_player(
+        &self,
+        caller: &Caller,
+        request: wire::SpawnPlayerRequest,
+    ) -> Result<wire::SpawnPlayerResponse, Status> {
+        let player = living::player(&request)?;
+        let sim = self.change(caller, request.world_id)?;
+        let slot = sim.call(move |state| state.world.spawn_player(player)).await??;
+        Ok(wire::SpawnPlayerResponse { player_id: slot.0 })
+    }
+
+    pub(super) async fn place_players(
+        &self,
+        caller: &Caller,
+        request: wire::MovePlayersRequest,
+    ) -> Result<wire::MovePlayersResponse, Status> {
+        if request.moves.len() > MAX_PLAYERS {
+            let message = format!("moves has {} items, but a world has at most {MAX_PLAYERS} players", request.moves.len());
+            return Err(status::invalid("moves", message));
+        }
+        let moves = request.moves.iter().map(living::player_move).collect::<Result<Vec<_>, _>>()?;
+        let sim = self.change(caller, request.world_id)?;
+        let call = move |world: &mut HostedWorld| world.move_players(&moves).map(|()| world.tick());
+        let tick = sim.call(move |state| call(&mut state.world)).await??;
+        Ok(wire::MovePlayersResponse { tick: tick.0 })
+    }
+
+    pub(super) async fn drop_player(
+        &self,
+        caller: &Caller,
+        wire::RemovePlayerRequest { world_id, player_id }: wire::RemovePlayerRequest,
+    ) -> Result<wire::RemovePlayerResponse, Status> {
+        let sim = self.change(caller, world_id)?;
+        sim.call(move |state| state.world.remove_player(PlayerSlot(player_id))).await??;
+        Ok(wire::RemovePlayerResponse {})
+    }
+}

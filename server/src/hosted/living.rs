@@ -1,0 +1,151 @@
+//! What clients do with the movers and the players of a world.
+
+use super::world::HostedWorld;
+use crate::ids::WorldId;
+use surefoot_world::map::{Mover, MoverKind};
+use surefoot_world::player::MAX_PLAYERS;
+use surefoot_world::{MoverOrder, MoverState, PACE_RANGE, Player, PlayerSlot, Vec3};
+
+/// Why a mover or a player cannot be changed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LivingError {
+    /// The map has no mover of that name.
+    #[error("world {0} has no mover `{1}`: ListMovers names them")]
+    NoSuchMover(WorldId, String),
+    /// The mover does not have the stop, cannot cycle, or the pace is out of range.
+    #[error("{field}: {message}")]
+    Order {
+        /// Field of the request.
+        field: &'static str,
+        /// What would be allowed.
+        message: String,
+    },
+    /// There is no such player.
+    #[error("world {0} has no player {1}")]
+    NoSuchPlayer(WorldId, u32),
+    /// There are as many players as a world holds.
+    #[error("world {0} has {MAX_PLAYERS} players, the most that a world holds: remove one first")]
+    TooManyPlayers(WorldId),
+    /// A player's place lies outside the map.
+    #[error("{field} lies outside the map, which spans 0 to {extent:?} m")]
+    Outside {
+        /// Field of the request.
+        field: &'static str,
+        /// Extent of the map, m.
+        extent: [f32; 3],
+    },
+}
+
+/// Where a mover is told to go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Destination {
+    /// To a stop.
+    Stop(u32),
+    /// A door opens, or closes; a floor appears, or vanishes.
+    Open(bool),
+    /// From stop to stop.
+    Cycle,
+}
+
+impl HostedWorld {
+    /// The movers of the map.
+    pub fn movers(&self) -> &[Mover] {
+        self.world.map().movers()
+    }
+
+    /// What the movers do, in the order of the map.
+    pub fn mover_states(&self) -> &[MoverState] {
+        self.world.movers()
+    }
+
+    /// Tells the mover of that name where to go, and at what pace, in multiples of the usual one. Returns its index and what it does.
+    ///
+    /// # Errors
+    /// If there is no such mover, or it cannot follow; then nothing changes.
+    pub fn set_mover(
+        &mut self,
+        name: &str,
+        destination: Option<Destination>,
+        pace: Option<f32>,
+    ) -> Result<(usize, MoverState), LivingError> {
+        let known = self.movers().iter().position(|mover| mover.name == name);
+        let idx = known.ok_or_else(|| LivingError::NoSuchMover(self.id, name.to_owned()))?;
+        if let Some(pace) = pace.filter(|pace| !PACE_RANGE.contains(pace)) {
+            let message = format!("a pace is {} to {}, not {pace}", PACE_RANGE.start(), PACE_RANGE.end());
+            return Err(LivingError::Order { field: "pace", message });
+        }
+        let order = destination.map(|destination| order_of(&self.movers()[idx], destination)).transpose()?;
+        for order in order.into_iter().chain(pace.map(MoverOrder::Pace)) {
+            // It was checked.
+            self.world.order(idx as u16, order);
+        }
+        Ok((idx, self.mover_states()[idx]))
+    }
+
+    /// Adds a player, which must be sound, and returns its id.
+    ///
+    /// # Errors
+    /// If the world has too many, or it stands outside the map.
+    pub fn spawn_player(&mut self, player: Player) -> Result<PlayerSlot, LivingError> {
+        self.check_on_map(player.feet, "position")?;
+        if self.world.players().count() >= MAX_PLAYERS {
+            return Err(LivingError::TooManyPlayers(self.id));
+        }
+        Ok(self.world.spawn_player(player))
+    }
+
+    /// Moves players: id, place of the feet, m, and velocity, m/s.
+    ///
+    /// # Errors
+    /// If one of them does not exist, or leaves the map; then none is moved.
+    pub fn move_players(&mut self, moves: &[(PlayerSlot, Vec3, Vec3)]) -> Result<(), LivingError> {
+        for (slot, feet, _) in moves {
+            self.check_on_map(*feet, "moves.position")?;
+            if !self.world.players().any(|(known, _)| known == *slot) {
+                return Err(LivingError::NoSuchPlayer(self.id, slot.0));
+            }
+        }
+        for (slot, feet, velocity) in moves {
+            self.world.move_player(*slot, *feet, *velocity);
+        }
+        Ok(())
+    }
+
+    /// Removes a player.
+    ///
+    /// # Errors
+    /// If it does not exist.
+    pub fn remove_player(&mut self, slot: PlayerSlot) -> Result<(), LivingError> {
+        if self.world.remove_player(slot) { Ok(()) } else { Err(LivingError::NoSuchPlayer(self.id, slot.0)) }
+    }
+
+    fn check_on_map(&self, point: Vec3, field: &'static str) -> Result<(), LivingError> {
+        let extent = self.world.map().extent();
+        if self.world.map().is_outside(point) || point.y > extent.y {
+            return Err(LivingError::Outside { field, extent: extent.to_array() });
+        }
+        Ok(())
+    }
+}
+
+fn order_of(mover: &Mover, destination: Destination) -> Result<MoverOrder, LivingError> {
+    let count = mover.stops.len();
+    match destination {
+        Destination::Stop(stop) if (stop as usize) < count => Ok(MoverOrder::GoTo(stop as u8)),
+        Destination::Stop(stop) => {
+            let message = format!("`{}` has the stops 0 to {}, but no stop {stop}", mover.name, count - 1);
+            Err(LivingError::Order { field: "stop", message })
+        }
+        // A floor is there at stop 0.
+        Destination::Open(open) if mover.kind == MoverKind::Door => Ok(MoverOrder::GoTo(u8::from(open))),
+        Destination::Open(open) if mover.kind == MoverKind::Floor => Ok(MoverOrder::GoTo(u8::from(!open))),
+        Destination::Open(_) => {
+            let message = format!("`{}` is neither a door nor a floor: give a stop", mover.name);
+            Err(LivingError::Order { field: "open", message })
+        }
+        Destination::Cycle if count > 1 => Ok(MoverOrder::Cycle),
+        Destination::Cycle => {
+            Err(LivingError::Order { field: "cycle", message: format!("`{}` has one stop only", mover.name) })
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! What a body relies on: at which of its stops each mover may stand so that the body can be where it is.
+
+use crate::character::{Body, CharacterProfile};
+use crate::map::Map;
+use crate::mesh::Triangle;
+use crate::movers::MoverState;
+use crate::navigable::DOWN;
+use crate::Vec3;
+
+/// How deep a mover must reach into a body to be in its way, m.
+const IN_THE_WAY_M: f32 = 0.05;
+/// Height above the feet from which what is below them is looked for, m, and how far below them a body stands on it.
+const KNEE_M: f32 = 0.3;
+const GAP_M: f32 = 0.12;
+
+/// A mover at one of its stops.
+#[derive(Debug, Clone)]
+struct Shape {
+    triangles: Vec<Triangle>,
+    low: Vec3,
+    high: Vec3,
+}
+
+/// The movers of a map at all of their stops.
+#[derive(Debug, Clone)]
+pub struct Reliance {
+    /// Shapes of each mover, stop by stop; none where it is not there.
+    shapes: Vec<Vec<Option<Shape>>>,
+}
+
+impl Reliance {
+    /// Prepares the movers of a map.
+    pub fn on(map: &Map) -> Self {
+        let shape = |mover: &crate::map::Mover, stop: usize| {
+            let (low, high) = mover.bounds_at(stop);
+            let at = mover.stops[stop];
+            at.is_there.then(|| Shape { triangles: mover.triangles_at(at), low, high })
+        };
+        let of = |mover: &crate::map::Mover| (0..mover.stops.len()).map(|stop| shape(mover, stop)).collect();
+        Self { shapes: map.movers().iter().map(of).collect() }
+    }
+
+    /// Whether the map has no movers, so that no body relies on any.
+    pub fn is_void(&self) -> bool {
+        self.shapes.is_empty()
+    }
+
+    /// Calls `note` with the index of each mover that stands at a stop and on which `body` relies, and with the set of its stops at which
+    /// the body could be where it is, as bits.
+    pub fn of(
+        &self,
+        map: &Map,
+        states: &[MoverState],
+        profile: &CharacterProfile,
+        body: &Body,
+        mut note: impl FnMut(u16, u16),
+    ) {
+        let (low, height) = (body.feet + Vec3::Y * profile.radius, profile.height - 2.0 * profile.radius);
+        let reach = Vec3::new(profile.radius, KNEE_M, profile.radius);
+        let (least, most) = (body.feet - reach, body.feet + reach + Vec3::new(0.0, profile.height, 0.0));
+        for ((mover, shapes), state) in (0..).zip(&self.shapes).zip(states) {
+            let all = (1u32 << shapes.len()) as u16 - 1;
+            let mut possible = all;
+            for (stop, shape) in shapes.iter().enumerate() {
+                let Some(shape) = shape.as_ref().filter(|it| it.low.cmple(most).all() && it.high.cmpge(least).all())
+                else {
+                    continue;
+                };
+                if state.at() == Some(stop as u8) {
+                    if body.is_grounded() && shape.carries(body.feet) && !has_ground(map, profile, body.feet) {
+                        possible &= 1 << stop;
+                    }
+                } else if shape.is_in_the_way(low, height, profile.radius) {
+                    possible &= !(1 << stop);
+                }
+            }
+            if possible != all {
+                note(mover, possible);
+            }
+        }
+    }
+}
+
+impl Shape {
+    fn carries(&self, feet: Vec3) -> bool {
+        let knee = feet + Vec3::Y * KNEE_M;
+        self.triangles.iter().any(|triangle| triangle.ray(knee, DOWN, 0.0, KNEE_M + GAP_M).is_some())
+    }
+
+    fn is_in_the_way(&self, low: Vec3, height: f32, radius: f32) -> bool {
+        let reaches = |triangle: &Triangle| {
+            triangle.capsule_contact(low, height, radius).is_some_and(|contact| contact.depth > IN_THE_WAY_M)
+        };
+        self.triangles.iter().any(reaches)
+    }
+}
+
+/// Whether there is ground of the map itself close below the feet.
+fn has_ground(map: &Map, profile: &CharacterProfile, feet: Vec3) -> bool {
+    let from = feet + Vec3::Y * KNEE_M;
+    let below = map.mesh().cast_ray(from, DOWN, KNEE_M + profile.step_height);
+    below.is_some_and(|hit| hit.surface.is_solid())
+}
