@@ -11,7 +11,7 @@ use surefoot_world::{
 };
 
 /// Most movers that one edge hangs on; those that were noticed first count.
-const MAX_NEEDS: usize = 2;
+const MAX_NEEDS: usize = 4;
 /// Distance within which a place is a berth, m.
 const SAME_M: f32 = 0.01;
 /// Overlap of a body with what is static that a berth may have, m.

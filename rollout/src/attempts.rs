@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::Router;
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World};
+use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
 
 /// Most NPCs of one batch.
 const BATCH: usize = 256;
@@ -58,6 +58,8 @@ pub struct Rollout {
     pub rehearses: bool,
     /// Whether NPCs that rehearse compose themselves.
     pub composes: bool,
+    /// Whether NPCs get in each other's way; those that have arrived then stay where they are.
+    pub solid: bool,
 }
 
 /// What was measured while attempts ran.
@@ -84,6 +86,7 @@ impl Rollout {
             seed: 0,
             rehearses: true,
             composes: true,
+            solid: false,
         }
     }
 
@@ -100,13 +103,25 @@ impl Rollout {
         goals: &[Goal],
         figures: &mut Figures,
     ) -> Vec<Attempt> {
-        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, router, chunk, figures).0).collect()
+        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, router, chunk, figures, &mut |_, _| {}).0).collect()
+    }
+
+    /// Runs all attempts together, following plans of `router`, in a world that `stir` changes before each decision, of which it gets the
+    /// number. Returns the attempts in the order of the goals.
+    pub fn live(
+        &self,
+        policy: &Policy,
+        router: &Router,
+        goals: &[Goal],
+        mut stir: impl FnMut(&mut World, u32),
+    ) -> Vec<Attempt> {
+        self.run_batch(policy, Some(router), goals, &mut Figures::default(), &mut stir).0
     }
 
     /// Same as [`run`](Self::run), but following plans of `router`, and returns the track of each attempt.
     pub fn track_by_plan(&self, policy: &Policy, router: &Router, goals: &[Goal]) -> Vec<(Attempt, Track)> {
         let run = |chunk| {
-            let (attempts, tracks) = self.run_batch(policy, Some(router), chunk, &mut Figures::default());
+            let (attempts, tracks) = self.run_batch(policy, Some(router), chunk, &mut Figures::default(), &mut |_, _| {});
             attempts.into_iter().zip(tracks)
         };
         goals.chunks(BATCH).flat_map(run).collect()
@@ -118,8 +133,12 @@ impl Rollout {
         router: Option<&Router>,
         goals: &[Goal],
         Figures { search_us, motion }: &mut Figures,
+        stir: &mut dyn FnMut(&mut World, u32),
     ) -> (Vec<Attempt>, Vec<Track>) {
-        let mut worlds = [World::new(self.map.clone(), self.profile.clone(), self.task.clone())];
+        let config =
+            WorldConfig { profiles: vec![self.profile.clone()], task: self.task.clone(), npc_collision: self.solid };
+        let mut worlds = [World::with_config(self.map.clone(), config)];
+        stir(&mut worlds[0], 0);
         let mut decisions = DecisionLoop::new(policy);
         let mut walkers: Vec<Walker> = (0..)
             .zip(goals)
@@ -145,12 +164,13 @@ impl Rollout {
             }
         }
         let mut lanes: Vec<Lane> = walkers.iter().map(|walker| walker.lane).collect();
-        loop {
+        for decision in 1.. {
+            stir(&mut worlds[0], decision);
             if let Some(guide) = &mut guide {
                 guide.look(&mut worlds[0], &mut walkers);
                 guide.rehearse(&mut worlds[0], &mut walkers, &decisions);
             }
-            lanes.retain(|lane| walkers[lane.slot.0 as usize].goes_on(&mut worlds[0]));
+            lanes.retain(|lane| walkers[lane.slot.0 as usize].goes_on(&mut worlds[0], self.solid));
             if lanes.is_empty() {
                 break;
             }
@@ -233,10 +253,12 @@ impl Walker {
         motion.note(&mut self.trace, npc, self.follower.as_ref().and_then(Follower::ability));
     }
 
-    /// Whether the attempt goes on; removes the NPC otherwise.
-    fn goes_on(&self, world: &mut World) -> bool {
-        if self.end.is_some() {
-            world.despawn(self.lane.slot);
+    /// Whether the attempt goes on; otherwise the NPC comes to rest if it `stays`, and is removed if not.
+    fn goes_on(&self, world: &mut World, stays: bool) -> bool {
+        match self.end {
+            Some(_) if stays => world.clear_goal(self.lane.slot),
+            Some(_) => _ = world.despawn(self.lane.slot),
+            None => {}
         }
         self.end.is_none()
     }

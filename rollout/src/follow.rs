@@ -266,7 +266,9 @@ impl Follower {
             let ticks = plan.legs[self.leg].seconds.0 * TICKS_PER_SECOND as f32;
             self.conduct = scene.gate(needs, feet, ticks as u32);
             if let Conduct::Stay { within, .. } = self.conduct {
-                self.conduct = stay_where_it_was(former, feet, within);
+                // At the vertex where the leg begins, nobody is in the way of the mover.
+                let begin = self.leg.checked_sub(1).map_or(feet, |former| plan.waypoints[former]);
+                self.conduct = stay_where_it_was(former, begin, within);
                 self.call = scene.call_of_gate(needs);
             }
         }

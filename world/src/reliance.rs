@@ -81,6 +81,20 @@ impl Reliance {
     }
 }
 
+impl Reliance {
+    /// Whether a mover at one of its stops would be in the way of a body with its feet at `feet`, or nearer to it than `margin`, m.
+    pub fn is_swept(&self, profile: &CharacterProfile, feet: Vec3, margin: f32) -> bool {
+        let radius = profile.radius + margin;
+        // What is below the feet is not in the way.
+        let low = feet + Vec3::Y * (radius + IN_THE_WAY_M);
+        let height = (profile.height - 2.0 * profile.radius - margin).max(0.0);
+        let reach = Vec3::new(radius, 0.0, radius);
+        let (least, most) = (feet - reach, feet + reach + Vec3::new(0.0, profile.height, 0.0));
+        let is_near = |shape: &&Shape| shape.low.cmple(most).all() && shape.high.cmpge(least).all();
+        self.shapes.iter().flatten().flatten().filter(is_near).any(|shape| shape.is_in_the_way(low, height, radius))
+    }
+}
+
 impl Shape {
     fn carries(&self, feet: Vec3) -> bool {
         let knee = feet + Vec3::Y * KNEE_M;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use surefoot_world::exchange::{self, ImportOptions};
+use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{
@@ -17,17 +18,6 @@ const GROUND: f32 = 1.0;
 fn floor() -> Vec<Triangle> {
     let [a, b, c, d] = [[0.0, 0.0], [0.0, 40.0], [40.0, 40.0], [40.0, 0.0]].map(|[x, z]| Vec3::new(x, GROUND, z));
     [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect()
-}
-
-fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
-    let corner = |idx: usize| {
-        let pick = |axis: usize| if idx >> axis & 1 == 1 { high[axis] } else { low[axis] };
-        Vec3::new(pick(0), pick(1), pick(2))
-    };
-    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
-        .into_iter()
-        .flat_map(|[a, b, c, d]: [usize; 4]| [[a, b, c], [a, c, d]].map(|face| face.map(corner)))
-        .collect()
 }
 
 fn mover(kind: MoverKind, low: Vec3, high: Vec3, offsets: &[Vec3]) -> Mover {

@@ -1,9 +1,10 @@
 //! The paper's evaluation protocol: random goals on whole maps, success by difficulty, failures by outcome.
 //!
 //! An evaluation is a list of [units](mod@unit), one for each map and seed, which can be saved and resumed. A [`report`]
-//! summarises them. [`suite`] runs the rows of the paper's table, [`variants`] many graphs on one split.
+//! summarises them. [`suite`] runs the rows of the paper's table, [`living`] scenes in which things move, [`variants`] many graphs on one split.
 
 mod config;
+pub mod living;
 mod reachable;
 pub mod report;
 mod run;

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_agent::eval::living::{self, LivingConfig};
 use surefoot_agent::eval::report::CalibrationBin;
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::variants::{self, Variant};
@@ -21,12 +22,13 @@ use surefoot_world::MapSpec;
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map\n  surefoot eval --suite living --runs 10"
 )]
 pub struct Args {
     /// Run a whole table instead: the paper's rows for which --models has weights, on the test maps (paper); graphs of
-    /// growing size on the validation maps (sweep); or the 1 km map with and without graphs (big-map)
-    #[arg(long, value_parser = ["paper", "sweep", "big-map"], conflicts_with_all = ["method", "maps", "model", "distance"])]
+    /// growing size on the validation maps (sweep); the 1 km map with and without graphs (big-map); or crowds, doors, lifts, platforms,
+    /// floors that vanish and players (living)
+    #[arg(long, value_parser = ["paper", "sweep", "big-map", "living"], conflicts_with_all = ["method", "maps", "model", "distance"])]
     suite: Option<String>,
     /// Folder with the models of the suite
     #[arg(long, value_name = "FOLDER", default_value = "models")]
@@ -64,6 +66,9 @@ pub struct Args {
     /// Let NPCs follow their plans without rehearsing what lies ahead, as in the suites paper and sweep
     #[arg(long)]
     no_rehearsals: bool,
+    /// Runs of each scene of the suite living, each with another seed
+    #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    runs: u64,
     #[command(flatten)]
     style: StyleArg,
     /// Number of threads; default: one per core
@@ -74,6 +79,8 @@ pub struct Args {
     json: bool,
 }
 
+/// Scenes of the suite living.
+const LIVING_SCENES: u64 = 9;
 /// Subfolder of `--out` for finished units.
 const UNITS: &str = "units";
 
@@ -82,6 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     match args.suite.as_deref() {
         Some("paper") => return run_suite(args, &config),
         Some("sweep") => return run_sweep(args, &config),
+        Some("living") => return run_living(args, &config),
         Some(_) => return run_big_map(args, &config),
         None => {}
     }
@@ -200,6 +208,27 @@ fn run_suite(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
 
 fn eval_maps(text: &str, side: u32) -> anyhow::Result<Vec<EvalMap>> {
     Ok(parse_maps(text, side)?.into_iter().map(EvalMap::from).collect())
+}
+
+/// Crowds, doors, lifts, platforms, floors that vanish, and players.
+fn run_living(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
+    let policy = load_policy(Some(&args.models.join("general-reactive")))?;
+    let bar = progress_bar(LIVING_SCENES, "evaluating");
+    let config = LivingConfig { runs: args.runs, thread_count: base.thread_count, settings: args.graph.settings()? };
+    let report = living::run(&policy, &config, |scene| {
+        bar.set_message(scene.to_owned());
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    if let Some(folder) = &args.out {
+        write_into(folder, "results.json", &serde_json::to_string_pretty(&report)?)?;
+        write_into(folder, "table.md", &report.markdown())?;
+    }
+    if args.json {
+        return print_json(&report);
+    }
+    print!("{}", report.markdown());
+    Ok(())
 }
 
 /// Success and run time over numbers of vertices and neighbours.

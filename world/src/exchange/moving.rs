@@ -11,7 +11,7 @@ use super::inspect;
 use super::scene::{Bounds, Frame, Node};
 use super::sides;
 use crate::Vec3;
-use crate::map::{Mover, MoverKind, MoverStop};
+use crate::map::{Mover, MoverKind, MoverStop, mover};
 use crate::mesh::{Surface, Triangle};
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -166,7 +166,7 @@ pub(super) fn from_node(
         velocity: extras.vector("velocity")?.map(metres),
         start: u8::from(extras.flag("open")? == Some(true)),
     };
-    Ok(Some(mover(node.name.clone(), kind, solid(triangles), bounds, Some(node.origin), motion)))
+    Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, Some(node.origin), motion)))
 }
 
 /// Gives both sides to what is no closed body, and turns what lies inside out.
@@ -180,7 +180,7 @@ fn solid(mut triangles: Vec<[Vec3; 3]>) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-fn mover(
+fn assemble(
     name: String,
     kind: MoverKind,
     triangles: Vec<[Vec3; 3]>,
@@ -319,35 +319,13 @@ impl MoverEntry {
             velocity: self.velocity.map(metres),
             start: u8::from(self.open),
         };
-        has_volume.then(|| mover(self.name, kind, box_triangles(bounds), bounds, None, motion))
+        has_volume.then(|| assemble(self.name, kind, mover::cuboid(bounds.low, bounds.high), bounds, None, motion))
     }
-}
-
-/// The faces of a box, counter-clockwise seen from outside.
-fn box_triangles(Bounds { low, high }: Bounds) -> Vec<[Vec3; 3]> {
-    let corner = |idx: usize| {
-        let pick = |axis: usize| if idx >> axis & 1 == 1 { high[axis] } else { low[axis] };
-        Vec3::new(pick(0), pick(1), pick(2))
-    };
-    const QUADS: [[usize; 4]; 6] =
-        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let halves = |[a, b, c, d]: [usize; 4]| [[a, b, c], [a, c, d]].map(|face| face.map(corner));
-    QUADS.into_iter().flat_map(halves).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_faces_of_a_box_look_outwards() {
-        let bounds = Bounds { low: Vec3::new(1.0, 2.0, 3.0), high: Vec3::new(2.0, 4.0, 6.0) };
-        let centre = (bounds.low + bounds.high) * 0.5;
-        for corners in box_triangles(bounds) {
-            let triangle = Triangle::new(corners, Surface::Ground).unwrap();
-            assert!(triangle.normal().dot(corners[0] - centre) > 0.0, "{corners:?}");
-        }
-    }
 
     #[test]
     fn a_path_is_named_after_its_mover() {

@@ -227,3 +227,29 @@ pub(super) fn check(movers: &[Mover]) -> Result<(), MoverError> {
     }
     Ok(())
 }
+
+/// The faces of a box, counter-clockwise seen from outside.
+pub fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
+    const QUADS: [[usize; 4]; 6] =
+        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let corner = |idx: usize| {
+        let pick = |axis: usize| if idx >> axis & 1 == 1 { high[axis] } else { low[axis] };
+        Vec3::new(pick(0), pick(1), pick(2))
+    };
+    let halves = |[a, b, c, d]: [usize; 4]| [[a, b, c], [a, c, d]].map(|face| face.map(corner));
+    QUADS.into_iter().flat_map(halves).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_faces_of_a_box_look_outwards() {
+        let (low, high) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(2.0, 4.0, 6.0));
+        for corners in cuboid(low, high) {
+            let triangle = Triangle::new(corners, Surface::Ground).expect("a face");
+            assert!(triangle.normal().dot(corners[0] - (low + high) * 0.5) > 0.0, "{corners:?}");
+        }
+    }
+}
