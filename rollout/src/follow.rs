@@ -132,6 +132,8 @@ const MAX_CHANCES: u32 = 3;
 const MAX_STAY: u32 = 240;
 /// Decisions for which it waits for a mover that bars all ways before the goal counts as unreachable: 30 s.
 const MAX_BARRED: u32 = 180;
+/// Speed at which an NPC gets to a mover in any case, m/s.
+const UNHURRIED: f32 = 5.0;
 /// Distance within which an NPC waits where paths lead no further, m.
 const BARRED_WITHIN_M: f32 = 1.5;
 
@@ -258,12 +260,18 @@ impl Follower {
             return;
         }
         let Some(needs) = plan.needs_of(self.leg) else { return };
+        let boards = plan.needs_of(self.leg + 1).is_some_and(|next| next.ride.is_some());
         if let Some(ride) = ride {
             let end = plan.waypoints[self.leg];
+            if is_grounded && scene.is_missed(ride, feet, end) {
+                self.plan = None;
+                return;
+            }
             self.conduct = scene.ride(ride, feet, end);
             self.call = scene.call_of_ride(ride, feet, end);
-        } else if self.stayed > 0 || self.decisions_on_leg == 0 {
-            let ticks = plan.legs[self.leg].seconds.0 * TICKS_PER_SECOND as f32;
+        } else if self.stayed > 0 || self.decisions_on_leg == 0 || boards && scene.is_gone(needs, feet, plan.waypoints[self.leg]) {
+            // The duration of the leg includes the usual wait.
+            let ticks = feet.distance(plan.waypoints[self.leg]) / UNHURRIED * TICKS_PER_SECOND as f32;
             self.conduct = scene.gate(needs, feet, ticks as u32);
             if let Conduct::Stay { within, .. } = self.conduct {
                 // At the vertex where the leg begins, nobody is in the way of the mover.

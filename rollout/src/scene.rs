@@ -1,6 +1,7 @@
 //! What followers see of the movers of a world, and what they do about them: wait, ride, call.
 
 use surefoot_planner::needs::{Need, Needs, Ride, all_stops_ahead};
+use surefoot_world::float::hypot;
 use surefoot_world::map::{Mover, MoverKind};
 use surefoot_world::{Map, MoverState, TICKS_PER_DECISION, Vec3};
 
@@ -9,6 +10,11 @@ const WAIT_WITHIN_M: f32 = 0.8;
 const RIDE_WITHIN_M: f32 = 0.3;
 /// How near the middle of a mover an NPC must be to set it going, m.
 const BOARDED_M: f32 = 0.9;
+/// Difference in height to the place where it would stand, m, and distance aside, from which on an NPC has missed the mover.
+const MISSED_M: f32 = 0.9;
+const MISSED_ASIDE_M: f32 = 3.0;
+/// Distance from the place where it would stand up to which an NPC jumps on a mover that leaves, m.
+const TURN_BACK_M: f32 = 1.6;
 /// Ticks that are left for a leg, besides those that it is expected to take, before the mover leaves.
 const SPARE_TICKS: u32 = 20;
 
@@ -64,6 +70,17 @@ impl Scene<'_> {
             return Conduct::Go;
         }
         Conduct::Stay { at: middle, within: RIDE_WITHIN_M }
+    }
+
+    /// Whether an NPC at `feet` that wants to ride has missed the mover, and may be in its way. `end` is the place where the ride ends, m.
+    pub(crate) fn is_missed(&self, ride: Ride, feet: Vec3, end: Vec3) -> bool {
+        let Conduct::Stay { at, .. } = self.ride(ride, feet, end) else { return false };
+        (at.y - feet.y).abs() > MISSED_M || hypot(at.x - feet.x, at.z - feet.z) > MISSED_ASIDE_M
+    }
+
+    /// Whether an NPC on its way to board a mover has to turn back, since that is gone.
+    pub(crate) fn is_gone(&self, needs: &Needs, feet: Vec3, berth: Vec3) -> bool {
+        feet.distance(berth) > TURN_BACK_M && !needs.iter().all(|need| self.is_met(need, 0))
     }
 
     /// The call of an NPC that rides, once it stands on the mover.

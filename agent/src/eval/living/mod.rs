@@ -98,6 +98,7 @@ pub fn run(policy: &Policy, config: &LivingConfig, mut begun: impl FnMut(&str)) 
         ("vanishing bridge", Suite::bridge),
     ];
     for (name, scene) in all {
+        if std::env::var("DBG").is_ok_and(|only| only != name) { continue; }
         begun(name);
         scenes.push(SceneReport { name: name.to_owned(), ..scene(&suite)? });
     }
@@ -195,7 +196,10 @@ impl Suite<'_> {
     fn repeat(&self, level: &Level, solid: bool, goals: impl Fn(u64) -> Vec<Goal>) -> Tally {
         let mut tally = Tally::default();
         for seed in 0..self.config.runs {
-            tally.add(self.run(level, &goals(seed), seed, solid, |_, _| {}));
+            let gs = goals(seed);
+            let at = self.run(level, &gs, seed, solid, |world, d| if std::env::var("DBG").is_ok() && d % 60 == 0 && d < 1500 { eprintln!("t {} movers {:?} npcs {:?}", d, world.movers().iter().map(|m| (m.from, m.to, m.progress, m.blocked, m.told)).collect::<Vec<_>>(), world.npcs().map(|(i, n)| (i.0, n.body.feet.to_array().map(|v| (v * 10.0).round() / 10.0), n.episode.map(|e| e.goal.to_array().map(|v| (v * 10.0).round() / 10.0)))).take(12).collect::<Vec<_>>()) });
+            if std::env::var("DBG").is_ok() { for (g, a) in gs.iter().zip(&at) { if a.end != End::Reached { eprintln!("{:?} -> {:?}", g, a); } } }
+            tally.add(at);
         }
         tally
     }
