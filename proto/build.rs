@@ -9,7 +9,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "surefoot/world/v1/maps.proto",
         "surefoot/planner/v1/planner.proto",
     ];
-    for file in files.iter().chain(&["surefoot/world/v1/map.proto", "surefoot/world/v1/body.proto", "surefoot/world/v1/living.proto"]) {
+    for file in files.iter().chain(&[
+        "surefoot/world/v1/map.proto",
+        "surefoot/world/v1/body.proto",
+        "surefoot/world/v1/living.proto",
+    ]) {
         println!("cargo::rerun-if-changed={file}");
     }
     let mut compiler = protox::Compiler::new(["."])?;

@@ -21,6 +21,7 @@ fn plan(waypoints: &[f32]) -> Plan {
         waypoints: waypoints.iter().map(|x| Vec3::new(*x, 0.0, 0.0)).collect(),
         legs: legs.collect(),
         no_path: None,
+        needs: Vec::new(),
         nearest: None,
     }
 }

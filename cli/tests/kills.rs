@@ -195,7 +195,7 @@ async fn every_edit_that_was_acknowledged_is_there_after_any_kill_and_the_graph_
         // Edits of costs change no edge.
         let ends: Vec<(u32, u32)> = graph.edges.iter().map(|edge| (edge.from, edge.to)).collect();
         assert_eq!(*edges.get_or_insert(ends.clone()), ends, "after kill {kill}: another graph");
-        let edge = graph.edges[0];
+        let edge = &graph.edges[0];
         let (from, to) = (graph.vertices[edge.from as usize], graph.vertices[edge.to as usize]);
         let until = Instant::now() + moment(kill);
         let name = format!("layer {}", kill % 5);

@@ -5,13 +5,13 @@
 use crate::candidates::{self, Candidate};
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
+use crate::ids::VertexId;
 use crate::needs::Berths;
 use crate::placement::{self, PlacementContext};
 use crate::probe::ProbeExecutor;
 use crate::progress::Progress;
 use crate::prove::ProbeRun;
 use crate::settings::{BuildError, BuildSettings, Placement, Probing};
-use crate::ids::VertexId;
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashMap};
@@ -156,9 +156,8 @@ impl Builder<'_> {
 
     /// Probes all edges of berths, of which the predictor knows nothing: once, and again as often as others where they fail at first.
     fn try_berths(&self, berths: &Berths, probed: &mut Probed) -> Result<(), BuildError> {
-        let is_moored = |key: &Candidate| {
-            [key.from, key.to].iter().any(|end| berths.at(probed.vertices[end.idx()]).is_some())
-        };
+        let is_moored =
+            |key: &Candidate| [key.from, key.to].iter().any(|end| berths.at(probed.vertices[end.idx()]).is_some());
         let moored: Vec<u32> =
             (0..).zip(&probed.candidates).filter(|(_, key)| is_moored(key)).map(|(idx, _)| idx).collect();
         for repeat in 0..self.settings.repeats {

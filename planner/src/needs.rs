@@ -202,7 +202,10 @@ mod tests {
         needs.add(Need { mover: 1, stops: 0b110 });
         needs.add(Need { mover: 1, stops: 0b011 });
         needs.add(Need { mover: 2, stops: 0b001 });
-        assert_eq!(needs.iter().collect::<Vec<_>>(), [Need { mover: 1, stops: 0b010 }, Need { mover: 2, stops: 0b001 }]);
+        assert_eq!(
+            needs.iter().collect::<Vec<_>>(),
+            [Need { mover: 1, stops: 0b010 }, Need { mover: 2, stops: 0b001 }]
+        );
         assert!(needs.are_met(&[]) && needs.are_met(&[0, 0b010, 0b101]));
         assert!(!needs.are_met(&[0, 0b001, 1]) && !needs.are_met(&[0, 0b010, 0b110]));
     }

@@ -232,8 +232,12 @@ impl Router {
     /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
     fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
         let closed = self.closed_from(query.start);
-        let accept =
-            |vertex, leg| is_start_open(query, vertex) && !closed.contains(&vertex) && self.reach.contains(leg) && self.is_boarded(query.start, vertex);
+        let accept = |vertex, leg| {
+            is_start_open(query, vertex)
+                && !closed.contains(&vertex)
+                && self.reach.contains(leg)
+                && self.is_boarded(query.start, vertex)
+        };
         let reach_m = self.reach.length_m;
         self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, accept)
     }
@@ -475,9 +479,8 @@ impl Router {
 
     /// The vertices that paths that a query may take lead to from `from`, itself included.
     fn reached_from(&self, from: VertexId, query: &Query) -> Reached<'_> {
-        let is_open = |edge: &Edge| {
-            !query.without.contains(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops)
-        };
+        let is_open =
+            |edge: &Edge| !query.without.contains(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops);
         match &self.closure {
             Some(closure) if query.without.is_empty() && query.stops.is_empty() => Reached::Closure(closure, from),
             _ => Reached::Search(self.graph.reachable_along(from, is_open)),

@@ -64,6 +64,7 @@ fn outcome(trial: &Trial) -> Outcome {
         ability: if crosses { Ability::Jump } else { Ability::Walk },
         bounds: [trial.start.min(trial.goal), trial.start.max(trial.goal)],
         track,
+        needs: surefoot_planner::Needs::default(),
         approach: None,
     }
 }

@@ -6,7 +6,8 @@ use crate::world::v1 as world;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{
-    BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride, Stop, VertexId,
+    BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride, Stop,
+    VertexId,
 };
 use surefoot_world::{Ability, Chance, Seconds};
 
@@ -89,7 +90,8 @@ pub fn needs_to_wire(needs: &Needs) -> (Vec<wire::MoverStops>, Option<wire::Move
 /// Converts what a leg hangs on from the wire; `None` if it hangs on nothing.
 fn needs(leg: &wire::Leg) -> Result<Option<Needs>, FieldError> {
     let most = MAX_MOVERS as f64 - 1.0;
-    let mover = |mover: u32| convert::in_range(f64::from(mover), 0.0, most, "plan.legs.needs.mover").map(|it| it as u16);
+    let mover =
+        |mover: u32| convert::in_range(f64::from(mover), 0.0, most, "plan.legs.needs.mover").map(|it| it as u16);
     let stop = |stop: u32| convert::in_range(f64::from(stop), 0.0, 15.0, "plan.legs.ride.stop").map(|it| it as u8);
     let mut needs = Needs::default();
     for need in &leg.needs {
@@ -146,15 +148,16 @@ pub fn plan_to_wire(plan: &Plan) -> wire::Plan {
     let leg = |(idx, leg): (usize, &Leg)| {
         let (needs, ride) = plan.needs_of(idx).map(needs_to_wire).unwrap_or_default();
         wire::Leg {
-        from: stop_to_wire(leg.key.from),
-        to: stop_to_wire(leg.key.to),
-        seconds: leg.seconds.0,
-        chance: leg.chance.get() as f32,
-        ability: convert::ability_to_wire(leg.ability).into(),
-        death_chance: leg.death_chance,
-        needs,
-        ride,
-    }};
+            from: stop_to_wire(leg.key.from),
+            to: stop_to_wire(leg.key.to),
+            seconds: leg.seconds.0,
+            chance: leg.chance.get() as f32,
+            ability: convert::ability_to_wire(leg.ability).into(),
+            death_chance: leg.death_chance,
+            needs,
+            ride,
+        }
+    };
     wire::Plan {
         found: plan.no_path.is_none(),
         reason: reason.into(),
@@ -216,8 +219,7 @@ pub fn plan(plan: &wire::Plan) -> Result<Plan, FieldError> {
         Some(nearest) => Some(convert::point(Some(nearest), "plan.nearest_reachable")?),
         None => None,
     };
-    Ok(Plan {
-        needs: hanging, waypoints, legs, no_path, nearest })
+    Ok(Plan { needs: hanging, waypoints, legs, no_path, nearest })
 }
 
 /// Converts a plan to the form in which a worker reports it to the world server.

@@ -121,7 +121,8 @@ impl Rollout {
     /// Same as [`run`](Self::run), but following plans of `router`, and returns the track of each attempt.
     pub fn track_by_plan(&self, policy: &Policy, router: &Router, goals: &[Goal]) -> Vec<(Attempt, Track)> {
         let run = |chunk| {
-            let (attempts, tracks) = self.run_batch(policy, Some(router), chunk, &mut Figures::default(), &mut |_, _| {});
+            let (attempts, tracks) =
+                self.run_batch(policy, Some(router), chunk, &mut Figures::default(), &mut |_, _| {});
             attempts.into_iter().zip(tracks)
         };
         goals.chunks(BATCH).flat_map(run).collect()
@@ -342,7 +343,7 @@ impl Guide<'_> {
             let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
             let body = world.npc(walker.lane.slot).expect("a running NPC").body;
             follower.look(Scene { map: world.map(), states: world.movers() }, body.feet, body.is_grounded());
-            if follower.waypoint().is_none() {
+            if follower.waypoint().is_none() && !follower.is_barred() {
                 let waypoint = self.plan(follower, body.feet);
                 world.set_goal(walker.lane.slot, waypoint);
                 (walker.ghost, walker.rehearses_next) = (None, true);
@@ -405,6 +406,7 @@ impl Guide<'_> {
                 world.set_goal(walker.lane.slot, waypoint);
                 true
             }
+            Next::Wait => false,
             Next::Stop => {
                 walker.end = Some(End::Unreachable);
                 false

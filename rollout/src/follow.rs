@@ -107,7 +107,9 @@ pub struct Follower {
     conduct: Conduct,
     /// Decisions for which it has stayed on this leg.
     stayed: u32,
-    /// Decisions for which it has waited, where paths lead no further, for a mover that bars the way.
+    /// Whether it waits, where no way leads on, for a mover that bars one.
+    is_barred: bool,
+    /// Decisions for which it has done so.
     barred: u32,
     call: Option<Call>,
 }
@@ -134,6 +136,8 @@ const MAX_STAY: u32 = 240;
 const MAX_BARRED: u32 = 180;
 /// Speed at which an NPC gets to a mover in any case, m/s.
 const UNHURRIED: f32 = 5.0;
+/// Decisions after which it looks for another way once more.
+const BARRED_RETRY: u32 = 30;
 /// Distance within which an NPC waits where paths lead no further, m.
 const BARRED_WITHIN_M: f32 = 1.5;
 
@@ -163,6 +167,7 @@ impl Follower {
             stops: Vec::new(),
             conduct: Conduct::Go,
             stayed: 0,
+            is_barred: false,
             barred: 0,
             call: None,
         }
@@ -228,9 +233,9 @@ impl Follower {
         }
     }
 
-    /// Whether the NPC waits, where paths lead no further, for a mover that bars the way.
+    /// Whether the NPC waits, where no way leads on, for a mover that bars one.
     pub fn is_barred(&self) -> bool {
-        self.barred > 0
+        self.is_barred
     }
 
     /// The lift or platform that the NPC calls, if it waits for one.
@@ -246,6 +251,17 @@ impl Follower {
         self.stops = stops;
         let former = std::mem::replace(&mut self.conduct, Conduct::Go);
         self.call = None;
+        if self.is_barred {
+            // What failed while the way was barred may succeed now.
+            let is_free = has_changed || self.barred.is_multiple_of(BARRED_RETRY);
+            if is_free && is_grounded {
+                self.failed_legs.retain(|leg| leg.is_harm);
+                (self.plan, self.is_barred, self.failed_arrivals) = (None, false, 0);
+            } else {
+                self.conduct = stay_where_it_was(former, feet, BARRED_WITHIN_M);
+            }
+            return;
+        }
         let Some(plan) = &self.plan else { return };
         let ride = plan.needs_of(self.leg).and_then(|needs| needs.ride);
         if has_changed && is_grounded && ride.is_none() {
@@ -254,10 +270,6 @@ impl Follower {
                 self.plan = None;
                 return;
             }
-        }
-        if self.barred > 0 && plan.nearest.is_some() {
-            self.conduct = stay_where_it_was(former, feet, BARRED_WITHIN_M);
-            return;
         }
         let Some(needs) = plan.needs_of(self.leg) else { return };
         let boards = plan.needs_of(self.leg + 1).is_some_and(|next| next.ride.is_some());
@@ -269,7 +281,10 @@ impl Follower {
             }
             self.conduct = scene.ride(ride, feet, end);
             self.call = scene.call_of_ride(ride, feet, end);
-        } else if self.stayed > 0 || self.decisions_on_leg == 0 || boards && scene.is_gone(needs, feet, plan.waypoints[self.leg]) {
+        } else if self.stayed > 0
+            || self.decisions_on_leg == 0
+            || boards && scene.is_gone(needs, feet, plan.waypoints[self.leg])
+        {
             // The duration of the leg includes the usual wait.
             let ticks = feet.distance(plan.waypoints[self.leg]) / UNHURRIED * TICKS_PER_SECOND as f32;
             self.conduct = scene.gate(needs, feet, ticks as u32);
@@ -391,17 +406,16 @@ impl Follower {
         self.stalled_on_leg = 0;
         self.decisions_on_leg = 0;
         self.stayed = 0;
-        self.barred = 0;
         self.conduct = Conduct::Go;
     }
 
     /// Records one decision: the position of the feet, m, and whether the waypoint was reached during the decision.
     pub fn note(&mut self, feet: Vec3, waypoint_reached: bool) -> Step {
-        let Some(plan) = &self.plan else { return Step::Plan };
-        if self.barred > 0 && plan.nearest.is_some() {
+        if self.is_barred {
             self.barred += 1;
             return if self.barred > MAX_BARRED { Step::Unreachable } else { Step::Keep };
         }
+        let Some(plan) = &self.plan else { return Step::Plan };
         if self.conduct != Conduct::Go {
             self.decisions_on_leg += 1;
             self.stayed += 1;
@@ -409,7 +423,7 @@ impl Follower {
                 return Step::Keep;
             }
             let key = plan.legs[self.leg].key;
-            return self.plan_without(FailedLeg { key, is_harm: false }, MAX_FAILED_ARRIVALS);
+            return self.plan_or_wait(key);
         }
         let goal_distance = feet.distance(self.goal);
         self.stalled += 1;
@@ -422,11 +436,7 @@ impl Follower {
         let last_leg = plan.waypoints.len() - 1;
         if waypoint_reached && self.leg == last_leg && plan.nearest.is_some() {
             self.end_leg(TryEnd::Arrived);
-            if self.stops.is_empty() {
-                return Step::Unreachable;
-            }
-            self.barred = 1;
-            return Step::Keep;
+            return if self.waits_for_a_way() { Step::Keep } else { Step::Unreachable };
         }
         if waypoint_reached && self.leg < last_leg {
             let next = plan.waypoints[self.leg + 1];
@@ -452,7 +462,17 @@ impl Follower {
         let key = plan.legs[self.leg].key;
         self.end_leg(TryEnd::Failed);
         self.replans += 1;
-        self.plan_without(FailedLeg { key, is_harm: false }, MAX_FAILED_ARRIVALS)
+        self.plan_or_wait(key)
+    }
+
+    /// Lets the NPC wait where no way leads on, if movers bar some and its patience lasts; returns whether it does.
+    pub fn waits_for_a_way(&mut self) -> bool {
+        self.is_barred = !self.stops.is_empty() && self.barred < MAX_BARRED;
+        if self.is_barred {
+            self.barred += 1;
+            self.plan = None;
+        }
+        self.is_barred
     }
 
     /// How an attempt ends whose patience or re-plans have run out: where every way has failed, the goal cannot be reached, as far as
@@ -468,6 +488,14 @@ impl Follower {
             return Step::Unreachable;
         }
         self.plan_without(FailedLeg { key, is_harm }, MAX_AVOIDED_ARRIVALS)
+    }
+
+    /// Drops the plan because there was no progress on its leg `key`.
+    fn plan_or_wait(&mut self, key: LegKey) -> Step {
+        match self.plan_without(FailedLeg { key, is_harm: false }, MAX_FAILED_ARRIVALS) {
+            Step::Unreachable if self.waits_for_a_way() => Step::Keep,
+            step => step,
+        }
     }
 
     fn plan_without(&mut self, leg: FailedLeg, max_failed_arrivals: u32) -> Step {

@@ -18,7 +18,8 @@ use surefoot_policy::actor::gaussian;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, CharacterProfile, DecisionOutcome, End, Map, MoverOrder, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, World,
+    Ability, CharacterProfile, DecisionOutcome, End, Map, MoverOrder, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3,
+    World,
 };
 
 /// Most trials handed to a thread at a time.

@@ -135,6 +135,8 @@ pub enum Next {
     Again,
     /// The NPC needs another plan, and rehearses that.
     Plan,
+    /// The NPC waits until a mover opens a way.
+    Wait,
     /// The attempt ends as unreachable.
     Stop,
 }
@@ -149,6 +151,7 @@ impl Resort {
                 Next::Again
             }
             Self::Avoid(Mishap { leg, is_harm }) if follower.avoid(leg, is_harm) == Step::Plan => Next::Plan,
+            Self::Avoid(_) | Self::Stop if follower.waits_for_a_way() => Next::Wait,
             Self::Avoid(_) | Self::Stop => Next::Stop,
         }
     }

@@ -87,7 +87,8 @@ impl Scene<'_> {
     pub(crate) fn call_of_ride(&self, ride: Ride, feet: Vec3, end: Vec3) -> Option<Call> {
         let Conduct::Stay { at, .. } = self.ride(ride, feet, end) else { return None };
         let (_, state) = self.mover(ride.mover)?;
-        (state.at() != Some(ride.to) && feet.distance(at) < BOARDED_M).then_some(Call { mover: ride.mover, stop: ride.to })
+        (state.at() != Some(ride.to) && feet.distance(at) < BOARDED_M)
+            .then_some(Call { mover: ride.mover, stop: ride.to })
     }
 
     /// What an NPC at `feet` does that is about to begin a leg which is expected to take so many ticks.

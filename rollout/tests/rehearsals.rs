@@ -67,7 +67,7 @@ fn an_npc_does_what_its_rehearsal_foretold() {
     for (stream, goal) in (0..).zip(goals(&map, 12)) {
         let mut noise = NoiseStream::new(0.5, 7, stream);
         let (mut worlds, lane, actor) = heads_straight(&map, &policy, &goal, noise);
-        let Ok(mut ghost) = rehearsal.run(&policy, vec![actor]).remove(0) else { continue };
+        let Ok(mut ghost) = rehearsal.run(&policy, vec![actor], &[]).remove(0) else { continue };
         let mut decisions = DecisionLoop::new(&policy);
         decisions.begin(lane.row_idx);
         loop {
@@ -99,7 +99,7 @@ fn an_npc_whose_rehearsal_arrived_stands_alive_afterwards() {
     for (stream, goal) in (0..).zip(goals(&map, 400)) {
         let mut noise = NoiseStream::new(0.5, 9, stream);
         let (mut worlds, lane, actor) = heads_straight(&map, &policy, &goal, noise);
-        if rehearsal.run(&policy, vec![actor])[0].is_err() {
+        if rehearsal.run(&policy, vec![actor], &[])[0].is_err() {
             refused += 1;
             continue;
         }

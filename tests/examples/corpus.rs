@@ -99,6 +99,7 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
         states: vec![vec![0; 64]],
         state_version: 1,
         body_idx: 0,
+        movers: Vec::new(),
     };
     let hello = wire::Hello {
         name: "worker".to_owned(),

@@ -55,13 +55,15 @@ const FOREIGN: [(&str, &[&str]); 5] = [
 ];
 
 /// Files that may use generated wire types, besides `proto`, the command line and the tests.
-const KNOW_THE_WIRE: [&str; 21] = [
+const KNOW_THE_WIRE: [&str; 23] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
+    "server/src/wire/living.rs",
     "server/src/serve.rs",
     "server/src/grpc/mod.rs",
     "server/src/grpc/batches.rs",
     "server/src/grpc/env.rs",
+    "server/src/grpc/living.rs",
     "server/src/grpc/errors.rs",
     "server/src/grpc/readers.rs",
     "server/src/grpc/work.rs",

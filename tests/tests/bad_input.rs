@@ -274,7 +274,7 @@ async fn the_planner_refuses_what_it_cannot_use() {
     // A valid query after all of these is answered in full.
     let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
     assert_eq!(graph.edges.len(), summary.edges as usize);
-    let edge = graph.edges[0];
+    let edge = &graph.edges[0];
     let (from, to) = (graph.vertices[edge.from as usize], graph.vertices[edge.to as usize]);
     let plan = client.find_path(find(query(Some(from), Some(to)))).await.unwrap().into_inner().plan.unwrap();
     assert!(plan.found && plan.waypoints.last() == Some(&to) && plan.waypoints.len() == plan.legs.len());

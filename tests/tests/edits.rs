@@ -188,7 +188,7 @@ async fn an_edit_with_many_probes_holds_nobody_up_and_ends_with_its_caller() {
     };
     tokio::time::sleep(Duration::from_secs(1)).await;
     assert!(!slow.is_finished(), "the edit is too quick to tell anything");
-    let edge = graph.edges[0];
+    let edge = graph.edges[0].clone();
     let (from, to) = (graph.vertices[edge.from as usize], graph.vertices[edge.to as usize]);
     let quick = tokio::time::timeout(
         Duration::from_secs(20),

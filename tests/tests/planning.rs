@@ -49,7 +49,7 @@ async fn travelled_edge(client: &mut Client, graph_id: &str) -> (Vec3, Vec3, wir
     for (idx, &start) in graph.vertices.iter().enumerate() {
         let goal = graph.vertices[(idx + 25) % graph.vertices.len()];
         let plan = plan(client, graph_id, start, goal).await;
-        if let Some((leg, ends)) = plan.legs.iter().find_map(|leg| Some((*leg, vertices_of(leg)?))) {
+        if let Some((leg, ends)) = plan.legs.iter().find_map(|leg| Some((leg.clone(), vertices_of(leg)?))) {
             return (start, goal, leg, ends);
         }
     }
@@ -133,7 +133,7 @@ async fn a_leg_that_killed_is_avoided_by_careful_plans_and_still_used_by_bold_on
         let goal = vertices[(idx + 25) % vertices.len()];
         let before = plan(&mut client, &graph_id, start, goal).await;
         assert!(before.chance <= before.as_planned_chance && before.as_planned_chance <= before.arrival_chance);
-        let Some((leg, [from, to])) = before.legs.iter().find_map(|leg| Some((*leg, vertices_of(leg)?))) else {
+        let Some((leg, [from, to])) = before.legs.iter().find_map(|leg| Some((leg.clone(), vertices_of(leg)?))) else {
             continue;
         };
         let report = async |client: &mut Client, reached, count| {

@@ -15,8 +15,8 @@ use surefoot_planner::legs::LegModel;
 use surefoot_planner::links::NavMesh;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{
-    BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, NoPath, Placement, Plan, Probing, RawBuildSettings,
-    Stop, VertexId, store as cache,
+    BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, Need, Needs, NoPath, Placement, Plan, Probing,
+    RawBuildSettings, Ride, Stop, VertexId, store as cache,
 };
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_proto::convert;
@@ -228,6 +228,17 @@ fn settings() -> impl Strategy<Value = BuildSettings> {
     )
 }
 
+fn needs() -> impl Strategy<Value = Option<Needs>> {
+    let need = (0..1024u16, 1..=u16::MAX).prop_map(|(mover, stops)| Need { mover, stops });
+    let ride = (0..1024u16, 0..16u8, 0..16u8).prop_map(|(mover, from, to)| Ride { mover, from, to });
+    (prop::collection::vec(need, 0..3), prop::option::of(ride)).prop_map(|(list, ride)| {
+        let mut needs = Needs::default();
+        list.into_iter().for_each(|need| needs.add(need));
+        needs.ride = ride;
+        Some(needs).filter(|needs| !needs.is_empty())
+    })
+}
+
 fn plan() -> impl Strategy<Value = Plan> {
     let stop = |end| prop_oneof![Just(end), any::<u32>().prop_map(|id| Stop::Vertex(VertexId(id)))];
     let leg = (stop(Stop::Start), stop(Stop::Goal), 0.0..1.0e6f32, 0.0..1.0f32, ability()).prop_map(
@@ -241,12 +252,13 @@ fn plan() -> impl Strategy<Value = Plan> {
     );
     let reasons = vec![NoPath::StartOffGraph, NoPath::GoalOffGraph, NoPath::DifferentIslands, NoPath::OneWay];
     let no_path = prop::option::of(prop::sample::select(reasons));
-    (prop::collection::vec((anywhere(), leg), 1..9), no_path, prop::option::of(anywhere())).prop_map(
-        |(way, no_path, nearest)| {
-            let (waypoints, legs) = way.into_iter().unzip();
-            Plan { waypoints, legs, no_path, nearest }
-        },
-    )
+    let way = prop::collection::vec(((anywhere(), leg), needs()), 1..9);
+    (way, no_path, prop::option::of(anywhere())).prop_map(|(way, no_path, nearest)| {
+        let (way, needs): (Vec<_>, Vec<_>) = way.into_iter().unzip();
+        let (waypoints, legs) = way.into_iter().unzip();
+        let needs = needs.into_iter().enumerate().filter_map(|(leg, needs)| Some((leg, needs?))).collect();
+        Plan { waypoints, legs, no_path, needs, nearest }
+    })
 }
 
 fn spec() -> impl Strategy<Value = MapSpec> {

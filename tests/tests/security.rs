@@ -139,7 +139,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
     let mut admin = planner_of(&planner, Role::Admin).await;
     let graph_id = built(&mut admin).await;
     let key = |edge: &plan::Edge| (edge.from, edge.to);
-    let probed = graph_of(&mut admin, &graph_id).await.edges[0];
+    let probed = graph_of(&mut admin, &graph_id).await.edges[0].clone();
     let failed = plan::Traversal { from: probed.from, to: probed.to, reached: false, decisions: 50, died: false };
     for (role, dropped_by_cap) in [(Role::Client, true), (Role::Designer, true), (Role::Worker, false)] {
         let traversals = vec![failed; 60];
@@ -150,7 +150,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
         let now = loop {
             tokio::time::sleep(Duration::from_millis(200)).await;
             let graph = graph_of(&mut admin, &graph_id).await;
-            let now = *graph.edges.iter().find(|edge| key(edge) == key(&probed)).unwrap();
+            let now = graph.edges.iter().find(|edge| key(edge) == key(&probed)).unwrap().clone();
             let listed = reports(&mut admin, &graph_id).await;
             let is_listed = listed.iter().any(|(name, count)| name == role.name() && *count > 0);
             assert!(is_listed, "{role:?} is missing in {listed:?}");
@@ -170,7 +170,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
         assert!(admin.drop_reports(drop_of(role)).await.unwrap().into_inner().dropped > 0);
         assert_eq!(admin.drop_reports(drop_of(role)).await.unwrap().into_inner().dropped, 0);
     }
-    let after = graph_of(&mut admin, &graph_id).await.edges[0];
+    let after = graph_of(&mut admin, &graph_id).await.edges[0].clone();
     assert_eq!(after, probed, "plans do not use the reports any more");
     planner.stop().await;
 

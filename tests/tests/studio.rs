@@ -203,7 +203,7 @@ async fn edges_tell_their_evidence_and_what_designers_did_to_them() {
         assert!(edge.price_factor == 1.0 && !edge.forced);
     }
     let place = |vertex: u32| Some(graph.vertices[vertex as usize]);
-    let (dearer, other) = (graph.edges[0], graph.edges[1]);
+    let (dearer, other) = (graph.edges[0].clone(), graph.edges[1].clone());
     let has = |from, to| graph.edges.iter().any(|edge| (edge.from, edge.to) == (from, to));
     let count = graph.vertices.len() as u32;
     let gone = (0..count).find(|vertex| ![dearer.from, dearer.to].contains(vertex)).unwrap();
@@ -225,7 +225,7 @@ async fn edges_tell_their_evidence_and_what_designers_did_to_them() {
     };
     client.append_edits(request).await.unwrap();
     let edited = get(&mut client, &graph_id).await;
-    let find = |from, to| *edited.edges.iter().find(|edge| (edge.from, edge.to) == (from, to)).unwrap();
+    let find = |from, to| edited.edges.iter().find(|edge| (edge.from, edge.to) == (from, to)).unwrap().clone();
     let priced = find(dearer.from, dearer.to);
     assert_eq!(priced.price_factor, 4.0);
     assert!((priced.seconds - 4.0 * dearer.seconds).abs() < 1.0e-3 * priced.seconds);

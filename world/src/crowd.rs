@@ -144,13 +144,7 @@ impl CrowdScratch {
 }
 
 /// Adds to the pushes of two bodies the share that each takes of their overlap, which leads from the second to the first.
-fn share(
-    npcs: &[Option<Npc>],
-    [one, other]: [&Listed; 2],
-    overlap: Vec3,
-    npcs_are_solid: bool,
-    pushes: &mut [Vec3],
-) {
+fn share(npcs: &[Option<Npc>], [one, other]: [&Listed; 2], overlap: Vec3, npcs_are_solid: bool, pushes: &mut [Vec3]) {
     match (one.player, other.player) {
         (None, None) if npcs_are_solid => {
             pushes[one.slot as usize] += overlap * 0.5;

@@ -318,7 +318,13 @@ impl Movers {
 
     /// Moves a body with the mover on which it stands, and makes known to `scratch` what is around it. Returns the velocity of what it
     /// stands on, m/s.
-    pub(crate) fn carry(&self, map: &Map, profile: &CharacterProfile, body: &mut Body, scratch: &mut MoveScratch) -> Vec3 {
+    pub(crate) fn carry(
+        &self,
+        map: &Map,
+        profile: &CharacterProfile,
+        body: &mut Body,
+        scratch: &mut MoveScratch,
+    ) -> Vec3 {
         scratch.begin_obstacles();
         let near = self.near.of(body.feet);
         if near.is_empty() {
@@ -413,4 +419,3 @@ impl Movers {
         states.len() == map.movers().len() && states.iter().zip(map.movers()).all(|(state, mover)| state.fits(mover))
     }
 }
-

@@ -4,8 +4,8 @@
 
 use crate::character::{Action, CharacterProfile};
 use crate::map::{Map, MapHash, MapSpec};
-use crate::npc::{NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::movers::MoverOrder;
+use crate::npc::{NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::player::{Player, PlayerSlot};
 use crate::sealed::{self, SealError};
 use crate::{TaskConfig, Vec3};

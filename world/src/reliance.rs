@@ -1,11 +1,11 @@
 //! What a body relies on: at which of its stops each mover may stand so that the body can be where it is.
 
+use crate::Vec3;
 use crate::character::{Body, CharacterProfile};
 use crate::map::Map;
 use crate::mesh::Triangle;
 use crate::movers::MoverState;
 use crate::navigable::DOWN;
-use crate::Vec3;
 
 /// How deep a mover must reach into a body to be in its way, m.
 const IN_THE_WAY_M: f32 = 0.05;

@@ -5,9 +5,7 @@ use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::{
-    Action, CharacterProfile, Map, MoverOrder, MoverState, NpcSlot, TaskConfig, Vec3, World,
-};
+use surefoot_world::{Action, CharacterProfile, Map, MoverOrder, MoverState, NpcSlot, TaskConfig, Vec3, World};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
 const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -379,7 +377,8 @@ fn bad_movers_of_a_level_name_what_to_change() {
     let import = |sidecar: &str| {
         exchange::import_obj(text.as_bytes(), Some(sidecar), &ImportOptions::default()).err().map(|it| it.to_string())
     };
-    let flat = r#"{"movers": [{"name": "a", "kind": "lift", "min": [0, 0, 0], "max": [2, 0, 2], "path": [[0, 3, 0]]}]}"#;
+    let flat =
+        r#"{"movers": [{"name": "a", "kind": "lift", "min": [0, 0, 0], "max": [2, 0, 2], "path": [[0, 3, 0]]}]}"#;
     assert!(import(flat).unwrap().contains("movers[0] of the sidecar"));
     let still = r#"{"movers": [{"name": "a", "kind": "lift", "min": [0, 0, 0], "max": [2, 1, 2]}]}"#;
     assert!(import(still).unwrap().contains("`a` has 1 stops"));

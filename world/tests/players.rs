@@ -7,7 +7,9 @@ use std::sync::Arc;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
-use surefoot_world::{Action, CharacterProfile, Map, NpcSlot, Player, PlayerContact, PlayerSlot, TaskConfig, Vec3, World};
+use surefoot_world::{
+    Action, CharacterProfile, Map, NpcSlot, Player, PlayerContact, PlayerSlot, TaskConfig, Vec3, World,
+};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
 const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -62,7 +64,8 @@ fn an_npc_goes_around_a_player_in_its_way_and_through_a_ghost() {
 
 #[test]
 fn a_player_that_walks_into_a_standing_npc_moves_it_only_if_it_pushes() {
-    for (contact, moves) in [(PlayerContact::Block, false), (PlayerContact::Push, true), (PlayerContact::Ghost, false)] {
+    for (contact, moves) in [(PlayerContact::Block, false), (PlayerContact::Push, true), (PlayerContact::Ghost, false)]
+    {
         let mut world = world();
         world.spawn(Vec3::new(30.0, DECK, 30.0), 0.0);
         run(&mut world, STAND, 2);

@@ -6,7 +6,8 @@ use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::{Input, REPLAY_VERSION, Recording, ReplayError};
 use surefoot_world::{
-    Action, CharacterProfile, Map, MapSpec, MoverState, Npc, NpcSlot, Player, ProfileIdx, RawCharacterProfile, TaskConfig, Vec3, World,
+    Action, CharacterProfile, Map, MapSpec, MoverState, Npc, NpcSlot, Player, ProfileIdx, RawCharacterProfile,
+    TaskConfig, Vec3, World,
 };
 
 fn floor() -> Arc<Map> {

@@ -286,7 +286,10 @@ impl WorldTask {
             plans,
             attempts,
             plans_failed: std::mem::take(&mut self.plans_failed),
-            mover_calls: calls.into_iter().map(|call| wire::MoverCall { mover: call.mover.into(), stop: call.stop.into() }).collect(),
+            mover_calls: calls
+                .into_iter()
+                .map(|call| wire::MoverCall { mover: call.mover.into(), stop: call.stop.into() })
+                .collect(),
         })
     }
 

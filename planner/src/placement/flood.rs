@@ -63,7 +63,16 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
                 let goal = pool[goals.swap_remove(rng.random_range(0..goals.len())) as usize];
                 stream += 1;
                 sources.push(source);
-                trials.push(Trial { start: from, via: None, goal, stream, on_foot: false, keep_track: false, held: None, ride: None });
+                trials.push(Trial {
+                    start: from,
+                    via: None,
+                    goal,
+                    stream,
+                    on_foot: false,
+                    keep_track: false,
+                    held: None,
+                    ride: None,
+                });
             }
         }
         let outcomes = executor.run(&trials, settings.seed, *progress).ok_or(BuildError::Cancelled)?;

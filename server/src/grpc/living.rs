@@ -68,7 +68,8 @@ impl WorldApi {
         request: wire::MovePlayersRequest,
     ) -> Result<wire::MovePlayersResponse, Status> {
         if request.moves.len() > MAX_PLAYERS {
-            let message = format!("moves has {} items, but a world has at most {MAX_PLAYERS} players", request.moves.len());
+            let message =
+                format!("moves has {} items, but a world has at most {MAX_PLAYERS} players", request.moves.len());
             return Err(status::invalid("moves", message));
         }
         let moves = request.moves.iter().map(living::player_move).collect::<Result<Vec<_>, _>>()?;

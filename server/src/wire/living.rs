@@ -110,7 +110,10 @@ pub fn player(request: &wire::SpawnPlayerRequest) -> Result<Player, Status> {
     if player.is_sound() {
         Ok(player)
     } else {
-        Err(status::invalid("height", format!("height is {height} m, but a player is at least twice as high as its radius")))
+        Err(status::invalid(
+            "height",
+            format!("height is {height} m, but a player is at least twice as high as its radius"),
+        ))
     }
 }
 

@@ -48,7 +48,8 @@ impl<'a> Extras<'a> {
     pub(super) fn vectors(&self, key: &'static str) -> Result<Vec<Vec3>, ImportError> {
         let Some(value) = self.values.get(key) else { return Ok(Vec::new()) };
         let vectors: Option<Vec<[f32; 3]>> = serde_json::from_value(value.clone()).ok();
-        let vectors = vectors.ok_or_else(|| property(self.of, key, value, "give a list of places, three numbers each"))?;
+        let vectors =
+            vectors.ok_or_else(|| property(self.of, key, value, "give a list of places, three numbers each"))?;
         Ok(vectors.into_iter().map(Vec3::from).collect())
     }
 

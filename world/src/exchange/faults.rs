@@ -3,9 +3,9 @@
 //! Messages name the level's own nodes and meshes, and say what to change.
 
 use super::load::Overload;
-use crate::map::MoverError;
 use crate::Vec3;
 use crate::map::MapSize;
+use crate::map::MoverError;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use std::fmt;
 

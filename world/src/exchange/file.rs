@@ -177,7 +177,8 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let mut payload = Reader(payload);
     let saved = MapHash(*payload.array()?);
     let description_len = payload.number()?;
-    let Description { spec, size, placed, movers } = read_description(payload.bytes(description_len as usize)?, version)?;
+    let Description { spec, size, placed, movers } =
+        read_description(payload.bytes(description_len as usize)?, version)?;
     let (vertex_count, triangle_count) = (payload.number()?, payload.number()?);
     let claimed = u64::from(vertex_count) * VERTEX_LEN as u64 + u64::from(triangle_count) * (CORNERS_LEN as u64 + 1);
     if claimed != payload.0.len() as u64 {

@@ -210,8 +210,7 @@ fn assemble(
         MoverKind::Conveyor => stops.truncate(1),
         MoverKind::Lift | MoverKind::Platform => {}
     }
-    let farthest =
-        stops.windows(2).map(|pair| pair[0].offset.distance(pair[1].offset)).fold(0.0, f32::max);
+    let farthest = stops.windows(2).map(|pair| pair[0].offset.distance(pair[1].offset)).fold(0.0, f32::max);
     let usual = match kind {
         MoverKind::Lift | MoverKind::Platform => {
             f64::from(farthest) / motion.speed.unwrap_or(f64::from(TRAVEL_SPEED)).max(1.0e-3)

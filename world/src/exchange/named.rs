@@ -17,7 +17,9 @@ use super::moving::{self, MoverEntry, Paths, Sign};
 use super::scene::{Bounds, Frame, Node, node_label};
 use crate::Vec3;
 use crate::map::spec::MAX_HEIGHT_M;
-use crate::map::{Jetpack, Liquid, MapSize, Mover, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features};
+use crate::map::{
+    Jetpack, Liquid, MapSize, Mover, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine, features,
+};
 use serde::Deserialize;
 use std::collections::HashMap;
 

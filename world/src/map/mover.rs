@@ -105,7 +105,9 @@ pub enum MoverError {
     #[error("the mover `{0}` has a position, time or speed that is out of range")]
     Number(String),
     /// It would travel too fast.
-    #[error("the mover `{name}` travels at {speed} m/s, but at most {MAX_MOVER_SPEED} m/s is possible: let it take longer")]
+    #[error(
+        "the mover `{name}` travels at {speed} m/s, but at most {MAX_MOVER_SPEED} m/s is possible: let it take longer"
+    )]
     Speed {
         /// Name of the mover.
         name: String,
@@ -230,8 +232,7 @@ pub(super) fn check(movers: &[Mover]) -> Result<(), MoverError> {
 
 /// The faces of a box, counter-clockwise seen from outside.
 pub fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
-    const QUADS: [[usize; 4]; 6] =
-        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    const QUADS: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let corner = |idx: usize| {
         let pick = |axis: usize| if idx >> axis & 1 == 1 { high[axis] } else { low[axis] };
         Vec3::new(pick(0), pick(1), pick(2))

@@ -21,8 +21,8 @@ use surefoot_rollout::goals::Goal;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::probe::ProbeContext;
 use surefoot_world::{
-    Body, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, MoverOrder, Player, PlayerContact, TaskConfig, Vec3, World,
-    navigable,
+    Body, CharacterProfile, DECISION_SECONDS, End, Map, MapSpec, MoverOrder, Player, PlayerContact, TaskConfig, Vec3,
+    World, navigable,
 };
 
 /// Seed of the validation map on which crowds head for random goals.
@@ -98,7 +98,6 @@ pub fn run(policy: &Policy, config: &LivingConfig, mut begun: impl FnMut(&str)) 
         ("vanishing bridge", Suite::bridge),
     ];
     for (name, scene) in all {
-        if std::env::var("DBG").is_ok_and(|only| only != name) { continue; }
         begun(name);
         scenes.push(SceneReport { name: name.to_owned(), ..scene(&suite)? });
     }
@@ -196,10 +195,7 @@ impl Suite<'_> {
     fn repeat(&self, level: &Level, solid: bool, goals: impl Fn(u64) -> Vec<Goal>) -> Tally {
         let mut tally = Tally::default();
         for seed in 0..self.config.runs {
-            let gs = goals(seed);
-            let at = self.run(level, &gs, seed, solid, |world, d| if std::env::var("DBG").is_ok() && d % 60 == 0 && d < 1500 { eprintln!("t {} movers {:?} npcs {:?}", d, world.movers().iter().map(|m| (m.from, m.to, m.progress, m.blocked, m.told)).collect::<Vec<_>>(), world.npcs().map(|(i, n)| (i.0, n.body.feet.to_array().map(|v| (v * 10.0).round() / 10.0), n.episode.map(|e| e.goal.to_array().map(|v| (v * 10.0).round() / 10.0)))).take(12).collect::<Vec<_>>()) });
-            if std::env::var("DBG").is_ok() { for (g, a) in gs.iter().zip(&at) { if a.end != End::Reached { eprintln!("{:?} -> {:?}", g, a); } } }
-            tally.add(at);
+            tally.add(self.run(level, &goals(seed), seed, solid, |_, _| {}));
         }
         tally
     }
@@ -260,7 +256,8 @@ impl Suite<'_> {
         let level = self.level(scenes::deck_with_lift(cycles))?;
         let (floor, deck) = (([4.0, 4.0], [17.0, 40.0], 0.0), ([24.0, 14.0], [36.0, 30.0], 9.0));
         let tally = self.repeat(&level, false, |seed| scenes::to_and_fro(floor, deck, 32, seed));
-        let about = if cycles { "a lift that cycles is the only way up" } else { "a lift that is called is the only way up" };
+        let about =
+            if cycles { "a lift that cycles is the only way up" } else { "a lift that is called is the only way up" };
         Ok(tally.report(about, ">= 98 %", None))
     }
 
@@ -312,7 +309,10 @@ impl Suite<'_> {
             target: "0 pushed off".to_owned(),
             runs: 1,
             success: Rate::of(stood, ENCOUNTERS),
-            ends: BTreeMap::from([("pushed aside".to_owned(), moved), ("fell".to_owned(), (ENCOUNTERS - stood) as u64)]),
+            ends: BTreeMap::from([
+                ("pushed aside".to_owned(), moved),
+                ("fell".to_owned(), (ENCOUNTERS - stood) as u64),
+            ]),
             seconds_mean: 0.0,
             seconds_last: 0.0,
             runs_complete: u64::from(stood == ENCOUNTERS),
@@ -328,9 +328,10 @@ impl LivingReport {
             "| scene | target | arrived | runs in which all did | last one, s | beside |\n|---|---|---|---|---|---|\n",
         );
         for scene in &self.scenes {
-            let beside = scene.reference.as_ref().map_or(String::new(), |(what, rate, last)| {
-                format!("{what}: {:.2} %, {last:.1} s", 100.0 * rate)
-            });
+            let beside = scene
+                .reference
+                .as_ref()
+                .map_or(String::new(), |(what, rate, last)| format!("{what}: {:.2} %, {last:.1} s", 100.0 * rate));
             let Rate { rate, n, .. } = scene.success;
             let arrived = (rate * n as f64).round();
             text.push_str(&format!(

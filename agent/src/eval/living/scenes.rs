@@ -3,10 +3,10 @@
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use surefoot_rollout::goals::{Goal, random_yaw};
+use surefoot_world::Vec3;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{Map, MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::Vec3;
 
 /// Height of all floors, m: what falls below 0 has left the map.
 const FLOOR: f32 = 10.0;
@@ -157,8 +157,12 @@ pub fn rooms() -> Map {
                 blocks.wall([at - 0.2, from], [at + 0.2, to]);
             }
             let aside = right - left;
-            blocks.mover(MoverKind::Door, [left, 0.0, at - 0.1], [right, WALL, at + 0.1], &[Vec3::X * aside], 0.8).start = 1;
-            blocks.mover(MoverKind::Door, [at - 0.1, 0.0, left], [at + 0.1, WALL, right], &[Vec3::Z * aside], 0.8).start = 1;
+            blocks
+                .mover(MoverKind::Door, [left, 0.0, at - 0.1], [right, WALL, at + 0.1], &[Vec3::X * aside], 0.8)
+                .start = 1;
+            blocks
+                .mover(MoverKind::Door, [at - 0.1, 0.0, left], [at + 0.1, WALL, right], &[Vec3::Z * aside], 0.8)
+                .start = 1;
         }
     }
     blocks.map(44, 44)
@@ -199,7 +203,12 @@ pub fn vanishing_bridge() -> Map {
 }
 
 /// Ways between two rectangles, every other one back, m; heights are above the floor.
-pub fn to_and_fro(one: ([f32; 2], [f32; 2], f32), other: ([f32; 2], [f32; 2], f32), count: usize, seed: u64) -> Vec<Goal> {
+pub fn to_and_fro(
+    one: ([f32; 2], [f32; 2], f32),
+    other: ([f32; 2], [f32; 2], f32),
+    count: usize,
+    seed: u64,
+) -> Vec<Goal> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut place = |(low, high, height): ([f32; 2], [f32; 2], f32)| {
         let [x, z] = [0, 1].map(|axis| rng.random_range(low[axis]..high[axis]));

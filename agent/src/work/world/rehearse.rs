@@ -108,6 +108,7 @@ impl WorldTask {
                                 queries.push((*id, npc.attempt, state.body.feet));
                                 true
                             }
+                            Next::Wait => false,
                             Next::Stop => {
                                 gave_up.push((*id, npc.attempt));
                                 false
@@ -151,6 +152,10 @@ impl WorldTask {
         let mut begun = BTreeSet::new();
         for id in npc_ids {
             let npc = self.npcs.get_mut(id).expect("met in this batch");
+            if npc.follower.is_barred() {
+                npc.holds = true;
+                continue;
+            }
             if npc.follower.waypoint().is_some() {
                 npc.holds &= npc.rehearses_next && self.rehearsal.is_some();
                 continue;

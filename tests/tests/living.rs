@@ -1,0 +1,261 @@
+//! What moves in a world besides NPCs, as a game client sees it: doors, lifts and players.
+
+use e2e::{
+    Running, Worker, create_world, distance, set_goal, spawn, start_planner, start_server, start_worker_of,
+    watch_until, worker_config, world_client,
+};
+use surefoot_agent::work::WorkConfig;
+use surefoot_planner_service::PlannerConfig;
+use surefoot_policy::Policy;
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1 as wire;
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use surefoot_proto::world::v1::set_mover_request::Where;
+use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_server::ServerConfig;
+use surefoot_world::map::mover::cuboid;
+use tonic::transport::Channel;
+
+/// Where the origin of the levels lies on their maps, m.
+const SHIFT: [f32; 3] = [2.0, 2.0, 2.0];
+
+/// An OBJ file of boxes with names.
+fn level(boxes: &[(&str, [f32; 3], [f32; 3])]) -> Vec<u8> {
+    let (mut text, mut count) = (String::new(), 0);
+    for (name, low, high) in boxes {
+        text.push_str(&format!("o {name}\n"));
+        for face in cuboid((*low).into(), (*high).into()) {
+            face.iter().for_each(|corner| text.push_str(&format!("v {} {} {}\n", corner.x, corner.y, corner.z)));
+            count += 3;
+            text.push_str(&format!("f {} {} {count}\n", count - 2, count - 1));
+        }
+    }
+    text.into_bytes()
+}
+
+/// Two rooms of 16 x 16 m with a door between them.
+fn rooms() -> Vec<u8> {
+    level(&[
+        ("floor", [0.0, -1.0, 0.0], [33.0, 0.0, 16.0]),
+        ("wall_a", [16.0, 0.0, 0.0], [17.0, 9.0, 7.0]),
+        ("wall_b", [16.0, 0.0, 9.0], [17.0, 9.0, 16.0]),
+        ("lintel", [16.0, 3.0, 7.0], [17.0, 9.0, 9.0]),
+        ("Door_1", [16.3, 0.0, 7.0], [16.7, 3.0, 9.0]),
+    ])
+}
+
+/// A floor and a deck 9 m above it, with a lift between them.
+fn deck() -> Vec<u8> {
+    level(&[
+        ("floor", [0.0, -1.0, 0.0], [36.0, 0.0, 26.0]),
+        ("deck", [20.0, 0.0, 6.0], [34.0, 9.0, 20.0]),
+        ("lift_1", [16.9, -0.1, 11.0], [19.95, 0.1, 15.0]),
+        ("lift_1:path", [16.9, 8.85, 11.0], [19.95, 9.05, 15.0]),
+    ])
+}
+
+fn on_map([x, y, z]: [f32; 3]) -> wire::Vec3 {
+    wire::Vec3 { x: x + SHIFT[0], y: y + SHIFT[1], z: z + SHIFT[2] }
+}
+
+/// Imports a level and creates a world on it.
+async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> (WorldServiceClient<Channel>, u64) {
+    let mut maps = MapServiceClient::connect(server.uri.clone()).await.unwrap();
+    let format = wire::MapFormat::Obj.into();
+    let request = wire::ImportMapRequest { name: "level.obj".to_owned(), format, file, ..Default::default() };
+    let imported = maps.import_map(request).await.unwrap().into_inner();
+    let origin = imported.origin.unwrap();
+    assert!(distance(origin, on_map([0.0; 3])) < 1.0e-3, "{origin:?}");
+    let map_hash = imported.map.unwrap().map_hash;
+    let mut client = world_client(server).await;
+    let request = wire::CreateWorldRequest { map_hash, mode: mode.into(), ..Default::default() };
+    let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
+    (client, world_id)
+}
+
+async fn order(
+    client: &mut WorldServiceClient<Channel>,
+    world_id: u64,
+    name: &str,
+    r#where: Where,
+) -> wire::MoverState {
+    let request = wire::SetMoverRequest { world_id, name: name.to_owned(), r#where: Some(r#where), pace: None };
+    client.set_mover(request).await.unwrap().into_inner().state.unwrap()
+}
+
+/// A worker that plans on graphs of 120 vertices.
+fn start_planning_worker(server: &Running, planner: &Running) -> Worker {
+    let config = worker_config(server, Some(planner), 8);
+    let graph = config.graph.with(|it| (it.vertices, it.neighbours, it.repeats) = (120, 12, 2)).unwrap();
+    start_worker_of(WorkConfig { graph, ..config }, Policy::shipped().unwrap())
+}
+
+/// Waits until an NPC's attempt has ended, and returns how and where.
+async fn end_of(client: &mut WorldServiceClient<Channel>, world_id: u64, attempts: u32) -> (wire::Outcome, wire::Vec3) {
+    let end = watch_until(client, world_id, |snapshot| {
+        snapshot.npcs.first().is_some_and(|npc| npc.attempts_ended >= attempts)
+    });
+    let npc = end.await.npcs[0];
+    (npc.last_outcome(), npc.position.unwrap())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_door_bars_the_way_while_it_is_shut() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let (mut client, world_id) = world_of(&server, rooms(), wire::TimeMode::Lockstep).await;
+    let (here, there) = (on_map([4.0, 0.0, 4.0]), on_map([29.0, 0.0, 12.0]));
+    let npc = spawn(&mut client, world_id, here).await;
+
+    // As it was modelled, the door is shut, and no way leads around it.
+    set_goal(&mut client, npc, there).await;
+    let (outcome, place) = end_of(&mut client, world_id, 1).await;
+    assert_eq!(outcome, wire::Outcome::Unreachable);
+    assert!(place.x < on_map([16.6, 0.0, 0.0]).x, "{place:?}");
+
+    let state = order(&mut client, world_id, "Door_1", Where::Open(true)).await;
+    assert_eq!((state.from_stop, state.to_stop, state.told_stop), (0, 0, Some(1)));
+    set_goal(&mut client, npc, there).await;
+    assert_eq!(end_of(&mut client, world_id, 2).await.0, wire::Outcome::Reached);
+
+    // An NPC that waits in front of it goes on once it opens.
+    order(&mut client, world_id, "Door_1", Where::Open(false)).await;
+    set_goal(&mut client, npc, here).await;
+    let tick = |snapshot: &wire::WatchWorldResponse| snapshot.tick;
+    let begun = tick(&watch_until(&mut client, world_id, |_| true).await);
+    let waiting = watch_until(&mut client, world_id, |snapshot| snapshot.tick > begun + 900).await;
+    assert!(waiting.movers.is_empty() || waiting.movers[0].from_stop == 0);
+    order(&mut client, world_id, "Door_1", Where::Stop(1)).await;
+    let (outcome, place) = end_of(&mut client, world_id, 3).await;
+    assert_eq!(outcome, wire::Outcome::Reached, "{place:?}");
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_npc_takes_the_lift_and_comes_down_again() {
+    let cache = tempfile::tempdir().unwrap();
+    let server = start_server(ServerConfig::default());
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let worker = start_planning_worker(&server, &planner);
+    let (mut client, world_id) = world_of(&server, deck(), wire::TimeMode::Lockstep).await;
+    let (floor, deck) = (on_map([4.0, 0.0, 4.0]), on_map([30.0, 9.0, 16.0]));
+    let npc = spawn(&mut client, world_id, floor).await;
+    set_goal(&mut client, npc, deck).await;
+    let (outcome, place) = end_of(&mut client, world_id, 1).await;
+    assert_eq!(outcome, wire::Outcome::Reached, "{place:?}");
+    // From now on it goes where it is called.
+    order(&mut client, world_id, "lift_1", Where::Stop(0)).await;
+    set_goal(&mut client, npc, floor).await;
+    assert_eq!(end_of(&mut client, world_id, 2).await.0, wire::Outcome::Reached);
+    set_goal(&mut client, npc, deck).await;
+    assert_eq!(end_of(&mut client, world_id, 3).await.0, wire::Outcome::Reached);
+    worker.stop().await;
+    planner.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn movers_are_listed_watched_and_still_where_they_were_after_a_restart() {
+    let state = tempfile::tempdir().unwrap();
+    let config = || ServerConfig { state: Some(state.path().to_owned()), ..ServerConfig::default() };
+    let server = start_server(config());
+    let (mut client, world_id) = world_of(&server, rooms(), wire::TimeMode::Realtime).await;
+    let list = wire::ListMoversRequest { world_id };
+    let listed = client.list_movers(list).await.unwrap().into_inner();
+    let [door] = &listed.movers[..] else { panic!("one mover, not {}", listed.movers.len()) };
+    assert_eq!((door.name.as_str(), door.kind(), door.stops.len()), ("Door_1", wire::MoverKind::Door, 2));
+    assert_eq!(door.positions.len(), 12 * 9 * 4);
+    order(&mut client, world_id, "Door_1", Where::Open(true)).await;
+    let open = |snapshot: &wire::WatchWorldResponse| {
+        snapshot.movers.first().is_some_and(|mover| (mover.from_stop, mover.to_stop) == (1, 1))
+    };
+    let seen = watch_until(&mut client, world_id, open).await;
+    let shift = seen.movers[0].pose.unwrap().offset.unwrap();
+    assert!((distance(shift, wire::Vec3::default()) - 1.92).abs() < 0.01, "{shift:?}");
+    server.stop().await;
+
+    let server = start_server(config());
+    let mut client = world_client(&server).await;
+    let listed = client.list_movers(list).await.unwrap().into_inner();
+    assert_eq!((listed.states[0].from_stop, listed.states[0].told_stop), (1, Some(1)));
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn orders_that_make_no_sense_are_refused_by_name() {
+    let server = start_server(ServerConfig::default());
+    let (mut client, world_id) = world_of(&server, deck(), wire::TimeMode::Realtime).await;
+    let request = |name: &str, r#where, pace| wire::SetMoverRequest { world_id, name: name.to_owned(), r#where, pace };
+    let cases = [
+        (request("lift_9", Some(Where::Stop(0)), None), Reason::MoverNotFound, "lift_9"),
+        (request("lift_1", Some(Where::Stop(2)), None), Reason::InvalidField, "no stop 2"),
+        (request("lift_1", Some(Where::Open(true)), None), Reason::InvalidField, "neither a door nor a floor"),
+        (request("lift_1", Some(Where::Cycle(false)), None), Reason::InvalidField, "cycle must be true"),
+        (request("lift_1", None, Some(f32::NAN)), Reason::InvalidField, "pace"),
+        (request("lift_1", None, Some(5.0)), Reason::InvalidField, "pace"),
+        (wire::SetMoverRequest { world_id: 99, ..request("lift_1", None, None) }, Reason::WorldNotFound, "99"),
+    ];
+    for (request, reason, says) in cases {
+        let status = client.set_mover(request).await.unwrap_err();
+        assert_eq!(Reason::of(&status), Some(reason), "{status}");
+        assert!(status.message().contains(says), "{status}");
+    }
+    let halted = client.set_mover(request("lift_1", None, Some(0.0))).await.unwrap().into_inner().state.unwrap();
+    assert_eq!((halted.pace, halted.told_stop), (0.0, None));
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn players_push_npcs_and_are_seen_and_refused_by_name() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let (file, mode) = (level(&[("floor", [0.0, -1.0, 0.0], [30.0, 0.0, 30.0])]), wire::TimeMode::Realtime);
+    let (_, world_id) = world_of(&server, file, mode).await;
+    let place = on_map([15.0, 0.0, 15.0]);
+    spawn(&mut client, world_id, place).await;
+    let contact = wire::PlayerContact::Push.into();
+    let beside = wire::Vec3 { x: place.x - 2.0, ..place };
+    let request = wire::SpawnPlayerRequest { world_id, position: Some(beside), contact, ..Default::default() };
+    let player_id = client.spawn_player(request).await.unwrap().into_inner().player_id;
+    let seen = watch_until(&mut client, world_id, |snapshot| !snapshot.players.is_empty()).await;
+    assert_eq!((seen.players[0].radius, seen.players[0].contact()), (0.3, wire::PlayerContact::Push));
+    let moves = |x: f32, player_id: u32| wire::MovePlayersRequest {
+        world_id,
+        moves: vec![wire::PlayerMove { player_id, position: Some(wire::Vec3 { x, ..place }), velocity: None }],
+    };
+    for step in 0..40 {
+        client.move_players(moves(beside.x + 0.1 * step as f32, player_id)).await.unwrap();
+    }
+    watch_until(&mut client, world_id, |snapshot| snapshot.npcs[0].position.unwrap().x > place.x + 1.5).await;
+
+    let tiny = wire::SpawnPlayerRequest { radius: 0.01, ..request };
+    let low = wire::SpawnPlayerRequest { radius: 0.9, height: 1.0, ..request };
+    let outside = wire::SpawnPlayerRequest { position: Some(wire::Vec3 { x: -5.0, ..place }), ..request };
+    for (request, says) in [(tiny, "radius"), (low, "height"), (outside, "outside the map")] {
+        let status = client.spawn_player(request).await.unwrap_err();
+        assert_eq!(Reason::of(&status), Some(Reason::InvalidField), "{status}");
+        assert!(status.message().contains(says), "{status}");
+    }
+    let nowhere = client.move_players(moves(f32::NAN, player_id)).await.unwrap_err();
+    assert_eq!(Reason::of(&nowhere), Some(Reason::InvalidField), "{nowhere}");
+    let unknown = client.move_players(moves(place.x, 7)).await.unwrap_err();
+    assert_eq!(Reason::of(&unknown), Some(Reason::PlayerNotFound), "{unknown}");
+    let remove = wire::RemovePlayerRequest { world_id, player_id };
+    client.remove_player(remove).await.unwrap();
+    assert_eq!(Reason::of(&client.remove_player(remove).await.unwrap_err()), Some(Reason::PlayerNotFound));
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_without_movers_has_none() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let world = create_world(&mut client, 7, wire::TimeMode::Realtime).await;
+    let listed = client.list_movers(wire::ListMoversRequest { world_id: world.world_id }).await.unwrap().into_inner();
+    assert!(listed.movers.is_empty() && listed.states.is_empty());
+    server.stop().await;
+}
