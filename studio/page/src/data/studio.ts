@@ -13,6 +13,7 @@ import { Levels } from './world/import'
 import { Level } from './world/level'
 import { Live } from './world/live'
 import { Marks } from './world/marks'
+import { Movers } from './world/movers'
 import { Npcs } from './world/npcs'
 import { Surveys } from './world/surveys'
 import { Worlds } from './world/worlds'
@@ -33,6 +34,7 @@ export class Studio {
   readonly levels: Levels
   readonly marks = new Marks()
   readonly surveys: Surveys
+  readonly movers: Movers
   readonly npcs: Npcs
   readonly graphs: Graphs
   readonly layers: Layers
@@ -56,14 +58,15 @@ export class Studio {
   constructor(readonly context: Context) {
     this.view = new ViewSettings(context.store)
     this.worlds = new Worlds(context)
-    this.live = new Live(context)
+    this.movers = new Movers(context)
+    this.live = new Live(context, (states, isDelta) => this.movers.take(states, isDelta))
     this.level = new Level(context)
     this.levels = new Levels(context)
     this.surveys = new Surveys(context)
     this.npcs = new Npcs(context)
     this.layers = new Layers(context, () => void this.graphs.reload())
     this.graphs = new Graphs(context, (graph) => this.layers.sync(graph))
-    this.plans = new Plans(context)
+    this.plans = new Plans(context, this.movers.given)
     this.builds = new Builds(context, () => void this.graphs.refreshList())
     this.probes = new Probes(context, (track, reached, done) => {
       const viewport = this.viewport.peek()
@@ -92,6 +95,10 @@ export class Studio {
       (_, signal) => withId(worldId.peek(), (id) => this.live.watch(id, signal)),
     )
     whileGiven(
+      () => worldKey.value,
+      (_, signal) => withId(worldId.peek(), (id) => this.movers.load(id, signal)),
+    )
+    whileGiven(
       () => (this.viewport.value === undefined ? undefined : worldKey.value),
       (_, signal) => {
         const viewport = this.viewport.peek()
@@ -105,6 +112,10 @@ export class Studio {
     effect(() => {
       const graphId = this.graphs.loaded.value === undefined ? undefined : this.graphs.id.value
       untracked(() => this.plans.useGraph(graphId))
+    })
+    effect(() => {
+      void this.movers.givenKey.value
+      untracked(() => this.plans.replan())
     })
     effect(() => {
       void this.graphs.id.value
@@ -148,6 +159,7 @@ export class Studio {
   private leaveWorld(): void {
     batch(() => {
       this.live.forget()
+      this.movers.forget()
       this.level.forget()
       this.graphs.forget()
       this.layers.forget()

@@ -5,16 +5,28 @@ import { marksOf } from '../data/edit/edits'
 import type { Studio } from '../data/studio'
 import { PICKABLE } from './tools'
 import { featuresWith } from '../data/world/marks'
+import { lostWithout } from '../data/world/movers'
 import { poseOf } from '../data/world/snapshot'
-import type { SelectedNpc, Viewport } from '../view/viewport.types'
+import { type Mover, MoverKind, type MoverState } from '../gen/surefoot/world/v1/living_pb'
+import type { MoverPose, MoverShape, Place, SelectedNpc, Viewport } from '../view/viewport.types'
+
+const ORIGIN: Place = { x: 0, y: 0, z: 0 }
 
 /** Shows everything, and goes on doing so until what is returned is called. */
 export function show(studio: Studio, viewport: Viewport): () => void {
-  const { graphs, layers, live, npcs, plans, builds, view, marks, surveys } = studio
+  const { graphs, layers, live, npcs, plans, builds, view, marks, movers, surveys } = studio
   const ends = [
     effect(() => {
-      const { tick, npcs } = live.moment.value
+      const { tick, npcs, players } = live.moment.value
       viewport.setNpcs(tick, [...npcs.values()].map(poseOf))
+      viewport.setPlayers(
+        players.map(({ position, radius, height }) => ({ position: position ?? ORIGIN, radius, height })),
+      )
+    }),
+    effect(() => viewport.setMovers(movers.list.value.map(shapeOf))),
+    effect(() => {
+      void movers.list.value
+      viewport.setMoverPoses(new Map([...movers.states.value].map(([index, state]) => [index, poseOfMover(state)])))
     }),
     effect(() => viewport.setTrails(view.trails.value)),
     effect(() => viewport.setSelectedNpc(selectedNpc(studio))),
@@ -38,7 +50,10 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     effect(() => {
       const result = builds.comparison.value?.result
       const shown = surveys.list.value.find(({ body }) => body === surveys.shown.value)?.survey
-      viewport.setDifference(shown?.cutOff ?? result?.lost ?? [], shown === undefined ? (result?.gained ?? []) : [])
+      const graph = movers.locked.value.size > 0 ? graphs.loaded.value : undefined
+      const lost = graph === undefined ? undefined : lostWithout(graph, movers.given.value)
+      const gained = shown === undefined && lost === undefined ? (result?.gained ?? []) : []
+      viewport.setDifference(lost ?? shown?.cutOff ?? result?.lost ?? [], gained)
     }),
     effect(() => {
       const { value: features } = studio.level.features
@@ -51,6 +66,19 @@ export function show(studio: Studio, viewport: Viewport): () => void {
   return () => {
     for (const end of ends) end()
   }
+}
+
+function shapeOf({ positions, pivot, kind }: Mover): MoverShape {
+  // A copy: the numbers need not begin at a multiple of four bytes.
+  return {
+    positions: new Float32Array(positions.slice().buffer),
+    pivot: pivot ?? ORIGIN,
+    isDoor: kind === MoverKind.DOOR,
+  }
+}
+
+function poseOfMover({ pose }: MoverState): MoverPose {
+  return { offset: pose?.offset ?? ORIGIN, yaw: pose?.yaw ?? 0, isThere: pose?.isThere ?? true }
 }
 
 function selectedNpc({ npcs }: Studio): SelectedNpc | undefined {

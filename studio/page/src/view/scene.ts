@@ -3,6 +3,7 @@
 import { FeatureView } from './features'
 import { GraphView } from './graph-view'
 import { Materials } from './materials'
+import { MoverView } from './movers'
 import { NpcView } from './npcs'
 import { setSeeThrough } from './overlays'
 import { MarkerView, MarkView, PathView } from './routes'
@@ -24,6 +25,7 @@ export class Scene {
   readonly paths = new PathView(this.materials)
   readonly markers = new MarkerView(this.materials)
   readonly marks = new MarkView(this.materials)
+  readonly movers = new MoverView(this.materials)
   readonly npcs = new NpcView(this.materials)
   readonly trails = new Trails(this.materials)
   readonly selection = new SelectionView(this.materials)
@@ -32,13 +34,15 @@ export class Scene {
 
   constructor(private readonly stage: Stage) {
     stage.still.add(this.terrain, this.features, this.graph, this.paths, this.markers, this.marks)
-    stage.moving.add(this.trails.lines, this.npcs, this.selection, this.track, this.drag)
+    stage.moving.add(this.movers, this.trails.lines, this.npcs, this.selection, this.track, this.drag)
   }
 
   /** Takes away the map and all that is drawn on it. */
   clear(): void {
     this.terrain.clearTiles()
     this.features.set(undefined)
+    this.movers.set([])
+    this.movers.setPlayers([])
     this.graph.setGraph(undefined)
     this.graph.select(undefined, undefined)
     this.paths.set([])
@@ -81,7 +85,16 @@ export class Scene {
 
   dispose(): void {
     this.terrain.clearTiles()
-    for (const part of [this.features, this.graph, this.paths, this.markers, this.marks, this.npcs, this.trails]) {
+    for (const part of [
+      this.features,
+      this.graph,
+      this.paths,
+      this.markers,
+      this.marks,
+      this.movers,
+      this.npcs,
+      this.trails,
+    ]) {
       part.dispose()
     }
     this.selection.dispose()

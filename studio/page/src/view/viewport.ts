@@ -17,9 +17,12 @@ import type {
   GraphFilter,
   Hit,
   MeshTile,
+  MoverPose,
+  MoverShape,
   NpcPose,
   PathLine,
   Place,
+  PlayerPose,
   SelectedNpc,
   Theme,
   Viewport,
@@ -117,6 +120,21 @@ class View implements Viewport, Show {
       this.frames.markMoving()
     }
     this.frames.wake()
+  }
+
+  setMovers(movers: MoverShape[]): void {
+    this.scene.movers.set(movers)
+    this.frames.changeMoving()
+  }
+
+  setMoverPoses(poses: ReadonlyMap<number, MoverPose>): void {
+    this.scene.movers.place(poses)
+    this.frames.changeMoving()
+  }
+
+  setPlayers(players: readonly PlayerPose[]): void {
+    this.scene.movers.setPlayers(players)
+    this.frames.changeMoving()
   }
 
   setTrails(visible: boolean): void {

@@ -44,6 +44,28 @@ export interface NpcPose {
   goal?: Place | undefined
 }
 
+/** A mover as it was modelled. */
+export interface MoverShape {
+  /** Corners of its triangles, three numbers each. */
+  positions: Float32Array
+  pivot: Place
+  isDoor: boolean
+}
+
+/** Where a mover is, from where it was modelled. */
+export interface MoverPose {
+  offset: Place
+  yaw: number
+  isThere: boolean
+}
+
+/** A body that the game moves. */
+export interface PlayerPose {
+  position: Place
+  radius: number
+  height: number
+}
+
 /** What is known of the selected NPC beyond its pose. */
 export interface SelectedNpc {
   id: bigint
@@ -146,6 +168,10 @@ export interface Viewport {
   fineTiles(): ReadonlySet<string>
   /** The latest poses with the world's tick (60 a second); the view moves NPCs smoothly from one to the next. */
   setNpcs(tick: bigint, npcs: NpcPose[]): void
+  setMovers(movers: MoverShape[]): void
+  /** Where movers are, by index. */
+  setMoverPoses(poses: ReadonlyMap<number, MoverPose>): void
+  setPlayers(players: readonly PlayerPose[]): void
   setTrails(visible: boolean): void
   setSelectedNpc(npc: SelectedNpc | undefined): void
   /** Follows an NPC with the camera, or nobody. */

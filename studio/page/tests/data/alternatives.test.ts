@@ -34,11 +34,16 @@ describe('legsToAvoid', () => {
 
   it('asks nothing where no edge is used', () => {
     const direct = create(PlanSchema, { found: true, legs: [{ from: START, to: GOAL }] })
-    expect(alternativeQueries({ x: 0, y: 0, z: 0 }, { x: 1, y: 0, z: 0 }, 1, direct)).toEqual([])
+    expect(
+      alternativeQueries({ start: { x: 0, y: 0, z: 0 }, goal: { x: 1, y: 0, z: 0 }, caution: 1, movers: [] }, direct),
+    ).toEqual([])
   })
 
   it('leaves one leg out of each query', () => {
-    const queries = alternativeQueries({ x: 0, y: 0, z: 0 }, { x: 9, y: 0, z: 0 }, 0.5, plan([1, 2, 3]))
+    const queries = alternativeQueries(
+      { start: { x: 0, y: 0, z: 0 }, goal: { x: 9, y: 0, z: 0 }, caution: 0.5, movers: [] },
+      plan([1, 2, 3]),
+    )
     expect(queries.map(({ avoid, goal, caution }) => [avoid.length, goal?.x, caution])).toEqual([
       [1, 9, 0.5],
       [1, 9, 0.5],

@@ -33,10 +33,11 @@ export function legsToAvoid(best: Plan): Leg[] {
     .slice(0, MAX_QUERIES)
 }
 
-export function alternativeQueries(start: Place, goal: Place, caution: number, best: Plan): PathQuery[] {
-  return legsToAvoid(best).map((leg) =>
-    create(PathQuerySchema, { start, goal, caution, avoid: [{ from: leg.from, to: leg.to }] }),
-  )
+export function alternativeQueries(
+  query: { start: Place; goal: Place; caution: number; movers: PathQuery['movers'] },
+  best: Plan,
+): PathQuery[] {
+  return legsToAvoid(best).map((leg) => create(PathQuerySchema, { ...query, avoid: [{ from: leg.from, to: leg.to }] }))
 }
 
 /** Tells plans with the same legs. */

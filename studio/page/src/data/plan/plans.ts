@@ -1,7 +1,7 @@
 // The plan tool: from where, to where, and the ways that there are.
 
-import { batch, computed, signal } from '@preact/signals'
-import type { Plan } from '../../gen/surefoot/planner/v1/planner_pb'
+import { batch, computed, type ReadonlySignal, signal } from '@preact/signals'
+import type { MoverStops, PathQuery, Plan } from '../../gen/surefoot/planner/v1/planner_pb'
 import type { PathLine, Place } from '../../view/viewport.types'
 import type { Context } from '../context'
 import { failureOf, inWords } from '../net/errors'
@@ -40,7 +40,11 @@ export class Plans {
   private running: AbortController | undefined
   private graphId: string | undefined
 
-  constructor(private readonly context: Context) {}
+  /** `given`: what is known of movers. */
+  constructor(
+    private readonly context: Context,
+    private readonly given: ReadonlySignal<readonly MoverStops[]>,
+  ) {}
 
   /** A click on the map. */
   click(at: Place): void {
@@ -96,6 +100,11 @@ export class Plans {
     this.chosenIdx.value = index
   }
 
+  /** Movers stand elsewhere: plans are made anew. */
+  replan(): void {
+    void this.ask(true)
+  }
+
   /** The graph is another one, or has changed: plans are made anew. A chosen alternative stays so while it is there. */
   useGraph(graphId: string | undefined): void {
     this.graphId = graphId
@@ -110,7 +119,7 @@ export class Plans {
     const { signal } = (this.running = new AbortController())
     if (!quietly) this.state.value = 'asking'
     try {
-      const query = { start, goal, caution: CAUTIONS[this.caution.peek()] }
+      const query = { start, goal, caution: CAUTIONS[this.caution.peek()], movers: [...this.given.peek()] }
       const { plan: best } = await this.context.planner.calls.findPath({ graphId, query }, { signal })
       if (best === undefined) return
       if (!quietly) this.take([best])
@@ -138,11 +147,11 @@ export class Plans {
 
   private async findAlternatives(
     graphId: string,
-    { start, goal, caution }: { start: Place; goal: Place; caution: number },
+    given: { start: Place; goal: Place; caution: number; movers: PathQuery['movers'] },
     best: Plan,
     signal: AbortSignal,
   ) {
-    const queries = alternativeQueries(start, goal, caution, best)
+    const queries = alternativeQueries(given, best)
     if (queries.length === 0) return []
     try {
       const { plans } = await this.context.planner.calls.findPaths({ graphId, queries }, { signal })

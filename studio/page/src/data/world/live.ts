@@ -1,6 +1,7 @@
 // A world as it goes: its NPCs and how it is doing.
 
 import { batch, signal } from '@preact/signals'
+import type { MoverState, Player } from '../../gen/surefoot/world/v1/living_pb'
 import type { Npc, WatchStatsResponse, WatchWorldResponse, WorldStats } from '../../gen/surefoot/world/v1/world_pb'
 import { type Context, report } from '../context'
 import { sleep } from '../net/backoff'
@@ -22,9 +23,10 @@ const SAMPLES = 40
 export interface Moment {
   tick: bigint
   npcs: NpcsById
+  players: readonly Player[]
 }
 
-const NOBODY: Moment = { tick: 0n, npcs: new Map() }
+const NOBODY: Moment = { tick: 0n, npcs: new Map(), players: [] }
 
 export class Live {
   /** The latest moment, for the view. */
@@ -35,7 +37,10 @@ export class Live {
   readonly samples = signal<readonly StatsSample[]>([])
   private told = 0
 
-  constructor(private readonly context: Context) {}
+  constructor(
+    private readonly context: Context,
+    private readonly takeMovers: (states: readonly MoverState[], isDelta: boolean) => void,
+  ) {}
 
   npc(id: bigint | undefined): Npc | undefined {
     return id === undefined ? undefined : this.npcs.value.get(id)
@@ -81,7 +86,8 @@ export class Live {
     const npcs = afterSnapshot(this.moment.peek().npcs, message)
     const now = performance.now()
     batch(() => {
-      this.moment.value = { tick: message.tick, npcs }
+      this.moment.value = { tick: message.tick, npcs, players: message.players }
+      this.takeMovers(message.movers, message.isDelta)
       if (now - this.told < PANEL_MS) return
       this.told = now
       this.npcs.value = npcs

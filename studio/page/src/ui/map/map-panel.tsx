@@ -9,6 +9,7 @@ import { CreateWorldForm } from './create-world'
 import { ImportLevel } from './import-level'
 import { bodyName } from './kinds'
 import { MarksSection } from './marks-section'
+import { MoversSection } from './movers-section'
 import { SurveyTable } from './survey-table'
 
 export function MapPanel({ studio }: { studio: Studio }) {
@@ -16,6 +17,7 @@ export function MapPanel({ studio }: { studio: Studio }) {
     <>
       <WorldList studio={studio} />
       <LevelFacts studio={studio} />
+      <MoversSection studio={studio} />
       <MarksSection studio={studio} />
       <Section title="New world">
         <CreateWorldForm studio={studio} />

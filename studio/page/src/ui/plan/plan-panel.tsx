@@ -151,10 +151,20 @@ function LegRow({ studio, plan, leg, index }: { studio: Studio; plan: Plan; leg:
         <span class="number">{duration(leg.seconds)}</span>
         <ChanceBar chance={leg.chance} />
       </button>
+      {leg.ride !== undefined && <p class="note">Rides on {moverName(studio, leg.ride.mover)}.</p>}
+      {leg.ride === undefined && leg.needs.length > 0 && (
+        <p class="note">
+          Needs {leg.needs.map(({ mover }) => moverName(studio, mover)).join(' and ')}: an NPC waits until it is there.
+        </p>
+      )}
       {edge === undefined && <p class="note">Straight there, off the graph: not proved.</p>}
       {isSelected && edge !== undefined && <LegActions studio={studio} edge={edge} />}
     </li>
   )
+}
+
+function moverName({ movers }: Studio, index: number): string {
+  return movers.list.value[index]?.name ?? `mover ${index}`
 }
 
 function LegActions({ studio, edge }: { studio: Studio; edge: { from: number; to: number } }) {

@@ -1,0 +1,145 @@
+// The movers of a world: doors, lifts, platforms, floors that vanish, conveyors. What they do, and what would be lost without them.
+
+import { create } from '@bufbuild/protobuf'
+import { batch, computed, signal } from '@preact/signals'
+import { type GetGraphResponse, type MoverStops, MoverStopsSchema } from '../../gen/surefoot/planner/v1/planner_pb'
+import { type Mover, MoverKind, type MoverState } from '../../gen/surefoot/world/v1/living_pb'
+import type { Place } from '../../view/viewport.types'
+import { type Context, report } from '../context'
+
+/** What each mover does, by its index on the map. */
+export type StatesByMover = ReadonlyMap<number, MoverState>
+
+/** What a client may tell a mover. */
+export type Order = { case: 'stop'; value: number } | { case: 'open'; value: boolean } | { case: 'cycle'; value: true }
+
+/** What is known after states have come: all of them, or those that have changed. */
+export function afterStates(known: StatesByMover, states: readonly MoverState[], isDelta: boolean): StatesByMover {
+  if (isDelta && states.length === 0) return known
+  const next = new Map(isDelta ? known : [])
+  for (const state of states) next.set(state.mover, state)
+  return next
+}
+
+/** What a mover does, in words. */
+export function doing(kind: MoverKind, state: MoverState | undefined): string {
+  if (state === undefined) return ''
+  const stops = state.fromStop === state.toStop
+  const blocked = state.blocked ? ', held up' : ''
+  const halted = state.pace === 0 ? ', halted' : ''
+  if (kind === MoverKind.CONVEYOR) return state.pace === 0 ? 'halted' : 'runs'
+  if (kind === MoverKind.DOOR) {
+    if (stops) return state.fromStop === 0 ? 'shut' : 'open'
+    return (state.toStop === 0 ? 'shuts' : 'opens') + blocked + halted
+  }
+  if (kind === MoverKind.FLOOR) return state.pose?.isThere === true ? 'there' : 'away'
+  return (stops ? `at stop ${state.fromStop + 1}` : `to stop ${state.toStop + 1}`) + blocked + halted
+}
+
+/** The stops at which a mover stands sooner or later, as bits; undefined: at all of them. */
+export function stopsAhead(mover: Mover, state: MoverState | undefined, locked: boolean): number | undefined {
+  if (locked) return 1
+  const told = state?.toldStop
+  const isCalled = mover.kind === MoverKind.LIFT || mover.kind === MoverKind.PLATFORM
+  return told === undefined || isCalled || mover.stops.length < 2 ? undefined : 1 << told
+}
+
+/** Vertices that nobody reaches any more from the best connected one while movers stand only at these stops. */
+export function lostWithout(graph: GetGraphResponse, stops: readonly MoverStops[]): Place[] {
+  const allowed = new Map(stops.map(({ mover, stops }) => [mover, stops]))
+  const all = graph.edges.map(() => true)
+  const open = graph.edges.map(
+    ({ needs, ride }) =>
+      needs.every((need) => ((allowed.get(need.mover) ?? ~0) & need.stops) !== 0) &&
+      (ride === undefined || ((allowed.get(ride.mover) ?? ~0) & (1 << ride.toStop)) !== 0),
+  )
+  const from = new Map<number, number[]>()
+  graph.edges.forEach((edge, index) => from.set(edge.from, [...(from.get(edge.from) ?? []), index]))
+  const reach = (start: number, usable: readonly boolean[]) => {
+    const seen = new Set([start])
+    const left = [start]
+    for (let at = left.pop(); at !== undefined; at = left.pop()) {
+      for (const index of from.get(at) ?? []) {
+        const to = graph.edges[index]?.to
+        if (to === undefined || usable[index] !== true || seen.has(to)) continue
+        seen.add(to)
+        left.push(to)
+      }
+    }
+    return seen
+  }
+  const start = largestIsland(graph)
+  if (start === undefined) return []
+  const kept = reach(start, open)
+  return [...reach(start, all)]
+    .filter((vertex) => !kept.has(vertex))
+    .map((vertex) => graph.vertices[vertex])
+    .filter((place) => place !== undefined)
+}
+
+/** A vertex of the island with the most vertices. */
+function largestIsland({ islands }: GetGraphResponse): number | undefined {
+  const counts = new Map<number, number>()
+  for (const island of islands) counts.set(island, (counts.get(island) ?? 0) + 1)
+  const [best] = [...counts].sort((a, b) => b[1] - a[1])
+  return best === undefined ? undefined : islands.indexOf(best[0])
+}
+
+export class Movers {
+  readonly list = signal<readonly Mover[]>([])
+  readonly states = signal<StatesByMover>(new Map())
+  /** Those of which it is asked what would be without them, by index. */
+  readonly locked = signal<ReadonlySet<number>>(new Set())
+  /** What plans have to take as given: doors as they are told to be, and what is asked about. */
+  readonly given = computed<readonly MoverStops[]>(() =>
+    this.list.value.flatMap((mover, index) => {
+      const stops = stopsAhead(mover, this.states.value.get(index), this.locked.value.has(index))
+      return stops === undefined ? [] : [create(MoverStopsSchema, { mover: index, stops })]
+    }),
+  )
+
+  /** The same for as long as plans need not be made anew. */
+  readonly givenKey = computed(() => this.given.value.map(({ mover, stops }) => `${mover}:${stops}`).join(' '))
+
+  constructor(private readonly context: Context) {}
+
+  /** Asks for the movers of a world. */
+  async load(worldId: bigint, signal: AbortSignal): Promise<void> {
+    try {
+      const { movers, states } = await this.context.world.calls.listMovers({ worldId }, { signal })
+      batch(() => {
+        this.list.value = movers
+        this.take(states, false)
+      })
+    } catch (error) {
+      if (!signal.aborted) report(this.context, 'Movers cannot be listed', error)
+    }
+  }
+
+  take(states: readonly MoverState[], isDelta: boolean): void {
+    this.states.value = afterStates(this.states.peek(), states, isDelta)
+  }
+
+  async order(worldId: bigint, name: string, where: Order): Promise<void> {
+    try {
+      const { state } = await this.context.world.calls.setMover({ worldId, name, where })
+      if (state !== undefined) this.take([state], true)
+    } catch (error) {
+      report(this.context, `${name} does not move`, error)
+    }
+  }
+
+  toggleLock(index: number): void {
+    const locked = new Set(this.locked.peek())
+    if (!locked.delete(index)) locked.add(index)
+    this.locked.value = locked
+  }
+
+  forget(): void {
+    batch(() => {
+      this.list.value = []
+      this.states.value = new Map()
+      this.locked.value = new Set()
+    })
+  }
+}
