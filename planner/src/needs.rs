@@ -3,9 +3,11 @@
 //! The places on lifts and platforms where an NPC stands, one at each stop, are vertices like any other: berths. Edges to and from a berth
 //! are proved while the mover is held at its stop, and the edge between two berths of a mover is the ride.
 
+use crate::site::Site;
 use serde::{Deserialize, Serialize};
 use surefoot_world::character::{MoveScratch, is_clear};
 use surefoot_world::map::{Mover, MoverKind};
+use surefoot_world::reliance::Reliance;
 use surefoot_world::{
     CharacterProfile, DECISION_SECONDS, Decisions, Map, MoverState, TICKS_PER_DECISION, TICKS_PER_SECOND, Vec3,
 };
@@ -14,6 +16,8 @@ use surefoot_world::{
 const MAX_NEEDS: usize = 4;
 /// Distance within which a place is a berth, m.
 const SAME_M: f32 = 0.01;
+/// Distance from where movers go that vertices keep, m.
+const CLEARANCE_M: f32 = 0.4;
 /// Overlap of a body with what is static that a berth may have, m.
 const CLEAR_SLOP_M: f32 = 0.1;
 
@@ -159,6 +163,25 @@ impl Berths {
     pub fn ride(&self, start: Vec3, goal: Vec3) -> Option<Ride> {
         let ((mover, from), (other, to)) = self.at(start).zip(self.at(goal))?;
         (mover == other && from != to).then_some(Ride { mover, from, to })
+    }
+}
+
+/// Where movers go, which vertices keep clear of: who waits there stops them.
+#[derive(Debug)]
+pub(crate) struct Clearance<'a> {
+    reliance: Reliance,
+    profile: &'a CharacterProfile,
+}
+
+impl<'a> Clearance<'a> {
+    /// The clearance of a site.
+    pub fn of(site: &'a Site) -> Self {
+        Self { reliance: Reliance::on(&site.map), profile: &site.profile }
+    }
+
+    /// Whether a body with its feet at `feet` stands clear of all movers.
+    pub fn is_clear(&self, feet: Vec3) -> bool {
+        !self.reliance.is_swept(self.profile, feet, CLEARANCE_M)
     }
 }
 

@@ -8,6 +8,7 @@ use crate::candidates::Candidate;
 use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
+use crate::needs::Clearance;
 use crate::settings::{BuildError, MAX_VERTICES};
 use crate::ways::{Way, Ways};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -46,7 +47,8 @@ impl Builder<'_> {
         let most = (count + (CORNERS_PER_VERTEX * count).max(MIN_CORNERS)).min(MAX_VERTICES.max(count));
         let reach = Reach::survey(&self.site.map, &self.site.profile, self.thread_count);
         let mut ways = Ways::new(&reach);
-        self.cover(&ways, count + (most - count) / 4, probed)?;
+        let clearance = Clearance::of(self.site);
+        self.cover(&ways, &clearance, count + (most - count) / 4, probed)?;
         let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
         for most_ways in WAYS {
             let graph = probed.graph(self.settings.threshold);
@@ -60,7 +62,7 @@ impl Builder<'_> {
                     break;
                 }
                 *tries += 1;
-                legs.extend(join_legs(&way, &ways, found, MERGE * leg_m, &mut probed.vertices));
+                legs.extend(join_legs(&way, (&ways, &clearance), found, MERGE * leg_m, &mut probed.vertices));
             }
             if legs.is_empty() {
                 break;
@@ -81,9 +83,15 @@ impl Builder<'_> {
 
     /// Adds vertices where none is in sight, up to `most` in all, and probes the legs that a plan would try first between them and the
     /// others; it ends where the policy needs no help.
-    fn cover(&self, ways: &Ways<'_>, most: usize, probed: &mut Probed) -> Result<(), BuildError> {
+    fn cover(
+        &self,
+        ways: &Ways<'_>,
+        clearance: &Clearance<'_>,
+        most: usize,
+        probed: &mut Probed,
+    ) -> Result<(), BuildError> {
         let legs = LegModel::fit(&probed.vertices, &probed.candidates, &probed.evidence);
-        let mut places = ways.uncovered(&probed.vertices, SIGHT_M);
+        let mut places = ways.uncovered(&probed.vertices, SIGHT_M).filter(|place| clearance.is_clear(*place));
         loop {
             let room = BATCH.min(most.saturating_sub(probed.vertices.len()));
             let batch: Vec<Vec3> = places.by_ref().take(room).collect();
@@ -118,7 +126,7 @@ fn cheapest<F: Fn(Vec3) -> Decisions>(vertices: &[Vec3], decisions: F) -> impl I
 /// pass. A corner within `merge_m` metres of a vertex is that vertex.
 fn join_legs(
     way: &Way,
-    ways: &Ways<'_>,
+    (ways, clearance): (&Ways<'_>, &Clearance<'_>),
     legs: Vec<Vec<u32>>,
     merge_m: f32,
     vertices: &mut Vec<Vec3>,
@@ -128,6 +136,10 @@ fn join_legs(
     let mut from = way.from;
     for (idx, mut cells) in legs.into_iter().enumerate() {
         let corner = ways.feet(cells[cells.len() - 1]);
+        if idx + 1 < count && !clearance.is_clear(corner) {
+            // The leg goes on to the next corner.
+            continue;
+        }
         let is_near = |vertex: &Vec3| {
             let offset = *vertex - corner;
             hypot(offset.x, offset.z) <= merge_m && offset.y.abs() <= 0.5 * merge_m

@@ -276,7 +276,11 @@ impl Follower {
         if let Some(ride) = ride {
             let end = plan.waypoints[self.leg];
             if is_grounded && scene.is_missed(ride, feet, end) {
+                // It stands where the mover will be, but must not wait there.
+                let berth = plan.legs[self.leg].key.from;
+                let leg = FailedLeg { key: LegKey { from: Stop::Start, to: berth }, is_harm: true };
                 self.plan = None;
+                self.failed_legs.push(leg);
                 return;
             }
             self.conduct = scene.ride(ride, feet, end);

@@ -16,9 +16,6 @@ use surefoot_server::ServerConfig;
 use surefoot_world::map::mover::cuboid;
 use tonic::transport::Channel;
 
-/// Where the origin of the levels lies on their maps, m.
-const SHIFT: [f32; 3] = [2.0, 2.0, 2.0];
-
 /// An OBJ file of boxes with names.
 fn level(boxes: &[(&str, [f32; 3], [f32; 3])]) -> Vec<u8> {
     let (mut text, mut count) = (String::new(), 0);
@@ -33,12 +30,12 @@ fn level(boxes: &[(&str, [f32; 3], [f32; 3])]) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Two rooms of 16 x 16 m with a door between them.
+/// Two rooms of 16 x 16 m with a door between them, and walls that nobody leaps around.
 fn rooms() -> Vec<u8> {
     level(&[
         ("floor", [0.0, -1.0, 0.0], [33.0, 0.0, 16.0]),
-        ("wall_a", [16.0, 0.0, 0.0], [17.0, 9.0, 7.0]),
-        ("wall_b", [16.0, 0.0, 9.0], [17.0, 9.0, 16.0]),
+        ("wall_a", [16.0, 0.0, -14.0], [17.0, 9.0, 7.0]),
+        ("wall_b", [16.0, 0.0, 9.0], [17.0, 9.0, 30.0]),
         ("lintel", [16.0, 3.0, 7.0], [17.0, 9.0, 9.0]),
         ("Door_1", [16.3, 0.0, 7.0], [16.7, 3.0, 9.0]),
     ])
@@ -54,33 +51,48 @@ fn deck() -> Vec<u8> {
     ])
 }
 
-fn on_map([x, y, z]: [f32; 3]) -> wire::Vec3 {
-    wire::Vec3 { x: x + SHIFT[0], y: y + SHIFT[1], z: z + SHIFT[2] }
+/// A world on a level.
+struct Stage {
+    client: WorldServiceClient<Channel>,
+    world_id: u64,
+    /// Where the level's origin lies on the map.
+    origin: wire::Vec3,
+}
+
+impl Stage {
+    /// A place of the level on the map.
+    fn at(&self, [x, y, z]: [f32; 3]) -> wire::Vec3 {
+        wire::Vec3 { x: x + self.origin.x, y: y + self.origin.y, z: z + self.origin.z }
+    }
+
+    async fn order(&mut self, name: &str, r#where: Where) -> wire::MoverState {
+        let r#where = Some(r#where);
+        let request = wire::SetMoverRequest { world_id: self.world_id, name: name.to_owned(), r#where, pace: None };
+        self.client.set_mover(request).await.unwrap().into_inner().state.unwrap()
+    }
+
+    /// Waits until the only NPC has ended so many attempts, and returns how the last one ended, and where.
+    async fn end_of(&mut self, attempts: u32) -> (wire::Outcome, wire::Vec3) {
+        let has_ended = |snapshot: &wire::WatchWorldResponse| {
+            snapshot.npcs.first().is_some_and(|npc| npc.attempts_ended >= attempts)
+        };
+        let npc = watch_until(&mut self.client, self.world_id, has_ended).await.npcs[0];
+        (npc.last_outcome(), npc.position.unwrap())
+    }
 }
 
 /// Imports a level and creates a world on it.
-async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> (WorldServiceClient<Channel>, u64) {
+async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> Stage {
     let mut maps = MapServiceClient::connect(server.uri.clone()).await.unwrap();
     let format = wire::MapFormat::Obj.into();
     let request = wire::ImportMapRequest { name: "level.obj".to_owned(), format, file, ..Default::default() };
     let imported = maps.import_map(request).await.unwrap().into_inner();
     let origin = imported.origin.unwrap();
-    assert!(distance(origin, on_map([0.0; 3])) < 1.0e-3, "{origin:?}");
     let map_hash = imported.map.unwrap().map_hash;
     let mut client = world_client(server).await;
     let request = wire::CreateWorldRequest { map_hash, mode: mode.into(), ..Default::default() };
     let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    (client, world_id)
-}
-
-async fn order(
-    client: &mut WorldServiceClient<Channel>,
-    world_id: u64,
-    name: &str,
-    r#where: Where,
-) -> wire::MoverState {
-    let request = wire::SetMoverRequest { world_id, name: name.to_owned(), r#where: Some(r#where), pace: None };
-    client.set_mover(request).await.unwrap().into_inner().state.unwrap()
+    Stage { client, world_id, origin }
 }
 
 /// A worker that plans on graphs of 120 vertices.
@@ -90,45 +102,36 @@ fn start_planning_worker(server: &Running, planner: &Running) -> Worker {
     start_worker_of(WorkConfig { graph, ..config }, Policy::shipped().unwrap())
 }
 
-/// Waits until an NPC's attempt has ended, and returns how and where.
-async fn end_of(client: &mut WorldServiceClient<Channel>, world_id: u64, attempts: u32) -> (wire::Outcome, wire::Vec3) {
-    let end = watch_until(client, world_id, |snapshot| {
-        snapshot.npcs.first().is_some_and(|npc| npc.attempts_ended >= attempts)
-    });
-    let npc = end.await.npcs[0];
-    (npc.last_outcome(), npc.position.unwrap())
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn a_door_bars_the_way_while_it_is_shut() {
     let cache = tempfile::tempdir().unwrap();
     let server = start_server(ServerConfig::default());
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let worker = start_planning_worker(&server, &planner);
-    let (mut client, world_id) = world_of(&server, rooms(), wire::TimeMode::Lockstep).await;
-    let (here, there) = (on_map([4.0, 0.0, 4.0]), on_map([29.0, 0.0, 12.0]));
-    let npc = spawn(&mut client, world_id, here).await;
+    let mut stage = world_of(&server, rooms(), wire::TimeMode::Lockstep).await;
+    let (here, there) = (stage.at([4.0, 0.0, 4.0]), stage.at([29.0, 0.0, 12.0]));
+    let npc = spawn(&mut stage.client, stage.world_id, here).await;
 
     // As it was modelled, the door is shut, and no way leads around it.
-    set_goal(&mut client, npc, there).await;
-    let (outcome, place) = end_of(&mut client, world_id, 1).await;
+    set_goal(&mut stage.client, npc, there).await;
+    let (outcome, place) = stage.end_of(1).await;
     assert_eq!(outcome, wire::Outcome::Unreachable);
-    assert!(place.x < on_map([16.6, 0.0, 0.0]).x, "{place:?}");
+    assert!(place.x < stage.at([16.6, 0.0, 0.0]).x, "{place:?}");
 
-    let state = order(&mut client, world_id, "Door_1", Where::Open(true)).await;
+    let state = stage.order("Door_1", Where::Open(true)).await;
     assert_eq!((state.from_stop, state.to_stop, state.told_stop), (0, 0, Some(1)));
-    set_goal(&mut client, npc, there).await;
-    assert_eq!(end_of(&mut client, world_id, 2).await.0, wire::Outcome::Reached);
+    set_goal(&mut stage.client, npc, there).await;
+    assert_eq!(stage.end_of(2).await.0, wire::Outcome::Reached);
 
     // An NPC that waits in front of it goes on once it opens.
-    order(&mut client, world_id, "Door_1", Where::Open(false)).await;
-    set_goal(&mut client, npc, here).await;
+    stage.order("Door_1", Where::Open(false)).await;
+    set_goal(&mut stage.client, npc, here).await;
     let tick = |snapshot: &wire::WatchWorldResponse| snapshot.tick;
-    let begun = tick(&watch_until(&mut client, world_id, |_| true).await);
-    let waiting = watch_until(&mut client, world_id, |snapshot| snapshot.tick > begun + 900).await;
+    let begun = tick(&watch_until(&mut stage.client, stage.world_id, |_| true).await);
+    let waiting = watch_until(&mut stage.client, stage.world_id, |snapshot| snapshot.tick > begun + 900).await;
     assert!(waiting.movers.is_empty() || waiting.movers[0].from_stop == 0);
-    order(&mut client, world_id, "Door_1", Where::Stop(1)).await;
-    let (outcome, place) = end_of(&mut client, world_id, 3).await;
+    stage.order("Door_1", Where::Stop(1)).await;
+    let (outcome, place) = stage.end_of(3).await;
     assert_eq!(outcome, wire::Outcome::Reached, "{place:?}");
     worker.stop().await;
     planner.stop().await;
@@ -141,18 +144,18 @@ async fn an_npc_takes_the_lift_and_comes_down_again() {
     let server = start_server(ServerConfig::default());
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let worker = start_planning_worker(&server, &planner);
-    let (mut client, world_id) = world_of(&server, deck(), wire::TimeMode::Lockstep).await;
-    let (floor, deck) = (on_map([4.0, 0.0, 4.0]), on_map([30.0, 9.0, 16.0]));
-    let npc = spawn(&mut client, world_id, floor).await;
-    set_goal(&mut client, npc, deck).await;
-    let (outcome, place) = end_of(&mut client, world_id, 1).await;
+    let mut stage = world_of(&server, deck(), wire::TimeMode::Lockstep).await;
+    let (floor, deck) = (stage.at([4.0, 0.0, 4.0]), stage.at([30.0, 9.0, 16.0]));
+    let npc = spawn(&mut stage.client, stage.world_id, floor).await;
+    set_goal(&mut stage.client, npc, deck).await;
+    let (outcome, place) = stage.end_of(1).await;
     assert_eq!(outcome, wire::Outcome::Reached, "{place:?}");
     // From now on it goes where it is called.
-    order(&mut client, world_id, "lift_1", Where::Stop(0)).await;
-    set_goal(&mut client, npc, floor).await;
-    assert_eq!(end_of(&mut client, world_id, 2).await.0, wire::Outcome::Reached);
-    set_goal(&mut client, npc, deck).await;
-    assert_eq!(end_of(&mut client, world_id, 3).await.0, wire::Outcome::Reached);
+    stage.order("lift_1", Where::Stop(0)).await;
+    set_goal(&mut stage.client, npc, floor).await;
+    assert_eq!(stage.end_of(2).await.0, wire::Outcome::Reached);
+    set_goal(&mut stage.client, npc, deck).await;
+    assert_eq!(stage.end_of(3).await.0, wire::Outcome::Reached);
     worker.stop().await;
     planner.stop().await;
     server.stop().await;
@@ -163,17 +166,17 @@ async fn movers_are_listed_watched_and_still_where_they_were_after_a_restart() {
     let state = tempfile::tempdir().unwrap();
     let config = || ServerConfig { state: Some(state.path().to_owned()), ..ServerConfig::default() };
     let server = start_server(config());
-    let (mut client, world_id) = world_of(&server, rooms(), wire::TimeMode::Realtime).await;
-    let list = wire::ListMoversRequest { world_id };
-    let listed = client.list_movers(list).await.unwrap().into_inner();
+    let mut stage = world_of(&server, rooms(), wire::TimeMode::Realtime).await;
+    let list = wire::ListMoversRequest { world_id: stage.world_id };
+    let listed = stage.client.list_movers(list).await.unwrap().into_inner();
     let [door] = &listed.movers[..] else { panic!("one mover, not {}", listed.movers.len()) };
     assert_eq!((door.name.as_str(), door.kind(), door.stops.len()), ("Door_1", wire::MoverKind::Door, 2));
     assert_eq!(door.positions.len(), 12 * 9 * 4);
-    order(&mut client, world_id, "Door_1", Where::Open(true)).await;
+    stage.order("Door_1", Where::Open(true)).await;
     let open = |snapshot: &wire::WatchWorldResponse| {
         snapshot.movers.first().is_some_and(|mover| (mover.from_stop, mover.to_stop) == (1, 1))
     };
-    let seen = watch_until(&mut client, world_id, open).await;
+    let seen = watch_until(&mut stage.client, stage.world_id, open).await;
     let shift = seen.movers[0].pose.unwrap().offset.unwrap();
     assert!((distance(shift, wire::Vec3::default()) - 1.92).abs() < 0.01, "{shift:?}");
     server.stop().await;
@@ -188,7 +191,7 @@ async fn movers_are_listed_watched_and_still_where_they_were_after_a_restart() {
 #[tokio::test(flavor = "multi_thread")]
 async fn orders_that_make_no_sense_are_refused_by_name() {
     let server = start_server(ServerConfig::default());
-    let (mut client, world_id) = world_of(&server, deck(), wire::TimeMode::Realtime).await;
+    let Stage { mut client, world_id, .. } = world_of(&server, deck(), wire::TimeMode::Realtime).await;
     let request = |name: &str, r#where, pace| wire::SetMoverRequest { world_id, name: name.to_owned(), r#where, pace };
     let cases = [
         (request("lift_9", Some(Where::Stop(0)), None), Reason::MoverNotFound, "lift_9"),
@@ -212,10 +215,10 @@ async fn orders_that_make_no_sense_are_refused_by_name() {
 #[tokio::test(flavor = "multi_thread")]
 async fn players_push_npcs_and_are_seen_and_refused_by_name() {
     let server = start_server(ServerConfig::default());
-    let mut client = world_client(&server).await;
     let (file, mode) = (level(&[("floor", [0.0, -1.0, 0.0], [30.0, 0.0, 30.0])]), wire::TimeMode::Realtime);
-    let (_, world_id) = world_of(&server, file, mode).await;
-    let place = on_map([15.0, 0.0, 15.0]);
+    let stage = world_of(&server, file, mode).await;
+    let place = stage.at([15.0, 0.0, 15.0]);
+    let Stage { mut client, world_id, .. } = stage;
     spawn(&mut client, world_id, place).await;
     let contact = wire::PlayerContact::Push.into();
     let beside = wire::Vec3 { x: place.x - 2.0, ..place };
@@ -227,8 +230,12 @@ async fn players_push_npcs_and_are_seen_and_refused_by_name() {
         world_id,
         moves: vec![wire::PlayerMove { player_id, position: Some(wire::Vec3 { x, ..place }), velocity: None }],
     };
-    for step in 0..40 {
-        client.move_players(moves(beside.x + 0.1 * step as f32, player_id)).await.unwrap();
+    // At 3 m/s.
+    let begun = client.move_players(moves(beside.x, player_id)).await.unwrap().into_inner().tick;
+    let mut ticks = 0;
+    while ticks < 80 {
+        let x = beside.x + 0.05 * ticks as f32;
+        ticks = client.move_players(moves(x, player_id)).await.unwrap().into_inner().tick - begun;
     }
     watch_until(&mut client, world_id, |snapshot| snapshot.npcs[0].position.unwrap().x > place.x + 1.5).await;
 

@@ -2,13 +2,15 @@
 
 use crate::Vec3;
 use crate::character::{Body, CharacterProfile};
-use crate::map::Map;
+use crate::map::{Map, Mover};
 use crate::mesh::Triangle;
 use crate::movers::MoverState;
 use crate::navigable::DOWN;
 
 /// How deep a mover must reach into a body to be in its way, m.
 const IN_THE_WAY_M: f32 = 0.05;
+/// Height of a mover above the feet up to which a body stands on it, m.
+const STEP_ON_M: f32 = 0.15;
 /// Height above the feet from which what is below them is looked for, m, and how far below them a body stands on it.
 const KNEE_M: f32 = 0.3;
 const GAP_M: f32 = 0.12;
@@ -26,18 +28,25 @@ struct Shape {
 pub struct Reliance {
     /// Shapes of each mover, stop by stop; none where it is not there.
     shapes: Vec<Vec<Option<Shape>>>,
+    /// Boxes around the journeys of all movers, from stop to stop, and around those that stay.
+    swept: Vec<(Vec3, Vec3)>,
 }
 
 impl Reliance {
     /// Prepares the movers of a map.
     pub fn on(map: &Map) -> Self {
-        let shape = |mover: &crate::map::Mover, stop: usize| {
+        let shape = |mover: &Mover, stop: usize| {
             let (low, high) = mover.bounds_at(stop);
             let at = mover.stops[stop];
             at.is_there.then(|| Shape { triangles: mover.triangles_at(at), low, high })
         };
-        let of = |mover: &crate::map::Mover| (0..mover.stops.len()).map(|stop| shape(mover, stop)).collect();
-        Self { shapes: map.movers().iter().map(of).collect() }
+        let of = |mover: &Mover| (0..mover.stops.len()).map(|stop| shape(mover, stop)).collect();
+        let journeys = |mover: &Mover| {
+            let stops: Vec<(Vec3, Vec3)> = (0..mover.stops.len()).map(|stop| mover.bounds_at(stop)).collect();
+            let around = |pair: &[(Vec3, Vec3)]| (pair[0].0.min(pair[1].0), pair[0].1.max(pair[1].1));
+            if stops.len() == 1 { stops } else { stops.windows(2).map(around).collect() }
+        };
+        Self { shapes: map.movers().iter().map(of).collect(), swept: map.movers().iter().flat_map(journeys).collect() }
     }
 
     /// Whether the map has no movers, so that no body relies on any.
@@ -82,16 +91,12 @@ impl Reliance {
 }
 
 impl Reliance {
-    /// Whether a mover at one of its stops would be in the way of a body with its feet at `feet`, or nearer to it than `margin`, m.
+    /// Whether a mover goes where a body with its feet at `feet` is, or nearer to it than `margin`, m.
     pub fn is_swept(&self, profile: &CharacterProfile, feet: Vec3, margin: f32) -> bool {
-        let radius = profile.radius + margin;
+        let reach = Vec3::new(profile.radius + margin, 0.0, profile.radius + margin);
         // What is below the feet is not in the way.
-        let low = feet + Vec3::Y * (radius + IN_THE_WAY_M);
-        let height = (profile.height - 2.0 * profile.radius - margin).max(0.0);
-        let reach = Vec3::new(radius, 0.0, radius);
-        let (least, most) = (feet - reach, feet + reach + Vec3::new(0.0, profile.height, 0.0));
-        let is_near = |shape: &&Shape| shape.low.cmple(most).all() && shape.high.cmpge(least).all();
-        self.shapes.iter().flatten().flatten().filter(is_near).any(|shape| shape.is_in_the_way(low, height, radius))
+        let (least, most) = (feet - reach + Vec3::Y * STEP_ON_M, feet + reach + Vec3::Y * profile.height);
+        self.swept.iter().any(|(low, high)| low.cmple(most).all() && high.cmpge(least).all())
     }
 }
 

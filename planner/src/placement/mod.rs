@@ -14,7 +14,7 @@ pub use anchors::beside_devices;
 
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
-use crate::needs::Berths;
+use crate::needs::{Berths, Clearance};
 use crate::probe::ProbeExecutor;
 use crate::progress::Progress;
 use crate::settings::{BuildError, BuildSettings, Placement};
@@ -22,7 +22,6 @@ use crate::site::Site;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeMap;
-use surefoot_world::reliance::Reliance;
 use surefoot_world::{Map, Vec3};
 
 /// Placed vertices, with candidate edges and evidence where the placement ran the policy.
@@ -60,10 +59,10 @@ pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, .. } = placing;
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     let (map, profile, count) = (&site.map, &site.profile, settings.vertices);
-    let reliance = Reliance::on(map);
+    let clearance = Clearance::of(site);
     let only = |mut vertices: Vec<Vec3>| {
         // Who waits where a mover goes stops it.
-        vertices.retain(|feet| reliance.is_void() || !reliance.is_swept(profile, *feet, CLEARANCE_M));
+        vertices.retain(|feet| clearance.is_clear(*feet));
         Draft { vertices, ..Draft::default() }
     };
     let mut draft = match settings.placement {
@@ -89,8 +88,6 @@ pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
     Ok(draft)
 }
 
-/// Distance from where movers go that vertices keep, m.
-const CLEARANCE_M: f32 = 0.4;
 /// At most one vertex in this many is reserved for devices.
 const MAX_ANCHOR_DIVISOR: usize = 4;
 
