@@ -10,7 +10,8 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::sync::Arc;
 use surefoot_world::character::Action;
-use surefoot_world::map::MapSize;
+use surefoot_world::map::mover::cuboid;
+use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop};
 use surefoot_world::sense::{RAY_COUNT, RayCone};
 use surefoot_world::{
     CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World, WorldConfig, exchange, navigable,
@@ -18,7 +19,9 @@ use surefoot_world::{
 
 /// Number of NPCs in the benchmark world.
 const NPCS: usize = 256;
-/// Number of NPCs that get in each other's way.
+/// Lifts on the map on which movers are measured.
+const MOVERS: usize = 200;
+/// Number of NPCs that get in each other's way, or among movers.
 const SOLID_NPCS: usize = 1024;
 /// Number of timed decisions of each NPC.
 const DECISIONS: usize = 300;
@@ -38,6 +41,7 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     figures.splice(0..0, scaling(&map)?);
     figures.splice(0..0, simulation(&map)?);
     figures.push(collisions(&map)?);
+    figures.push(movers(&map)?);
     Ok(figures)
 }
 
@@ -239,6 +243,40 @@ fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
         ghosts,
         false,
     ))
+}
+
+/// What lifts all over a map add to a tick of as many NPCs on it, beside the same map without.
+fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
+    let spec = map.spec().context("movers are put on a generated map")?;
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let places = navigable::sample_many(map, &CharacterProfile::default(), MOVERS, &mut rng)?;
+    let lift = |(idx, place): (usize, &Vec3)| Mover {
+        name: format!("lift {idx}"),
+        kind: MoverKind::Lift,
+        triangles: cuboid(*place - Vec3::new(1.5, 0.1, 1.5), *place + Vec3::new(1.5, 0.1, 1.5)),
+        pivot: *place,
+        stops: [0.0, 4.0].map(|up| MoverStop { offset: Vec3::Y * up, yaw: 0.0, is_there: true }).to_vec(),
+        start: 0,
+        travel_s: 4.0,
+        dwell_s: 0.0,
+        cycles: true,
+        belt: Vec3::ZERO,
+    };
+    let lifts = places.iter().enumerate().map(lift).collect();
+    let moving = Arc::new(Map::generate(spec).with_movers(lifts).context("movers of the bench")?);
+    let mut crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, &moving, 0, false)?];
+    let mut times = [Vec::new(), Vec::new()];
+    for _ in 0..DECISIONS / 3 {
+        for (crowd, times) in crowds.iter_mut().zip(&mut times) {
+            crowd.decide();
+            times.push(timed(|| (0..10).for_each(|_| crowd.world.tick())) / 10.0);
+            crowd.close();
+        }
+    }
+    let [without, with] = times.map(|times| median(times) * 1.0e3);
+    Ok(Figure::new("movers_tick_ms", with - without, "ms for 200 lifts, beside 1,024 NPCs")
+        .at_most(0.3)
+        .with_reference("the whole tick without them", without, false))
 }
 
 /// The same figures for rapier and parry; `None` in builds without them.

@@ -11,6 +11,8 @@ import { type Mover, MoverKind, type MoverState } from '../gen/surefoot/world/v1
 import type { MoverPose, MoverShape, Place, SelectedNpc, Viewport } from '../view/viewport.types'
 
 const ORIGIN: Place = { x: 0, y: 0, z: 0 }
+/** How far above its place a mark of what would be lost is drawn, m. */
+const LOST_M = 1.2
 
 /** Shows everything, and goes on doing so until what is returned is called. */
 export function show(studio: Studio, viewport: Viewport): () => void {
@@ -51,7 +53,8 @@ export function show(studio: Studio, viewport: Viewport): () => void {
       const result = builds.comparison.value?.result
       const shown = surveys.list.value.find(({ body }) => body === surveys.shown.value)?.survey
       const graph = movers.locked.value.size > 0 ? graphs.loaded.value : undefined
-      const lost = graph === undefined ? undefined : lostWithout(graph, movers.given.value)
+      // Above the vertices, which would hide them.
+      const lost = graph && lostWithout(graph, movers.given.value).map((at) => ({ ...at, y: at.y + LOST_M }))
       const gained = shown === undefined && lost === undefined ? (result?.gained ?? []) : []
       viewport.setDifference(lost ?? shown?.cutOff ?? result?.lost ?? [], gained)
     }),
