@@ -402,3 +402,44 @@ fn two_hundred_movers_only_matter_to_who_is_near() {
     assert_eq!(feet(&with), feet(&without));
     assert_eq!(with.movers().iter().filter(|it: &&MoverState| it.at().is_none()).count(), 200);
 }
+
+#[test]
+fn an_exported_map_is_imported_with_the_same_movers() {
+    let mut swing = mover(MoverKind::Door, Vec3::new(5.0, GROUND, 9.0), Vec3::new(6.0, 3.0, 9.2), &[Vec3::ZERO]);
+    (swing.stops[1].yaw, swing.pivot) = (1.5, Vec3::new(5.0, GROUND, 9.1));
+    let low = Vec3::new(14.0, GROUND, 14.0);
+    let lift = mover(MoverKind::Lift, low, low + Vec3::splat(2.0), &[Vec3::Y * 4.0, Vec3::Y * 8.0]);
+    let mut belt = mover(MoverKind::Conveyor, low * 2.0, low * 2.0 + Vec3::splat(2.0), &[]);
+    belt.belt = Vec3::X;
+    let mut floor = mover(MoverKind::Floor, low * 1.5, low * 1.5 + Vec3::splat(2.0), &[Vec3::ZERO]);
+    (floor.stops[1].is_there, floor.cycles) = (false, true);
+    let mut gate = door();
+    (gate.start, gate.dwell_s) = (1, 2.5);
+    let mut movers = vec![swing, lift, belt, floor, gate];
+    (0..).zip(&mut movers).for_each(|(idx, mover): (u8, _)| mover.name = format!("it {idx}"));
+    let map = world(movers).map().clone();
+    let glb = exchange::export_glb(&map);
+    let imported = exchange::import_gltf(&glb, None, &ImportOptions::default()).expect("what was just exported");
+    assert_eq!((imported.origin, imported.map.movers().len()), (Vec3::ZERO, map.movers().len()));
+    for (one, other) in map.movers().iter().zip(imported.map.movers()) {
+        assert_eq!(
+            (&one.name, one.kind, one.stops.len(), one.start, one.travel_s, one.dwell_s, one.cycles, one.belt),
+            (
+                &other.name,
+                other.kind,
+                other.stops.len(),
+                other.start,
+                other.travel_s,
+                other.dwell_s,
+                other.cycles,
+                other.belt
+            ),
+        );
+        for stop in 0..one.stops.len() {
+            assert_eq!(one.stops[stop].is_there, other.stops[stop].is_there);
+            let (before, after) = (one.bounds_at(stop), other.bounds_at(stop));
+            let miss = (before.0 - after.0).length() + (before.1 - after.1).length();
+            assert!(miss < 1.0e-3, "{} at stop {stop}: {before:?} and {after:?}", one.name);
+        }
+    }
+}

@@ -5,7 +5,7 @@
 
 use super::named::{PAD_EXTRA_M, PAD_GRAVITY};
 use crate::Vec3;
-use crate::map::{DISC_RADIUS_M, Liquid, Map, MapSize, Outline};
+use crate::map::{DISC_RADIUS_M, Liquid, Map, MapSize, MoverKind, Outline};
 use crate::mesh::{Surface, Triangle};
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -30,6 +30,7 @@ pub fn export_glb(map: &Map) -> Vec<u8> {
     }
     add_pools(&mut scene, map);
     add_devices(&mut scene, map);
+    add_movers(&mut scene, map);
     add_landmarks(&mut scene, map);
     scene.finish(map.size())
 }
@@ -82,6 +83,42 @@ fn add_devices(scene: &mut SceneWriter, map: &Map) {
     for (idx, jetpack) in placed.jetpacks.iter().enumerate() {
         let extras = json!({ "fuel": f64::from(jetpack.fuel) });
         scene.add_disc(format!("jetpack_{idx}"), Surface::Jetpack, jetpack.centre, extras);
+    }
+}
+
+/// Adds each mover as a node at its pivot, with extras that make the same mover of it.
+fn add_movers(scene: &mut SceneWriter, map: &Map) {
+    for mover in map.movers() {
+        let around = mover.triangles.iter().map(|corners| corners.map(|corner| corner - mover.pivot));
+        let Some(mesh) = scene.add_mesh(&mover.name, Surface::Ground, around) else { continue };
+        let further = &mover.stops[1..];
+        let mut extras = json!({
+            "mover": mover_name(mover.kind),
+            "seconds": f64::from(mover.travel_s),
+            "dwell": f64::from(mover.dwell_s),
+            "loop": mover.cycles,
+            "open": mover.start > 0,
+            "velocity": numbers(mover.belt),
+        });
+        if let Some(turned) = further.first().filter(|stop| stop.yaw != 0.0) {
+            extras["hinge"] = json!(f64::from(turned.yaw.to_degrees()));
+        } else if mover.kind != MoverKind::Floor {
+            extras["path"] = further.iter().map(|stop| numbers(stop.offset)).collect();
+        }
+        scene.add_empty(mover.name.clone(), mover.pivot, extras);
+        if let Some(node) = scene.nodes.last_mut() {
+            node["mesh"] = json!(mesh);
+        }
+    }
+}
+
+fn mover_name(kind: MoverKind) -> &'static str {
+    match kind {
+        MoverKind::Door => "door",
+        MoverKind::Lift => "lift",
+        MoverKind::Platform => "platform",
+        MoverKind::Floor => "floor",
+        MoverKind::Conveyor => "conveyor",
     }
 }
 
