@@ -8,7 +8,7 @@ use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
 use surefoot_world::{
-    Action, CharacterProfile, Map, NpcSlot, Player, PlayerContact, PlayerSlot, TaskConfig, Vec3, World,
+    Action, Body, CharacterProfile, Map, NpcSlot, Player, PlayerContact, PlayerSlot, TaskConfig, Vec3, World,
 };
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -98,8 +98,7 @@ fn in_a_thousand_encounters_no_player_pushes_an_npc_off_a_ledge() {
         let slot = world.spawn(place, rng.random_range(0.0..TAU));
         let players: Vec<(PlayerSlot, Vec3, Vec3)> = (0..1 + encounter % 2)
             .map(|_| {
-                let angle: f32 = rng.random_range(0.0..TAU);
-                let direction = Vec3::new(angle.sin(), 0.0, angle.cos());
+                let direction = Body::at(place, rng.random_range(0.0..TAU)).facing();
                 let start = place - direction * 2.0;
                 let contact = if encounter % 5 == 0 { PlayerContact::Block } else { PlayerContact::Push };
                 (world.spawn_player(player(start, contact)), start, direction * rng.random_range(1.0..9.0))
