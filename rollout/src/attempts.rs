@@ -343,6 +343,10 @@ impl Guide<'_> {
             let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
             let body = world.npc(walker.lane.slot).expect("a running NPC").body;
             follower.look(Scene { map: world.map(), states: world.movers() }, body.feet, body.is_grounded());
+            if follower.has_replanned_enough() {
+                walker.end = Some(End::NoProgress);
+                continue;
+            }
             if follower.waypoint().is_none() && !follower.is_barred() {
                 let waypoint = self.plan(follower, body.feet);
                 world.set_goal(walker.lane.slot, waypoint);

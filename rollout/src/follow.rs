@@ -280,7 +280,8 @@ impl Follower {
                 let berth = plan.legs[self.leg].key.from;
                 let leg = FailedLeg { key: LegKey { from: Stop::Start, to: berth }, is_harm: true };
                 self.plan = None;
-                self.failed_legs.push(leg);
+                self.remember(leg);
+                self.replans += 1;
                 return;
             }
             self.conduct = scene.ride(ride, feet, end);
@@ -419,7 +420,9 @@ impl Follower {
             self.barred += 1;
             return if self.barred > MAX_BARRED { Step::Unreachable } else { Step::Keep };
         }
-        let Some(plan) = &self.plan else { return Step::Plan };
+        let Some(plan) = &self.plan else {
+            return if self.has_replanned_enough() { self.end() } else { Step::Plan };
+        };
         if self.conduct != Conduct::Go {
             self.decisions_on_leg += 1;
             self.stayed += 1;
@@ -479,6 +482,11 @@ impl Follower {
         self.is_barred
     }
 
+    /// Whether the attempt ends instead of another plan.
+    pub fn has_replanned_enough(&self) -> bool {
+        self.replans > self.config.max_replans
+    }
+
     /// How an attempt ends whose patience or re-plans have run out: where every way has failed, the goal cannot be reached, as far as
     /// anyone can tell.
     fn end(&self) -> Step {
@@ -502,12 +510,18 @@ impl Follower {
         }
     }
 
-    fn plan_without(&mut self, leg: FailedLeg, max_failed_arrivals: u32) -> Step {
-        self.plan = None;
+    /// Keeps a leg that failed, so that further plans do without it.
+    fn remember(&mut self, leg: FailedLeg) {
+        self.failed_legs.retain(|known| known.key != leg.key);
         self.failed_legs.push(leg);
         if self.failed_legs.len() > MAX_FAILED_LEGS {
             self.failed_legs.remove(0);
         }
+    }
+
+    fn plan_without(&mut self, leg: FailedLeg, max_failed_arrivals: u32) -> Step {
+        self.plan = None;
+        self.remember(leg);
         self.failed_arrivals += u32::from(leg.key.to == Stop::Goal);
         if self.failed_arrivals >= max_failed_arrivals {
             // As near as paths lead.
