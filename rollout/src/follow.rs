@@ -512,8 +512,9 @@ impl Follower {
 
     /// Keeps a leg that failed, so that further plans do without it.
     fn remember(&mut self, leg: FailedLeg) {
+        let is_harm = leg.is_harm || self.failed_legs.iter().any(|known| known.key == leg.key && known.is_harm);
         self.failed_legs.retain(|known| known.key != leg.key);
-        self.failed_legs.push(leg);
+        self.failed_legs.push(FailedLeg { is_harm, ..leg });
         if self.failed_legs.len() > MAX_FAILED_LEGS {
             self.failed_legs.remove(0);
         }
