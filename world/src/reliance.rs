@@ -68,7 +68,7 @@ impl Reliance {
         let reach = Vec3::new(profile.radius, KNEE_M, profile.radius);
         let (least, most) = (body.feet - reach, body.feet + reach + Vec3::new(0.0, profile.height, 0.0));
         for ((mover, shapes), state) in (0..).zip(&self.shapes).zip(states) {
-            let all = (1u32 << shapes.len()) as u16 - 1;
+            let all = ((1u32 << shapes.len()) - 1) as u16;
             let mut possible = all;
             for (stop, shape) in shapes.iter().enumerate() {
                 let Some(shape) = shape.as_ref().filter(|it| it.low.cmple(most).all() && it.high.cmpge(least).all())
@@ -88,9 +88,7 @@ impl Reliance {
             }
         }
     }
-}
 
-impl Reliance {
     /// Whether a mover goes where a body with its feet at `feet` is, or nearer to it than `margin`, m.
     pub fn is_swept(&self, profile: &CharacterProfile, feet: Vec3, margin: f32) -> bool {
         let reach = Vec3::new(profile.radius + margin, 0.0, profile.radius + margin);

@@ -443,3 +443,22 @@ fn an_exported_map_is_imported_with_the_same_movers() {
         }
     }
 }
+
+#[test]
+fn a_lift_may_have_sixteen_stops() {
+    let low = Vec3::new(14.0, GROUND - 0.1, 14.0);
+    let floors: Vec<Vec3> = (1..16).map(|floor| Vec3::Y * floor as f32).collect();
+    let lift = mover(MoverKind::Lift, low, low + Vec3::new(3.0, 0.2, 3.0), &floors);
+    let mut world = world(vec![lift]);
+    world.spawn(Vec3::new(15.5, GROUND + 0.1, 15.5), 0.0);
+    assert!(world.order(0, MoverOrder::GoTo(15)) && !world.order(0, MoverOrder::GoTo(16)));
+    (0..15 * 120 + 15).for_each(|_| world.tick());
+    assert_eq!(world.movers()[0].at(), Some(15));
+    assert!((feet(&world).y - 16.1).abs() < 0.01, "{}", feet(&world));
+    let npc = world.npc(NPC).unwrap();
+    let mut needs = Vec::new();
+    let reliance = surefoot_world::reliance::Reliance::on(world.map());
+    reliance
+        .of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| needs.push((mover, stops)));
+    assert_eq!(needs, [(0, 1 << 15)]);
+}
