@@ -1,13 +1,14 @@
 //! The movers of a world: where each of them is, what it does, and what bodies and rays meet of it.
 
 use crate::character::{Body, CharacterProfile, MoveScratch};
+use crate::map::mover::MAX_MOVER_SPEED;
 use crate::map::{Map, Mover, MoverKind, MoverStop};
 use crate::mesh::{Surface, Triangle};
 use crate::navigable::DOWN;
 use crate::{TICK_SECONDS, TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Fastest and slowest pace of a mover, in multiples of its usual one.
+/// Fastest and slowest pace of a mover, in multiples of its usual one; none goes faster than [`MAX_MOVER_SPEED`].
 pub const PACE_RANGE: std::ops::RangeInclusive<f32> = 0.0..=4.0;
 /// Deepest that a mover may press a body into anything before it stops, m.
 const MAX_PRESS_M: f32 = 0.06;
@@ -125,8 +126,8 @@ impl MoverState {
         true
     }
 
-    /// Goes on by one tick.
-    fn advance(&mut self, mover: &Mover) {
+    /// Goes on by one tick, at no more than the pace `most`.
+    fn advance(&mut self, mover: &Mover, most: f32) {
         if self.from == self.to {
             let next = self.next_stop(mover);
             if next == self.from {
@@ -135,7 +136,7 @@ impl MoverState {
             }
             (self.to, self.stood, self.progress) = (next, 0, 0.0);
         }
-        self.progress += self.pace / mover.travel_ticks();
+        self.progress += self.pace.min(most) / mover.travel_ticks();
         if self.progress >= 1.0 {
             (self.from, self.progress) = (self.to, 0.0);
         }
@@ -265,6 +266,8 @@ pub(crate) struct Movers {
     blocked: Vec<bool>,
     /// The states one tick before.
     former: Vec<MoverState>,
+    /// The pace at which each mover is as fast as any may be.
+    top_paces: Vec<f32>,
 }
 
 impl Movers {
@@ -276,6 +279,11 @@ impl Movers {
             near: Near::new(map),
             blocked: vec![false; states.len()],
             former: states.clone(),
+            top_paces: map
+                .movers()
+                .iter()
+                .map(|mover| MAX_MOVER_SPEED / mover.speed().max(f32::MIN_POSITIVE))
+                .collect(),
             states,
         }
     }
@@ -306,8 +314,9 @@ impl Movers {
     /// Moves all movers by one tick.
     pub(crate) fn advance(&mut self, map: &Map) {
         self.former.clone_from(&self.states);
-        for ((mover, posed), state) in map.movers().iter().zip(&mut self.posed).zip(&mut self.states) {
-            state.advance(mover);
+        let each = map.movers().iter().zip(&self.top_paces).zip(&mut self.posed).zip(&mut self.states);
+        for (((mover, top_pace), posed), state) in each {
+            state.advance(mover, *top_pace);
             posed.former = posed.pose;
             let pose = state.pose(mover);
             if pose != posed.pose {
@@ -352,7 +361,7 @@ impl Movers {
     /// still.
     fn shift_of(&self, map: &Map, idx: usize, feet: Vec3) -> Option<Vec3> {
         let (mover, posed) = (&map.movers()[idx], &self.posed[idx]);
-        let belt = mover.belt * (self.states[idx].pace * TICK_SECONDS);
+        let belt = (mover.belt * self.states[idx].pace).clamp_length_max(MAX_MOVER_SPEED) * TICK_SECONDS;
         if (posed.pose == posed.former && belt == Vec3::ZERO) || !posed.pose.is_there {
             return None;
         }

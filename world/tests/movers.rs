@@ -462,3 +462,18 @@ fn a_lift_may_have_sixteen_stops() {
         .of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| needs.push((mover, stops)));
     assert_eq!(needs, [(0, 1 << 15)]);
 }
+
+#[test]
+fn no_pace_makes_a_mover_so_fast_that_bodies_slip_through() {
+    let gate = Vec3::new(0.0, GROUND, 10.0);
+    let wall = mover(MoverKind::Door, gate, gate + Vec3::new(40.0, 4.0, 0.3), &[Vec3::Z * 18.0]);
+    let mut world = world(vec![wall]);
+    world.spawn(Vec3::new(15.0, GROUND, 20.0), 0.0);
+    world.order(0, MoverOrder::Pace(4.0));
+    world.order(0, MoverOrder::GoTo(1));
+    (0..60).for_each(|_| world.tick());
+    // 9 m/s at the usual pace, 10 m/s at most.
+    assert!((world.movers()[0].progress - 10.0 / 18.0).abs() < 0.01, "{:?}", world.movers()[0]);
+    (0..60).for_each(|_| world.tick());
+    assert!(feet(&world).z > 28.0, "pushed along: {}", feet(&world));
+}

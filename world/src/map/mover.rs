@@ -165,6 +165,15 @@ impl Mover {
         corners.map(|corner| libm::hypotf(corner.x - self.pivot.x, corner.z - self.pivot.z)).fold(0.0, f32::max)
     }
 
+    /// Fastest that any part of it moves at the usual pace, m/s.
+    pub(crate) fn speed(&self) -> f32 {
+        let arm = self.arm();
+        let metres =
+            |pair: &[MoverStop]| pair[0].offset.distance(pair[1].offset) + (pair[0].yaw - pair[1].yaw).abs() * arm;
+        let farthest = self.stops.windows(2).map(metres).fold(0.0, f32::max);
+        farthest / (self.travel_ticks() / TICKS_PER_SECOND as f32)
+    }
+
     fn check(&self) -> Result<(), MoverError> {
         let name = || self.name.clone();
         if !(1..=MAX_NAME_LEN).contains(&self.name.len()) {
@@ -197,11 +206,8 @@ impl Mover {
         if self.triangles_at(self.stops[0]).is_empty() {
             return Err(MoverError::Empty(name()));
         }
-        let arm = self.arm();
-        let metres = |[from, to]: [MoverStop; 2]| from.offset.distance(to.offset) + (from.yaw - to.yaw).abs() * arm;
-        let farthest = self.stops.windows(2).map(|pair| metres([pair[0], pair[1]])).fold(0.0, f32::max);
-        let speed = farthest / (self.travel_ticks() / TICKS_PER_SECOND as f32);
-        if self.kind != MoverKind::Floor && speed > MAX_MOVER_SPEED * 1.001 {
+        let speed = self.speed();
+        if speed > MAX_MOVER_SPEED * 1.001 {
             return Err(MoverError::Speed { name: name(), speed });
         }
         Ok(())
