@@ -95,20 +95,18 @@ impl Needs {
 
 /// The stops at which a mover stands sooner or later, as bits, if nobody but NPCs tells it otherwise.
 pub fn stops_ahead(mover: &Mover, state: &MoverState) -> u16 {
-    let all = ((1u32 << mover.stops.len()) - 1) as u16;
-    let calls = matches!(mover.kind, MoverKind::Lift | MoverKind::Platform);
     match (state.told, state.at()) {
         (_, Some(at)) if state.pace == 0.0 => 1 << at,
         (_, None) if state.pace == 0.0 => 0,
-        (Some(told), _) if !calls => 1 << told,
-        _ => all,
+        (Some(told), _) if !mover.kind.is_ridden() => 1 << told,
+        _ => mover.all_stops(),
     }
 }
 
 /// The same for all movers of a map; empty if each of them stands at all of its stops, or there are none.
 pub fn all_stops_ahead(map: &Map, states: &[MoverState]) -> Vec<u16> {
     let ahead: Vec<u16> = map.movers().iter().zip(states).map(|(mover, state)| stops_ahead(mover, state)).collect();
-    let is_free = |(mover, stops): (&Mover, &u16)| stops.count_ones() as usize == mover.stops.len();
+    let is_free = |(mover, stops): (&Mover, &u16)| *stops == mover.all_stops();
     if map.movers().iter().zip(&ahead).all(is_free) { Vec::new() } else { ahead }
 }
 
@@ -134,7 +132,7 @@ impl Berths {
         let mut places = Vec::new();
         let mut scratch = MoveScratch::default();
         for (idx, mover) in (0..).zip(map.movers()) {
-            if !matches!(mover.kind, MoverKind::Lift | MoverKind::Platform) {
+            if !mover.kind.is_ridden() {
                 continue;
             }
             for stop in 0..mover.stops.len() {

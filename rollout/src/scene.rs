@@ -2,7 +2,7 @@
 
 use surefoot_planner::needs::{Need, Needs, Ride, all_stops_ahead};
 use surefoot_world::float::hypot;
-use surefoot_world::map::{Mover, MoverKind};
+use surefoot_world::map::Mover;
 use surefoot_world::{Map, MoverState, TICKS_PER_DECISION, Vec3};
 
 /// How far from where it waits for a mover an NPC may stand, m, and how far from the middle of a mover that it rides.
@@ -100,9 +100,7 @@ impl Scene<'_> {
     /// The call of an NPC that waits for a lift or platform.
     pub(crate) fn call_of_gate(&self, needs: &Needs) -> Option<Call> {
         let is_missing = |need: &Need| !self.is_met(*need, 0);
-        let calls = |need: &Need| {
-            self.mover(need.mover).is_some_and(|(it, _)| matches!(it.kind, MoverKind::Lift | MoverKind::Platform))
-        };
+        let calls = |need: &Need| self.mover(need.mover).is_some_and(|(mover, _)| mover.kind.is_ridden());
         let need = needs.iter().filter(calls).find(is_missing)?;
         Some(Call { mover: need.mover, stop: need.stops.trailing_zeros() as u8 })
     }

@@ -311,7 +311,7 @@ impl Worlds {
         Ok(WorldHandle { sim: handle.sim.for_client(&caller.name), ..handle })
     }
 
-    /// Access to a world of the caller's own.
+    /// Access to a world to which the caller may add: its own, or, for designers, any.
     ///
     /// # Errors
     /// If there is none of that id, or it belongs to somebody else.
@@ -419,10 +419,7 @@ impl Worlds {
         world: WorldId,
         orders: Vec<Result<SpawnOrder, WorldsError>>,
     ) -> Result<Vec<Result<NpcId, WorldsError>>, WorldsError> {
-        let handle = self.handle_for(caller, world)?;
-        if !caller.may_add_to(handle.ticket.client()) {
-            return Err(WorldsError::NotOwner(world));
-        }
+        let handle = self.handle_to_change(caller, world)?;
         let limit = self.shared.config.max_npcs_per_world;
         let take = |order| Ok((order?, self.shared.npc_quota.acquire(&caller.name).map_err(WorldsError::NpcQuota)?));
         let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();

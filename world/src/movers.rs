@@ -2,7 +2,7 @@
 
 use crate::character::{Body, CharacterProfile, MoveScratch};
 use crate::map::mover::MAX_MOVER_SPEED;
-use crate::map::{Map, Mover, MoverKind, MoverStop};
+use crate::map::{Map, Mover, MoverStop};
 use crate::mesh::{Surface, Triangle};
 use crate::navigable::DOWN;
 use crate::{TICK_SECONDS, TICKS_PER_SECOND, Vec3};
@@ -87,7 +87,7 @@ impl MoverState {
 
     /// Whether it goes to `stop` when an NPC calls it: lifts and platforms do once they have stood for a second where they were told to go.
     pub(crate) fn follows_call(&self, mover: &Mover, stop: u8) -> bool {
-        matches!(mover.kind, MoverKind::Lift | MoverKind::Platform)
+        mover.kind.is_ridden()
             && usize::from(stop) < mover.stops.len()
             && self.told.is_some_and(|told| self.at() == Some(told) && told != stop)
             && self.stood >= TICKS_PER_SECOND
@@ -403,14 +403,12 @@ impl Movers {
         }
     }
 
-    /// Calls `found` with the index and the distance (m) of each of these rays that ends on a mover, within the distance that `reach` gives
-    /// for it.
+    /// Calls `found` with the index and the distance (m) of each of these rays that hits a mover within `range` metres; once for each mover.
     pub(crate) fn cast_cone(&self, eye: Vec3, directions: &[Vec3], range: f32, mut found: impl FnMut(usize, f32)) {
         let (low, high) = (eye - Vec3::splat(range), eye + Vec3::splat(range));
         for posed in self.posed.iter().filter(|posed| posed.touches(low, high)) {
-            let (centre, radius) = ((posed.low + posed.high) * 0.5, 0.5 * posed.low.distance(posed.high));
+            let (offset, radius) = ((posed.low + posed.high) * 0.5 - eye, 0.5 * posed.low.distance(posed.high));
             for (idx, direction) in directions.iter().enumerate() {
-                let offset = centre - eye;
                 let along = offset.dot(*direction);
                 // Rays that pass the ball around the mover.
                 if along < -radius || offset.length_squared() - along * along > radius * radius {

@@ -67,9 +67,8 @@ impl Reliance {
         let (low, height) = (body.feet + Vec3::Y * profile.radius, profile.height - 2.0 * profile.radius);
         let reach = Vec3::new(profile.radius, KNEE_M, profile.radius);
         let (least, most) = (body.feet - reach, body.feet + reach + Vec3::new(0.0, profile.height, 0.0));
-        for ((mover, shapes), state) in (0..).zip(&self.shapes).zip(states) {
-            let all = ((1u32 << shapes.len()) - 1) as u16;
-            let mut possible = all;
+        for (((idx, mover), shapes), state) in (0..).zip(map.movers()).zip(&self.shapes).zip(states) {
+            let mut possible = mover.all_stops();
             for (stop, shape) in shapes.iter().enumerate() {
                 let Some(shape) = shape.as_ref().filter(|it| it.low.cmple(most).all() && it.high.cmpge(least).all())
                 else {
@@ -83,8 +82,8 @@ impl Reliance {
                     possible &= !(1 << stop);
                 }
             }
-            if possible != all {
-                note(mover, possible);
+            if possible != mover.all_stops() {
+                note(idx, possible);
             }
         }
     }

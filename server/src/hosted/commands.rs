@@ -279,12 +279,15 @@ impl HostedWorld {
         Ok(navigable::sample_many(map, body, count, &mut rng)?)
     }
 
-    fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
+    /// Whether a point lies on the map; `Err` is the extent of the map, m.
+    pub(super) fn within_map(&self, point: Vec3) -> Result<(), [f32; 3]> {
         let extent = self.world.map().extent();
-        if self.world.map().is_outside(point) || point.y > extent.y {
-            return Err(NpcError::Outside { field, extent: extent.to_array() });
-        }
-        Ok(())
+        let is_outside = self.world.map().is_outside(point) || point.y > extent.y;
+        if is_outside { Err(extent.to_array()) } else { Ok(()) }
+    }
+
+    fn check_inside(&self, point: Vec3, field: &'static str) -> Result<(), NpcError> {
+        self.within_map(point).map_err(|extent| NpcError::Outside { field, extent })
     }
 
     fn status(&self, record: &Record) -> NpcStatus {

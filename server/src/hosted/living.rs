@@ -120,11 +120,7 @@ impl HostedWorld {
     }
 
     fn check_on_map(&self, point: Vec3, field: &'static str) -> Result<(), LivingError> {
-        let extent = self.world.map().extent();
-        if self.world.map().is_outside(point) || point.y > extent.y {
-            return Err(LivingError::Outside { field, extent: extent.to_array() });
-        }
-        Ok(())
+        self.within_map(point).map_err(|extent| LivingError::Outside { field, extent })
     }
 }
 

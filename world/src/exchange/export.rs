@@ -93,7 +93,7 @@ fn add_movers(scene: &mut SceneWriter, map: &Map) {
         let Some(mesh) = scene.add_mesh(&mover.name, Surface::Ground, around) else { continue };
         let further = &mover.stops[1..];
         let mut extras = json!({
-            "mover": mover_name(mover.kind),
+            "mover": mover.kind.name(),
             "seconds": f64::from(mover.travel_s),
             "dwell": f64::from(mover.dwell_s),
             "loop": mover.cycles,
@@ -109,16 +109,6 @@ fn add_movers(scene: &mut SceneWriter, map: &Map) {
         if let Some(node) = scene.nodes.last_mut() {
             node["mesh"] = json!(mesh);
         }
-    }
-}
-
-fn mover_name(kind: MoverKind) -> &'static str {
-    match kind {
-        MoverKind::Door => "door",
-        MoverKind::Lift => "lift",
-        MoverKind::Platform => "platform",
-        MoverKind::Floor => "floor",
-        MoverKind::Conveyor => "conveyor",
     }
 }
 

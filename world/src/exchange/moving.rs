@@ -1,7 +1,8 @@
 //! Finds the movers of a level by the names of its nodes, their extras, and in the sidecar.
 //!
 //! Nodes: `door*` opens; `lift*`, `elevator*` and `platform*` travel to the places of the nodes `NAME:path` (`NAME:path.001`, ...), in
-//! the order of their names; `vanish*` is there and away in turn; `conveyor*` carries what stands on it with the `velocity` of its extras.
+//! the order of their names; `vanish*` goes away when it is told to, or is there and away in turn; `conveyor*` carries what stands on it with
+//! the `velocity` of its extras.
 //! Names that only speak of a door (`door_frame`, `doorway`, `doorstep`) stay solid, like lifts and platforms without a path and conveyors
 //! without a velocity. An extra `mover` with the kind makes a mover of any node, and `mover: false` keeps it solid.
 
@@ -17,7 +18,7 @@ use serde::Deserialize;
 use std::collections::HashMap;
 
 /// Usual speed of lifts and platforms, m/s, and usual duration of a door's or a floor's change, s.
-const TRAVEL_SPEED: f32 = 2.0;
+const TRAVEL_SPEED: f64 = 2.0;
 const CHANGE_S: f64 = 1.0;
 /// Usual time at each stop, s.
 const DWELL_S: f64 = 4.0;
@@ -33,19 +34,19 @@ const SAME_M: f32 = 0.05;
 const NOT_DOORS: [&str; 6] = ["frame", "way", "step", "arch", "sill", "handle"];
 
 /// What a name or an extra says about a node.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sign {
     /// The node is a mover.
     Mover(MoverKind),
-    /// The node marks a place on the path of the mover of that name, which is one of several with these numbers.
-    Path(String, u32),
+    /// The node marks a place on the path of a mover.
+    Path,
 }
 
 /// Whether a node is a mover or belongs to one; `paths` are the places of all nodes' paths.
 pub(super) fn sign(name: &str, extras: &Extras<'_>, paths: &Paths) -> Result<Option<Sign>, ImportError> {
     let name = name.to_lowercase();
-    if let Some((stem, number)) = path_of(&name) {
-        return Ok(Some(Sign::Path(stem, number)));
+    if path_of(&name).is_some() {
+        return Ok(Some(Sign::Path));
     }
     if let Some(kind) = extras.text("mover") {
         return Ok(Some(Sign::Mover(kind_named(extras, kind)?)));
@@ -66,15 +67,9 @@ pub(super) fn sign(name: &str, extras: &Extras<'_>, paths: &Paths) -> Result<Opt
     .map(Sign::Mover))
 }
 
-fn kind_named(extras: &Extras<'_>, kind: &str) -> Result<MoverKind, ImportError> {
-    Ok(match kind {
-        "door" => MoverKind::Door,
-        "lift" => MoverKind::Lift,
-        "platform" => MoverKind::Platform,
-        "floor" => MoverKind::Floor,
-        "conveyor" => MoverKind::Conveyor,
-        _ => return Err(extras.refuse("mover", kind, "must be door, lift, platform, floor, conveyor or false")),
-    })
+fn kind_named(extras: &Extras<'_>, name: &str) -> Result<MoverKind, ImportError> {
+    let found = MoverKind::ALL.into_iter().find(|kind| kind.name() == name);
+    found.ok_or_else(|| extras.refuse("mover", name, "must be door, lift, platform, floor, conveyor or false"))
 }
 
 /// Splits `lift_2:path.001` into `lift_2` and 1.
@@ -211,13 +206,8 @@ fn assemble(
         MoverKind::Lift | MoverKind::Platform => {}
     }
     let farthest = stops.windows(2).map(|pair| pair[0].offset.distance(pair[1].offset)).fold(0.0, f32::max);
-    let usual = match kind {
-        MoverKind::Lift | MoverKind::Platform => {
-            f64::from(farthest) / motion.speed.unwrap_or(f64::from(TRAVEL_SPEED)).max(1.0e-3)
-        }
-        _ => motion.speed.map_or(CHANGE_S, |speed| f64::from(farthest) / speed.max(1.0e-3)),
-    };
-    let goes_on_its_own = matches!(kind, MoverKind::Lift | MoverKind::Platform);
+    let speed = motion.speed.or(kind.is_ridden().then_some(TRAVEL_SPEED));
+    let usual = speed.map_or(CHANGE_S, |speed| f64::from(farthest) / speed.max(1.0e-3));
     Mover {
         name,
         kind,
@@ -227,7 +217,7 @@ fn assemble(
         start: motion.start,
         travel_s: motion.seconds.unwrap_or(usual) as f32,
         dwell_s: motion.dwell.unwrap_or(DWELL_S) as f32,
-        cycles: motion.cycles.unwrap_or(goes_on_its_own),
+        cycles: motion.cycles.unwrap_or(kind.is_ridden()),
         belt: motion.velocity.unwrap_or(Vec3::ZERO),
     }
 }
@@ -267,7 +257,7 @@ impl Leaf {
 #[serde(deny_unknown_fields)]
 pub(super) struct MoverEntry {
     name: String,
-    kind: MoverKindName,
+    kind: MoverKind,
     min: [f32; 3],
     max: [f32; 3],
     #[serde(default)]
@@ -283,16 +273,6 @@ pub(super) struct MoverEntry {
     open: bool,
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum MoverKindName {
-    Door,
-    Lift,
-    Platform,
-    Floor,
-    Conveyor,
-}
-
 impl MoverEntry {
     /// The mover in metres; `None` if its box has no volume.
     pub(super) fn mover(self, frame: Frame) -> Option<Mover> {
@@ -301,13 +281,6 @@ impl MoverEntry {
         let bounds = Bounds { low: one.min(other), high: one.max(other) };
         // Also false for NaN.
         let has_volume = (bounds.high - bounds.low).min_element() > 0.0;
-        let kind = match self.kind {
-            MoverKindName::Door => MoverKind::Door,
-            MoverKindName::Lift => MoverKind::Lift,
-            MoverKindName::Platform => MoverKind::Platform,
-            MoverKindName::Floor => MoverKind::Floor,
-            MoverKindName::Conveyor => MoverKind::Conveyor,
-        };
         let motion = Motion {
             path: self.path.into_iter().map(metres).collect(),
             hinge: self.hinge,
@@ -318,7 +291,7 @@ impl MoverEntry {
             velocity: self.velocity.map(metres),
             start: u8::from(self.open),
         };
-        has_volume.then(|| assemble(self.name, kind, mover::cuboid(bounds.low, bounds.high), bounds, None, motion))
+        has_volume.then(|| assemble(self.name, self.kind, mover::cuboid(bounds.low, bounds.high), bounds, None, motion))
     }
 }
 

@@ -236,7 +236,7 @@ pub(super) fn collect_from_nodes(
             (Some(false), ..) => Some(Kind::Helper),
             (Some(true), Some(Kind::Helper), _) => None,
             (_, None, Some(Sign::Mover(kind))) => Some(Kind::Mover(kind)),
-            (_, None, Some(Sign::Path(..))) => Some(Kind::Path),
+            (_, None, Some(Sign::Path)) => Some(Kind::Path),
             (_, kind, _) => kind,
         })
     };

@@ -25,6 +25,7 @@ const LONGEST_S: f32 = 600.0;
 
 /// What a mover is to those who use it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum MoverKind {
     /// Closed at stop 0, open at the last stop.
     Door,
@@ -36,6 +37,28 @@ pub enum MoverKind {
     Floor,
     /// Stands still and carries what is on it.
     Conveyor,
+}
+
+impl MoverKind {
+    /// All kinds.
+    pub const ALL: [MoverKind; 5] =
+        [MoverKind::Door, MoverKind::Lift, MoverKind::Platform, MoverKind::Floor, MoverKind::Conveyor];
+
+    /// Lower-case name, as in levels.
+    pub fn name(self) -> &'static str {
+        match self {
+            MoverKind::Door => "door",
+            MoverKind::Lift => "lift",
+            MoverKind::Platform => "platform",
+            MoverKind::Floor => "floor",
+            MoverKind::Conveyor => "conveyor",
+        }
+    }
+
+    /// Whether bodies ride on it from stop to stop, and call it.
+    pub fn is_ridden(self) -> bool {
+        matches!(self, MoverKind::Lift | MoverKind::Platform)
+    }
 }
 
 /// A place where a mover stands.
@@ -125,6 +148,11 @@ impl Mover {
     /// How long it stays at each stop while it cycles, in ticks.
     pub fn dwell_ticks(&self) -> u32 {
         (self.dwell_s * TICKS_PER_SECOND as f32) as u32
+    }
+
+    /// The set of all its stops, as bits.
+    pub fn all_stops(&self) -> u16 {
+        ((1u32 << self.stops.len()) - 1) as u16
     }
 
     /// Least and greatest coordinates at one stop, m.

@@ -226,9 +226,8 @@ fn simulation(map: &Arc<Map>) -> anyhow::Result<Vec<Figure>> {
     ])
 }
 
-/// What a tick costs when NPCs get in each other's way, beside one in which they pass through one another.
-fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
-    let mut crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, map, 0, true)?];
+/// Median duration of a tick of two crowds that take turns, ms.
+fn tick_ms(mut crowds: [Crowd; 2]) -> [f64; 2] {
     let mut times = [Vec::new(), Vec::new()];
     for _ in 0..DECISIONS / 3 {
         for (crowd, times) in crowds.iter_mut().zip(&mut times) {
@@ -237,7 +236,13 @@ fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
             crowd.close();
         }
     }
-    let [ghosts, solid] = times.map(|times| median(times) * 1.0e3);
+    times.map(|times| median(times) * 1.0e3)
+}
+
+/// What a tick costs when NPCs get in each other's way, beside one in which they pass through one another.
+fn collisions(map: &Arc<Map>) -> anyhow::Result<Figure> {
+    let crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, map, 0, true)?];
+    let [ghosts, solid] = tick_ms(crowds);
     Ok(Figure::new("solid_tick_ms", solid, "ms for 1,024 NPCs").at_most(1.3 * ghosts).with_reference(
         "NPCs that pass through one another",
         ghosts,
@@ -264,16 +269,8 @@ fn movers(map: &Arc<Map>) -> anyhow::Result<Figure> {
     };
     let lifts = places.iter().enumerate().map(lift).collect();
     let moving = Arc::new(Map::generate(spec).with_movers(lifts).context("movers of the bench")?);
-    let mut crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, &moving, 0, false)?];
-    let mut times = [Vec::new(), Vec::new()];
-    for _ in 0..DECISIONS / 3 {
-        for (crowd, times) in crowds.iter_mut().zip(&mut times) {
-            crowd.decide();
-            times.push(timed(|| (0..10).for_each(|_| crowd.world.tick())) / 10.0);
-            crowd.close();
-        }
-    }
-    let [without, with] = times.map(|times| median(times) * 1.0e3);
+    let crowds = [Crowd::of(SOLID_NPCS, map, 0, false)?, Crowd::of(SOLID_NPCS, &moving, 0, false)?];
+    let [without, with] = tick_ms(crowds);
     Ok(Figure::new("movers_tick_ms", with - without, "ms for 200 lifts, beside 1,024 NPCs")
         .at_most(0.3)
         .with_reference("the whole tick without them", without, false))

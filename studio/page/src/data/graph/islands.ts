@@ -67,13 +67,15 @@ function standing(isMain: boolean, reached: boolean, leading: boolean): Standing
   return leading ? 'source' : 'apart'
 }
 
-function link(links: Map<number, Set<number>>, from: number, to: number): void {
+/** Adds a way from one vertex to another. */
+export function link(links: Map<number, Set<number>>, from: number, to: number): void {
   const known = links.get(from)
   if (known === undefined) links.set(from, new Set([to]))
   else known.add(to)
 }
 
-function reachable(links: ReadonlyMap<number, ReadonlySet<number>>, start: number): Set<number> {
+/** The vertices that ways lead to from one of them, itself included. */
+export function reachable(links: ReadonlyMap<number, ReadonlySet<number>>, start: number): Set<number> {
   const seen = new Set([start])
   const open = [start]
   for (let at = open.pop(); at !== undefined; at = open.pop()) {

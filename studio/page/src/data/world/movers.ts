@@ -6,6 +6,7 @@ import { type GetGraphResponse, type MoverStops, MoverStopsSchema } from '../../
 import { type Mover, MoverKind, type MoverState } from '../../gen/surefoot/world/v1/living_pb'
 import type { Place } from '../../view/viewport.types'
 import { type Context, report } from '../context'
+import { link, reachable } from '../graph/islands'
 
 /** What each mover does, by its index on the map. */
 export type StatesByMover = ReadonlyMap<number, MoverState>
@@ -47,31 +48,17 @@ export function stopsAhead(mover: Mover, state: MoverState | undefined, locked: 
 /** Vertices that nobody reaches any more from the best connected one while movers stand only at these stops. */
 export function lostWithout(graph: GetGraphResponse, stops: readonly MoverStops[]): Place[] {
   const allowed = new Map(stops.map(({ mover, stops }) => [mover, stops]))
-  const all = graph.edges.map(() => true)
-  const open = graph.edges.map(
-    ({ needs, ride }) =>
-      needs.every((need) => ((allowed.get(need.mover) ?? ~0) & need.stops) !== 0) &&
-      (ride === undefined || ((allowed.get(ride.mover) ?? ~0) & (1 << ride.toStop)) !== 0),
-  )
-  const from = new Map<number, number[]>()
-  graph.edges.forEach((edge, index) => from.set(edge.from, [...(from.get(edge.from) ?? []), index]))
-  const reach = (start: number, usable: readonly boolean[]) => {
-    const seen = new Set([start])
-    const left = [start]
-    for (let at = left.pop(); at !== undefined; at = left.pop()) {
-      for (const index of from.get(at) ?? []) {
-        const to = graph.edges[index]?.to
-        if (to === undefined || usable[index] !== true || seen.has(to)) continue
-        seen.add(to)
-        left.push(to)
-      }
-    }
-    return seen
+  const isMet = (mover: number, needed: number) => ((allowed.get(mover) ?? ~0) & needed) !== 0
+  const [all, open] = [new Map<number, Set<number>>(), new Map<number, Set<number>>()]
+  for (const { from, to, needs, ride } of graph.edges) {
+    link(all, from, to)
+    const isOpen = needs.every(({ mover, stops }) => isMet(mover, stops))
+    if (isOpen && (ride === undefined || isMet(ride.mover, 1 << ride.toStop))) link(open, from, to)
   }
   const start = largestIsland(graph)
   if (start === undefined) return []
-  const kept = reach(start, open)
-  return [...reach(start, all)]
+  const kept = reachable(open, start)
+  return [...reachable(all, start)]
     .filter((vertex) => !kept.has(vertex))
     .map((vertex) => graph.vertices[vertex])
     .filter((place) => place !== undefined)
