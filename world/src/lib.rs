@@ -13,6 +13,7 @@
 mod ability;
 pub mod character;
 mod crowd;
+mod editing;
 pub mod exchange;
 pub mod float;
 pub mod map;
@@ -34,6 +35,7 @@ mod world;
 
 pub use ability::Ability;
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
+pub use editing::Enclosed;
 pub use glam::Vec3;
 pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};
 pub use movers::{MoverOrder, MoverState, PACE_RANGE};

@@ -3,7 +3,7 @@
 //! A recording identifies the map by its hash. [`replay`](mod@crate::replay) runs it again.
 
 use crate::character::{Action, CharacterProfile};
-use crate::map::{Map, MapHash, MapSpec};
+use crate::map::{Map, MapHash, MapSpec, Piece};
 use crate::movers::MoverOrder;
 use crate::npc::{NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::player::{Player, PlayerSlot};
@@ -14,12 +14,12 @@ use serde::{Deserialize, Serialize};
 /// First bytes of a recording's file.
 const MAGIC: &[u8; 8] = b"SFREPLAY";
 /// Changes whenever older recordings cannot be read or would replay differently.
-pub const REPLAY_VERSION: u32 = 4;
+pub const REPLAY_VERSION: u32 = 5;
 /// Ticks between two hashes of the state.
 pub const CHECK_EVERY_TICKS: u64 = 600;
 
 /// A call that changes a world, other than a tick.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Input {
     /// `World::spawn_as`.
     Spawn(ProfileIdx, Vec3, f32),
@@ -43,13 +43,17 @@ pub enum Input {
     MovePlayer(PlayerSlot, Vec3, Vec3),
     /// `World::remove_player`.
     RemovePlayer(PlayerSlot),
+    /// `World::edit`, with all pieces of the map.
+    Edit(Vec<Piece>),
 }
 
 /// A recorded run of one world.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recording {
-    /// Hash of the map that the world ran on.
+    /// Hash of the map that the world ran on, without its pieces.
     pub map: MapHash,
+    /// Pieces that the map had at the start.
+    pub(crate) pieces: Vec<Piece>,
     /// Spec of the map; `None` if the map was not generated.
     pub spec: Option<MapSpec>,
     pub(crate) profiles: Vec<CharacterProfile>,
@@ -121,6 +125,14 @@ pub enum ReplayError {
         /// Slot of the player.
         player: u32,
     },
+    /// The map was edited in a way that is not possible.
+    #[error("the recording is inconsistent at tick {tick}: {why}")]
+    NoSuchEdit {
+        /// Tick of the edit.
+        tick: u64,
+        /// Why it is not possible.
+        why: String,
+    },
     /// The state differs from the recorded one.
     #[error("the replay differs from the recording at tick {tick} (they agreed up to tick {agreed})")]
     Diverged {
@@ -135,7 +147,8 @@ impl Recording {
     /// Begins a recording of a world whose state is `start`.
     pub(crate) fn begin(map: &Map, config: &WorldConfig, start: WorldState) -> Self {
         Self {
-            map: map.hash(),
+            map: map.built_hash(),
+            pieces: map.pieces().to_vec(),
             spec: map.spec().copied(),
             profiles: config.profiles.clone(),
             task: config.task.clone(),

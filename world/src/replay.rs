@@ -1,7 +1,7 @@
 //! Replays: a recorded run is repeated bit for bit; a replay that diverges reports the tick.
 
-use crate::map::Map;
-use crate::npc::{WorldConfig, WorldState};
+use crate::map::{Map, Piece};
+use crate::npc::{NpcSlot, WorldConfig, WorldState};
 pub use crate::recording::{CHECK_EVERY_TICKS, Input, REPLAY_VERSION, Recording, ReplayError};
 use crate::world::World;
 use std::sync::Arc;
@@ -14,15 +14,16 @@ impl Recording {
     /// # Errors
     /// If the map is another one, a state differs, or an NPC or zip line that is named does not exist.
     pub fn replay(&self, map: Arc<Map>, restore_at: Option<u64>) -> Result<WorldState, ReplayError> {
-        if map.hash() != self.map {
-            return Err(ReplayError::OtherMap { expected: self.map, found: map.hash() });
+        if map.built_hash() != self.map {
+            return Err(ReplayError::OtherMap { expected: self.map, found: map.built_hash() });
         }
+        let map = if map.pieces() == self.pieces { map } else { Arc::new(with_pieces(&map, 0, &self.pieces)?) };
         if !self.start.fits(self.profiles.len(), &map) {
             return Err(ReplayError::Senseless("it needs zip lines or movers that the map does not have"));
         }
         let config =
             WorldConfig { profiles: self.profiles.clone(), task: self.task.clone(), npc_collision: self.npc_collision };
-        let mut world = World::with_config(map.clone(), config.clone());
+        let mut world = World::with_config(map, config.clone());
         world.restore(self.start.clone());
         let (mut inputs, mut checks) = ((0..).zip(&self.inputs).peekable(), self.checks.iter().peekable());
         let mut agreed = world.current_tick();
@@ -37,7 +38,7 @@ impl Recording {
                     agreed = tick;
                 }
                 let Some((_, (_, input))) = inputs.next_if(|(_, (at, _))| *at == tick) else { break };
-                apply(&mut world, tick, *input)?;
+                apply(&mut world, tick, input)?;
             }
             if tick >= self.end_tick {
                 // What is left names a past tick, or a state after inputs that do not exist.
@@ -46,7 +47,7 @@ impl Recording {
             }
             if restore_at == Some(tick) {
                 let state = world.save();
-                world = World::with_config(map.clone(), config.clone());
+                world = World::with_config(world.map().clone(), config.clone());
                 world.restore(state);
             }
             world.tick();
@@ -54,50 +55,59 @@ impl Recording {
     }
 }
 
-fn apply(world: &mut World, tick: u64, input: Input) -> Result<(), ReplayError> {
-    let (slot, name) = match input {
-        Input::Spawn(profile, feet, yaw) => {
-            world.spawn_as(profile, feet, yaw);
-            return Ok(());
-        }
+fn with_pieces(map: &Map, tick: u64, pieces: &[Piece]) -> Result<Map, ReplayError> {
+    map.with_pieces(pieces.to_vec()).map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })
+}
+
+fn apply(world: &mut World, tick: u64, input: &Input) -> Result<(), ReplayError> {
+    match input {
+        Input::Spawn(profile, feet, yaw) => _ = world.spawn_as(*profile, *feet, *yaw),
         Input::Order(mover, order) => {
-            let obeyed = world.order(mover, order);
-            return if obeyed { Ok(()) } else { Err(ReplayError::NoSuchMover { tick, mover }) };
+            let obeyed = world.order(*mover, *order);
+            return if obeyed { Ok(()) } else { Err(ReplayError::NoSuchMover { tick, mover: *mover }) };
         }
-        Input::SpawnPlayer(player) => {
-            world.spawn_player(player);
-            return Ok(());
-        }
+        Input::SpawnPlayer(player) => _ = world.spawn_player(*player),
         Input::MovePlayer(player, feet, velocity) => {
-            let moved = world.move_player(player, feet, velocity);
+            let moved = world.move_player(*player, *feet, *velocity);
             return if moved { Ok(()) } else { Err(ReplayError::NoSuchPlayer { tick, player: player.0 }) };
         }
         Input::RemovePlayer(player) => {
-            let removed = world.remove_player(player);
+            let removed = world.remove_player(*player);
             return if removed { Ok(()) } else { Err(ReplayError::NoSuchPlayer { tick, player: player.0 }) };
         }
-        Input::Despawn(slot) => (slot, "despawn"),
-        Input::Teleport(slot, ..) => (slot, "teleport"),
-        Input::SetGoal(slot, _) => (slot, "set goal"),
-        Input::ClearGoal(slot) => (slot, "clear goal"),
-        Input::Decide(slot, _) => (slot, "decide"),
-        Input::Close(slot) => (slot, "close decision"),
-    };
-    if world.npc(slot).is_none() {
-        return Err(ReplayError::Inconsistent { tick, input: name, slot: slot.0 });
-    }
-    match input {
-        Input::Spawn(..)
-        | Input::Order(..)
-        | Input::SpawnPlayer(_)
-        | Input::MovePlayer(..)
-        | Input::RemovePlayer(_) => {}
-        Input::Despawn(_) => _ = world.despawn(slot),
-        Input::Teleport(_, feet, yaw) => world.teleport(slot, feet, yaw),
-        Input::SetGoal(_, goal) => world.set_goal(slot, goal),
-        Input::ClearGoal(_) => world.clear_goal(slot),
-        Input::Decide(_, action) => world.decide(slot, action),
-        Input::Close(_) => _ = world.close_decision(slot),
+        Input::Edit(pieces) => {
+            let map = with_pieces(world.map(), tick, pieces)?;
+            let edited = world.edit(Arc::new(map));
+            edited.map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })?;
+        }
+        Input::Despawn(slot) => {
+            check_npc(world, tick, *slot, "despawn")?;
+            world.despawn(*slot);
+        }
+        Input::Teleport(slot, feet, yaw) => {
+            check_npc(world, tick, *slot, "teleport")?;
+            world.teleport(*slot, *feet, *yaw);
+        }
+        Input::SetGoal(slot, goal) => {
+            check_npc(world, tick, *slot, "set goal")?;
+            world.set_goal(*slot, *goal);
+        }
+        Input::ClearGoal(slot) => {
+            check_npc(world, tick, *slot, "clear goal")?;
+            world.clear_goal(*slot);
+        }
+        Input::Decide(slot, action) => {
+            check_npc(world, tick, *slot, "decide")?;
+            world.decide(*slot, *action);
+        }
+        Input::Close(slot) => {
+            check_npc(world, tick, *slot, "close decision")?;
+            world.close_decision(*slot);
+        }
     }
     Ok(())
+}
+
+fn check_npc(world: &World, tick: u64, slot: NpcSlot, input: &'static str) -> Result<(), ReplayError> {
+    world.npc(slot).map(|_| ()).ok_or(ReplayError::Inconsistent { tick, input, slot: slot.0 })
 }

@@ -2,7 +2,8 @@
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
 use crate::crowd::CrowdScratch;
-use crate::map::{Liquid, Map};
+use crate::editing::{self, Enclosed};
+use crate::map::{Liquid, Map, Piece};
 use crate::movers::{MoverOrder, MoverState, Movers};
 use crate::npc::{Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::player::{Player, PlayerSlot};
@@ -410,6 +411,33 @@ impl World {
         assert!(Movers::fit(&self.map, &states), "states of the movers of this map");
         self.recording = None;
         self.movers.restore(&self.map, states);
+    }
+
+    /// Goes on on `map`, which is this world's map with other pieces. NPCs that a new piece would enclose are moved to the nearest place
+    /// beside or on top of it, at rest, and go on from there. Returns their slots.
+    ///
+    /// # Errors
+    /// If one of them finds no place within 4.5 m; then nothing changes.
+    ///
+    /// # Panics
+    /// If `map` was built of something else.
+    pub fn edit(&mut self, map: Arc<Map>) -> Result<Vec<NpcSlot>, Enclosed> {
+        assert!(map.built_hash() == self.map.built_hash(), "the same map but for its pieces");
+        let is_new = |piece: &&Piece| !self.map.pieces().contains(piece);
+        let changed: Vec<(Vec3, Vec3)> = map.pieces().iter().filter(is_new).map(Piece::bounds).collect();
+        let mut scratch = MoveScratch::default();
+        let mut moves = Vec::new();
+        for (slot, npc) in self.npcs().filter(|(_, npc)| npc.harm.is_none()) {
+            let place = editing::place_for(&map, &changed, self.profile_of(npc), &npc.body, &mut scratch);
+            moves.extend(place.map_err(|()| Enclosed(slot))?.map(|place| (slot, place)));
+        }
+        self.note(Input::Edit(map.pieces().to_vec()));
+        self.map = map;
+        for &(slot, place) in &moves {
+            let npc = self.npc_mut(slot);
+            npc.body = Body::at(place, npc.body.yaw);
+        }
+        Ok(moves.into_iter().map(|(slot, _)| slot).collect())
     }
 
     /// Closes the current decision of an NPC and returns its reward; `None` if the NPC has no episode.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! header   magic 8 | format version u32 | payload length u64 | BLAKE3 of the payload 32
-//! payload  map hash 32 | description length u32 | description (postcard: spec, size, placed, movers)
+//! payload  map hash 32 | description length u32 | description (postcard: spec, size, placed, movers, pieces)
 //!          | vertex count u32 | triangle count u32
 //!          | vertices 3 x f32 | corners 3 x u32 for each triangle | surfaces u8 for each triangle
 //! ```
@@ -13,13 +13,15 @@
 use super::load::{Overload, check_load, is_allowed};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::{Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Placed, RawMapSpec, SpecError};
+use crate::map::{Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec, SpecError};
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
+/// Format of maps without pieces.
+const VERSION_WITHOUT_PIECES: u32 = 3;
 /// Format of maps without movers.
 const VERSION_WITHOUT_MOVERS: u32 = 2;
 /// Format whose specs have no kind.
@@ -120,6 +122,9 @@ pub enum FileError {
     /// A mover cannot be part of a map.
     #[error("the saved map is not valid: {0}")]
     Mover(#[from] MoverError),
+    /// A piece is not valid.
+    #[error("the saved map is not valid: {0}")]
+    Piece(#[from] PieceError),
     /// The map is too large to index.
     #[error("the saved map cannot be indexed: {0}")]
     Overload(#[from] Overload),
@@ -135,8 +140,9 @@ pub enum FileError {
 
 /// Encodes a map; the same map gives the same bytes.
 pub fn encode(map: &Map) -> Vec<u8> {
-    let triangles = map.mesh().triangles();
-    let description = postcard::to_stdvec(&(map.spec(), map.size(), map.placed(), map.movers())).expect("plain data");
+    let (triangles, placed) = map.without_pieces();
+    let description = (map.spec(), map.size(), placed, map.movers(), map.pieces());
+    let description = postcard::to_stdvec(&description).expect("plain data");
     let mut numbers = HashMap::with_capacity(triangles.len());
     let mut vertices = Vec::with_capacity(triangles.len() * VERTEX_LEN);
     let mut corners = Vec::with_capacity(triangles.len() * CORNERS_LEN);
@@ -177,7 +183,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let mut payload = Reader(payload);
     let saved = MapHash(*payload.array()?);
     let description_len = payload.number()?;
-    let Description { spec, size, placed, movers } =
+    let Description { spec, size, placed, movers, pieces } =
         read_description(payload.bytes(description_len as usize)?, version)?;
     let (vertex_count, triangle_count) = (payload.number()?, payload.number()?);
     let claimed = u64::from(vertex_count) * VERTEX_LEN as u64 + u64::from(triangle_count) * (CORNERS_LEN as u64 + 1);
@@ -189,6 +195,7 @@ pub fn decode(bytes: &[u8]) -> Result<Map, FileError> {
     let triangles = read_triangles(&vertices, corners, payload.0)?;
     check_load(size, &triangles, &placed)?;
     let map = Map::assemble(spec, size, triangles, placed).with_movers(movers)?;
+    let map = if pieces.is_empty() { map } else { map.with_pieces(pieces)? };
     if map.hash() == saved { Ok(map) } else { Err(FileError::Hash { found: map.hash(), saved }) }
 }
 
@@ -202,7 +209,7 @@ fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     let mut header = Reader(&bytes[MAGIC.len()..]);
     let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
     let found = header.number().map_err(too_short)?;
-    if ![VERSION_WITHOUT_KIND, VERSION_WITHOUT_MOVERS, VERSION].contains(&found) {
+    if ![VERSION_WITHOUT_KIND, VERSION_WITHOUT_MOVERS, VERSION_WITHOUT_PIECES, VERSION].contains(&found) {
         return Err(FileError::Version { found });
     }
     let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
@@ -224,22 +231,26 @@ struct Description {
     size: MapSize,
     placed: Placed,
     movers: Vec<Mover>,
+    pieces: Vec<Piece>,
 }
 
 fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError> {
     type WithoutKind = (Option<SpecWithoutKind>, MapSize, Placed);
     type WithoutMovers = (Option<RawMapSpec>, MapSize, Placed);
-    type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>);
+    type WithoutPieces = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>);
+    type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
     let read: Result<(Present, &[u8]), postcard::Error> = match version {
         VERSION_WITHOUT_KIND => postcard::take_from_bytes::<WithoutKind>(bytes).map(|((spec, size, placed), rest)| {
             let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
-            ((spec, size, placed, Vec::new()), rest)
+            ((spec, size, placed, Vec::new(), Vec::new()), rest)
         }),
         VERSION_WITHOUT_MOVERS => postcard::take_from_bytes::<WithoutMovers>(bytes)
-            .map(|((spec, size, placed), rest)| ((spec, size, placed, Vec::new()), rest)),
+            .map(|((spec, size, placed), rest)| ((spec, size, placed, Vec::new(), Vec::new()), rest)),
+        VERSION_WITHOUT_PIECES => postcard::take_from_bytes::<WithoutPieces>(bytes)
+            .map(|((spec, size, placed, movers), rest)| ((spec, size, placed, movers, Vec::new()), rest)),
         _ => postcard::take_from_bytes::<Present>(bytes),
     };
-    let ((spec, size, placed, movers), rest) = read.map_err(|error| FileError::Description(error.to_string()))?;
+    let ((spec, size, placed, movers, pieces), rest) = read.map_err(|error| FileError::Description(error.to_string()))?;
     if !rest.is_empty() {
         return Err(FileError::Description(format!("{} bytes too long", rest.len())));
     }
@@ -251,7 +262,7 @@ fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError
         return Err(FileError::SpecSize);
     }
     check_placed(&placed)?;
-    Ok(Description { spec, size, placed, movers })
+    Ok(Description { spec, size, placed, movers, pieces })
 }
 
 fn read_vertices(bytes: &[u8]) -> Result<Vec<Vec3>, FileError> {

@@ -97,10 +97,8 @@ impl Builder {
 
     /// Adds a block that is turned by `yaw` and then moved to `at`.
     fn add(&mut self, block: Block, at: Vec3, yaw: f32) {
-        let (sin, cos) = libm::sincosf(yaw);
-        let place = |p: Vec3| at + Vec3::new(p.x * cos + p.z * sin, p.y, p.z * cos - p.x * sin);
-        self.triangles
-            .extend(block.triangles().filter_map(|corners| Triangle::new(corners.map(place), Surface::Ground)));
+        let placed = block.placed(at, yaw);
+        self.triangles.extend(placed.filter_map(|corners| Triangle::new(corners, Surface::Ground)));
     }
 
     /// Adds an upright block whose top has its middle at `top`.
@@ -116,13 +114,8 @@ impl Builder {
 
     /// Adds a plank whose top leads from one point to the other.
     fn add_plank(&mut self, from: Vec3, to: Vec3, width: f32, thickness: f32) {
-        let (dx, dz) = (to.x - from.x, to.z - from.z);
-        let run = hypot(dx, dz);
-        let (half, rise) = ([0.5 * run, 0.5 * width], to.y - from.y);
-        let block = Block::new([-half[0], -thickness, -half[1]], [half[0], 0.0, half[1]]).rising(rise);
-        let middle = Vec3::new(0.5 * (from.x + to.x), from.y, 0.5 * (from.z + to.z));
-        // A turn by `yaw` takes the x axis to (cos, -sin).
-        self.add(block, middle, libm::atan2f(-dz, dx));
+        let (block, middle, yaw) = Block::plank(from, to, width, thickness);
+        self.add(block, middle, yaw);
     }
 
     /// Cells of `pitch` metres that fit into the map, as the number along x and z and the corner of the first.

@@ -7,6 +7,7 @@ mod built;
 pub mod features;
 pub mod generate;
 pub mod mover;
+pub mod piece;
 mod repair;
 pub mod spec;
 pub mod stage;
@@ -21,9 +22,11 @@ pub use features::{
     Teleporter, ZipLine,
 };
 pub use mover::{Mover, MoverError, MoverKind, MoverStop};
+pub use piece::{Piece, PieceError, PieceShape};
 use serde::{Deserialize, Serialize};
 pub use spec::{Features, MapKind, MapSize, MapSpec, RawMapSpec, SpecError};
 use std::fmt;
+use std::sync::Arc;
 pub use zones::Zone;
 use zones::ZoneGrid;
 
@@ -35,8 +38,17 @@ pub struct Map {
     mesh: Mesh,
     placed: Placed,
     zones: ZoneGrid,
-    movers: Vec<Mover>,
+    movers: Arc<[Mover]>,
+    pieces: Vec<Piece>,
     hash: MapHash,
+    built: Built,
+}
+
+/// What is known of a map without its pieces, besides its mesh.
+#[derive(Debug, Clone, Copy)]
+struct Built {
+    hash: MapHash,
+    pool_count: usize,
 }
 
 /// Hash of a map's geometry and features.
@@ -88,7 +100,9 @@ impl Map {
         let extent = size.extent();
         let hash = content_hash(size, &triangles, &placed);
         let zones = ZoneGrid::new(extent, &placed);
-        Self { spec, size, mesh: Mesh::draft(triangles, extent), placed, zones, movers: Vec::new(), hash }
+        let built = Built { hash, pool_count: placed.pools.len() };
+        let (movers, pieces) = (Arc::default(), Vec::new());
+        Self { spec, size, mesh: Mesh::draft(triangles, extent), placed, zones, movers, pieces, hash, built }
     }
 
     /// Adds movers to a map without, whose hash then tells of them.
@@ -100,9 +114,42 @@ impl Map {
         if movers.is_empty() {
             return Ok(self);
         }
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&self.hash.0).update(&postcard::to_stdvec(&movers).expect("plain data"));
-        Ok(Self { hash: MapHash(*hasher.finalize().as_bytes()), movers, ..self })
+        let hash = hash_with(self.hash, &movers);
+        Ok(Self { hash, built: Built { hash, ..self.built }, movers: movers.into(), ..self })
+    }
+
+    /// This map with exactly these pieces, in the order of their names, instead of those that it has. The index of what the map was built of
+    /// is shared, so this takes no longer on a large map.
+    ///
+    /// # Errors
+    /// If one of them is not valid, or they are too many.
+    pub fn with_pieces(&self, mut pieces: Vec<Piece>) -> Result<Self, PieceError> {
+        pieces.sort_by(|one, other| one.name.cmp(&other.name));
+        piece::check(&pieces, self.extent())?;
+        let mut placed = self.placed.clone();
+        placed.pools.truncate(self.built.pool_count);
+        placed.pools.extend(pieces.iter().filter_map(Piece::pool));
+        let mut triangles: Vec<Triangle> = pieces.iter().flat_map(Piece::triangles).collect();
+        structures::add_pools(&placed.pools[self.built.pool_count..], &mut triangles);
+        let hash = if pieces.is_empty() { self.built.hash } else { hash_with(self.built.hash, &pieces) };
+        Ok(Self {
+            spec: self.spec,
+            size: self.size,
+            mesh: self.mesh.with_added(triangles),
+            zones: ZoneGrid::new(self.extent(), &placed),
+            placed,
+            movers: self.movers.clone(),
+            pieces,
+            hash,
+            built: self.built,
+        })
+    }
+
+    /// The triangles and features of this map without its pieces.
+    pub(crate) fn without_pieces(&self) -> (&[Triangle], Placed) {
+        let mut placed = self.placed.clone();
+        placed.pools.truncate(self.built.pool_count);
+        (self.mesh.built_triangles(), placed)
     }
 
     /// Returns the triangles of the mesh.
@@ -135,9 +182,19 @@ impl Map {
         &self.movers
     }
 
-    /// Content hash: equal for maps with the same geometry, features and movers.
+    /// What was added to the map since it was built, by name.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// Content hash: equal for maps with the same geometry, features, movers and pieces.
     pub fn hash(&self) -> MapHash {
         self.hash
+    }
+
+    /// Content hash of the map without its pieces.
+    pub fn built_hash(&self) -> MapHash {
+        self.built.hash
     }
 
     /// Memory of the geometry and its index, in bytes.
@@ -252,6 +309,13 @@ fn content_hash(size: MapSize, triangles: &[Triangle], placed: &Placed) -> MapHa
         hasher.update(&record);
     }
     hasher.update(&postcard::to_stdvec(&(size, placed)).expect("plain data"));
+    MapHash(*hasher.finalize().as_bytes())
+}
+
+/// The hash of a map of that hash with something on it.
+fn hash_with(map: MapHash, more: &(impl Serialize + ?Sized)) -> MapHash {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&map.0).update(&postcard::to_stdvec(more).expect("plain data"));
     MapHash(*hasher.finalize().as_bytes())
 }
 

@@ -1,7 +1,8 @@
 //! Triangles of structures: houses, blocks, the surfaces of pools and the discs of devices.
 
-use super::features::{Building, DISC_RADIUS_M, Outline, Placed};
+use super::features::{Building, DISC_RADIUS_M, Outline, Placed, Pool};
 use crate::Vec3;
+use crate::float::hypot;
 use crate::mesh::{Surface, Triangle};
 use std::f32::consts::TAU;
 
@@ -45,17 +46,7 @@ pub(super) fn add_buildings(buildings: &[Building], triangles: &mut Vec<Triangle
 
 /// Adds what rays hit and bodies pass through: surfaces of pools and discs of devices.
 pub(super) fn add_surfaces(placed: &Placed, triangles: &mut Vec<Triangle>) {
-    for pool in &placed.pools {
-        let surface = pool.liquid.into();
-        match pool.outline {
-            Outline::Round { radius } => add_disc(triangles, pool.centre, radius, surface),
-            Outline::Rectangle { half_x, half_z } => {
-                let corner = |x: f32, z: f32| pool.centre + Vec3::new(x * half_x, 0.0, z * half_z);
-                let [a, b, c, d] = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
-                triangles.extend([[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, surface)));
-            }
-        }
-    }
+    add_pools(&placed.pools, triangles);
     let lift = Vec3::new(0.0, DISC_LIFT_M, 0.0);
     let mut device = |centre: Vec3, surface| add_disc(triangles, centre + lift, DISC_RADIUS_M, surface);
     placed.pads.iter().for_each(|pad| device(pad.centre, Surface::Pad));
@@ -67,6 +58,21 @@ pub(super) fn add_surfaces(placed: &Placed, triangles: &mut Vec<Triangle>) {
         }
     }
     placed.jetpacks.iter().for_each(|jetpack| device(jetpack.centre, Surface::Jetpack));
+}
+
+/// Adds the surfaces of pools.
+pub(super) fn add_pools(pools: &[Pool], triangles: &mut Vec<Triangle>) {
+    for pool in pools {
+        let surface = pool.liquid.into();
+        match pool.outline {
+            Outline::Round { radius } => add_disc(triangles, pool.centre, radius, surface),
+            Outline::Rectangle { half_x, half_z } => {
+                let corner = |x: f32, z: f32| pool.centre + Vec3::new(x * half_x, 0.0, z * half_z);
+                let [a, b, c, d] = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
+                triangles.extend([[a, b, c], [a, c, d]].into_iter().filter_map(|t| Triangle::new(t, surface)));
+            }
+        }
+    }
 }
 
 /// Adds a horizontal disc as a triangle fan that faces up.
@@ -97,8 +103,25 @@ impl Block {
         Self { rise, ..self }
     }
 
+    /// A plank whose top leads from one point to the other, and where it is placed, with its turn.
+    pub fn plank(from: Vec3, to: Vec3, width: f32, thickness: f32) -> (Self, Vec3, f32) {
+        let (dx, dz) = (to.x - from.x, to.z - from.z);
+        let half = [0.5 * hypot(dx, dz), 0.5 * width];
+        let block = Self::new([-half[0], -thickness, -half[1]], [half[0], 0.0, half[1]]).rising(to.y - from.y);
+        let middle = Vec3::new(0.5 * (from.x + to.x), from.y, 0.5 * (from.z + to.z));
+        // A turn by `yaw` takes the x axis to (cos, -sin).
+        (block, middle, libm::atan2f(-dz, dx))
+    }
+
+    /// The triangles of the block, turned by `yaw` and then moved to `at`.
+    pub fn placed(&self, at: Vec3, yaw: f32) -> impl Iterator<Item = [Vec3; 3]> + use<> {
+        let (sin, cos) = libm::sincosf(yaw);
+        let place = move |p: Vec3| at + Vec3::new(p.x * cos + p.z * sin, p.y, p.z * cos - p.x * sin);
+        self.triangles().map(move |corners| corners.map(place))
+    }
+
     /// The twelve triangles of the box, facing outwards.
-    pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
+    pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> + use<> {
         let corner = |x: usize, y: usize, z: usize| {
             let pick = |bit: usize, min: f32, max: f32| if bit == 1 { max } else { min };
             let lift = if x == 1 { self.rise } else { 0.0 };

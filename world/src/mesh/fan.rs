@@ -58,6 +58,11 @@ impl Elevations {
         Self { range, sines, cosines, tangents, stretch: cosines.map(|cos| 1.0 / cos), reaches }
     }
 
+    /// Length of the rays, m.
+    pub(super) fn range(&self) -> f32 {
+        self.range
+    }
+
     /// Unit directions of the rays at a heading, a horizontal unit vector (x, z).
     #[inline(always)]
     pub fn directions(&self, heading: (f32, f32)) -> [Vec3; LANES] {
@@ -408,7 +413,7 @@ mod tests {
     fn every_path_gives_the_same_bits() {
         let spec = MapSpec::with_side(5, 100).unwrap().with(|it| it.features = Features::all()).unwrap();
         let map = Map::generate(&spec);
-        let columns = map.mesh().columns();
+        let columns = map.mesh().built_columns();
         let elevations =
             Elevations::new([-65.0f32, -42.0, -26.0, -14.0, -5.0, 6.0, 22.0, 45.0].map(f32::to_radians), 30.0);
         let mut rng = ChaCha8Rng::seed_from_u64(3);

@@ -1,11 +1,8 @@
 //! The grid: sorts triangles into cells and finds those that touch a box.
 
 use super::columns::Columns;
-use super::fan::{ConeHits, Elevations};
-use super::lanes::LANES;
 use super::triangle::Triangle;
 use crate::{Vec3, parallel};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Side of a grid cell in metres.
 pub(super) const CELL_M: f32 = 1.6;
@@ -24,8 +21,6 @@ fn centre_of([x, y, z]: [i32; 3]) -> Vec3 {
     (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5)) * CELL_M
 }
 
-static NEXT_ID: AtomicU64 = AtomicU64::new(0);
-
 /// Bit set in the entry of a cell without triangles; the other bits are a lower bound of the Chebyshev distance, in cells,
 /// to the nearest cell with triangles.
 pub(super) const EMPTY: u32 = 1 << 31;
@@ -42,7 +37,7 @@ pub(super) struct Occupied {
 
 /// Triangles indexed by a uniform grid.
 #[derive(Debug)]
-pub struct Mesh {
+pub(super) struct Grid {
     pub(super) triangles: Vec<Triangle>,
     pub(super) counts: [i32; 3],
     /// For each cell, [`EMPTY`] with a distance, or an index into `occupied`.
@@ -51,30 +46,22 @@ pub struct Mesh {
     pub(super) occupied: Vec<Occupied>,
     /// Indices of the triangles of each occupied cell, in the order of the cells.
     items: Vec<u32>,
-    /// Differs from that of every other mesh of this process.
-    id: u64,
     /// The index for cones of rays; `None` in a draft.
     columns: Option<Columns>,
 }
 
-impl Mesh {
-    /// Indexes `triangles` inside the box from the origin to `extent`.
-    pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
-        Self::draft(triangles, extent).complete()
-    }
-
+impl Grid {
     /// Makes a draft ready for cones of rays.
-    pub(crate) fn complete(self) -> Self {
+    pub fn complete(self) -> Self {
         Self { columns: Some(Columns::new(&self.triangles)), ..self }
     }
 
-    /// Indexes `triangles` for everything but cones of rays.
-    pub(crate) fn draft(triangles: Vec<Triangle>, extent: Vec3) -> Self {
+    /// Indexes `triangles` inside the box from the origin to `extent`, for everything but cones of rays.
+    pub fn draft(triangles: Vec<Triangle>, extent: Vec3) -> Self {
         let counts = extent.to_array().map(|side| ((side / CELL_M).ceil() as i32).max(1));
         let cell_count = counts.iter().map(|&count| count as usize).product::<usize>();
         let (cells, occupied, items) = Default::default();
-        let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
-        let mut mesh = Self { triangles, counts, cells, occupied, items, id, columns: None };
+        let mut mesh = Self { triangles, counts, cells, occupied, items, columns: None };
         let mut cells = vec![0u32; cell_count];
         mesh.for_each_cell_of_triangles(|cell, _| cells[cell] += 1);
         let skips = mesh.empty_space_skips(&cells);
@@ -104,18 +91,8 @@ impl Mesh {
         mesh
     }
 
-    /// Tells this mesh from every other one of the process.
-    pub(crate) fn id(&self) -> u64 {
-        self.id
-    }
-
-    /// All triangles, in a fixed order.
-    pub fn triangles(&self) -> &[Triangle] {
-        &self.triangles
-    }
-
     /// Returns the triangles and drops the grid.
-    pub(crate) fn into_triangles(self) -> Vec<Triangle> {
+    pub fn into_triangles(self) -> Vec<Triangle> {
         self.triangles
     }
 
@@ -128,12 +105,8 @@ impl Mesh {
             + self.columns.as_ref().map_or(0, Columns::memory_bytes)
     }
 
-    /// Casts a cone of rays from `eye`: at each heading, a horizontal unit vector (x, z), a ray at each elevation.
-    pub fn cast_cone(&self, elevations: &Elevations, eye: Vec3, headings: &[(f32, f32); LANES]) -> ConeHits {
-        self.columns().cast_cone(elevations, eye, headings)
-    }
-
-    pub(super) fn columns(&self) -> &Columns {
+    /// The index for cones of rays.
+    pub fn columns(&self) -> &Columns {
         self.columns.as_ref().expect("no cone is cast through a draft")
     }
 
@@ -239,7 +212,7 @@ impl Mesh {
     }
 
     /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box, in ascending order.
-    pub(crate) fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
+    pub fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
         found.clear();
         let (from, to) = self.clamped_cells(low, high);
         let mut most = MANY_FOUND;

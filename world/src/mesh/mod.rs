@@ -3,18 +3,21 @@
 //! Each cell of the grid lists the triangles that touch it; an empty cell holds a lower bound of the Chebyshev distance, in
 //! cells, to the nearest cell with triangles, so that rays skip empty space. `columns` holds the other index and `fan` casts
 //! through it, with the vectors of `lanes`; `docs/adr/0021-columns.md` says why.
+//! `layers` puts triangles that were added later over both.
 //! parry3d's triangle is the reference: property tests compare rays and contacts with it.
 
+mod added;
 mod columns;
 mod fan;
 mod grid;
 mod lanes;
+mod layers;
 mod ray;
 mod triangle;
 
 pub use fan::{ConeHit, ConeHits, Elevations};
-pub use grid::Mesh;
 pub use lanes::LANES;
+pub use layers::{Mesh, Triangles};
 pub(crate) use lanes::bits;
 pub use ray::RayHit;
 pub use triangle::{Contact, Surface, Triangle};

@@ -1,6 +1,6 @@
 //! Casts rays through the grid, skipping empty space.
 
-use super::grid::{CELL_M, EMPTY, Mesh, Occupied};
+use super::grid::{CELL_M, EMPTY, Grid, Occupied};
 use super::triangle::Surface;
 use crate::Vec3;
 
@@ -18,7 +18,7 @@ pub struct RayHit {
     pub surface: Surface,
 }
 
-impl Mesh {
+impl Grid {
     /// Finds the first triangle along the ray within `max_distance` metres; `direction` must have unit length.
     pub fn cast_ray(&self, origin: Vec3, direction: Vec3, max_distance: f32) -> Option<RayHit> {
         let mut travelled = self.enter(origin, direction)?;
@@ -93,30 +93,6 @@ impl Mesh {
             }
         }
         best
-    }
-
-    /// Number of solids that contain `point`: 0 in the open. Solids must be closed and may overlap.
-    ///
-    /// Counts the faces through which a ray to the sky leaves and enters. The result is the median of three rays, since one
-    /// may graze an edge or meet two faces that coincide.
-    pub fn solid_depth_at(&self, point: Vec3) -> u32 {
-        let tilts = [Vec3::new(0.017_3, 1.0, 0.020_1), Vec3::new(-0.151, 1.0, 0.083), Vec3::new(0.061, 1.0, -0.217)];
-        let mut depths = tilts.map(|tilt| self.faces_left(point, tilt.normalize()));
-        depths.sort_unstable();
-        depths[1].max(0) as u32
-    }
-
-    /// Number of solid faces through which a ray leaves, minus those through which it enters.
-    fn faces_left(&self, mut origin: Vec3, direction: Vec3) -> i32 {
-        let mut count = 0;
-        while let Some(hit) = self.cast_ray(origin, direction, f32::MAX) {
-            let triangle = &self.triangles[hit.triangle_idx as usize];
-            if triangle.surface().is_solid() {
-                count += if triangle.normal().dot(direction) > 0.0 { 1 } else { -1 };
-            }
-            origin += direction * (hit.distance + 1.0e-3);
-        }
-        count
     }
 
     /// Distance along the ray at which it enters the grid's box, m; `None` if it misses the box.

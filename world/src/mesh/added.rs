@@ -1,0 +1,133 @@
+//! The triangles that were added to a map since it was built: few, in cells seen from above, and made anew with every change.
+
+use super::columns::Columns;
+use super::ray::RayHit;
+use super::triangle::Triangle;
+use crate::Vec3;
+
+/// Side of a cell, m.
+const CELL_M: f32 = 16.0;
+/// Room around the bounds of the triangles, m, so that none lies on the border.
+const SLACK_M: f32 = 0.01;
+
+#[derive(Debug)]
+pub(super) struct Added {
+    pub triangles: Vec<Triangle>,
+    low: Vec3,
+    high: Vec3,
+    columns: usize,
+    rows: usize,
+    /// Indices of the triangles that may be in each cell, ascending.
+    cells: Vec<Vec<u32>>,
+    /// The index for cones of rays.
+    pub cones: Columns,
+}
+
+impl Added {
+    /// `None` if there is nothing.
+    pub fn new(triangles: Vec<Triangle>) -> Option<Self> {
+        let corners = triangles.iter().map(Triangle::bounds);
+        let (low, high) = corners.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)))?;
+        let (low, high) = (low - Vec3::splat(SLACK_M), high + Vec3::splat(SLACK_M));
+        let [columns, rows] = [high.x - low.x, high.z - low.z].map(|side| (side / CELL_M) as usize + 1);
+        let cones = Columns::new(&triangles);
+        let mut added = Self { triangles, low, high, columns, rows, cells: vec![Vec::new(); columns * rows], cones };
+        for idx in 0..added.triangles.len() {
+            let (low, high) = added.triangles[idx].bounds();
+            for cell in added.cells_of(low, high) {
+                added.cells[cell].push(idx as u32);
+            }
+        }
+        Some(added)
+    }
+
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self.triangles.as_slice())
+            + self.cells.iter().map(|cell| size_of_val(cell.as_slice()) + size_of::<Vec<u32>>()).sum::<usize>()
+            + self.cones.memory_bytes()
+    }
+
+    /// Whether anything of it may lie within `reach` metres of `point`.
+    pub fn is_near(&self, point: Vec3, reach: f32) -> bool {
+        let reach = Vec3::splat(reach);
+        (point + reach).cmpge(self.low).all() && (point - reach).cmple(self.high).all()
+    }
+
+    fn cells_of(&self, low: Vec3, high: Vec3) -> impl Iterator<Item = usize> + use<> {
+        let (from, to, columns) = (self.cell(low), self.cell(high), self.columns);
+        (from[1]..=to[1]).flat_map(move |row| (from[0]..=to[0]).map(move |column| row * columns + column))
+    }
+
+    /// The cell of a point, or the one nearest to it.
+    fn cell(&self, point: Vec3) -> [usize; 2] {
+        let number = |metres: f32, count: usize| ((metres / CELL_M).max(0.0) as usize).min(count - 1);
+        [number(point.x - self.low.x, self.columns), number(point.z - self.low.z, self.rows)]
+    }
+
+    /// Finds the first triangle along the ray within `most` metres.
+    pub fn cast_ray(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<RayHit> {
+        let (mut at, end) = self.stretch(origin, direction, most)?;
+        let mut best: Option<RayHit> = None;
+        let mut cell = self.cell(origin + direction * at).map(|number| number as i32);
+        loop {
+            for &triangle_idx in &self.cells[cell[1] as usize * self.columns + cell[0] as usize] {
+                let triangle = &self.triangles[triangle_idx as usize];
+                let far = best.map_or(most, |hit| hit.distance);
+                if let Some(distance) = triangle.ray(origin, direction, 0.0, far).filter(|distance| *distance < far) {
+                    best = Some(RayHit { distance, triangle_idx, surface: triangle.surface() });
+                }
+            }
+            // Distance at which the ray leaves the cell along an axis.
+            let leave = |axis: usize, number: i32| {
+                let ahead = direction[axis] > 0.0;
+                let border = self.low[axis] + (number + i32::from(ahead)) as f32 * CELL_M;
+                if direction[axis] == 0.0 { f32::INFINITY } else { (border - origin[axis]) / direction[axis] }
+            };
+            let (x, z) = (leave(0, cell[0]), leave(2, cell[1]));
+            at = x.min(z).max(at);
+            if at > end.min(best.map_or(end, |hit| hit.distance)) {
+                return best;
+            }
+            let step = |axis: usize| if direction[axis] > 0.0 { 1 } else { -1 };
+            if x <= z { cell[0] += step(0) } else { cell[1] += step(2) }
+            if cell[0] < 0 || cell[1] < 0 || cell[0] as usize >= self.columns || cell[1] as usize >= self.rows {
+                return best;
+            }
+        }
+    }
+
+    /// Where the ray enters and leaves the bounds, m.
+    fn stretch(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<(f32, f32)> {
+        let (mut near, mut far) = (0.0f32, most);
+        for axis in 0..3 {
+            let (o, d) = (origin[axis], direction[axis]);
+            if d == 0.0 {
+                if o < self.low[axis] || o > self.high[axis] {
+                    return None;
+                }
+                continue;
+            }
+            let (one, other) = ((self.low[axis] - o) / d, (self.high[axis] - o) / d);
+            (near, far) = (near.max(one.min(other)), far.min(one.max(other)));
+        }
+        (near <= far).then_some((near, far))
+    }
+
+    /// Adds the indices, plus `first`, of the solid triangles whose bounds touch the box, in ascending order.
+    pub fn gather_solids(&self, low: Vec3, high: Vec3, first: u32, found: &mut Vec<u32>) {
+        if low.cmpgt(self.high).any() || high.cmplt(self.low).any() {
+            return;
+        }
+        let begin = found.len();
+        for cell in self.cells_of(low, high) {
+            found.extend(self.cells[cell].iter().filter(|idx| {
+                let triangle = &self.triangles[**idx as usize];
+                let (t_low, t_high) = triangle.bounds();
+                triangle.surface().is_solid() && t_low.cmple(high).all() && t_high.cmpge(low).all()
+            }));
+        }
+        found[begin..].sort_unstable();
+        found.dedup();
+        found[begin..].iter_mut().for_each(|idx| *idx += first);
+    }
+}

@@ -1,0 +1,177 @@
+//! All triangles of a map: those that it was built of, whose index maps share, and those that were added since.
+
+use super::added::Added;
+use super::fan::{ConeHits, Elevations};
+use super::grid::Grid;
+use super::lanes::LANES;
+use super::ray::RayHit;
+use super::triangle::Triangle;
+use crate::Vec3;
+use std::ops::Index;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+static NEXT_ID: AtomicU64 = AtomicU64::new(0);
+
+/// Indexed triangles.
+#[derive(Debug)]
+pub struct Mesh {
+    built: Arc<Grid>,
+    added: Option<Added>,
+    /// Differs from that of every other mesh of this process.
+    id: u64,
+}
+
+/// The triangles of a mesh, in a fixed order.
+#[derive(Debug, Clone, Copy)]
+pub struct Triangles<'a> {
+    built: &'a [Triangle],
+    added: &'a [Triangle],
+}
+
+impl<'a> Triangles<'a> {
+    /// Their number.
+    pub fn len(self) -> usize {
+        self.built.len() + self.added.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// One after the other.
+    pub fn iter(self) -> std::iter::Chain<std::slice::Iter<'a, Triangle>, std::slice::Iter<'a, Triangle>> {
+        self.built.iter().chain(self.added)
+    }
+}
+
+impl<'a> IntoIterator for Triangles<'a> {
+    type Item = &'a Triangle;
+    type IntoIter = std::iter::Chain<std::slice::Iter<'a, Triangle>, std::slice::Iter<'a, Triangle>>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
+
+impl Index<usize> for Triangles<'_> {
+    type Output = Triangle;
+
+    fn index(&self, idx: usize) -> &Triangle {
+        self.built.get(idx).unwrap_or_else(|| &self.added[idx - self.built.len()])
+    }
+}
+
+impl Mesh {
+    /// Indexes `triangles` inside the box from the origin to `extent`.
+    pub fn new(triangles: Vec<Triangle>, extent: Vec3) -> Self {
+        Self::draft(triangles, extent).complete()
+    }
+
+    /// Indexes `triangles` for everything but cones of rays.
+    pub(crate) fn draft(triangles: Vec<Triangle>, extent: Vec3) -> Self {
+        Self::of(Arc::new(Grid::draft(triangles, extent)), None)
+    }
+
+    fn of(built: Arc<Grid>, added: Option<Added>) -> Self {
+        Self { built, added, id: NEXT_ID.fetch_add(1, Ordering::Relaxed) }
+    }
+
+    /// Makes a draft ready for cones of rays.
+    pub(crate) fn complete(self) -> Self {
+        let draft = Arc::into_inner(self.built).expect("nobody shares a draft");
+        Self { built: Arc::new(draft.complete()), ..self }
+    }
+
+    /// The triangles that this mesh was built of, with others added to them. Takes no longer where the mesh is large.
+    pub(crate) fn with_added(&self, triangles: Vec<Triangle>) -> Self {
+        Self::of(self.built.clone(), Added::new(triangles))
+    }
+
+    /// Tells this mesh from every other one of the process.
+    pub(crate) fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// All triangles.
+    pub fn triangles(&self) -> Triangles<'_> {
+        let added = self.added.as_ref().map_or(&[][..], |added| &added.triangles);
+        Triangles { built: &self.built.triangles, added }
+    }
+
+    /// The triangles that it was built of.
+    pub(crate) fn built_triangles(&self) -> &[Triangle] {
+        &self.built.triangles
+    }
+
+    #[cfg(test)]
+    pub(super) fn built_columns(&self) -> &super::columns::Columns {
+        self.built.columns()
+    }
+
+    /// Returns the triangles of a draft and drops its index.
+    pub(crate) fn into_triangles(self) -> Vec<Triangle> {
+        Arc::into_inner(self.built).expect("nobody shares a draft").into_triangles()
+    }
+
+    /// Memory of the triangles and their index, in bytes.
+    pub fn memory_bytes(&self) -> usize {
+        self.built.memory_bytes() + self.added.as_ref().map_or(0, Added::memory_bytes)
+    }
+
+    /// Casts a cone of rays from `eye`: at each heading, a horizontal unit vector (x, z), a ray at each elevation.
+    pub fn cast_cone(&self, elevations: &Elevations, eye: Vec3, headings: &[(f32, f32); LANES]) -> ConeHits {
+        let mut hits = self.built.columns().cast_cone(elevations, eye, headings);
+        if let Some(added) = self.added.as_ref().filter(|added| added.is_near(eye, elevations.range())) {
+            let others = added.cones.cast_cone(elevations, eye, headings);
+            for (hit, other) in hits.as_flattened_mut().iter_mut().zip(others.as_flattened()) {
+                if other.is_some_and(|other| hit.is_none_or(|hit| other.distance < hit.distance)) {
+                    *hit = *other;
+                }
+            }
+        }
+        hits
+    }
+
+    /// Finds the first triangle along the ray within `max_distance` metres; `direction` must have unit length.
+    pub fn cast_ray(&self, origin: Vec3, direction: Vec3, max_distance: f32) -> Option<RayHit> {
+        let hit = self.built.cast_ray(origin, direction, max_distance);
+        let Some(added) = &self.added else { return hit };
+        let nearer = added.cast_ray(origin, direction, hit.map_or(max_distance, |hit| hit.distance));
+        let first = self.built.triangles.len() as u32;
+        nearer.map(|hit| RayHit { triangle_idx: first + hit.triangle_idx, ..hit }).or(hit)
+    }
+
+    /// Number of solids that contain `point`: 0 in the open. Solids must be closed and may overlap.
+    ///
+    /// Counts the faces through which a ray to the sky leaves and enters. The result is the median of three rays, since one
+    /// may graze an edge or meet two faces that coincide.
+    pub fn solid_depth_at(&self, point: Vec3) -> u32 {
+        let tilts = [Vec3::new(0.017_3, 1.0, 0.020_1), Vec3::new(-0.151, 1.0, 0.083), Vec3::new(0.061, 1.0, -0.217)];
+        let mut depths = tilts.map(|tilt| self.faces_left(point, tilt.normalize()));
+        depths.sort_unstable();
+        depths[1].max(0) as u32
+    }
+
+    /// Number of solid faces through which a ray leaves, minus those through which it enters.
+    fn faces_left(&self, mut origin: Vec3, direction: Vec3) -> i32 {
+        let mut count = 0;
+        while let Some(hit) = self.cast_ray(origin, direction, f32::MAX) {
+            let triangle = &self.triangles()[hit.triangle_idx as usize];
+            if triangle.surface().is_solid() {
+                count += if triangle.normal().dot(direction) > 0.0 { 1 } else { -1 };
+            }
+            origin += direction * (hit.distance + 1.0e-3);
+        }
+        count
+    }
+
+    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box, in ascending order.
+    pub(crate) fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
+        self.built.gather_solids(low, high, found);
+        if let Some(added) = &self.added {
+            added.gather_solids(low, high, self.built.triangles.len() as u32, found);
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! Pieces that are put onto a map: rays, contacts, the survey and saved maps know them, and NPCs make room for them.
+
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::sync::Arc;
+use surefoot_world::exchange;
+use surefoot_world::map::{Features, Liquid, MapSize, Outline, Piece, PieceShape, Placed, Pool};
+use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::reach::Reach;
+use surefoot_world::replay::Recording;
+use surefoot_world::{
+    Action, CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World,
+};
+
+const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
+const NPC: NpcSlot = NpcSlot(0);
+const GROUND: f32 = 1.0;
+
+fn terrain() -> Map {
+    let spec = MapSpec::with_side(5, 100).unwrap().with(|spec| spec.features = Features::all()).unwrap();
+    Map::generate(&spec)
+}
+
+/// Two floors of 18 x 40 m with a gap of 4 m between them, over a void.
+fn floors() -> Map {
+    let floor = |from: f32, to: f32| {
+        let [a, b, c, d] = [[0.0, from], [0.0, to], [40.0, to], [40.0, from]].map(|[x, z]| Vec3::new(x, GROUND, z));
+        [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground))
+    };
+    let triangles = floor(0.0, 18.0).chain(floor(22.0, 40.0)).collect();
+    Map::from_parts(MapSize { width: 40, height: 30, depth: 40 }, triangles, Placed::default())
+}
+
+fn piece(name: &str, shape: PieceShape) -> Piece {
+    Piece { name: name.to_owned(), shape }
+}
+
+fn block(name: &str, foot: Vec3, half: f32, height: f32) -> Piece {
+    piece(name, PieceShape::Block { foot, half: [half, half], height, yaw: 0.3 })
+}
+
+fn bridge() -> Piece {
+    let (from, to) = (Vec3::new(20.0, GROUND + 0.1, 17.0), Vec3::new(20.0, GROUND + 0.1, 23.0));
+    piece("bridge", PieceShape::Plank { from, to, width: 4.0, thickness: 0.3 })
+}
+
+fn lava(centre: Vec3) -> Piece {
+    let pool = Pool { centre, outline: Outline::Round { radius: 2.0 }, depth: 1.0, liquid: Liquid::Lava };
+    piece("lava", PieceShape::Pool(pool))
+}
+
+fn some(extent: Vec3) -> Vec<Piece> {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let mut place = || {
+        Vec3::new(
+            rng.random_range(10.0..extent.x - 10.0),
+            rng.random_range(20.0..50.0),
+            rng.random_range(10.0..extent.z - 10.0),
+        )
+    };
+    let mut pieces: Vec<Piece> = (0..12).map(|idx| block(&format!("block {idx}"), place(), 3.0, 4.0)).collect();
+    for idx in 0..6 {
+        let (from, to) = (place(), place());
+        pieces.push(piece(&format!("plank {idx}"), PieceShape::Plank { from, to, width: 3.0, thickness: 0.4 }));
+    }
+    pieces
+}
+
+/// The map built anew, of all its triangles.
+fn rebuilt(map: &Map) -> Map {
+    let solid = map.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid()).copied();
+    Map::from_parts(map.size(), solid.collect(), map.placed().clone())
+}
+
+#[test]
+fn an_edited_map_is_that_of_all_its_triangles() {
+    let plain = terrain();
+    let edited = plain.with_pieces(some(plain.extent())).unwrap();
+    let whole = rebuilt(&edited);
+    assert_eq!(edited.mesh().triangles().len(), whole.mesh().triangles().len());
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let (mut hits, mut others) = (0, 0);
+    for _ in 0..6000 {
+        let from = Vec3::new(rng.random_range(0.0..100.0), rng.random_range(5.0..60.0), rng.random_range(0.0..100.0));
+        let way = Vec3::new(
+            rng.random_range(-1.0..1.0f32),
+            rng.random_range(-1.0..1.0f32),
+            rng.random_range(-1.0..1.0f32),
+        );
+        let ray = |map: &Map| map.mesh().cast_ray(from, way.normalize(), 60.0).map(|hit| (hit.distance, hit.surface));
+        match (ray(&edited), ray(&whole)) {
+            (Some((one, on)), Some((other, of))) => {
+                assert!((one - other).abs() < 1.0e-3 && on == of, "{one} and {other} m from {from:?}");
+                hits += 1;
+            }
+            (one, other) => assert_eq!(one.is_some(), other.is_some(), "from {from:?} along {way:?}"),
+        }
+        others += usize::from(ray(&plain) != ray(&edited));
+        assert_eq!(edited.mesh().solid_depth_at(from), whole.mesh().solid_depth_at(from), "{from:?}");
+    }
+    assert!(hits > 2000 && others > 200, "{hits} hits, {others} of them on pieces");
+
+    // Bodies move, and see, as they do there.
+    let worlds = [Arc::new(edited), Arc::new(whole)].map(|map| {
+        let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let places = surefoot_world::navigable::sample_many(&map, &CharacterProfile::default(), 64, &mut rng).unwrap();
+        for (idx, place) in (0..).zip(places) {
+            let slot = world.spawn(place, idx as f32);
+            world.set_goal(slot, place + Vec3::X);
+            world.decide(slot, FORWARD);
+        }
+        (0..300).for_each(|_| world.tick());
+        world
+    });
+    let mut rows = [vec![0.0; OBSERVATION_LEN], vec![0.0; OBSERVATION_LEN]];
+    for (slot, npc) in worlds[0].npcs() {
+        assert_eq!(npc.body.feet, worlds[1].npc(slot).unwrap().body.feet);
+        rows.iter_mut().zip(&worlds).for_each(|(row, world)| _ = world.observe(slot, row));
+        let farthest = rows[0].iter().zip(&rows[1]).map(|(one, other)| (one - other).abs()).fold(0.0, f32::max);
+        assert!(farthest < 1.0e-4, "NPC {} sees something else, by {farthest}", slot.0);
+    }
+}
+
+#[test]
+fn pieces_come_and_go_and_the_hash_tells() {
+    let plain = terrain();
+    let pieces = some(plain.extent());
+    let edited = plain.with_pieces(pieces.clone()).unwrap();
+    let backwards = plain.with_pieces(pieces.iter().rev().cloned().collect()).unwrap();
+    assert_eq!(edited.hash(), backwards.hash());
+    assert_ne!(edited.hash(), plain.hash());
+    assert_eq!(edited.built_hash(), plain.hash());
+    assert_ne!(edited.with_pieces(pieces[1..].to_vec()).unwrap().hash(), edited.hash());
+    let restored = edited.with_pieces(Vec::new()).unwrap();
+    assert_eq!((restored.hash(), restored.mesh().triangles().len()), (plain.hash(), plain.mesh().triangles().len()));
+
+    let decoded = exchange::decode(&exchange::encode(&edited)).unwrap();
+    assert_eq!((decoded.hash(), decoded.pieces()), (edited.hash(), edited.pieces()));
+}
+
+#[test]
+fn the_survey_goes_over_a_bridge_and_round_a_wall() {
+    let profile = CharacterProfile::default();
+    let islands = |map: &Map| Reach::survey(map, &profile, 1).ground.islands().len();
+    let plain = floors();
+    assert_eq!(islands(&plain), 2);
+    assert_eq!(islands(&plain.with_pieces(vec![bridge()]).unwrap()), 1);
+    let wall = PieceShape::Block { foot: Vec3::new(20.0, GROUND, 10.0), half: [20.0, 0.3], height: 12.0, yaw: 0.0 };
+    let walled = plain.with_pieces(vec![piece("wall", wall)]).unwrap();
+    assert!(Reach::survey(&walled, &profile, 1).share_on_foot() < 0.4, "one floor in two parts, besides the other");
+}
+
+#[test]
+fn lava_that_is_poured_out_burns() {
+    let plain = Arc::new(floors());
+    let mut world = World::new(plain.clone(), CharacterProfile::default(), TaskConfig::default());
+    let at = Vec3::new(10.0, GROUND, 10.0);
+    world.spawn(at, 0.0);
+    (0..30).for_each(|_| world.tick());
+    assert_eq!(world.npc(NPC).unwrap().harm, None);
+    world.edit(Arc::new(plain.with_pieces(vec![lava(at + Vec3::Y * 0.3)]).unwrap())).unwrap();
+    world.tick();
+    assert_eq!(world.npc(NPC).unwrap().harm, Some(End::Burnt));
+}
+
+#[test]
+fn who_would_be_enclosed_steps_aside_and_the_run_can_be_repeated() {
+    let plain = Arc::new(floors());
+    let mut world = World::new(plain.clone(), CharacterProfile::default(), TaskConfig::default());
+    let spots = [Vec3::new(10.0, GROUND, 10.0), Vec3::new(11.0, GROUND, 10.5), Vec3::new(30.0, GROUND, 30.0)];
+    for spot in spots {
+        let slot = world.spawn(spot, 0.0);
+        world.set_goal(slot, Vec3::new(20.0, GROUND, 36.0));
+    }
+    (0..20).for_each(|_| world.tick());
+    world.start_recording();
+    let built = block("block", spots[0], 1.5, 3.0);
+    let edited = Arc::new(plain.with_pieces(vec![built.clone(), bridge()]).unwrap());
+    assert_eq!(world.edit(edited.clone()).unwrap(), [NpcSlot(0), NpcSlot(1)]);
+    for (slot, npc) in world.npcs().take(2) {
+        assert!(edited.mesh().solid_depth_at(npc.body.feet + Vec3::Y) == 0, "NPC {} is enclosed", slot.0);
+        assert!(npc.body.feet.distance(spots[slot.0 as usize]) < 5.0 && npc.episode.is_some());
+    }
+    for slot in 0..3 {
+        world.decide(NpcSlot(slot), FORWARD);
+    }
+    (0..700).for_each(|_| world.tick());
+    world.edit(plain.clone()).unwrap();
+    (0..20).for_each(|_| world.tick());
+    let recording = world.finish_recording().unwrap();
+    let recording = Recording::decode(&recording.encode()).unwrap();
+    let end = recording.replay(plain.clone(), Some(300)).unwrap();
+    assert_eq!(end.hash(), world.save().hash());
+
+    // A recording that begins on an edited map is repeated on the map that it was made of.
+    world.edit(edited).unwrap();
+    world.start_recording();
+    (0..20).for_each(|_| world.tick());
+    let recording = world.finish_recording().unwrap();
+    recording.replay(plain, None).unwrap();
+}
+
+#[test]
+fn nobody_is_walled_in() {
+    let plain = Arc::new(floors());
+    let mut world = World::new(plain.clone(), CharacterProfile::default(), TaskConfig::default());
+    world.spawn(Vec3::new(20.0, GROUND, 8.0), 0.0);
+    // As high as the map: there is no place on top of it.
+    let huge = PieceShape::Block { foot: Vec3::new(20.0, GROUND, 8.0), half: [9.0, 7.5], height: 29.6, yaw: 0.0 };
+    let before = world.save();
+    let refused = world.edit(Arc::new(plain.with_pieces(vec![piece("huge", huge)]).unwrap())).unwrap_err();
+    assert!(refused.to_string().contains("NPC 0"), "{refused}");
+    assert_eq!((world.save(), world.map().hash()), (before, plain.hash()));
+}
+
+#[test]
+fn pieces_that_cannot_be_are_refused() {
+    let plain = floors();
+    let at = Vec3::new(10.0, GROUND, 10.0);
+    let refuse = |pieces: Vec<Piece>, expected: &str| {
+        let error = plain.with_pieces(pieces).expect_err(expected).to_string();
+        assert!(error.contains(expected), "{error}");
+    };
+    refuse(vec![block("", at, 1.0, 1.0)], "1 to 64 bytes");
+    refuse(vec![block("twin", at, 1.0, 1.0), block("twin", at, 2.0, 1.0)], "two pieces `twin`");
+    refuse(vec![block("flat", at, 1.0, f32::NAN)], "the height of the piece `flat` is NaN");
+    refuse(vec![block("thin", at, 0.0, 1.0)], "the width of the piece `thin` is 0");
+    refuse(vec![block("nowhere", at.with_x(f32::NAN), 1.0, 1.0)], "not a finite number");
+    refuse(vec![block("far", at.with_x(400.0), 1.0, 1.0)], "reaches out of the map");
+    let shape = PieceShape::Plank { from: at, to: at + Vec3::Y * 5.0, width: 1.0, thickness: 0.2 };
+    refuse(vec![piece("upright", shape)], "horizontal length of the piece `upright`");
+    refuse((0..1025).map(|idx| block(&idx.to_string(), at, 1.0, 1.0)).collect(), "1025 pieces");
+}
