@@ -364,9 +364,9 @@ pub fn saved_world(bytes: &[u8]) {
         if let SavedMap::Spec(_) = saved.source() {
             return;
         }
-        let Some(map) = accepted(saved.map()) else { return };
+        let Some(maps) = accepted(saved.maps()) else { return };
         let (registry, quota) = (Arc::new(Registry::default()), Quota::new(usize::MAX, "NPCs"));
-        let mut world = HostedWorld::restore(&saved, map, registry, &quota);
+        let mut world = HostedWorld::restore(&saved, maps.map, registry, &quota);
         let again = world.save(saved.owner(), saved.source().clone());
         assert_eq!(again.id(), saved.id());
         for _ in 0..20 {

@@ -12,6 +12,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use surefoot_net::levels::MapSource;
 use surefoot_planner::live::LiveEvidence;
+use surefoot_planner::update::{self, Updated};
 use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId};
 use surefoot_rollout::graphs;
 use surefoot_rollout::probe::ProbeContext;
@@ -60,6 +61,9 @@ impl Planner {
         if let Some(hosted) = self.find_ready(&job) {
             return Ok(hosted);
         }
+        if !job.source.pieces().is_empty() {
+            return self.follow_edit(job).await;
+        }
         let slot = match self.shared.build_slot.clone().try_acquire_owned() {
             Ok(slot) => slot,
             Err(_) => {
@@ -72,6 +76,70 @@ impl Planner {
         let planner = self.clone();
         let task = tokio::task::spawn_blocking(move || planner.load_or_build(&job, slot));
         task.await.map_err(PlannerError::lost("the build"))?
+    }
+
+    /// Makes the graph of an edited map from one of the same map with other pieces, or with none. It does not wait for builds.
+    async fn follow_edit(&self, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
+        let mut plain_id = String::new();
+        if self.find_relative(&job).is_none() {
+            let plain = MapSource::from(job.source.made().clone());
+            let build = self.start_build(plain, job.body.clone(), job.settings)?;
+            tokio::select! {
+                () = build.ended() => {}
+                () = job.cancelled() => return Err(BuildError::Cancelled.into()),
+            }
+            plain_id = build.end().unwrap_or(Err(BuildError::Cancelled.into()))?.graph.to_string();
+        }
+        let permit = permit_for(&job, &self.shared.updating).await?;
+        let planner = self.clone();
+        let task = tokio::task::spawn_blocking(move || {
+            let _permit = permit;
+            // Somebody may have asked for it while this one waited.
+            if let Some(hosted) = planner.find_ready(&job) {
+                return Ok(hosted);
+            }
+            let relative = planner.find_relative(&job).ok_or(PlannerError::Unloaded(plain_id))?;
+            planner.update(&job, &relative)
+        });
+        task.await.map_err(PlannerError::lost("the update"))?
+    }
+
+    /// The graph in memory of the same map, body and settings whose pieces differ in the fewest from those of a job.
+    fn find_relative(&self, job: &Job) -> Option<Arc<Hosted>> {
+        let made = job.source.made().key();
+        let is_relative = |hosted: &Arc<Hosted>| {
+            let Origin { settings, body, source, .. } = &hosted.origin;
+            *settings == job.settings && *body == job.body && source.made().key() == made && !hosted.is_interim()
+        };
+        let wanted = job.source.pieces();
+        let difference = |hosted: &Arc<Hosted>| {
+            let pieces = hosted.origin.source.pieces();
+            let shared = pieces.iter().filter(|piece| wanted.contains(piece)).count();
+            pieces.len() + wanted.len() - 2 * shared
+        };
+        self.all_ready().into_iter().filter(is_relative).min_by_key(difference)
+    }
+
+    /// Makes the graph of a job from its nearest relative, and publishes what is sure to remain of that one first.
+    fn update(&self, job: &Job, relative: &Hosted) -> Result<Arc<Hosted>, PlannerError> {
+        job.enter(Stage::Map);
+        let started = Instant::now();
+        let wanted = Wanted::new(self, job);
+        let before = (relative.proved(), &*self.map_of(&relative.origin.source));
+        job.enter(Stage::Vertices);
+        job.enter(Stage::Probes);
+        let interims = Interims { planner: self, wanted: &wanted, started };
+        let graph = update::spared(before.0, before.1, &wanted.context.site());
+        let spared = Built { graph, stats: BuildStats::default() };
+        self.host(&wanted, spared, Provenance::Interim, Legacy::default())?;
+        job.note_usable(wanted.id);
+        let spared_s = started.elapsed().as_secs_f32();
+        let threads = self.shared.config.threads;
+        let Updated { built, retried, .. } =
+            graphs::update(before, &wanted.context, &job.settings, threads, &job.progress)?;
+        info!(id = %wanted.id, retried, spared_s, seconds = started.elapsed().as_secs_f32(), "graph follows an edit");
+        job.enter(Stage::Index);
+        self.host(&wanted, built, Provenance::Updated, interims.legacy())
     }
 
     /// Returns the graph of a job if it is in memory and may be used for plans, and marks it as used.
@@ -165,8 +233,9 @@ impl Planner {
         let prepare = |layers| Prepared::new(origin, &built.graph, &proofs, layers, &job.progress);
         // Held until the graph is in memory, where an edit that comes later finds it.
         let (prepared, _held) = self.with_layers(&lock, &level, prepare).ok_or(BuildError::Cancelled)?;
-        // To fill a table of next hops takes longer than an interim graph lasts.
-        let table_limit = if provenance == Provenance::Interim { 0 } else { origin.table_limit };
+        // To fill a table of next hops takes longer than an interim graph lasts, and would keep those who edit a map waiting.
+        let is_awaited = matches!(provenance, Provenance::Interim | Provenance::Updated);
+        let table_limit = if is_awaited { 0 } else { origin.table_limit };
         let origin = Origin { table_limit, ..origin.clone() };
         let hosted = Arc::new(Hosted::new(origin, built, provenance, legacy, prepared));
         self.keep_ready(hosted.clone());
@@ -244,7 +313,7 @@ struct Wanted<'a> {
 impl<'a> Wanted<'a> {
     /// Generates the map of the job, which decides the identity of the graph.
     fn new(planner: &Planner, job: &'a Job) -> Self {
-        let map = job.source.map();
+        let map = planner.map_of(&job.source);
         let (map_hash, extent) = (map.hash().to_hex(), map.extent());
         let policy = planner.shared.policy.clone();
         let context = ProbeContext { map, profile: job.body.clone(), policy: policy.clone() };

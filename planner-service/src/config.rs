@@ -1,11 +1,11 @@
 //! Limits and sizes of a planner.
 
-use surefoot_net::levels::DEFAULT_MAX_MAPS;
+use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
 use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 
 /// Limits and sizes of a planner.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct PlannerConfig {
     /// Maximum number of vertices of a graph (`--max-vertices`).
     pub max_vertices: usize,
@@ -24,6 +24,8 @@ pub struct PlannerConfig {
     pub max_maps: usize,
     /// Most memory for imported maps, bytes (`--max-memory`, in MB).
     pub max_memory_bytes: u64,
+    /// Generated maps in use, which others in this process may share.
+    pub maps: MapPool,
 }
 
 impl Default for PlannerConfig {
@@ -38,6 +40,7 @@ impl Default for PlannerConfig {
             table_vertices: DEFAULT_TABLE_LIMIT,
             max_maps: DEFAULT_MAX_MAPS,
             max_memory_bytes: DEFAULT_MAX_MEMORY_BYTES,
+            maps: MapPool::default(),
         }
     }
 }

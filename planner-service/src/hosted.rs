@@ -40,6 +40,8 @@ pub enum Provenance {
     Built,
     /// A build that is still running.
     Interim,
+    /// The graph of the same map with other pieces.
+    Updated,
     /// The store.
     Stored,
 }
@@ -192,6 +194,11 @@ impl Hosted {
     /// Returns a receiver that is notified whenever plans may change, and closed when the graph is dropped.
     pub fn changes(&self) -> watch::Receiver<()> {
         self.changes.subscribe()
+    }
+
+    /// The graph as it was proved, without layers and live evidence.
+    pub fn proved(&self) -> &NavGraph {
+        &self.proved
     }
 
     /// Returns the revision of the layers.

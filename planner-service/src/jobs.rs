@@ -136,6 +136,13 @@ impl Job {
         }
     }
 
+    /// Resolves when the build has ended.
+    pub(crate) async fn ended(&self) {
+        let mut changes = self.state.subscribe();
+        // An error means that the job was dropped.
+        let _ = changes.wait_for(|state| state.end.is_some()).await;
+    }
+
     /// Resolves when the build has been cancelled.
     pub(crate) async fn cancelled(&self) {
         let mut changes = self.state.subscribe();

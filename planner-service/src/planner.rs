@@ -6,14 +6,14 @@
 
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;
-use crate::hosted::Hosted;
+use crate::hosted::{Hosted, Provenance};
 use crate::jobs::Jobs;
 use crate::locks::{LevelLocks, POISON};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use surefoot_net::levels::LevelStore;
+use surefoot_net::levels::{LevelStore, MapSource, SharedMap};
 use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::Shutdown;
 use surefoot_planner::live::{Reporter, Traversal};
@@ -34,6 +34,8 @@ const REFRESH_PAUSE: u32 = 10;
 
 /// Maximum number of graphs that are looked up in the store or loaded at a time while a build is running. Each generates its map.
 const MAX_LOADS: usize = 2;
+/// Number of maps that are kept although no graph needs them just now.
+const RECENT_MAPS: usize = 2;
 
 /// A planner. Clones share all state.
 #[derive(Clone)]
@@ -60,8 +62,10 @@ pub(crate) struct Shared {
     labelling: Mutex<()>,
     /// Limits the number of probes on demand that run at a time.
     probing: Arc<Semaphore>,
-    /// The map of the last probe on demand.
-    probed_map: Mutex<Option<Arc<Map>>>,
+    /// Permits one graph at a time to follow an edit of its map.
+    pub updating: Arc<Semaphore>,
+    /// The maps that were needed last, without pieces, the latest last.
+    recent_maps: Mutex<VecDeque<Arc<SharedMap>>>,
     /// Number of plans answered.
     plans: AtomicU64,
     pub shutdown: Shutdown,
@@ -71,7 +75,6 @@ impl Planner {
     /// Creates a planner that proves edges with `policy`.
     pub fn new(config: PlannerConfig, policy: Policy, store: Box<dyn GraphStore>, shutdown: Shutdown) -> Self {
         let shared = Shared {
-            config,
             policy,
             store,
             levels: LevelStore::new(config.max_maps, MemoryBudget::new(config.max_memory_bytes)),
@@ -83,7 +86,9 @@ impl Planner {
             level_locks: LevelLocks::default(),
             labelling: Mutex::default(),
             probing: Arc::new(Semaphore::new(config.threads.max(1))),
-            probed_map: Mutex::default(),
+            config,
+            updating: Arc::new(Semaphore::new(1)),
+            recent_maps: Mutex::default(),
             plans: AtomicU64::new(0),
             shutdown,
         };
@@ -131,6 +136,25 @@ impl Planner {
             name: manifest.name.clone(),
             hash: manifest.weights_hash.chars().take(12).collect(),
         })
+    }
+
+    // --- maps ---
+
+    /// The map of a source. What it was made of is kept for a while: edits, loads and probes come one after another. Call this from a thread
+    /// that may block.
+    pub(crate) fn map_of(&self, source: &MapSource) -> Arc<Map> {
+        let maps = self.shared.config.maps.clone();
+        let shared = tokio::runtime::Handle::current().block_on(maps.get("graphs", source.made()));
+        // Where there is no memory to keep it, it is made for this once.
+        let Ok(shared) = shared else { return source.map() };
+        let mut recent = self.shared.recent_maps.lock().expect(POISON);
+        recent.retain(|other| !Arc::ptr_eq(other.map(), shared.map()));
+        recent.push_back(shared.clone());
+        while recent.len() > RECENT_MAPS {
+            recent.pop_front();
+        }
+        drop(recent);
+        source.finish(shared.map().clone())
     }
 
     // --- graphs in memory ---
@@ -276,8 +300,8 @@ impl Planner {
     }
 
     fn store_report(&self, hosted: &Hosted) {
-        // An interim graph is not in the store; the next graph of its build takes its live evidence over.
-        if hosted.is_interim() {
+        // These are not in the store. The next graph of an interim one's build takes its live evidence over.
+        if matches!(hosted.provenance, Provenance::Interim | Provenance::Updated) {
             return;
         }
         let stored = hosted.store_live(|live| match live.is_empty() {
@@ -357,23 +381,15 @@ impl Planner {
         let task = tokio::task::spawn_blocking(move || {
             // Held until the probe is complete, even if the caller is gone.
             let _permit = permit;
-            let context = planner.context_of(&hosted)?;
+            let context = planner.context_of(&hosted);
             Ok(probe::replay(&context, &trial, seed))
         });
         task.await.map_err(PlannerError::lost("the probe"))?
     }
 
-    /// Returns the context of probes on a graph's map. The map of the last probe is kept, because designers probe one edge after
-    /// another.
-    fn context_of(&self, hosted: &Hosted) -> Result<ProbeContext, PlannerError> {
-        // The lock is held while the map is generated, so that concurrent probes share it.
-        let mut kept = self.shared.probed_map.lock().expect(POISON);
-        let map = match kept.clone().filter(|map| map.hash().to_hex() == hosted.origin.map_hash) {
-            Some(map) => map,
-            None => hosted.origin.source.map(),
-        };
-        *kept = Some(map.clone());
-        drop(kept);
-        Ok(ProbeContext { map, profile: hosted.origin.body.clone(), policy: self.shared.policy.clone() })
+    /// Returns the context of probes on a graph's map.
+    fn context_of(&self, hosted: &Hosted) -> ProbeContext {
+        let map = self.map_of(&hosted.origin.source);
+        ProbeContext { map, profile: hosted.origin.body.clone(), policy: self.shared.policy.clone() }
     }
 }

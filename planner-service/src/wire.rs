@@ -6,7 +6,7 @@ use crate::hosted::{Figures, GraphView, Hosted, Revision};
 use crate::jobs::{Job, Stage};
 use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;
-use surefoot_net::levels::MapSource;
+use surefoot_net::levels::{Made, MapSource};
 use surefoot_net::status;
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::live::{Reported, Reporter};
@@ -217,6 +217,7 @@ pub fn ready_graph_to_wire(hosted: &Hosted) -> wire::ReadyGraph {
         settings: Some(settings_to_wire(&hosted.origin.settings)),
         summary: Some(summary_to_wire(&hosted.figures())),
         body: Some(convert::body_to_wire(&hosted.origin.body)),
+        piece_count: hosted.origin.source.pieces().len() as u32,
     }
 }
 
@@ -228,9 +229,9 @@ pub fn report_to_wire(report: Reported) -> wire::Report {
 
 /// Returns the spec of a generated map, or else the name of an imported level.
 fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
-    match source {
-        MapSource::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
-        MapSource::Level(level) => (None, level.name.clone()),
+    match source.made() {
+        Made::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
+        Made::Level(level) => (None, level.name.clone()),
     }
 }
 
@@ -255,6 +256,7 @@ pub fn build_to_wire(job: &Job, stage: Stage) -> wire::Build {
         start_time: Some(job.started.into()),
         body: Some(convert::body_to_wire(&job.body)),
         interim_graph_id: interim.map(|id| id.to_string()).unwrap_or_default(),
+        piece_count: job.source.pieces().len() as u32,
     }
 }
 

@@ -208,7 +208,17 @@ pub(crate) fn untried(evidence: &[Evidence]) -> u64 {
 /// Finds the candidate edges from each vertex to its nearest neighbours and, if the settings include special moves, those at
 /// devices and ledges. Also returns the number of the latter.
 pub fn find_candidates(site: &Site, settings: &BuildSettings, vertices: &[Vec3]) -> (Vec<Candidate>, u64) {
-    let mut candidates = candidates::nearest(vertices, settings.neighbours);
+    find_candidates_of(0..vertices.len() as u32, site, settings, vertices)
+}
+
+/// The same with the nearest neighbours of some vertices only.
+pub(crate) fn find_candidates_of(
+    some: impl Iterator<Item = u32>,
+    site: &Site,
+    settings: &BuildSettings,
+    vertices: &[Vec3],
+) -> (Vec<Candidate>, u64) {
+    let mut candidates = candidates::nearest_of(some, vertices, settings.neighbours);
     let berths = Berths::of(&site.map, &site.profile);
     if berths.places().next().is_some() {
         let position = |vertex: VertexId| vertices[vertex.idx()];

@@ -39,9 +39,15 @@ const BOARD_M: f32 = 14.0;
 
 /// Pairs each vertex with its `neighbours` nearest vertices, in the order of the vertices, nearest first.
 pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
-    let mut candidates = Vec::with_capacity(vertices.len() * neighbours);
+    nearest_of(0..vertices.len() as u32, vertices, neighbours)
+}
+
+/// The same for some of the vertices.
+pub fn nearest_of(some: impl Iterator<Item = u32>, vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
+    let mut candidates = Vec::with_capacity(some.size_hint().0 * neighbours);
     let mut others: Vec<(f32, u32)> = Vec::with_capacity(vertices.len());
-    for (from, position) in (0..).zip(vertices) {
+    for from in some {
+        let position = vertices[from as usize];
         others.clear();
         others.extend(
             (0..)

@@ -5,17 +5,19 @@
 //! line between its vertices does. A change that an NPC only *sees* from afar may influence its decisions, too. Such edges
 //! keep their evidence until live evidence corrects it: this is the cost of probing so little.
 
-use crate::build::{BuildStats, Builder, Built, find_candidates, untried};
+use crate::build::{BuildStats, Builder, Built, find_candidates_of, untried};
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::VertexId;
 use crate::needs::Berths;
-use crate::settings::BuildError;
+use crate::placement::around;
+use crate::settings::{BuildError, BuildSettings};
 use crate::site::Site;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::atomic::Ordering;
 use surefoot_world::character::MoveScratch;
+use surefoot_world::map::Piece;
 use surefoot_world::{Map, Vec3, navigable};
 
 /// Side of the columns in which changes are recorded, m.
@@ -26,16 +28,35 @@ const MARGIN_M: f32 = 3.0;
 const DEVICE_M: f32 = 8.0;
 /// Height difference within which a vertex must find ground to stand on, m; it may shift by twice as much in all.
 const SHIFT_M: f32 = 0.3;
+/// Vertices within this distance of a change are paired with their nearest neighbours anew, in multiples of the mean length of an edge.
+const REACH_EDGES: f32 = 4.0;
+/// The same distance at least, m.
+const MIN_REACH_M: f32 = 40.0;
+/// A new vertex nearer than this to one that is there is not needed, m.
+const APART_M: f32 = 1.0;
+/// Most vertices that an update adds.
+const MAX_NEW: usize = 1024;
 
 /// Where two maps differ: a range of heights for each column that has changed.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Change {
     columns: BTreeMap<(i32, i32), (f32, f32)>,
+    /// Lower and upper corner of a box around all of it; without a change, the lower corner is above the upper.
+    bounds: [Vec3; 2],
+}
+
+impl Default for Change {
+    fn default() -> Self {
+        Self { columns: BTreeMap::new(), bounds: [Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)] }
+    }
 }
 
 impl Change {
     /// Compares two maps: all triangles, pads, zip lines, teleporters, jetpacks and movers.
     pub fn between(old: &Map, new: &Map) -> Self {
+        if old.built_hash() == new.built_hash() {
+            return Self::of_pieces(old.pieces(), new.pieces());
+        }
         let key = |triangle: &surefoot_world::mesh::Triangle| {
             (triangle.corners().map(|corner| corner.to_array().map(f32::to_bits)), triangle.surface() as u8)
         };
@@ -75,7 +96,19 @@ impl Change {
         change
     }
 
+    /// Compares the pieces on one map.
+    fn of_pieces(old: &[Piece], new: &[Piece]) -> Self {
+        let mut change = Self::default();
+        for (pieces, others) in [(old, new), (new, old)] {
+            for (low, high) in pieces.iter().filter(|piece| !others.contains(piece)).map(Piece::bounds) {
+                change.add(low, high);
+            }
+        }
+        change
+    }
+
     fn add(&mut self, low: Vec3, high: Vec3) {
+        self.bounds = [self.bounds[0].min(low), self.bounds[1].max(high)];
         for cell in cells(low, high) {
             let (bottom, top) = self.columns.entry(cell).or_insert((low.y, high.y));
             (*bottom, *top) = (bottom.min(low.y), top.max(high.y));
@@ -96,8 +129,16 @@ impl Change {
     pub fn touches(&self, low: Vec3, high: Vec3) -> bool {
         let margin = Vec3::splat(MARGIN_M);
         let (low, high) = (low - margin, high + margin);
+        if low.cmpgt(self.bounds[1]).any() || high.cmplt(self.bounds[0]).any() {
+            return false;
+        }
         cells(low, high)
             .any(|cell| self.columns.get(&cell).is_some_and(|&(bottom, top)| bottom <= high.y && top >= low.y))
+    }
+
+    /// Returns whether `at` lies within `reach` metres of a box around all that differs.
+    fn is_near(&self, at: Vec3, reach: f32) -> bool {
+        (at + reach).cmpge(self.bounds[0]).all() && (at - reach).cmple(self.bounds[1]).all()
     }
 
     /// Returns whether anything differs at any height above or below `at`, within the margin to each side.
@@ -108,6 +149,10 @@ impl Change {
 
     /// Returns whether anything differs within the margin of the straight line between two positions.
     pub fn touches_path(&self, from: Vec3, to: Vec3) -> bool {
+        let (low, high) = (from.min(to) - MARGIN_M, from.max(to) + MARGIN_M);
+        if low.cmpgt(self.bounds[1]).any() || high.cmplt(self.bounds[0]).any() {
+            return false;
+        }
         let steps = (from.distance(to) / CELL_M).ceil().max(1.0);
         (0..=steps as usize).any(|step| {
             let at = from + (to - from) * (step as f32 / steps);
@@ -136,6 +181,77 @@ pub struct Updated {
     pub lost: Vec<VertexId>,
 }
 
+/// What a change leaves of a graph, and what it does not.
+struct Remains {
+    change: Change,
+    /// Those of the graph, and new ones at the end.
+    vertices: Vec<Vec3>,
+    known_count: usize,
+    lost: Vec<VertexId>,
+    known: HashMap<Candidate, Evidence>,
+}
+
+impl Remains {
+    fn of(graph: &NavGraph, old_map: &Map, site: &Site) -> Self {
+        let change = Change::between(old_map, &site.map);
+        let mut vertices: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex)).collect();
+        let lost = lost_vertices(&vertices, &change, site);
+        let known_count = vertices.len();
+        add_vertices(&mut vertices, &lost, old_map, site);
+        let known = graph.edges().map(|edge| (edge.key, edge.evidence)).collect();
+        Self { change, vertices, known_count, lost, known }
+    }
+
+    fn is_lost(&self, key: &Candidate) -> bool {
+        [key.from, key.to].iter().any(|end| self.lost.contains(end))
+    }
+
+    fn is_affected(&self, key: &Candidate) -> bool {
+        if key.from.idx().max(key.to.idx()) >= self.known_count {
+            return true;
+        }
+        match self.known.get(key) {
+            Some(evidence) => self.change.touches(evidence.bounds[0], evidence.bounds[1]),
+            None => self.change.touches_path(self.vertices[key.from.idx()], self.vertices[key.to.idx()]),
+        }
+    }
+
+    /// The edges that the change does not affect, in the order of their keys.
+    fn edges(&self) -> Vec<Edge> {
+        let is_kept = |key: &Candidate| !self.is_lost(key) && !self.is_affected(key);
+        let mut edges: Vec<Edge> = self
+            .known
+            .iter()
+            .filter(|(key, _)| is_kept(key))
+            .map(|(&key, &evidence)| Edge { key, evidence })
+            .collect();
+        edges.sort_unstable_by_key(|edge| edge.key);
+        edges
+    }
+
+    /// The candidate edges that are to be probed, known ones and those of a new build, and the number of these that come from devices and
+    /// ledges.
+    fn affected(&self, site: &Site, settings: &BuildSettings) -> (Vec<Candidate>, u64) {
+        let length = |key: &Candidate| self.vertices[key.from.idx()].distance(self.vertices[key.to.idx()]);
+        let mean = self.known.keys().map(length).sum::<f32>() / self.known.len().max(1) as f32;
+        let reach = (REACH_EDGES * mean).max(MIN_REACH_M);
+        let near = (0..).zip(&self.vertices).filter(|(_, at)| self.change.is_near(**at, reach)).map(|(idx, _)| idx);
+        let (mut candidates, special) = find_candidates_of(near, site, settings, &self.vertices);
+        let listed: HashSet<Candidate> = candidates.iter().copied().collect();
+        let others: BTreeSet<Candidate> = self.known.keys().copied().filter(|key| !listed.contains(key)).collect();
+        candidates.extend(others);
+        candidates.retain(|key| !self.is_lost(key) && self.is_affected(key));
+        (candidates, special)
+    }
+}
+
+/// The graph of a changed map without the edges that the change affects, on which plans can be made until these have been probed.
+pub fn spared(graph: &NavGraph, old_map: &Map, site: &Site) -> NavGraph {
+    let remains = Remains::of(graph, old_map, site);
+    let data = GraphData { edges: remains.edges(), vertices: remains.vertices, legs: *graph.legs() };
+    NavGraph::check(data).expect("known edges join vertices")
+}
+
 impl Builder<'_> {
     /// Updates `graph`, which was built on `old_map` with the same settings, to the map of the builder's site.
     ///
@@ -143,29 +259,17 @@ impl Builder<'_> {
     /// If `progress.cancel` was set.
     pub fn update(&self, graph: &NavGraph, old_map: &Map) -> Result<Updated, BuildError> {
         let started_s = (self.clock)();
-        let change = Change::between(old_map, &self.site.map);
-        let vertices: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex)).collect();
-        let lost = lost_vertices(&vertices, &change, self.site);
-        let known: HashMap<Candidate, Evidence> = graph.edges().map(|edge| (edge.key, edge.evidence)).collect();
-        let (candidates, special) = self.candidates_of(&vertices, &known, &lost);
-        let is_affected = |key: &Candidate| match known.get(key) {
-            Some(evidence) => change.touches(evidence.bounds[0], evidence.bounds[1]),
-            None => change.touches_path(vertices[key.from.idx()], vertices[key.to.idx()]),
-        };
-        let (affected, kept): (Vec<Candidate>, Vec<Candidate>) =
-            candidates.iter().partition(|candidate| is_affected(candidate));
-        let proving = self.proving(&vertices, &affected);
+        let remains = Remains::of(graph, old_map, self.site);
+        let (affected, special) = remains.affected(self.site, self.settings);
+        let proving = self.proving(&remains.vertices, &affected);
         let evidence = proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?;
         let proved = affected.iter().zip(&evidence).filter(|(_, evidence)| evidence.proves(self.settings.threshold));
-        let edges = kept
-            .iter()
-            .filter_map(|candidate| Some((candidate, known.get(candidate)?)))
-            .chain(proved)
-            .map(|(&key, &evidence)| Edge { key, evidence })
-            .collect();
+        let mut edges = remains.edges();
+        let kept_count = edges.len();
+        edges.extend(proved.map(|(&key, &evidence)| Edge { key, evidence }));
         let seconds = (self.clock)() - started_s;
         let stats = BuildStats {
-            candidates: candidates.len() as u64,
+            candidates: (kept_count + affected.len()) as u64,
             special,
             untried: untried(&evidence),
             probes: self.progress.done.load(Ordering::Relaxed),
@@ -173,26 +277,29 @@ impl Builder<'_> {
             probing_s: seconds,
             seconds,
         };
+        let Remains { change, vertices, lost, .. } = remains;
         let data = GraphData { vertices, edges, legs: *graph.legs() };
         let graph = NavGraph::check(data).expect("candidates join vertices");
         Ok(Updated { built: Built { graph, stats }, change, retried: affected.len() as u64, lost })
     }
+}
 
-    /// Returns the candidate edges of a new build and all `known` edges, without those at `lost` vertices, and the number of
-    /// candidates that come from devices and ledges.
-    fn candidates_of(
-        &self,
-        vertices: &[Vec3],
-        known: &HashMap<Candidate, Evidence>,
-        lost: &[VertexId],
-    ) -> (Vec<Candidate>, u64) {
-        let (mut candidates, special) = find_candidates(self.site, self.settings, vertices);
-        let listed: HashSet<Candidate> = candidates.iter().copied().collect();
-        let others: BTreeSet<Candidate> =
-            known.keys().copied().filter(|candidate| !listed.contains(candidate)).collect();
-        candidates.extend(others);
-        candidates.retain(|key| !lost.contains(&key.from) && !lost.contains(&key.to));
-        (candidates, special)
+/// Adds vertices around and on top of the pieces that are new on the map of the site.
+fn add_vertices(vertices: &mut Vec<Vec3>, lost: &[VertexId], old_map: &Map, site: &Site) {
+    let mut scratch = MoveScratch::default();
+    let lost: BTreeSet<VertexId> = lost.iter().copied().collect();
+    let known_count = vertices.len();
+    for piece in site.map.pieces().iter().filter(|piece| !old_map.pieces().contains(piece)) {
+        for spot in around::spots(piece, &site.profile) {
+            let feet = navigable::stand_at(&site.map, &site.profile, spot, around::RISE_M, &mut scratch);
+            let Some(feet) = feet.filter(|_| vertices.len() < known_count + MAX_NEW) else { continue };
+            let is_taken = (0..)
+                .zip(&*vertices)
+                .any(|(idx, at)| at.distance(feet) < APART_M && !lost.contains(&VertexId(idx)));
+            if !is_taken {
+                vertices.push(feet);
+            }
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 //! service. [`reason`] lists the machine-readable reasons of errors.
 
 pub mod convert;
+pub mod pieces;
 pub mod plans;
 pub mod reason;
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
-use surefoot_net::levels::{MapError, MapPool, MapSource, SharedMap};
+use surefoot_net::levels::{MapError, Made, MapPool, SharedMap};
 use surefoot_net::memory::{MemoryError, Reservation};
 use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env};
@@ -62,7 +62,7 @@ impl std::fmt::Display for EnvId {
 #[derive(Debug, Clone)]
 pub struct EnvSettings {
     /// Source of the map.
-    pub source: MapSource,
+    pub source: Made,
     /// Body of the NPCs.
     pub body: CharacterProfile,
     /// Number of NPCs.

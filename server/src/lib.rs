@@ -6,6 +6,7 @@
 //! Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know wire types.
 
 mod config;
+mod editing;
 pub mod envs;
 pub mod errors;
 pub mod geometry;

@@ -3,6 +3,7 @@
 use crate::hosted::{NpcPlan, TimeMode};
 use crate::ids::WorkerId;
 use crate::ids::{NpcId, WorldId};
+use surefoot_world::map::Piece;
 use surefoot_world::{Action, CharacterProfile, End, MapHash, MapSpec, ProfileIdx, Tick, Vec3};
 
 /// A message to a worker.
@@ -18,6 +19,8 @@ pub enum ToWorker {
     Ended(WorldId, Vec<AttemptEnd>),
     /// Observations to be answered.
     Observations(ObservationBatch),
+    /// A world whose map has other pieces from now on, and all of these.
+    Edited(WorldId, Vec<Piece>),
     /// A world that has ended: nothing more will come of it.
     Over(WorldId),
     /// The last message: why its stream ends.
@@ -31,8 +34,10 @@ pub struct Assignment {
     pub world: WorldId,
     /// Spec of the world's map; `None` for an imported map.
     pub spec: Option<MapSpec>,
-    /// Content hash of the world's map.
+    /// Content hash of the world's map without its pieces.
     pub map_hash: MapHash,
+    /// Pieces on the map.
+    pub pieces: Vec<Piece>,
     /// How the world's time passes.
     pub mode: TimeMode,
     /// The assigned NPCs.

@@ -47,6 +47,8 @@ pub struct Shown {
     pub movers: Vec<(usize, MoverState, MoverStop)>,
     /// All players.
     pub players: Vec<(PlayerSlot, Player)>,
+    /// Revision of the map.
+    pub map_revision: u64,
 }
 
 /// Reduces snapshots to what one reader has subscribed to.
@@ -85,6 +87,7 @@ impl View {
             gone: Vec::new(),
             movers,
             players,
+            map_revision: snapshot.map_revision,
         };
         if !self.delta {
             return Shown { npcs: npcs.collect(), ..shown };

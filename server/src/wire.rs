@@ -13,9 +13,10 @@ use crate::survey::Survey;
 use crate::view::{Region, Shown};
 use crate::worlds::WorldSummary;
 use std::collections::BTreeSet;
-use surefoot_net::levels::MapSource;
+use surefoot_net::levels::Made;
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::env::actions_of;
@@ -174,7 +175,7 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
 ///
 /// # Errors
 /// If a number is out of range.
-pub fn env_settings(request: &wire::CreateEnvRequest, source: MapSource) -> Result<EnvSettings, FieldError> {
+pub fn env_settings(request: &wire::CreateEnvRequest, source: Made) -> Result<EnvSettings, FieldError> {
     let body = convert::body(request.body.as_ref())?;
     let npc_count = convert::in_range(f64::from(request.npc_count), 1.0, MAX_ENV_NPCS, "npc_count")? as usize;
     let nearest = convert::in_range(f64::from(request.goal_min_m), 0.0, MAX_GOAL_M, "goal_min_m")?;
@@ -224,12 +225,13 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
     wire::World {
         world_id: world.id.0,
         map: world.map.spec().map(convert::map_spec_to_wire),
-        map_hash: world.map.hash().to_hex(),
+        map_hash: world.map.built_hash().to_hex(),
         mode: time_mode_to_wire(world.mode).into(),
         npc_count: world.npc_count as u32,
         tick: world.tick.0,
         bodies: world.bodies.iter().map(convert::body_to_wire).collect(),
         solid_npcs: world.solid_npcs,
+        piece_count: world.map.pieces().len() as u32,
     }
 }
 
@@ -383,6 +385,7 @@ pub fn shown_to_wire(shown: &Shown) -> wire::WatchWorldResponse {
         gone_npc_ids: shown.gone.iter().map(|npc| npc.0).collect(),
         movers: shown.movers.iter().map(|(idx, state, pose)| living::mover_state_to_wire(*idx, state, *pose)).collect(),
         players: shown.players.iter().map(|(slot, player)| living::player_to_wire(*slot, player)).collect(),
+        map_revision: shown.map_revision,
     }
 }
 
@@ -437,6 +440,9 @@ pub fn to_worker(message: ToWorker) -> Result<wire::WorkResponse, Status> {
             attempts: ended.iter().map(|ended| ended.attempt).collect(),
             outcomes: ended.iter().map(|ended| convert::outcome(Some(ended.end)).into()).collect(),
         }),
+        ToWorker::Edited(WorldId(world_id), pieces) => {
+            Message::Edited(wire::MapEdited { world_id, pieces: pieces.iter().map(piece_to_wire).collect() })
+        }
         ToWorker::Over(WorldId(world_id)) => Message::Over(wire::WorldOver { world_id }),
         ToWorker::Observations(batch) => Message::Observations(observations_to_wire(batch)),
         ToWorker::Goodbye(goodbye) => return Err(goodbye.into()),
@@ -457,6 +463,7 @@ fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
         map_hash: assignment.map_hash.to_hex(),
         body: Some(convert::body_to_wire(&assignment.body.1)),
         body_idx: assignment.body.0.0.into(),
+        pieces: assignment.pieces.iter().map(piece_to_wire).collect(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::ServerConfig;
 use crate::errors::SimError;
-use crate::hosted::{HostedWorld, NpcError, SavedError, SavedMap, SavedWorld, SpawnOrder, StateFolder, TimeMode};
+use crate::hosted::{EditError, HostedWorld, NpcError, RestoredMap, SavedError, SavedMap, SavedWorld, SpawnOrder, StateFolder, TimeMode};
 use crate::ids::{ID_PERIOD, NpcId, WorkerId, WorldId};
 use crate::messages::{Answer, Hello, ToWorker};
 use crate::metrics::{self, ProcessFigures, WorldFigures};
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use std::time::{Duration, SystemTime};
-use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
+use surefoot_net::levels::{LevelStore, MapError, Made, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
 use tokio::sync::{Semaphore, mpsc};
@@ -60,6 +60,9 @@ pub enum WorldsError {
     /// There is no map for it.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// Its map cannot be edited.
+    #[error(transparent)]
+    Edit(#[from] EditError),
     /// A saved world cannot be changed.
     #[error(transparent)]
     Saved(#[from] SavedError),
@@ -74,7 +77,7 @@ pub struct WorldHandle {
     /// Handle to the world's thread.
     pub sim: SimHandle,
     /// The map of the world.
-    pub map: Arc<Map>,
+    pub shown: ShownMap,
     /// How the world's time passes.
     pub mode: TimeMode,
     /// When within a period its ticks are due, in [0, 1).
@@ -87,6 +90,26 @@ pub struct WorldHandle {
     _memory: Arc<SharedMap>,
     /// Nothing of it is to be saved any more.
     is_dropped: Arc<Mutex<bool>>,
+}
+
+/// The map of a running world, for those who only look at it.
+#[derive(Debug, Clone)]
+pub struct ShownMap(Arc<RwLock<Arc<Map>>>);
+
+impl ShownMap {
+    fn new(map: Arc<Map>) -> Self {
+        Self(Arc::new(RwLock::new(map)))
+    }
+
+    /// The map as it is now.
+    pub fn get(&self) -> Arc<Map> {
+        self.0.read().expect(POISON).clone()
+    }
+
+    /// Shows another map from now on. Called on the world's thread, so that the last edit stays.
+    pub fn show(&self, map: &Arc<Map>) {
+        *self.0.write().expect(POISON) = map.clone();
+    }
 }
 
 /// What a caller wants of an NPC.
@@ -225,13 +248,17 @@ impl Worlds {
             return Err(WorldsError::TooManyWorlds(limit));
         }
         let ticket = self.shared.world_quota.acquire(&caller.name).map_err(WorldsError::WorldQuota)?;
-        let map = self.maps().get(&caller.name, &source).await?;
+        let made = self.maps().get(&caller.name, source.made()).await?;
         let id = self.next_id().await;
-        let map_hash = map.map().hash();
-        let world = HostedWorld::new(id, map.map().clone(), mode, self.shared.registry.clone())
+        let map = {
+            let made = made.map().clone();
+            in_background("putting pieces onto a map", move || source.finish(made)).await?
+        };
+        let map_hash = map.hash();
+        let world = HostedWorld::new(id, map, mode, self.shared.registry.clone())
             .with_bodies(vec![body])
             .with_solid_npcs(solid_npcs);
-        self.start(id, world, map, ticket)?;
+        self.start(id, world, made, ticket)?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
         self.describe(caller, id).await
     }
@@ -257,10 +284,10 @@ impl Worlds {
         self.shared.epoch.0
     }
 
-    /// Starts a world's thread and lists it.
-    fn start(&self, id: WorldId, world: HostedWorld, map: Arc<SharedMap>, ticket: Ticket) -> Result<(), WorldsError> {
+    /// Starts a world's thread and lists it; `made` is its map without pieces.
+    fn start(&self, id: WorldId, world: HostedWorld, made: Arc<SharedMap>, ticket: Ticket) -> Result<(), WorldsError> {
         let limit = self.shared.config.max_worlds;
-        let (mode, body) = (world.mode(), world.bodies()[0].clone());
+        let (mode, body, map) = (world.mode(), world.bodies()[0].clone(), world.map().clone());
         let mut worlds = self.shared.worlds.write().expect(POISON);
         if worlds.len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
@@ -281,8 +308,8 @@ impl Worlds {
             id,
             WorldHandle {
                 sim,
-                map: map.map().clone(),
-                _memory: map,
+                shown: ShownMap::new(map),
+                _memory: made,
                 mode,
                 phase: schedule.phase,
                 body,
@@ -325,10 +352,10 @@ impl Worlds {
     /// # Errors
     /// If there is none of that id, or its thread does not answer.
     pub async fn describe(&self, caller: &Caller, id: WorldId) -> Result<WorldSummary, WorldsError> {
-        let WorldHandle { sim, map, mode, .. } = self.handle_for(caller, id)?;
+        let WorldHandle { sim, mode, .. } = self.handle_for(caller, id)?;
         let describe = move |SimState { world, .. }: &mut SimState| WorldSummary {
             id,
-            map,
+            map: world.map().clone(),
             mode,
             npc_count: world.npc_count(),
             tick: world.tick(),
@@ -506,8 +533,8 @@ impl Worlds {
         count: usize,
         seed: Seed,
     ) -> Result<Vec<Vec3>, WorldsError> {
-        let WorldHandle { map, body: usual, .. } = self.handle(world)?;
-        let body = body.unwrap_or(usual);
+        let WorldHandle { shown, body: usual, .. } = self.handle(world)?;
+        let (map, body) = (shown.get(), body.unwrap_or(usual));
         Ok(in_background("sampling", move || HostedWorld::sample_ground(&map, &body, count, seed)).await??)
     }
 
@@ -519,7 +546,7 @@ impl Worlds {
     pub async fn survey(
         &self,
         caller: &Caller,
-        source: MapSource,
+        source: Made,
         bodies: Vec<CharacterProfile>,
         max_cut_off: usize,
     ) -> Result<Vec<Survey>, WorldsError> {
@@ -596,13 +623,13 @@ impl Worlds {
         let Some(folder) = self.shared.state.get() else { return Ok(()) };
         for (id, path) in folder.list()? {
             self.shared.last_world.fetch_max(id.0, Ordering::Relaxed);
-            let read = move || SavedWorld::read(&path).and_then(|saved| Ok((saved.map()?, saved)));
+            let read = move || SavedWorld::read(&path).and_then(|saved| Ok((saved.maps()?, saved)));
             let restored = tokio::select! {
                 restored = tokio::task::spawn_blocking(read) => restored,
                 () = self.shared.shutdown.wait() => return Ok(()),
             };
             match restored {
-                Ok(Ok((map, saved))) => self.restore(&saved, map),
+                Ok(Ok((maps, saved))) => self.restore(&saved, maps),
                 Ok(Err(error)) => warn!(world_id = id.0, %error, "a saved world is not restored; its file stays"),
                 Err(error) => warn!(world_id = id.0, %error, "a saved world is not restored; its file stays"),
             }
@@ -610,18 +637,18 @@ impl Worlds {
         Ok(())
     }
 
-    fn restore(&self, saved: &SavedWorld, map: Arc<Map>) {
+    fn restore(&self, saved: &SavedWorld, RestoredMap { made, map }: RestoredMap) {
         let world_id = saved.id().0;
-        let world = HostedWorld::restore(saved, map.clone(), self.shared.registry.clone(), &self.shared.npc_quota);
+        let world = HostedWorld::restore(saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
         info!(world_id, npcs = world.npc_count(), tick = world.tick().0, "world restored");
         let ticket = self.shared.world_quota.grant(saved.owner());
-        if map.spec().is_none()
+        if made.spec().is_none()
             && let Err(error) =
-                self.shared.levels.put(&Caller::on_behalf_of(saved.owner()), saved.level().to_owned(), map.clone())
+                self.shared.levels.put(&Caller::on_behalf_of(saved.owner()), saved.level().to_owned(), made.clone())
         {
             warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
         }
-        if let Err(error) = self.start(saved.id(), world, self.maps().adopt(saved.owner(), map), ticket) {
+        if let Err(error) = self.start(saved.id(), world, self.maps().adopt(saved.owner(), made), ticket) {
             warn!(world_id, %error, "a saved world is not restored");
         }
     }
@@ -682,8 +709,9 @@ impl Worlds {
 
 /// Saves one world. A world that does not answer, because it was just dropped, stays as it was saved before.
 async fn save(handle: WorldHandle, levels: LevelStore, folder: StateFolder, is_last: bool) -> Result<(), SavedError> {
-    let WorldHandle { sim, ticket, map, is_dropped, .. } = handle;
-    let level = levels.name_of(map.hash()).unwrap_or_default();
+    let WorldHandle { sim, ticket, shown, is_dropped, .. } = handle;
+    let map = shown.get();
+    let level = levels.name_of(map.built_hash()).unwrap_or_default();
     let Ok(source) = tokio::task::spawn_blocking(move || SavedMap::of(&map, level)).await else { return Ok(()) };
     let saved = sim.call(move |state| {
         state.is_over |= is_last;
@@ -699,7 +727,7 @@ async fn save(handle: WorldHandle, levels: LevelStore, folder: StateFolder, is_l
 }
 
 /// Runs CPU work on a thread of its own.
-async fn in_background<T: Send + 'static>(
+pub(crate) async fn in_background<T: Send + 'static>(
     what: &'static str,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, WorldsError> {

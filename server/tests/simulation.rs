@@ -368,6 +368,7 @@ impl Worker {
                 let own = self.npcs.entry(world).or_default();
                 npcs.iter().for_each(|npc| assert!(own.remove(npc), "released without an assignment"));
             }
+            ToWorker::Edited(..) => {}
             ToWorker::Over(world) => assert!(self.npcs.remove(&world).is_none_or(|npcs| npcs.is_empty())),
             ToWorker::Observations(batch) => {
                 let own = &self.npcs[&batch.world];

@@ -2,6 +2,7 @@
 
 pub mod packages;
 pub mod source;
+pub mod stage;
 
 use std::net::SocketAddr;
 use std::path::Path;

@@ -1,34 +1,12 @@
 //! What moves in a world besides NPCs, as a game client sees it: doors, lifts and players.
 
-use e2e::{
-    Running, Worker, create_world, distance, set_goal, spawn, start_planner, start_server, start_worker_of,
-    watch_until, worker_config, world_client,
-};
-use surefoot_agent::work::WorkConfig;
+use e2e::stage::{Stage, level, start_planning_worker, world_of};
+use e2e::{create_world, distance, set_goal, spawn, start_planner, start_server, watch_until, world_client};
 use surefoot_planner_service::PlannerConfig;
-use surefoot_policy::Policy;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
-use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_proto::world::v1::set_mover_request::Where;
-use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
-use surefoot_world::map::mover::cuboid;
-use tonic::transport::Channel;
-
-/// An OBJ file of boxes with names.
-fn level(boxes: &[(&str, [f32; 3], [f32; 3])]) -> Vec<u8> {
-    let (mut text, mut count) = (String::new(), 0);
-    for (name, low, high) in boxes {
-        text.push_str(&format!("o {name}\n"));
-        for face in cuboid((*low).into(), (*high).into()) {
-            face.iter().for_each(|corner| text.push_str(&format!("v {} {} {}\n", corner.x, corner.y, corner.z)));
-            count += 3;
-            text.push_str(&format!("f {} {} {count}\n", count - 2, count - 1));
-        }
-    }
-    text.into_bytes()
-}
 
 /// Two rooms of 16 x 16 m with a door between them, and walls that nobody leaps around.
 fn rooms() -> Vec<u8> {
@@ -49,57 +27,6 @@ fn deck() -> Vec<u8> {
         ("lift_1", [16.9, -0.1, 11.0], [19.95, 0.1, 15.0]),
         ("lift_1:path", [16.9, 8.85, 11.0], [19.95, 9.05, 15.0]),
     ])
-}
-
-/// A world on a level.
-struct Stage {
-    client: WorldServiceClient<Channel>,
-    world_id: u64,
-    /// Where the level's origin lies on the map.
-    origin: wire::Vec3,
-}
-
-impl Stage {
-    /// A place of the level on the map.
-    fn at(&self, [x, y, z]: [f32; 3]) -> wire::Vec3 {
-        wire::Vec3 { x: x + self.origin.x, y: y + self.origin.y, z: z + self.origin.z }
-    }
-
-    async fn order(&mut self, name: &str, r#where: Where) -> wire::MoverState {
-        let r#where = Some(r#where);
-        let request = wire::SetMoverRequest { world_id: self.world_id, name: name.to_owned(), r#where, pace: None };
-        self.client.set_mover(request).await.unwrap().into_inner().state.unwrap()
-    }
-
-    /// Waits until the only NPC has ended so many attempts, and returns how the last one ended, and where.
-    async fn end_of(&mut self, attempts: u32) -> (wire::Outcome, wire::Vec3) {
-        let has_ended = |snapshot: &wire::WatchWorldResponse| {
-            snapshot.npcs.first().is_some_and(|npc| npc.attempts_ended >= attempts)
-        };
-        let npc = watch_until(&mut self.client, self.world_id, has_ended).await.npcs[0];
-        (npc.last_outcome(), npc.position.unwrap())
-    }
-}
-
-/// Imports a level and creates a world on it.
-async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> Stage {
-    let mut maps = MapServiceClient::connect(server.uri.clone()).await.unwrap();
-    let format = wire::MapFormat::Obj.into();
-    let request = wire::ImportMapRequest { name: "level.obj".to_owned(), format, file, ..Default::default() };
-    let imported = maps.import_map(request).await.unwrap().into_inner();
-    let origin = imported.origin.unwrap();
-    let map_hash = imported.map.unwrap().map_hash;
-    let mut client = world_client(server).await;
-    let request = wire::CreateWorldRequest { map_hash, mode: mode.into(), ..Default::default() };
-    let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
-    Stage { client, world_id, origin }
-}
-
-/// A worker that plans on graphs of 120 vertices.
-fn start_planning_worker(server: &Running, planner: &Running) -> Worker {
-    let config = worker_config(server, Some(planner), 8);
-    let graph = config.graph.with(|it| (it.vertices, it.neighbours, it.repeats) = (120, 12, 2)).unwrap();
-    start_worker_of(WorkConfig { graph, ..config }, Policy::shipped().unwrap())
 }
 
 #[tokio::test(flavor = "multi_thread")]

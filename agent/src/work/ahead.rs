@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
 use surefoot_net::client::Link;
-use surefoot_net::levels::{MapPool, MapSource, SharedMap};
+use surefoot_net::levels::{Made, MapPool, SharedMap};
 use surefoot_net::memory::Reservation;
+use surefoot_world::map::Piece;
 use surefoot_world::{Map, MapSpec, exchange};
 use tokio::sync::watch;
 use tracing::warn;
@@ -35,11 +36,18 @@ pub(super) struct Level {
     _memory: Reservation,
 }
 
-/// A map, and what keeps its memory reserved.
+/// What a map was made of, which keeps its memory reserved.
 #[derive(Clone)]
-pub(super) enum HeldMap {
+enum HeldMade {
     Generated(Arc<SharedMap>),
     Level(Arc<Level>),
+}
+
+/// A map with its pieces.
+#[derive(Clone)]
+pub(super) struct HeldMap {
+    map: Arc<Map>,
+    _made: HeldMade,
 }
 
 /// Whether the map of a world is there.
@@ -51,12 +59,27 @@ pub(super) enum Arrival {
     Never,
 }
 
-impl HeldMap {
-    pub fn map(&self) -> &Arc<Map> {
+impl HeldMade {
+    fn map(&self) -> &Arc<Map> {
         match self {
             Self::Generated(shared) => shared.map(),
             Self::Level(level) => &level.map,
         }
+    }
+
+    /// Puts pieces onto the map.
+    fn with_pieces(self, pieces: Vec<Piece>) -> Result<HeldMap, String> {
+        let map = match pieces.is_empty() {
+            true => self.map().clone(),
+            false => Arc::new(self.map().with_pieces(pieces).map_err(|error| error.to_string())?),
+        };
+        Ok(HeldMap { map, _made: self })
+    }
+}
+
+impl HeldMap {
+    pub fn map(&self) -> &Arc<Map> {
+        &self.map
     }
 }
 
@@ -72,10 +95,13 @@ impl Maps {
         let (maps, key) = (self.clone(), key.clone());
         tokio::spawn(async move {
             let loading = async {
-                match key.spec() {
-                    Some(spec) => maps.generated(spec?, &key.map_hash).await,
-                    None => maps.level(&key, server).await,
-                }
+                let made = match key.spec() {
+                    Some(spec) => maps.generated(spec?, &key.map_hash).await?,
+                    None => maps.level(&key, server).await?,
+                };
+                let pieces = key.pieces()?;
+                let put = tokio::task::spawn_blocking(move || made.with_pieces(pieces));
+                put.await.map_err(|error| error.to_string())?
             };
             let arrival = tokio::select! {
                 held = loading => held,
@@ -91,18 +117,18 @@ impl Maps {
         receiver
     }
 
-    async fn generated(&self, spec: MapSpec, map_hash: &str) -> Result<HeldMap, String> {
-        let shared = self.pool.get("worlds", &MapSource::Spec(spec)).await.map_err(|error| error.to_string())?;
+    async fn generated(&self, spec: MapSpec, map_hash: &str) -> Result<HeldMade, String> {
+        let shared = self.pool.get("worlds", &Made::Spec(spec)).await.map_err(|error| error.to_string())?;
         if shared.map().hash().to_hex() != map_hash {
             return Err("this version generates another map than the server".to_owned());
         }
-        Ok(HeldMap::Generated(shared))
+        Ok(HeldMade::Generated(shared))
     }
 
-    async fn level(&self, key: &GraphKey, server: Link) -> Result<HeldMap, String> {
+    async fn level(&self, key: &GraphKey, server: Link) -> Result<HeldMade, String> {
         let known = self.levels.lock().expect(POISON).get(&key.map_hash).and_then(Weak::upgrade);
         if let Some(level) = known {
-            return Ok(HeldMap::Level(level));
+            return Ok(HeldMade::Level(level));
         }
         let bytes = tokio::time::timeout(LEVEL_LIMIT, key.download(server));
         let bytes = bytes.await.map_err(|_| "the server did not send the level in time")??;
@@ -113,7 +139,7 @@ impl Maps {
         let mut levels = self.levels.lock().expect(POISON);
         levels.retain(|_, level| level.strong_count() > 0);
         levels.insert(key.map_hash.clone(), Arc::downgrade(&level));
-        Ok(HeldMap::Level(level))
+        Ok(HeldMade::Level(level))
     }
 }
 

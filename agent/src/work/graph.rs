@@ -17,6 +17,7 @@ use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_world::MapSpec;
+use surefoot_world::map::Piece;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
@@ -40,28 +41,40 @@ pub(super) fn revision_from_wire(revision: u64) -> Option<u64> {
     (revision != 0).then_some(revision)
 }
 
-/// What distinguishes the graphs of worlds: the map and the body.
+/// What distinguishes the graphs of worlds: the map, with its pieces, and the body.
 #[derive(Debug, Clone)]
 pub(super) struct GraphKey {
     map: Option<wire::MapSpec>,
     pub map_hash: String,
     body: Option<wire::Body>,
+    pieces: Vec<wire::Piece>,
 }
 
-/// Hash of a map, and a body as it is on the wire.
+/// Hash of a map without its pieces, and a body and the pieces as they are on the wire.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-struct Identity(String, Vec<u8>);
+struct Identity(String, Vec<u8>, Vec<Vec<u8>>);
 
 impl GraphKey {
     /// The key of an assignment's map and body.
     pub fn of(assignment: &wire::Assignment) -> Self {
-        let wire::Assignment { map, map_hash, body, .. } = assignment.clone();
-        Self { map, map_hash, body }
+        let wire::Assignment { map, map_hash, body, pieces, .. } = assignment.clone();
+        Self { map, map_hash, body, pieces }
+    }
+
+    /// The key of the same map with other pieces.
+    pub fn with_pieces(&self, pieces: Vec<wire::Piece>) -> Self {
+        Self { pieces, ..self.clone() }
+    }
+
+    /// The pieces on the map.
+    pub fn pieces(&self) -> Result<Vec<Piece>, String> {
+        surefoot_proto::pieces::pieces(&self.pieces, "pieces").map_err(|error| error.to_string())
     }
 
     /// The same for equal maps and bodies.
     fn identity(&self) -> Identity {
-        Identity(self.map_hash.clone(), self.body.as_ref().map(Message::encode_to_vec).unwrap_or_default())
+        let pieces = self.pieces.iter().map(Message::encode_to_vec).collect();
+        Identity(self.map_hash.clone(), self.body.as_ref().map(Message::encode_to_vec).unwrap_or_default(), pieces)
     }
 
     /// The spec of the map; `None` if it was imported.
@@ -151,6 +164,7 @@ impl Graphs {
                 settings: Some(self.settings),
                 policy_hash: self.policy_hash.clone(),
                 body: key.body,
+                pieces: key.pieces,
             },
             server_maps: maps(server),
             planner_maps: maps(self.streams.clone()),

@@ -55,6 +55,8 @@ pub(super) enum SessionEnd {
 struct Worlds {
     /// By the id of the world and the index of the body.
     queues: BTreeMap<(u64, u32), mpsc::Sender<WorldMessage>>,
+    /// What each task decides on.
+    keys: BTreeMap<(u64, u32), GraphKey>,
     inference: Inference,
     tasks: JoinSet<Result<(), WorldError>>,
 }
@@ -71,7 +73,7 @@ impl Session<'_> {
             Ok(inference) => inference,
             Err(error) => return SessionEnd::Refused(Status::resource_exhausted(format!("no thread: {error}"))),
         };
-        let mut worlds = Worlds { queues: BTreeMap::new(), tasks: JoinSet::new(), inference };
+        let mut worlds = Worlds { queues: BTreeMap::new(), keys: BTreeMap::new(), tasks: JoinSet::new(), inference };
         let other_policy = async {
             match self.graphs {
                 Some(graphs) => graphs.other_policy().await,
@@ -119,9 +121,11 @@ impl Session<'_> {
                 Some(Message::Observations(batch)) => {
                     worlds.pass((batch.world_id, batch.body_idx), WorldMessage::Observations(batch))
                 }
+                Some(Message::Edited(edited)) => self.edit_world(&mut worlds, &channel, &edited),
                 Some(Message::Over(over)) => {
                     // Its tasks end with the queues.
                     worlds.queues.retain(|(world_id, _), _| *world_id != over.world_id);
+                    worlds.keys.retain(|(world_id, _), _| *world_id != over.world_id);
                     Ok(())
                 }
                 None => Ok(()),
@@ -169,13 +173,27 @@ impl Session<'_> {
             awaited_since: Instant::now(),
             body,
         });
-        let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key, server));
+        let graph: Option<Arc<Graph>> = self.graphs.map(|graphs| graphs.of(key.clone(), server));
         let manner = Manner { noise_share: self.config.noise_share, composes: self.config.composes };
         let inference = worlds.inference.clone();
         let world = WorldTask::new(assignment, (self.policy.clone(), inference), manner, graph, stage, out);
         worlds.tasks.spawn(world.run(messages));
         worlds.queues.insert((assignment.world_id, assignment.body_idx), sender);
+        worlds.keys.insert((assignment.world_id, assignment.body_idx), key);
         Ok(())
+    }
+
+    /// Tells the tasks of a world that its map has other pieces, and asks for the graphs of that map.
+    fn edit_world(&self, worlds: &mut Worlds, server: &Link, edited: &wire::MapEdited) -> Result<(), Status> {
+        let tasks = (edited.world_id, 0)..=(edited.world_id, u32::MAX);
+        let mut messages = Vec::new();
+        for (&task, key) in worlds.keys.range_mut(tasks) {
+            *key = key.with_pieces(edited.pieces.clone());
+            let map = self.maps.filter(|_| self.graphs.is_some()).map(|maps| maps.of(key, server.clone()));
+            let graph = self.graphs.map(|graphs| graphs.of(key.clone(), server.clone()));
+            messages.push((task, WorldMessage::Edited { map, graph }));
+        }
+        messages.into_iter().try_for_each(|(task, message)| worlds.pass(task, message))
     }
 }
 

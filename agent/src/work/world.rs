@@ -65,6 +65,18 @@ pub(super) enum WorldMessage {
     Release(Vec<u64>),
     Ended(wire::AttemptsEnded),
     Observations(wire::ObservationBatch),
+    /// The map has other pieces from now on: the map, and its graph.
+    Edited { map: Option<watch::Receiver<Arrival>>, graph: Option<Arc<Graph>> },
+}
+
+/// The graph of an edited map.
+enum NextGraph {
+    /// Nothing is awaited.
+    None,
+    /// NPCs plan on the graph of the map as it was until there is this one.
+    Awaited(Arc<Graph>),
+    /// They plan on what is sure to remain of it until what the edit affects was probed.
+    Interim,
 }
 
 /// An NPC that this worker decides for.
@@ -93,6 +105,8 @@ struct Npc {
     next_try: u32,
     /// Whether it stands still until it has a plan.
     holds: bool,
+    /// Whether its plan is of the map as it was before an edit.
+    is_outdated: bool,
 }
 
 /// State of an NPC's body and episode, from the server.
@@ -138,6 +152,7 @@ pub(super) struct WorldTask {
     inference: Inference,
     manner: Manner,
     graph: Option<Arc<Graph>>,
+    next_graph: NextGraph,
     stage: Option<Stage>,
     /// Made once the map is there.
     rehearsal: Option<Rehearsal>,
@@ -172,6 +187,7 @@ impl WorldTask {
             inference,
             manner,
             graph,
+            next_graph: NextGraph::None,
             stage,
             rehearsal: None,
             has_waited: false,
@@ -194,6 +210,7 @@ impl WorldTask {
                     }
                 }
                 WorldMessage::Ended(ended) => self.note_ends(&ended),
+                WorldMessage::Edited { map, graph } => self.follow_edit(map, graph),
                 WorldMessage::Observations(batch) => {
                     for answer in split(self.decide(batch).await?, MAX_ANSWER_BYTES) {
                         let request = wire::WorkRequest { message: Some(wire::work_request::Message::Actions(answer)) };
@@ -221,6 +238,7 @@ impl WorldTask {
         };
         let at = |values: &[f32], idx: usize| Vec3::new(values[3 * idx], values[3 * idx + 1], values[3 * idx + 2]);
         self.apply_received();
+        self.take_next_graph();
         let movers = self.movers(&batch.movers);
         let mut calls = BTreeSet::new();
         let mut attempts = Vec::with_capacity(count);
@@ -234,6 +252,7 @@ impl WorldTask {
             self.meet(id, attempt, goal, (batch.tick, idx));
             calls.extend(self.look(id, &movers, feet, grounded));
             match self.note(id, feet, touched, grounded) {
+                Step::Keep if self.is_outdated(id) => queries.push((id, attempt, feet)),
                 Step::Keep => {}
                 Step::Head(waypoint) => {
                     let npc = self.npc(id);
@@ -317,11 +336,57 @@ impl WorldTask {
             unplanned: 0,
             next_try: 0,
             holds: false,
+            is_outdated: false,
         };
         let npc = self.npcs.entry(id).or_insert_with(begin);
         if npc.attempt != attempt {
             *npc = begin();
         }
+    }
+
+    /// The map has other pieces from now on: NPCs rehearse anew, on that map, and plan anew once there is its graph.
+    fn follow_edit(&mut self, map: Option<watch::Receiver<Arrival>>, graph: Option<Arc<Graph>>) {
+        if let Some((stage, map)) = self.stage.as_mut().zip(map) {
+            (stage.map, stage.awaited_since) = (map, Instant::now());
+            self.rehearsal = None;
+        }
+        for npc in self.npcs.values_mut() {
+            (npc.ghost, npc.rehearses_next) = (None, true);
+        }
+        match graph {
+            Some(graph) if self.is_lockstep => {
+                (self.graph, self.has_waited) = (Some(graph), false);
+                self.npcs.values_mut().for_each(|npc| npc.is_outdated = true);
+            }
+            Some(graph) => self.next_graph = NextGraph::Awaited(graph),
+            None => {}
+        }
+    }
+
+    /// Goes over to the graph of an edited map as soon as plans can be made on it, and once more when it is complete.
+    fn take_next_graph(&mut self) {
+        let takes_interim = self.takes_interim();
+        let is_ready = |graph: &Graph| !graph.id_for_plans(takes_interim).is_empty();
+        let is_complete = |graph: &Graph| !graph.id.borrow().is_empty();
+        let next = match std::mem::replace(&mut self.next_graph, NextGraph::None) {
+            NextGraph::Awaited(graph) if is_ready(&graph) => {
+                let next = if is_complete(&graph) { NextGraph::None } else { NextGraph::Interim };
+                self.graph = Some(graph);
+                next
+            }
+            NextGraph::Interim if self.graph.as_deref().is_some_and(is_complete) => NextGraph::None,
+            same => {
+                self.next_graph = same;
+                return;
+            }
+        };
+        self.next_graph = next;
+        self.npcs.values_mut().for_each(|npc| npc.is_outdated = true);
+    }
+
+    /// Whether an NPC wants another plan because its own is of the map before an edit. It goes on along that one meanwhile.
+    fn is_outdated(&self, id: u64) -> bool {
+        self.graph.is_some() && self.npcs.get(&id).is_some_and(|npc| npc.is_outdated && !npc.is_planning)
     }
 
     /// Lets an NPC look at the movers of its world, and returns the one that it calls.
@@ -471,7 +536,7 @@ impl WorldTask {
                     again.push(id);
                     continue;
                 }
-                npc.revision = planned.revision;
+                (npc.revision, npc.is_outdated) = (planned.revision, false);
                 npc.new_plan = Some(npc_plan_to_wire(&plan));
                 npc.new_waypoint = Some(npc.follower.take_plan(plan));
                 (npc.rehearses_next, npc.ghost) = (true, None);

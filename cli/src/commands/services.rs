@@ -326,6 +326,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         table_vertices: args.table_vertices,
         max_maps: args.max_maps,
         max_memory_bytes: args.max_memory.saturating_mul(MB),
+        maps: MapPool::within(args.max_memory.saturating_mul(MB)),
     };
     run_until_signal(|shutdown| async move {
         let endpoint = Endpoint::open(args.listen, endpoint_config)?;

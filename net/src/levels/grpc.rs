@@ -1,6 +1,6 @@
 //! `MapService`: decode, call, encode.
 
-use super::store::{Level, LevelError, LevelFormat, LevelStore, MapSource, Read, read};
+use super::store::{Level, LevelError, LevelFormat, LevelStore, Made, MapSource, Read, read};
 use super::uploads::UploadError;
 use crate::memory::MemoryError;
 use crate::paging::{PageSize, page};
@@ -13,6 +13,7 @@ use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_server::MapService;
 use surefoot_world::exchange::{self, ImportOptions, UpAxis};
+use surefoot_world::map::PieceError;
 use tokio_stream::Stream;
 use tonic::{Request, Response, Status};
 
@@ -58,13 +59,30 @@ impl From<UploadError> for Status {
 ///
 /// # Errors
 /// INVALID_ARGUMENT if the request sets neither or both, or the spec is out of range; NOT_FOUND if no map with that hash is kept.
-pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<MapSource, Status> {
+pub fn source(levels: &LevelStore, spec: Option<&wire::MapSpec>, map_hash: &str) -> Result<Made, Status> {
     match (spec, map_hash) {
         (Some(_), hash) if !hash.is_empty() => {
             Err(status::invalid("map_hash", "map and map_hash are both set: set only one of them"))
         }
-        (None, hash) if !hash.is_empty() => Ok(MapSource::Level(levels.get(hash)?)),
-        (spec, _) => Ok(MapSource::Spec(convert::map_spec(spec)?)),
+        (None, hash) if !hash.is_empty() => Ok(Made::Level(levels.get(hash)?)),
+        (spec, _) => Ok(Made::Spec(convert::map_spec(spec)?)),
+    }
+}
+
+/// What a request's map is made of, with the request's pieces.
+///
+/// # Errors
+/// INVALID_ARGUMENT if one of them is not valid; RESOURCE_EXHAUSTED if they are too many.
+pub fn with_pieces(made: Made, pieces: &[wire::Piece]) -> Result<MapSource, Status> {
+    let pieces = surefoot_proto::pieces::pieces(pieces, "pieces")?;
+    MapSource::from(made).with_pieces(pieces).map_err(|error| piece_error(&error, "pieces"))
+}
+
+/// Converts what is wrong with pieces in `field`.
+pub fn piece_error(error: &PieceError, field: &'static str) -> Status {
+    match error {
+        PieceError::TooMany(_) => status::quota(Reason::TooManyPieces, "map", error.to_string()),
+        _ => status::invalid(field, error.to_string()),
     }
 }
 

@@ -9,4 +9,4 @@ mod store;
 pub mod uploads;
 
 pub use pool::{MapError, MapPool, SharedMap};
-pub use store::{DEFAULT_MAX_MAPS, Level, LevelError, LevelStore, MapSource};
+pub use store::{DEFAULT_MAX_MAPS, Level, LevelError, LevelStore, Made, MapSource};

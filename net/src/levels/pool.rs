@@ -1,6 +1,6 @@
 //! Generated maps in use: equal ones are shared, and each is paid for from the memory budget before it is generated.
 
-use super::store::MapSource;
+use super::store::Made;
 use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
@@ -71,15 +71,15 @@ impl MapPool {
         &self.memory
     }
 
-    /// The map of a source. An equal one that is in use or being generated is shared. A generation goes on when its caller is gone,
+    /// The map that is made of this, without pieces. An equal one that is in use or being generated is shared. A generation goes on when its caller is gone,
     /// and holds its memory until it is done.
     ///
     /// # Errors
     /// If there is no memory for it.
-    pub async fn get(&self, client: &str, source: &MapSource) -> Result<Arc<SharedMap>, MapError> {
+    pub async fn get(&self, client: &str, source: &Made) -> Result<Arc<SharedMap>, MapError> {
         let spec = match source {
-            MapSource::Level(level) => return Ok(Arc::new(SharedMap { map: level.map.clone(), _memory: None })),
-            MapSource::Spec(spec) => *spec,
+            Made::Level(level) => return Ok(Arc::new(SharedMap { map: level.map.clone(), _memory: None })),
+            Made::Spec(spec) => *spec,
         };
         let slot = self.slot(source.key());
         let shared = slot.lock_owned().await;
@@ -132,8 +132,8 @@ mod tests {
     use super::*;
     use surefoot_world::MapSpec;
 
-    fn source(seed: u64) -> MapSource {
-        MapSource::Spec(MapSpec::with_side(seed, 50).unwrap())
+    fn source(seed: u64) -> Made {
+        Made::Spec(MapSpec::with_side(seed, 50).unwrap())
     }
 
     #[tokio::test]

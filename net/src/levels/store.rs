@@ -6,6 +6,7 @@ use crate::serving::Caller;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use surefoot_world::exchange::{self, ImportOptions};
+use surefoot_world::map::piece::{self, Piece, PieceError};
 use surefoot_world::{Map, MapHash, MapSpec, Vec3};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
@@ -28,30 +29,86 @@ pub struct Level {
     _memory: Reservation,
 }
 
-/// Source of a map.
+/// What a map was made of.
 #[derive(Debug, Clone)]
-pub enum MapSource {
-    /// The map is generated from a spec.
+pub enum Made {
+    /// It is generated from a spec.
     Spec(MapSpec),
-    /// The map was imported.
+    /// It was imported.
     Level(Arc<Level>),
 }
 
+impl Made {
+    /// Returns a key that is different for all that differ.
+    pub fn key(&self) -> String {
+        match self {
+            Self::Spec(spec) => format!("{spec:?}"),
+            Self::Level(level) => level.map.hash().to_hex(),
+        }
+    }
+
+    fn extent(&self) -> Vec3 {
+        match self {
+            Self::Spec(spec) => spec.size.extent(),
+            Self::Level(level) => level.map.extent(),
+        }
+    }
+}
+
+/// Source of a map: what it was made of, and the pieces that were put onto it.
+#[derive(Debug, Clone)]
+pub struct MapSource {
+    made: Made,
+    pieces: Arc<[Piece]>,
+}
+
+impl From<Made> for MapSource {
+    fn from(made: Made) -> Self {
+        Self { made, pieces: Arc::default() }
+    }
+}
+
 impl MapSource {
+    /// The map of the same making with these pieces.
+    ///
+    /// # Errors
+    /// If one of them is not valid, or they are too many.
+    pub fn with_pieces(self, mut pieces: Vec<Piece>) -> Result<Self, PieceError> {
+        piece::arrange(&mut pieces, self.made.extent())?;
+        Ok(Self { pieces: pieces.into(), ..self })
+    }
+
+    /// What the map was made of.
+    pub fn made(&self) -> &Made {
+        &self.made
+    }
+
+    /// The pieces on the map, by name.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
     /// Returns the map. Generating one takes a while: call this from a thread that may block.
     pub fn map(&self) -> Arc<Map> {
-        match self {
-            MapSource::Spec(spec) => Arc::new(Map::generate(spec)),
-            MapSource::Level(level) => level.map.clone(),
+        let made = match &self.made {
+            Made::Spec(spec) => Arc::new(Map::generate(spec)),
+            Made::Level(level) => level.map.clone(),
+        };
+        self.finish(made)
+    }
+
+    /// Puts the pieces of the source onto the map that was made.
+    pub fn finish(&self, made: Arc<Map>) -> Arc<Map> {
+        if made.pieces() == &*self.pieces {
+            return made;
         }
+        Arc::new(made.with_pieces(self.pieces.to_vec()).expect("the pieces of a source were checked"))
     }
 
     /// Returns a key that is different for every source.
     pub fn key(&self) -> String {
-        match self {
-            MapSource::Spec(spec) => format!("{spec:?}"),
-            MapSource::Level(level) => level.map.hash().to_hex(),
-        }
+        let made = self.made.key();
+        if self.pieces.is_empty() { made } else { format!("{made} with {:?}", self.pieces) }
     }
 }
 

@@ -63,6 +63,8 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.world.v1.WorldService/GetFeatures", GAMES),
     ("surefoot.world.v1.WorldService/ListMovers", GAMES),
     ("surefoot.world.v1.WorldService/SetMover", GAMES),
+    ("surefoot.world.v1.WorldService/EditMap", GAMES),
+    ("surefoot.world.v1.WorldService/ListPieces", GAMES),
     ("surefoot.world.v1.WorldService/SpawnPlayer", GAMES),
     ("surefoot.world.v1.WorldService/MovePlayers", GAMES),
     ("surefoot.world.v1.WorldService/RemovePlayer", GAMES),

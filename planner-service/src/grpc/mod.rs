@@ -84,7 +84,8 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::StartBuildResponse>, Status> {
         let request = request.into_inner();
         self.planner.check_policy(&request.policy_hash)?;
-        let source = levels::source(self.planner.levels(), request.map.as_ref(), &request.map_hash)?;
+        let made = levels::source(self.planner.levels(), request.map.as_ref(), &request.map_hash)?;
+        let source = levels::with_pieces(made, &request.pieces)?;
         let settings = settings_from_wire(request.settings.as_ref(), self.planner.config())?;
         let body = convert::body(request.body.as_ref())?;
         let job = self.planner.start_build(source, body, settings)?;

@@ -4,6 +4,7 @@
 //! placements that run the policy also yield candidate edges. The later stages of a build are the same for all.
 
 mod anchors;
+pub(crate) mod around;
 mod density;
 mod flood;
 mod random;

@@ -2,11 +2,11 @@
 
 use crate::envs::EnvError;
 use crate::errors::SimError;
-use crate::hosted::{EventsLost, LivingError, NpcError};
+use crate::hosted::{EditError, EventsLost, LivingError, NpcError};
 use crate::messages::Goodbye;
 use crate::worlds::WorldsError;
 use std::time::Duration;
-use surefoot_net::levels::MapError;
+use surefoot_net::levels::{MapError, grpc as levels};
 use surefoot_net::status;
 use surefoot_proto::reason::Reason;
 use tonic::Status;
@@ -47,6 +47,18 @@ impl From<LivingError> for Status {
     }
 }
 
+impl From<EditError> for Status {
+    fn from(error: EditError) -> Self {
+        let message = error.to_string();
+        match error {
+            EditError::Piece(error) => levels::piece_error(&error, "put"),
+            EditError::NoSuchPiece(_, name) => status::not_found(Reason::PieceNotFound, "piece", name, message),
+            EditError::Enclosed(_) => status::failure(Reason::NpcInTheWay, message),
+            EditError::Contended(_) => status::retry(Reason::Busy, INBOX_TIME, message),
+        }
+    }
+}
+
 impl From<SimError> for Status {
     fn from(error: SimError) -> Self {
         match error {
@@ -70,6 +82,7 @@ impl From<WorldsError> for Status {
             WorldsError::NpcQuota(error) => status::quota(Reason::TooManyNpcs, error.subject(), message),
             WorldsError::Map(error) => map_error(error),
             WorldsError::NotOwner(_) => status::failure(Reason::NotOwner, message),
+            WorldsError::Edit(error) => error.into(),
             WorldsError::Saved(_) => status::failure(Reason::Internal, message),
             WorldsError::Npc(error) => error.into(),
             WorldsError::Sim(error) => error.into(),

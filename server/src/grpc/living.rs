@@ -1,13 +1,14 @@
-//! The calls about movers and players.
+//! The calls about movers, players and pieces.
 
 use super::WorldApi;
-use crate::hosted::{HostedWorld, LivingError};
+use crate::hosted::{HostedWorld, LivingError, MapEdit, MapEdited};
 use crate::ids::WorldId;
 use crate::sim::SimHandle;
 use crate::wire::living;
 use crate::worlds::WorldsError;
 use surefoot_net::serving::Caller;
 use surefoot_net::status;
+use surefoot_proto::pieces::{piece_to_wire, pieces};
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::PlayerSlot;
 use surefoot_world::player::MAX_PLAYERS;
@@ -26,7 +27,8 @@ impl WorldApi {
     ) -> Result<wire::ListMoversResponse, Status> {
         let handle = self.worlds().handle_for(caller, WorldId(world_id))?;
         let (tick, states) = handle.sim.call(|state| (state.world.tick(), state.world.mover_states().to_vec())).await?;
-        let movers = handle.map.movers();
+        let map = handle.shown.get();
+        let movers = map.movers();
         let each = movers.iter().zip(&states).enumerate();
         let states = each.map(|(idx, (mover, state))| living::mover_state_to_wire(idx, state, state.pose(mover)));
         Ok(wire::ListMoversResponse {
@@ -49,6 +51,33 @@ impl WorldApi {
         };
         let state = sim.call(move |state| set(&mut state.world)).await??;
         Ok(wire::SetMoverResponse { state: Some(state) })
+    }
+
+    pub(super) async fn put_pieces(
+        &self,
+        caller: &Caller,
+        wire::EditMapRequest { world_id, put, remove, clear }: wire::EditMapRequest,
+    ) -> Result<wire::EditMapResponse, Status> {
+        let edit = MapEdit { put: pieces(&put, "put")?, remove, clear };
+        let MapEdited { revision, tick, piece_count, moved } =
+            self.worlds().edit(caller, WorldId(world_id), edit).await?;
+        Ok(wire::EditMapResponse {
+            map_revision: revision,
+            tick: tick.0,
+            piece_count: piece_count as u32,
+            moved_npc_ids: moved.into_iter().map(|npc| npc.0).collect(),
+        })
+    }
+
+    pub(super) async fn pieces_of(
+        &self,
+        caller: &Caller,
+        wire::ListPiecesRequest { world_id }: wire::ListPiecesRequest,
+    ) -> Result<wire::ListPiecesResponse, Status> {
+        let sim = self.worlds().handle_for(caller, WorldId(world_id))?.sim;
+        let (map_revision, map) =
+            sim.call(|state| (state.world.map_revision(), state.world.map().clone())).await?;
+        Ok(wire::ListPiecesResponse { pieces: map.pieces().iter().map(piece_to_wire).collect(), map_revision })
     }
 
     pub(super) async fn add_player(

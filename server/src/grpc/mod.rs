@@ -103,7 +103,8 @@ impl WorldService for WorldApi {
     ) -> Result<Response<wire::CreateWorldResponse>, Status> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
-        let source = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
+        let made = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
+        let source = levels::with_pieces(made, &request.pieces)?;
         let settings = WorldSettings {
             mode: time_mode(request.mode)?,
             body: convert::body(request.body.as_ref())?,
@@ -436,7 +437,7 @@ impl WorldService for WorldApi {
 
     async fn get_mesh(&self, request: Request<wire::GetMeshRequest>) -> Result<Response<Self::GetMeshStream>, Status> {
         let wire::GetMeshRequest { world_id, region, cell_m } = request.into_inner();
-        let map = self.worlds.handle(WorldId(world_id))?.map;
+        let map = self.worlds.handle(WorldId(world_id))?.shown.get();
         let region = convert_region(region.as_ref())?;
         if cell_m != 0.0 {
             convert::in_range(f64::from(cell_m), 0.5, 16.0, "cell_m")?;
@@ -450,7 +451,7 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::GetFeaturesRequest>,
     ) -> Result<Response<wire::GetFeaturesResponse>, Status> {
-        let map = self.worlds.handle(WorldId(request.into_inner().world_id))?.map;
+        let map = self.worlds.handle(WorldId(request.into_inner().world_id))?.shown.get();
         Ok(Response::new(features_to_wire(&map)))
     }
 
@@ -468,6 +469,22 @@ impl WorldService for WorldApi {
     ) -> Result<Response<wire::SetMoverResponse>, Status> {
         let caller = Caller::of(&request);
         Ok(Response::new(self.order_mover(&caller, request.into_inner()).await?))
+    }
+
+    async fn edit_map(
+        &self,
+        request: Request<wire::EditMapRequest>,
+    ) -> Result<Response<wire::EditMapResponse>, Status> {
+        let caller = Caller::of(&request);
+        Ok(Response::new(self.put_pieces(&caller, request.into_inner()).await?))
+    }
+
+    async fn list_pieces(
+        &self,
+        request: Request<wire::ListPiecesRequest>,
+    ) -> Result<Response<wire::ListPiecesResponse>, Status> {
+        let caller = Caller::of(&request);
+        Ok(Response::new(self.pieces_of(&caller, request.into_inner()).await?))
     }
 
     async fn spawn_player(

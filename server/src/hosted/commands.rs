@@ -234,6 +234,7 @@ impl HostedWorld {
     pub fn snapshot(&self) -> Snapshot {
         let movers = self.movers().iter().zip(self.mover_states());
         Snapshot {
+            map_revision: self.map_revision(),
             tick: self.tick(),
             time: SystemTime::now(),
             npcs: self.npcs().collect(),

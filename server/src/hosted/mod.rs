@@ -2,7 +2,7 @@
 //!
 //! A tick is [`HostedWorld::step`] (in `tick`): request decisions, move, end attempts. Answers arrive between ticks. `workers`
 //! hands NPCs from one worker to another, `commands` has the calls of clients (`living` those about movers and
-//! players), `snapshot` and `events` what clients see (`motion`
+//! players, `pieces` edits of the map), `snapshot` and `events` what clients see (`motion`
 //! detects jumps and landings), `saved` what outlives the process.
 //! Nothing here awaits, and nothing knows wire types.
 
@@ -12,6 +12,7 @@ mod living;
 mod mode;
 mod motion;
 mod outbox;
+mod pieces;
 mod saved;
 mod snapshot;
 mod tick;
@@ -22,7 +23,8 @@ pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
 pub use living::{Destination, LivingError};
 pub use mode::TimeMode;
-pub use saved::{SavedError, SavedMap, SavedWorld, StateFolder};
+pub use pieces::{EditError, MapEdit, MapEdited};
+pub use saved::{RestoredMap, SavedError, SavedMap, SavedWorld, StateFolder};
 pub use snapshot::{
     Counters, EndedAttempt, NpcPlan, NpcState, NpcStatus, PlanLeg, Snapshot, Support, Tally, WorldStats,
 };

@@ -15,13 +15,14 @@ use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::durable;
 use surefoot_world::exchange;
+use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::sealed::{self, SealError};
 use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState};
 use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";
@@ -33,8 +34,10 @@ const UNSAVED_SERIALS: u32 = 1 << 16;
 pub struct SavedWorld {
     id: WorldId,
     owner: String,
+    /// Hash of the map with its pieces.
     map: MapHash,
     source: SavedMap,
+    pieces: Vec<Piece>,
     mode: TimeMode,
     bodies: Vec<CharacterProfile>,
     solid_npcs: bool,
@@ -54,11 +57,21 @@ pub enum SavedMap {
 }
 
 impl SavedMap {
-    /// Returns what is needed to restore `map`; `level` is the level's name if the map was imported. Encoding an imported map
-    /// takes a while.
+    /// Returns what is needed to restore `map`, its pieces aside; `level` is the level's name if the map was imported. Encoding an imported
+    /// map takes a while.
     pub fn of(map: &Map, level: String) -> Self {
-        map.spec().map_or_else(|| SavedMap::File(level, exchange::encode(map)), |spec| SavedMap::Spec(*spec))
+        let encode = || exchange::encode(&map.with_pieces(Vec::new()).expect("no piece is not valid"));
+        map.spec().map_or_else(|| SavedMap::File(level, encode()), |spec| SavedMap::Spec(*spec))
     }
+}
+
+/// The map of a saved world.
+#[derive(Debug)]
+pub struct RestoredMap {
+    /// Without its pieces.
+    pub made: Arc<Map>,
+    /// As it was.
+    pub map: Arc<Map>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -96,6 +109,9 @@ pub enum SavedError {
     /// The imported map of the world cannot be read.
     #[error("world {0}: {1}")]
     File(WorldId, surefoot_world::exchange::FileError),
+    /// A piece on the map is not valid.
+    #[error("world {0}: {1}")]
+    Pieces(WorldId, PieceError),
 }
 
 impl SavedWorld {
@@ -117,17 +133,18 @@ impl SavedWorld {
         }
     }
 
-    /// Generates or decodes the world's map.
+    /// Generates or decodes the world's map, and puts its pieces onto it.
     ///
     /// # Errors
     /// If the map cannot be decoded, or it is not the one that the world was saved with.
-    pub fn map(&self) -> Result<Arc<Map>, SavedError> {
-        let map = match &self.source {
+    pub fn maps(&self) -> Result<RestoredMap, SavedError> {
+        let made = match &self.source {
             SavedMap::Spec(spec) => Map::generate(spec),
             SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
         };
+        let map = made.with_pieces(self.pieces.clone()).map_err(|error| SavedError::Pieces(self.id, error))?;
         if map.hash() == self.map && self.state.fits(self.bodies.len(), &map) {
-            Ok(Arc::new(map))
+            Ok(RestoredMap { made: Arc::new(made), map: Arc::new(map) })
         } else {
             Err(SavedError::OtherMap(self.id))
         }
@@ -264,6 +281,7 @@ impl HostedWorld {
             owner: owner.to_owned(),
             map: self.world.map().hash(),
             source,
+            pieces: self.world.map().pieces().to_vec(),
             mode: self.mode,
             bodies: self.bodies().to_vec(),
             solid_npcs: self.has_solid_npcs(),

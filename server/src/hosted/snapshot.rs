@@ -82,11 +82,20 @@ pub struct Snapshot {
     pub movers: Vec<(MoverState, MoverStop)>,
     /// The players.
     pub players: Vec<(PlayerSlot, Player)>,
+    /// Revision of the map.
+    pub map_revision: u64,
 }
 
 impl Default for Snapshot {
     fn default() -> Self {
-        Self { tick: Tick(0), time: SystemTime::UNIX_EPOCH, npcs: Vec::new(), movers: Vec::new(), players: Vec::new() }
+        Self {
+            tick: Tick(0),
+            time: SystemTime::UNIX_EPOCH,
+            npcs: Vec::new(),
+            movers: Vec::new(),
+            players: Vec::new(),
+            map_revision: 0,
+        }
     }
 }
 

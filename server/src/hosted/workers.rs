@@ -160,7 +160,8 @@ impl HostedWorld {
         by_body.into_iter().map(|(body, npcs)| Assignment {
             world: self.id,
             spec: map.spec().copied(),
-            map_hash: map.hash(),
+            map_hash: map.built_hash(),
+            pieces: map.pieces().to_vec(),
             mode: self.mode,
             npcs,
             body: (ProfileIdx(body), self.bodies()[usize::from(body)].clone()),

@@ -124,6 +124,7 @@ pub struct HostedWorld {
     pub(super) notified: BTreeSet<WorkerId>,
     /// Time for which the step has waited for answers (lockstep).
     pub(super) waited: Duration,
+    pub(super) map_revision: u64,
 }
 
 impl HostedWorld {
@@ -146,6 +147,7 @@ impl HostedWorld {
             unanswered_since: BTreeMap::new(),
             notified: BTreeSet::new(),
             waited: Duration::ZERO,
+            map_revision: 0,
         }
     }
 
@@ -181,6 +183,11 @@ impl HostedWorld {
     /// Returns the world's id on the server.
     pub fn id(&self) -> WorldId {
         self.id
+    }
+
+    /// The map, with its pieces.
+    pub fn map(&self) -> &Arc<Map> {
+        self.world.map()
     }
 
     /// How the world's time passes.

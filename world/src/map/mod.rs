@@ -124,8 +124,7 @@ impl Map {
     /// # Errors
     /// If one of them is not valid, or they are too many.
     pub fn with_pieces(&self, mut pieces: Vec<Piece>) -> Result<Self, PieceError> {
-        pieces.sort_by(|one, other| one.name.cmp(&other.name));
-        piece::check(&pieces, self.extent())?;
+        piece::arrange(&mut pieces, self.extent())?;
         let mut placed = self.placed.clone();
         placed.pools.truncate(self.built.pool_count);
         placed.pools.extend(pieces.iter().filter_map(Piece::pool));

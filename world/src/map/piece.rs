@@ -166,16 +166,17 @@ impl Piece {
     }
 }
 
-/// Checks all pieces of a map, which are sorted by name.
+/// Sorts the pieces of a map of this extent, m, by name, and checks them.
 ///
 /// # Errors
 /// If one of them is not valid, or they are too many.
-pub(super) fn check(pieces: &[Piece], extent: Vec3) -> Result<(), PieceError> {
+pub fn arrange(pieces: &mut [Piece], extent: Vec3) -> Result<(), PieceError> {
+    pieces.sort_by(|one, other| one.name.cmp(&other.name));
     if pieces.len() > MAX_PIECES {
         return Err(PieceError::TooMany(pieces.len()));
     }
     let mut names = BTreeSet::new();
-    for piece in pieces {
+    for piece in &*pieces {
         piece.check(extent)?;
         if !names.insert(&piece.name) {
             return Err(PieceError::Twice(piece.name.clone()));
