@@ -232,6 +232,7 @@ pub fn world_to_wire(world: &WorldSummary) -> wire::World {
         bodies: world.bodies.iter().map(convert::body_to_wire).collect(),
         solid_npcs: world.solid_npcs,
         piece_count: world.map.pieces().len() as u32,
+        edited_map_hash: world.map.hash().to_hex(),
     }
 }
 

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use std::time::{Duration, SystemTime};
-use surefoot_net::levels::{LevelStore, MapError, Made, MapPool, MapSource, SharedMap};
+use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
 use tokio::sync::{Semaphore, mpsc};
@@ -546,16 +546,17 @@ impl Worlds {
     pub async fn survey(
         &self,
         caller: &Caller,
-        source: Made,
+        source: MapSource,
         bodies: Vec<CharacterProfile>,
         max_cut_off: usize,
     ) -> Result<Vec<Survey>, WorldsError> {
         // Never closed.
         let turn = self.shared.surveying.clone().acquire_owned().await.ok();
-        let map = self.maps().get(&caller.name, &source).await?;
+        let made = self.maps().get(&caller.name, source.made()).await?;
         let survey = move || {
             let _turn = turn;
-            bodies.into_iter().map(|body| Survey::of(map.map(), body, max_cut_off)).collect()
+            let map = source.finish(made.map().clone());
+            bodies.into_iter().map(|body| Survey::of(&map, body, max_cut_off)).collect()
         };
         in_background("surveying", survey).await
     }

@@ -77,7 +77,11 @@ impl WorldApi {
         let sim = self.worlds().handle_for(caller, WorldId(world_id))?.sim;
         let (map_revision, map) =
             sim.call(|state| (state.world.map_revision(), state.world.map().clone())).await?;
-        Ok(wire::ListPiecesResponse { pieces: map.pieces().iter().map(piece_to_wire).collect(), map_revision })
+        Ok(wire::ListPiecesResponse {
+            pieces: map.pieces().iter().map(piece_to_wire).collect(),
+            map_revision,
+            edited_map_hash: map.hash().to_hex(),
+        })
     }
 
     pub(super) async fn add_player(

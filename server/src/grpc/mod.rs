@@ -167,8 +167,9 @@ impl WorldService for WorldApi {
         request: Request<wire::SurveyMapRequest>,
     ) -> Result<Response<wire::SurveyMapResponse>, Status> {
         let caller = Caller::of(&request);
-        let wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off } = request.into_inner();
-        let source = levels::source(self.worlds.levels(), map.as_ref(), &map_hash)?;
+        let wire::SurveyMapRequest { map, map_hash, bodies, max_cut_off, pieces } = request.into_inner();
+        let made = levels::source(self.worlds.levels(), map.as_ref(), &map_hash)?;
+        let source = levels::with_pieces(made, &pieces)?;
         convert::in_range(bodies.len() as f64, 0.0, MAX_SURVEYED, "the number of bodies")?;
         convert::in_range(f64::from(max_cut_off), 0.0, MAX_CUT_OFF, "max_cut_off")?;
         let bodies: Vec<_> = bodies.iter().map(|body| convert::body(Some(body))).collect::<Result<_, _>>()?;

@@ -1,5 +1,6 @@
 //! The planner: builds, and plans in this process and over gRPC, compared with petgraph's searches.
 
+use super::edits::edits;
 use super::tiles::tiled;
 use super::{Figure, median, timed};
 use crate::commands::core_count;
@@ -266,12 +267,16 @@ async fn over_grpc(
         settings: Some(settings_to_wire(settings)),
         ..Default::default()
     };
-    let build = client.start_build(request).await?.into_inner().build.unwrap_or_default();
+    let build = client.start_build(request.clone()).await?.into_inner().build.unwrap_or_default();
     let mut progress = client.watch_build(wire::WatchBuildRequest { build_id: build.build_id }).await?.into_inner();
     let mut graph_id = String::new();
     while let Some(message) = progress.message().await? {
         graph_id = message.build.unwrap_or_default().graph_id;
     }
+    let inside = 10.0..TILE_M - 10.0;
+    let is_inside = |place: &Vec3| inside.contains(&place.x) && inside.contains(&place.z);
+    let places: Vec<Vec3> = queries.iter().map(|query| query.goal).filter(is_inside).collect();
+    let edited = edits(&mut client, request, &places).await?;
     let point = |point: Vec3| Some(convert::to_wire(point));
     let wire_queries: Vec<wire::PathQuery> = queries
         .iter()
@@ -316,10 +321,12 @@ async fn over_grpc(
     serving.await??;
     times.sort_unstable_by(f64::total_cmp);
     let quantile = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
-    Ok(vec![
+    let mut figures = vec![
         Figure::new("plan_rpc_p50_ms", quantile(0.5), "ms"),
         Figure::new("plan_rpc_p99_ms", quantile(0.99), "ms").at_most(1.0),
         Figure::new("plan_rpc_rate", times.len() as f64 / seconds, "requests/s").at_least(f64::from(REQUESTS_PER_S)),
         Figure::new("plan_rpc_batch_s", batch_rate, "plans/s"),
-    ])
+    ];
+    figures.extend(edited);
+    Ok(figures)
 }

@@ -15,12 +15,13 @@ import { Live } from './world/live'
 import { Marks } from './world/marks'
 import { Movers } from './world/movers'
 import { Npcs } from './world/npcs'
+import { type Box, Pieces } from './world/pieces'
 import { Surveys } from './world/surveys'
-import { Worlds } from './world/worlds'
+import { type Site, Worlds } from './world/worlds'
 
 /** What a click on the map does. */
 export type Tool =
-  'select' | 'plan' | 'forbid' | 'add' | 'move' | 'remove' | 'force' | 'spawn' | 'send' | 'teleport' | 'mark'
+  'select' | 'plan' | 'forbid' | 'add' | 'move' | 'remove' | 'force' | 'spawn' | 'send' | 'teleport' | 'mark' | 'build'
 
 /** Tools that change the graph. */
 export const EDIT_TOOLS: ReadonlySet<Tool> = new Set<Tool>(['forbid', 'add', 'move', 'remove', 'force'])
@@ -35,6 +36,7 @@ export class Studio {
   readonly marks = new Marks()
   readonly surveys: Surveys
   readonly movers: Movers
+  readonly pieces: Pieces
   readonly npcs: Npcs
   readonly graphs: Graphs
   readonly layers: Layers
@@ -52,14 +54,27 @@ export class Studio {
   /** Undefined until it stands, and where the browser cannot draw. */
   readonly viewport = signal<Viewport | undefined>(undefined)
   readonly viewportFailure = signal('')
+  /** The world that is shown, once it is known what lies on its map. */
+  readonly site = computed<Site | undefined>(() => {
+    const [world, laid] = [this.worlds.chosen.value, this.pieces.laid.value]
+    if (world === undefined || laid === undefined || laid.worldId !== world.worldId) return undefined
+    return { world, pieces: laid.pieces, mapHash: laid.mapHash || world.mapHash }
+  })
   /** Whether somebody looks at the page: streams rest while nobody does. */
   private readonly visible = signal(true)
+  /** Aborts when another world is shown. */
+  private shownWorld: AbortSignal | undefined
 
   constructor(readonly context: Context) {
     this.view = new ViewSettings(context.store)
     this.worlds = new Worlds(context)
     this.movers = new Movers(context)
-    this.live = new Live(context, (states, isDelta) => this.movers.take(states, isDelta))
+    this.pieces = new Pieces(context, (box) => this.redraw(box))
+    this.live = new Live(
+      context,
+      (states, isDelta) => this.movers.take(states, isDelta),
+      (revision) => this.noteRevision(revision),
+    )
     this.level = new Level(context)
     this.levels = new Levels(context)
     this.surveys = new Surveys(context)
@@ -84,10 +99,21 @@ export class Studio {
     // First, so that what belongs to the world before is forgotten before anything of the next one comes.
     whileGiven(
       () => worldKey.value,
+      (_, signal) => signal.addEventListener('abort', () => this.leaveWorld(), { once: true }),
+    )
+    whileGiven(
+      () => worldKey.value,
       (_, signal) => {
-        const world = this.worlds.chosen.peek()
-        if (world !== undefined) void this.graphs.keep(world, signal)
-        signal.addEventListener('abort', () => this.leaveWorld(), { once: true })
+        this.shownWorld = signal
+        withId(worldId.peek(), (id) => this.pieces.load(id, signal))
+      },
+    )
+    // The world's key as well: other worlds have equal maps.
+    whileGiven(
+      () => (this.site.value === undefined ? undefined : `${worldKey.value} ${this.site.value.mapHash}`),
+      (_, signal) => {
+        const site = this.site.peek()
+        if (site !== undefined) void this.graphs.keep(site, signal)
       },
     )
     whileGiven(
@@ -137,9 +163,10 @@ export class Studio {
       this.tool.value = tool
       this.forceFrom.value = undefined
       this.marks.begun.value = undefined
+      this.pieces.begun.value = undefined
       if (tool === 'plan') this.openTab('plan')
+      if (tool === 'mark' || tool === 'build') this.openTab('map')
       if (tool === 'mark') {
-        this.openTab('map')
         // It would hide what is marked.
         this.graphs.setFilter({ visible: false })
       }
@@ -155,11 +182,25 @@ export class Studio {
     })
   }
 
+  /** The map of the world that is shown has this revision. */
+  private noteRevision(revision: bigint): void {
+    const [id, signal] = [this.worlds.chosenId.peek(), this.shownWorld]
+    if (id !== undefined && signal !== undefined) void this.pieces.take(id, revision, signal)
+  }
+
+  /** Draws the map anew where it was edited. */
+  private redraw(box: Box): void {
+    const [id, viewport, signal] = [this.worlds.chosenId.peek(), this.viewport.peek(), this.shownWorld]
+    if (id !== undefined && viewport !== undefined && signal !== undefined)
+      void this.level.redraw(id, viewport, box, signal)
+  }
+
   /** What belongs to a world goes with it. */
   private leaveWorld(): void {
     batch(() => {
       this.live.forget()
       this.movers.forget()
+      this.pieces.forget()
       this.level.forget()
       this.graphs.forget()
       this.layers.forget()
@@ -169,7 +210,7 @@ export class Studio {
       this.npcs.select(undefined)
       this.marks.clear()
       this.surveys.shown.value = undefined
-      if (this.tool.value === 'mark') this.tool.value = 'select'
+      if (this.tool.value === 'mark' || this.tool.value === 'build') this.tool.value = 'select'
       this.forceFrom.value = undefined
     })
   }

@@ -15,6 +15,7 @@ const ICONS: Record<Tool, IconName> = {
   send: 'send',
   teleport: 'teleport',
   mark: 'add',
+  build: 'add',
 }
 
 /** The tools. Arrow keys go from one to the next, as in any toolbar; Tab goes past them. */

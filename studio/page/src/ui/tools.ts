@@ -4,6 +4,7 @@ import { addVertex, forbidEdge, forceEdge, moveVertex, removeVertex } from '../d
 import { npcNumber } from '../data/world/snapshot'
 import { EDIT_TOOLS, type Studio, type Tool } from '../data/studio'
 import type { MarkKind } from '../data/world/marks'
+import type { PieceKind } from '../data/world/pieces'
 import type { Hit, Place } from '../view/viewport.types'
 
 /** What to do next with a tool, in a few words. */
@@ -22,8 +23,19 @@ export function hintFor(studio: Studio): string {
     send: `Click where ${named} is to go`,
     teleport: `Click where ${named} is to stand`,
     mark: markHint(studio),
+    build: buildHint(studio),
   }
   return hints[studio.tool.value]
+}
+
+function buildHint({ pieces }: Studio): string {
+  const hints: Record<PieceKind, readonly [first: string, second: string]> = {
+    block: ['Click where the block stands', ''],
+    bridge: ['Click where the bridge begins', 'Click where it ends'],
+    lava: ['Click a corner of the lava', 'Click the opposite corner'],
+    water: ['Click a corner of the water', 'Click the opposite corner'],
+  }
+  return hints[pieces.kind.value][pieces.begun.value === undefined ? 0 : 1]
 }
 
 function markHint({ marks }: Studio): string {
@@ -51,6 +63,7 @@ export const PICKABLE: Readonly<Record<Tool, ReadonlySet<Hit['kind']> | undefine
   send: new Set(['ground', 'vertex']),
   teleport: new Set(['ground', 'vertex']),
   mark: new Set(['ground']),
+  build: new Set(['ground']),
 }
 
 export function clicked(studio: Studio, hit: Hit | undefined): void {
@@ -90,6 +103,10 @@ const CLICKS: Record<Tool, (studio: Studio, hit: Hit | undefined) => void> = {
   spawn: (studio, hit) => {
     const worldId = studio.worlds.chosenId.peek()
     if (hit !== undefined && worldId !== undefined) void studio.npcs.spawn(worldId, hit.at)
+  },
+  build: (studio, hit) => {
+    const worldId = studio.worlds.chosenId.peek()
+    if (hit?.kind === 'ground' && worldId !== undefined) void studio.pieces.click(worldId, hit.at)
   },
   mark: (studio, hit) => {
     if (hit?.kind === 'ground') studio.marks.click(hit.at)

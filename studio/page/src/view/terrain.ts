@@ -65,6 +65,14 @@ export class Terrain extends Group {
     this.measure()
   }
 
+  /** Takes a tile away: nothing is left there. */
+  dropTile(key: string): void {
+    for (const tile of this.store.remove(key)) this.drop(tile)
+    this.show(key)
+    this.fine = this.store.fineKeys()
+    this.measure()
+  }
+
   get fineKeys(): ReadonlySet<string> {
     return this.fine
   }

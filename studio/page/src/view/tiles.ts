@@ -25,6 +25,13 @@ export class TileStore<T extends KeptTile> {
     return old
   }
 
+  /** Forgets a place, and returns what was kept for it. */
+  remove(key: string): T[] {
+    const { coarse, fine } = this.slots.get(key) ?? {}
+    this.slots.delete(key)
+    return [coarse, fine].filter((tile) => tile !== undefined)
+  }
+
   shown(key: string): T | undefined {
     const slot = this.slots.get(key)
     return slot?.fine ?? slot?.coarse

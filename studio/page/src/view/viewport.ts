@@ -109,6 +109,11 @@ class View implements Viewport, Show {
     this.frames.change()
   }
 
+  dropTile(key: string): void {
+    this.scene.terrain.dropTile(key)
+    this.frames.change()
+  }
+
   fineTiles(): ReadonlySet<string> {
     return this.scene.terrain.fineKeys
   }

@@ -164,6 +164,8 @@ export interface Viewport {
   setFeatures(features: Features): void
   /** Adds a tile, in place of the one of the same place if there is one. `fine`: at full detail. */
   putTile(tile: MeshTile, fine: boolean): void
+  /** Takes a tile, "x,z", away. */
+  dropTile(key: string): void
   /** Tiles that are shown at full detail, as "x,z". */
   fineTiles(): ReadonlySet<string>
   /** The latest poses with the world's tick (60 a second); the view moves NPCs smoothly from one to the next. */

@@ -42,6 +42,7 @@ const sink: LevelSink = {
   putTile: ({ tileX, tileZ }, isFine) => {
     if (isFine) fine.add(`${tileX},${tileZ}`)
   },
+  dropTile: () => undefined,
   fineTiles: () => fine,
   frameMap: () => undefined,
 }
@@ -91,5 +92,23 @@ describe('full detail', () => {
     const before = asked
     await pause()
     expect(asked).toBe(before)
+  })
+})
+
+describe('an edited map', () => {
+  it('is drawn anew where it was edited, and tiles without anything left go', async () => {
+    const [put, dropped]: string[][] = [[], []]
+    const drawn: LevelSink = {
+      ...sink,
+      putTile: ({ tileX, tileZ }) => put?.push(`${tileX},${tileZ}`),
+      dropTile: (key) => dropped?.push(key),
+    }
+    const level = new Level(contextFor())
+    const { signal } = new AbortController()
+    void level.load(1n, drawn, signal)
+    await vi.waitFor(() => expect(level.state.value.kind).toBe('ready'))
+    await level.redraw(1n, drawn, { low: { x: 60, y: 0, z: 10 }, high: { x: 70, y: 9, z: 20 } }, signal)
+    expect(put).toEqual(['0,0'])
+    expect(dropped).toEqual(['1,0'])
   })
 })

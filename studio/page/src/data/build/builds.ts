@@ -12,10 +12,10 @@ import {
   Placement,
   Probing,
 } from '../../gen/surefoot/planner/v1/planner_pb'
-import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import { type Context, report } from '../context'
 import { buildGraph } from '../graph/build-stream'
 import { failureOf } from '../net/errors'
+import type { Site } from '../world/worlds'
 
 /** Ranges and defaults of settings that are numbers, as the contract gives them. */
 export const RANGES = {
@@ -81,19 +81,19 @@ export class Builds {
     this.settings.value = { ...this.settings.value, ...change }
   }
 
-  async start(world: World): Promise<void> {
+  async start(site: Site): Promise<void> {
     this.running?.abort()
     const running = new AbortController()
     this.running = running
     let probingSince: number | undefined
     this.state.value = { kind: 'running', progress: undefined, probingSince }
     try {
-      for await (const progress of buildGraph(this.context, world, this.settings.value, running.signal)) {
+      for await (const progress of buildGraph(this.context, site, this.settings.value, running.signal)) {
         if (progress.stage === BuildStage.PROBES) probingSince ??= performance.now()
         this.state.value = { kind: 'running', progress, probingSince }
         if (progress.summary === undefined) continue
         const { graphId, summary } = progress
-        this.state.value = { kind: 'done', graphId, mapHash: world.mapHash, summary }
+        this.state.value = { kind: 'done', graphId, mapHash: site.mapHash, summary }
         this.onDone()
       }
     } catch (error) {

@@ -3,18 +3,18 @@
 import { Code, ConnectError } from '@connectrpc/connect'
 import { type Build, type BuildSettings, BuildStage } from '../../gen/surefoot/planner/v1/planner_pb'
 import { MapFormat } from '../../gen/surefoot/world/v1/maps_pb'
-import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import type { Context } from '../context'
 import { CHUNK_BYTES } from '../world/import'
+import { mapOf, type Site } from '../world/worlds'
 
-/** Starts building the graph of a world's map for the usual body of its NPCs, or joins the build that is running, and watches it to its end. */
+/** Starts building the graph of a world's map, with what lies on it, for the usual body of its NPCs, or joins the build that is running, and watches it to its end. */
 export async function* buildGraph(
   context: Context,
-  world: World,
+  site: Site,
   settings: BuildSettings | undefined,
   signal: AbortSignal,
 ): AsyncGenerator<Build, void, void> {
-  const started = await startBuild(context, world, settings, signal)
+  const started = await startBuild(context, site, settings, signal)
   if (started === undefined) return
   for await (const { build } of context.planner.calls.watchBuild({ buildId: started.buildId }, { signal })) {
     if (build === undefined) continue
@@ -26,12 +26,12 @@ export async function* buildGraph(
 
 async function startBuild(
   context: Context,
-  world: World,
+  { world, pieces }: Site,
   settings: BuildSettings | undefined,
   signal: AbortSignal,
 ): Promise<Build | undefined> {
-  const map = world.map === undefined ? { mapHash: world.mapHash } : { map: world.map }
   const [body] = world.bodies
+  const map = { ...mapOf(world), pieces: [...pieces] }
   const request = { ...map, ...(settings === undefined ? {} : { settings }), ...(body === undefined ? {} : { body }) }
   try {
     return (await context.planner.calls.startBuild(request, { signal })).build

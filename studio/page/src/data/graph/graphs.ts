@@ -3,12 +3,12 @@
 import { Code, ConnectError } from '@connectrpc/connect'
 import { batch, computed, signal } from '@preact/signals'
 import type { Build, GetGraphResponse, GraphSummary, ReadyGraph } from '../../gen/surefoot/planner/v1/planner_pb'
-import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import type { Graph, GraphFilter } from '../../view/viewport.types'
 import type { Context } from '../context'
 import { pauseAfter, sleep } from '../net/backoff'
 import { failureOf, inWords } from '../net/errors'
 import { keepAsking, keepDoing, keepReading } from '../net/stream'
+import type { Site } from '../world/worlds'
 import { buildGraph } from './build-stream'
 import { SHOW_ALL } from './filter'
 import { graphToShow, islandsOf } from './islands'
@@ -121,7 +121,7 @@ export class Graphs {
   }
 
   /** Keeps the graph of a world up to date until the signal aborts. */
-  async keep(world: World, signal: AbortSignal): Promise<void> {
+  async keep(site: Site, signal: AbortSignal): Promise<void> {
     let failures = 0
     while (!signal.aborted) {
       const turn = new AbortController()
@@ -129,7 +129,7 @@ export class Graphs {
       const both = AbortSignal.any([signal, turn.signal])
       this.state.value = { kind: 'searching' }
       try {
-        const graphId = await this.find(world, both)
+        const graphId = await this.find(site, both)
         if (graphId !== undefined) await this.follow(graphId, both)
         failures = 0
       } catch (error) {
@@ -153,8 +153,8 @@ export class Graphs {
   }
 
   /** The graph that was chosen for this map, else the one used last (by workers, as a rule), else the default one. */
-  private async find(world: World, signal: AbortSignal): Promise<string | undefined> {
-    if (this.chosen?.mapHash === world.mapHash) return this.chosen.graphId
+  private async find(site: Site, signal: AbortSignal): Promise<string | undefined> {
+    if (this.chosen?.mapHash === site.mapHash) return this.chosen.graphId
     const { planner } = this.context
     const upkeep = { link: planner.link, session: planner.session, signal }
     try {
@@ -162,15 +162,15 @@ export class Graphs {
         planner.calls.listGraphs({ pageSize: PAGE }, { signal, timeoutMs: TIMEOUT_MS }),
       )
       this.list.value = answer?.graphs ?? []
-      const ready = answer?.graphs.find(({ summary }) => summary?.mapHash === world.mapHash)
+      const ready = answer?.graphs.find(({ summary }) => summary?.mapHash === site.mapHash)
       if (ready !== undefined) return ready.graphId
     } catch (error) {
       if (failureOf(error) !== 'unsupported') throw error
     }
-    return this.build(world, signal)
+    return this.build(site, signal)
   }
 
-  private async build(world: World, signal: AbortSignal): Promise<string | undefined> {
+  private async build(site: Site, signal: AbortSignal): Promise<string | undefined> {
     const { planner } = this.context
     const stop = new AbortController()
     const upkeep = { link: planner.link, session: planner.session, signal: AbortSignal.any([signal, stop.signal]) }
@@ -178,7 +178,7 @@ export class Graphs {
     const error = await keepDoing(
       upkeep,
       async (gotSomething) => {
-        for await (const progress of buildGraph(this.context, world, undefined, signal)) {
+        for await (const progress of buildGraph(this.context, site, undefined, signal)) {
           gotSomething()
           this.state.value = { kind: 'building', progress }
           if (progress.summary !== undefined) graphId = progress.graphId

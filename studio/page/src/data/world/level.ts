@@ -2,10 +2,21 @@
 
 import { signal } from '@preact/signals'
 import type { Features, MeshTile, Place } from '../../view/viewport.types'
-import type { Context } from '../context'
+import { type Context, report } from '../context'
 import { inWords } from '../net/errors'
 import { keepAsking, keepDoing } from '../net/stream'
-import { boxOf, firstCell, missingTiles, overlap, readFeatures, readTile, type TileRange, tilesOf } from './tiles'
+import type { Box } from './pieces'
+import {
+  boxOf,
+  firstCell,
+  missingTiles,
+  overlap,
+  readFeatures,
+  readTile,
+  type TileRange,
+  tilesOf,
+  tilesWithin,
+} from './tiles'
 
 /** A mesh that cannot be made would not be made the next time either. */
 const PATIENCE = { breakdowns: 3 }
@@ -15,6 +26,7 @@ export interface LevelSink {
   clear(): void
   setFeatures(features: Features): void
   putTile(tile: MeshTile, fine: boolean): void
+  dropTile(key: string): void
   fineTiles(): ReadonlySet<string>
   frameMap(): void
 }
@@ -70,6 +82,31 @@ export class Level {
       if (this.wanted !== undefined) this.refine()
     } catch (error) {
       if (!signal.aborted) this.state.value = { kind: 'failed', why: inWords(error) }
+    }
+  }
+
+  /** Loads again what lies within a box, because the map was edited there. */
+  async redraw(worldId: bigint, sink: LevelSink, box: Box, signal: AbortSignal): Promise<void> {
+    const { calls } = this.context.world
+    try {
+      const features = readFeatures(await calls.getFeatures({ worldId }, { signal }))
+      if (signal.aborted || this.features.peek() === undefined) return
+      this.features.value = features
+      const range = tilesWithin(box, features.size)
+      const empty = new Set(tilesOf(range))
+      for await (const message of calls.getMesh(
+        { worldId, region: boxOf(range, features.size), cellM: 0 },
+        { signal },
+      )) {
+        if (signal.aborted) return
+        const tile = readTile(message)
+        empty.delete(`${tile.tileX},${tile.tileZ}`)
+        sink.putTile(tile, true)
+      }
+      // Where nothing is left, nothing comes.
+      for (const key of empty) sink.dropTile(key)
+    } catch (error) {
+      if (!signal.aborted) report(this.context, 'The edited map cannot be shown', error)
     }
   }
 

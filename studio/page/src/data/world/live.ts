@@ -40,6 +40,8 @@ export class Live {
   constructor(
     private readonly context: Context,
     private readonly takeMovers: (states: readonly MoverState[], isDelta: boolean) => void,
+    /** Called with the revision of the map, again and again. */
+    private readonly takeRevision: (revision: bigint) => void,
   ) {}
 
   npc(id: bigint | undefined): Npc | undefined {
@@ -88,6 +90,7 @@ export class Live {
     batch(() => {
       this.moment.value = { tick: message.tick, npcs, players: message.players }
       this.takeMovers(message.movers, message.isDelta)
+      this.takeRevision(message.mapRevision)
       if (now - this.told < PANEL_MS) return
       this.told = now
       this.npcs.value = npcs

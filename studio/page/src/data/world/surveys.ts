@@ -28,7 +28,7 @@ export class Surveys {
   /** Surveys a map for bodies; the results stay until another map is surveyed. */
   async run(
     key: string,
-    map: Pick<MessageInitShape<typeof SurveyMapRequestSchema>, 'map' | 'mapHash'>,
+    map: Pick<MessageInitShape<typeof SurveyMapRequestSchema>, 'map' | 'mapHash' | 'pieces'>,
     bodies: readonly string[],
   ): Promise<void> {
     this.forget()

@@ -53,6 +53,18 @@ export function missingTiles(
   return range
 }
 
+/** The tiles that a box touches. */
+export function tilesWithin({ low, high }: { low: Place; high: Place }, size: Extent): TileRange {
+  const last = (extent: number) => Math.max(0, Math.ceil(extent / TILE_M) - 1)
+  const tile = (metres: number, extent: number) => Math.min(last(extent), Math.max(0, Math.floor(metres / TILE_M)))
+  return {
+    lowX: tile(low.x, size.width),
+    lowZ: tile(low.z, size.depth),
+    highX: tile(high.x, size.width),
+    highZ: tile(high.z, size.depth),
+  }
+}
+
 /** The tiles of a range. */
 export function* tilesOf({ lowX, lowZ, highX, highZ }: TileRange): Generator<string> {
   for (let x = lowX; x <= highX; x += 1) {

@@ -2,7 +2,8 @@
 
 import type { MessageInitShape } from '@bufbuild/protobuf'
 import { batch, computed, signal } from '@preact/signals'
-import { MapKind } from '../../gen/surefoot/world/v1/map_pb'
+import { MapKind, type MapSpec } from '../../gen/surefoot/world/v1/map_pb'
+import type { Piece } from '../../gen/surefoot/world/v1/piece_pb'
 import { type CreateWorldRequestSchema, TimeMode, type World } from '../../gen/surefoot/world/v1/world_pb'
 import { type Context, report } from '../context'
 import { sleep } from '../net/backoff'
@@ -85,6 +86,19 @@ export class Worlds {
     })
     if (isGone) this.context.toasts.say(`World ${chosen} has ended.`)
   }
+}
+
+/** What tells services which map a world's was made of. */
+export function mapOf({ map, mapHash }: Pick<World, 'map' | 'mapHash'>): { map: MapSpec } | { mapHash: string } {
+  return map === undefined ? { mapHash } : { map }
+}
+
+/** A world and what lies on its map. */
+export interface Site {
+  world: World
+  pieces: readonly Piece[]
+  /** Hash of the map with its pieces. */
+  mapHash: string
 }
 
 /** What a world's map is called: "seed 42, 250 x 250 m", with its kind where it is not terrain, or its hash where it was imported. */

@@ -7,9 +7,9 @@ import { Button, Check, Empty, Facts, NumberField, Progress, Section, SelectFiel
 import { CompareSection } from './compare-section'
 
 export function BuildPanel({ studio }: { studio: Studio }) {
-  const { builds, worlds, context } = studio
-  const world = worlds.chosen.value
-  if (world === undefined) return <Empty title="There is no world yet" />
+  const { builds, context } = studio
+  const site = studio.site.value
+  if (site === undefined) return <Empty title="There is no world yet" />
   const state = builds.state.value
   const isGone = context.planner.link.state.value === 'lost'
   return (
@@ -31,7 +31,7 @@ export function BuildPanel({ studio }: { studio: Studio }) {
               icon="play"
               tone="main"
               disabled={isGone}
-              onClick={() => void builds.start(world)}
+              onClick={() => void builds.start(site)}
             />
           )}
         </div>
@@ -102,7 +102,7 @@ function Result({ studio, state }: { studio: Studio; state: BuildState }) {
     case 'done': {
       const { graphId, mapHash, summary } = state
       const isShown = studio.graphs.id.value === graphId
-      const isHere = studio.worlds.chosen.value?.mapHash === mapHash
+      const isHere = studio.site.value?.mapHash === mapHash
       return (
         <div class="done">
           <p role="status">

@@ -44,9 +44,9 @@ export function CompareSection({ studio }: { studio: Studio }) {
   )
 }
 
-function ShowButton({ studio: { graphs, worlds }, graphId }: { studio: Studio; graphId: string }) {
+function ShowButton({ studio: { graphs, site }, graphId }: { studio: Studio; graphId: string }) {
   const mapHash = graphs.list.value.find((graph) => graph.graphId === graphId)?.summary?.mapHash
-  const isHere = mapHash !== undefined && mapHash === worlds.chosen.value?.mapHash
+  const isHere = mapHash !== undefined && mapHash === site.value?.mapHash
   return (
     <Button
       label="Show the one after"

@@ -74,8 +74,8 @@ function Summary({ studio }: { studio: Studio }) {
 }
 
 /** Chooses among the graphs of this map, where there are several. */
-function GraphPicker({ studio: { graphs, worlds } }: { studio: Studio }) {
-  const mapHash = worlds.chosen.value?.mapHash
+function GraphPicker({ studio: { graphs, site } }: { studio: Studio }) {
+  const mapHash = site.value?.mapHash
   const here = graphs.list.value.filter(({ summary }) => summary?.mapHash === mapHash)
   if (mapHash === undefined || here.length < 2) return null
   const options = here.map((graph) => ({ value: graph.graphId, name: graphLabel(graph) }))

@@ -1,6 +1,6 @@
 import { count, counted } from '../../data/format'
 import type { Studio } from '../../data/studio'
-import { mapName } from '../../data/world/worlds'
+import { mapName, mapOf } from '../../data/world/worlds'
 import { Surface } from '../../gen/surefoot/world/v1/world_pb'
 import type { World } from '../../gen/surefoot/world/v1/world_pb'
 import { SURFACE_COLOURS } from '../../view/colours'
@@ -10,6 +10,7 @@ import { ImportLevel } from './import-level'
 import { bodyName } from './kinds'
 import { MarksSection } from './marks-section'
 import { MoversSection } from './movers-section'
+import { PiecesSection } from './pieces-section'
 import { SurveyTable } from './survey-table'
 
 export function MapPanel({ studio }: { studio: Studio }) {
@@ -18,6 +19,7 @@ export function MapPanel({ studio }: { studio: Studio }) {
       <WorldList studio={studio} />
       <LevelFacts studio={studio} />
       <MoversSection studio={studio} />
+      <PiecesSection studio={studio} />
       <MarksSection studio={studio} />
       <Section title="New world">
         <CreateWorldForm studio={studio} />
@@ -105,8 +107,8 @@ function LevelFacts({ studio }: { studio: Studio }) {
       </ul>
       <SurveyTable
         studio={studio}
-        of={world.mapHash}
-        map={world.map === undefined ? { mapHash: world.mapHash } : { map: world.map }}
+        of={studio.site.value?.mapHash ?? world.mapHash}
+        map={{ ...mapOf(world), pieces: [...(studio.site.value?.pieces ?? [])] }}
         isShown
       />
     </Section>

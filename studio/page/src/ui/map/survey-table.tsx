@@ -8,7 +8,7 @@ interface Props {
   studio: Studio
   /** Tells maps apart. */
   of: string
-  map: Pick<MessageInitShape<typeof SurveyMapRequestSchema>, 'map' | 'mapHash'>
+  map: Pick<MessageInitShape<typeof SurveyMapRequestSchema>, 'map' | 'mapHash' | 'pieces'>
   /** Whether the map is the one that is shown, so that places can be shown on it. */
   isShown: boolean
 }

@@ -1,0 +1,81 @@
+import type { Studio } from '../../data/studio'
+import type { PieceKind } from '../../data/world/pieces'
+import { Button, NumberField, Section, SelectField, SureButton } from '../controls'
+
+const KINDS: readonly { value: PieceKind; name: string }[] = [
+  { value: 'block', name: 'Block' },
+  { value: 'bridge', name: 'Ramp or bridge' },
+  { value: 'lava', name: 'Lava' },
+  { value: 'water', name: 'Water' },
+]
+
+/** Puts blocks, bridges and pools onto the map of the running world, and takes them away again. */
+export function PiecesSection({ studio }: { studio: Studio }) {
+  const { pieces } = studio
+  const laid = pieces.laid.value
+  // A server that does not know of pieces has no hash of them either.
+  if (laid === undefined || laid.mapHash === '') return null
+  const { worldId } = laid
+  const [kind, sizes] = [pieces.kind.value, pieces.sizes.value]
+  const isBuilding = studio.tool.value === 'build'
+  return (
+    <Section title="Build on the map">
+      <div class="row">
+        <SelectField
+          label="Piece"
+          value={kind}
+          options={KINDS}
+          onChange={(kind) => {
+            pieces.choose(kind)
+            studio.setTool('build')
+          }}
+        />
+        <Button
+          label="Put it on the map"
+          icon="add"
+          pressed={isBuilding}
+          hint="NPCs and their plans follow at once. Nothing is saved in the level."
+          onClick={() => studio.setTool(isBuilding ? 'select' : 'build')}
+        />
+      </div>
+      <div class="row">
+        {(kind === 'block' || kind === 'bridge') && (
+          <NumberField
+            label="Width, m"
+            value={sizes.width}
+            min={0.5}
+            max={100}
+            step={0.5}
+            onChange={(width) => (pieces.sizes.value = { ...pieces.sizes.peek(), width })}
+          />
+        )}
+        {kind === 'block' && (
+          <NumberField
+            label="Height, m"
+            value={sizes.height}
+            min={0.1}
+            max={100}
+            step={0.5}
+            onChange={(height) => (pieces.sizes.value = { ...pieces.sizes.peek(), height })}
+          />
+        )}
+      </div>
+      <ul class="list pieces" aria-label="Pieces">
+        {laid.pieces.map(({ name }) => (
+          <li key={name}>
+            <span>{name}</span>
+            <Button label={`Take ${name} away`} icon="trash" bare onClick={() => void pieces.remove(worldId, name)} />
+          </li>
+        ))}
+      </ul>
+      {laid.pieces.length > 1 && (
+        <SureButton
+          label="Take all away"
+          question="Take all pieces away?"
+          icon="trash"
+          onSure={() => void pieces.clear(worldId)}
+        />
+      )}
+    </Section>
+  )
+}
