@@ -307,7 +307,18 @@ impl Guide<'_> {
             walker.end = leg_end;
             return;
         }
-        let waypoint = match follower.note(feet, waypoint_reached) {
+        let step = match follower.note(feet, waypoint_reached) {
+            step @ (Step::Keep | Step::Head(_))
+                if walker.ghost.is_none() && body.is_grounded() && world.config().npc_collision =>
+            {
+                match follower.regain(world.map(), &world.config().profiles[0], feet) {
+                    Step::Keep => step,
+                    other => other,
+                }
+            }
+            step => step,
+        };
+        let waypoint = match step {
             Step::Keep => return,
             Step::Head(waypoint) => waypoint,
             Step::Plan => {
@@ -386,6 +397,8 @@ impl Guide<'_> {
                 let walker = &mut walkers[*idx];
                 match results.next().expect("a result for each actor") {
                     Ok(ghost) => {
+                        let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
+                        follower.learn_way(ghost.way());
                         walker.ghost = Some(ghost);
                         false
                     }

@@ -112,6 +112,12 @@ pub struct Follower {
     /// Decisions for which it has done so.
     barred: u32,
     call: Option<Call>,
+    /// Places along the legs that were rehearsed, m.
+    way: Vec<Vec3>,
+    /// Where it heads for first, m, because it was pushed off its way.
+    aside: Option<Vec3>,
+    /// Whether it was pushed where a wall lies between it and the end of its leg.
+    is_lost: bool,
 }
 
 /// A leg that failed.
@@ -170,6 +176,9 @@ impl Follower {
             is_barred: false,
             barred: 0,
             call: None,
+            way: Vec::new(),
+            aside: None,
+            is_lost: false,
         }
     }
 
@@ -209,6 +218,11 @@ impl Follower {
 
     /// Current waypoint, m; `None` without a plan.
     pub fn waypoint(&self) -> Option<Vec3> {
+        self.leg_end().map(|end| self.aside.unwrap_or(end))
+    }
+
+    /// Where the current leg ends, m.
+    fn leg_end(&self) -> Option<Vec3> {
         self.plan.as_ref().map(|plan| plan.waypoints[self.leg])
     }
 
@@ -302,6 +316,30 @@ impl Follower {
         }
     }
 
+    /// The ability of the current leg, and where it ends, m; `None` without a plan, and where movers matter.
+    pub(crate) fn pace(&self) -> Option<(Ability, Vec3)> {
+        let plan = self.plan.as_ref().filter(|plan| plan.needs.is_empty())?;
+        Some((plan.legs[self.leg].ability, plan.waypoints[self.leg]))
+    }
+
+    /// Takes note of the way along which a rehearsal went. One that began off the way is of no use to get back to it.
+    pub fn learn_way(&mut self, way: impl Iterator<Item = Vec3>) {
+        if !self.is_lost || self.way.is_empty() {
+            self.way.clear();
+            self.way.extend(way);
+        }
+    }
+
+    /// Places along the legs that were rehearsed last, m.
+    pub(crate) fn rehearsed_way(&self) -> &[Vec3] {
+        &self.way
+    }
+
+    /// Heads for this place first, m, or for the end of the leg again.
+    pub(crate) fn turn_aside(&mut self, is_lost: bool, aside: Option<Vec3>) {
+        (self.is_lost, self.aside) = (is_lost, aside);
+    }
+
     /// Whether the NPC composes itself on a leg of its plan.
     fn composes(&self, leg: usize) -> bool {
         self.config.composes && leg >= self.free_until
@@ -344,9 +382,9 @@ impl Follower {
         self.plan.as_ref().map(|plan| plan.legs[self.leg].key)
     }
 
-    /// Whether the current leg is the last one of the plan.
+    /// Whether the current waypoint is the last one of the plan.
     pub fn is_last_leg(&self) -> bool {
-        self.plan.as_ref().is_some_and(|plan| self.leg + 1 == plan.waypoints.len())
+        self.aside.is_none() && self.plan.as_ref().is_some_and(|plan| self.leg + 1 == plan.waypoints.len())
     }
 
     /// Chances of arriving as planned, and with re-plans, that the plan gives; `None` without a plan that leads to the goal.
@@ -402,6 +440,7 @@ impl Follower {
     /// Drops the plan because its graph has changed; the leg does not count as failed.
     pub fn forget_plan(&mut self) {
         self.plan = None;
+        (self.is_lost, self.aside) = (false, None);
         self.conduct = Conduct::Go;
     }
 
@@ -411,6 +450,7 @@ impl Follower {
         self.stalled_on_leg = 0;
         self.decisions_on_leg = 0;
         self.stayed = 0;
+        (self.is_lost, self.aside) = (false, None);
         self.conduct = Conduct::Go;
     }
 
@@ -441,6 +481,8 @@ impl Follower {
             self.stalled = 0;
         }
         let last_leg = plan.waypoints.len() - 1;
+        let is_back = waypoint_reached && self.aside.take().is_some();
+        let waypoint_reached = waypoint_reached && !is_back;
         if waypoint_reached && self.leg == last_leg && plan.nearest.is_some() {
             self.end_leg(TryEnd::Arrived);
             return if self.waits_for_a_way() { Step::Keep } else { Step::Unreachable };
@@ -461,7 +503,7 @@ impl Follower {
             return self.end();
         }
         if self.stalled_on_leg < self.config.replan_after {
-            return Step::Keep;
+            return if is_back { Step::Head(plan.waypoints[self.leg]) } else { Step::Keep };
         }
         if self.replans >= self.config.max_replans {
             return self.end();

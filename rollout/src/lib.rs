@@ -8,6 +8,7 @@
 //!
 //! This crate neither learns nor uses the network.
 
+mod aside;
 pub mod attempts;
 pub mod crowd;
 pub mod decision;

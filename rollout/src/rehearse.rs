@@ -100,6 +100,11 @@ impl Ghost {
         !self.ahead.is_empty()
     }
 
+    /// Where the NPC will be after each decision of the rehearsal that is still ahead, m.
+    pub fn way(&self) -> impl Iterator<Item = Vec3> {
+        self.ahead.iter().map(|body| body.feet)
+    }
+
     /// Whether an NPC that has made one more decision did what was rehearsed, as far as it was.
     pub fn foretold(&mut self, body: &Body) -> bool {
         self.ahead.pop_front().is_some_and(|foretold| foretold == *body)

@@ -17,6 +17,8 @@ const MAX_PUSH_M: f32 = 0.15;
 const ASIDE_SPEED: f32 = 2.0;
 const ASIDE_SPEED_PER_TICK: f32 = 0.5;
 const ASIDE_M: f32 = 0.3;
+/// Least cosine of the angle between the ways of two NPCs that go in the same direction.
+const SAME_WAY: f32 = 0.3;
 /// Height above the feet from which the ground ahead of a push is looked for, m, and how far below the feet it may lie.
 const KNEE_M: f32 = 0.5;
 const MAX_DROP_M: f32 = 1.0;
@@ -26,8 +28,8 @@ const MAX_DROP_M: f32 = 1.0;
 pub(crate) struct CrowdScratch {
     /// All bodies that get in the way, by cell and slot.
     bodies: Vec<Listed>,
-    /// Push of the NPC in each slot, m.
-    pushes: Vec<Vec3>,
+    /// Push of the NPC in each slot, m, and whether it goes around what it ran into.
+    pushes: Vec<(Vec3, bool)>,
 }
 
 /// What the neighbour search needs of a body.
@@ -112,7 +114,7 @@ impl CrowdScratch {
         }));
         bodies.sort_unstable_by_key(|body| (body.cell, body.slot));
         pushes.clear();
-        pushes.resize(npcs.len(), Vec3::ZERO);
+        pushes.resize(npcs.len(), (Vec3::ZERO, false));
         // The first body of the next column that may be near; it never goes back.
         let mut next_column = 0;
         for (idx, body) in bodies.iter().enumerate() {
@@ -128,7 +130,7 @@ impl CrowdScratch {
                 }
             }
         }
-        for ((npc, push), scratch) in npcs.iter_mut().zip(pushes).zip(scratch) {
+        for ((npc, (push, goes_around)), scratch) in npcs.iter_mut().zip(pushes).zip(scratch) {
             let length = push.length();
             if let Some(npc) = npc.as_mut().filter(|_| length > 0.0) {
                 let profile = &profiles[usize::from(npc.profile.0)];
@@ -137,23 +139,44 @@ impl CrowdScratch {
                 if !npc.body.is_grounded() || is_safe(map, npc.body.feet, push, profile) {
                     npc.body.shove(map.mesh(), profile, push, scratch);
                 }
-                block(npc, map, profile, away);
+                block(npc, map, profile, away, *goes_around);
             }
         }
     }
 }
 
 /// Adds to the pushes of two bodies the share that each takes of their overlap, which leads from the second to the first.
-fn share(npcs: &[Option<Npc>], [one, other]: [&Listed; 2], overlap: Vec3, npcs_are_solid: bool, pushes: &mut [Vec3]) {
+fn share(
+    npcs: &[Option<Npc>],
+    [one, other]: [&Listed; 2],
+    overlap: Vec3,
+    npcs_are_solid: bool,
+    pushes: &mut [(Vec3, bool)],
+) {
+    let mut push = |slot: u32, by: Vec3, goes_around: bool| {
+        let (sum, around) = &mut pushes[slot as usize];
+        (*sum, *around) = (*sum + by, *around || goes_around);
+    };
     match (one.player, other.player) {
         (None, None) if npcs_are_solid => {
-            pushes[one.slot as usize] += overlap * 0.5;
-            pushes[other.slot as usize] -= overlap * 0.5;
+            let meet = !go_the_same_way(npcs, one, other);
+            push(one.slot, overlap * 0.5, meet);
+            push(other.slot, overlap * -0.5, meet);
         }
-        (None, Some(player)) => pushes[one.slot as usize] += overlap * yields(npcs, one, overlap, player),
-        (Some(player), None) => pushes[other.slot as usize] -= overlap * yields(npcs, other, -overlap, player),
+        (None, Some(player)) => push(one.slot, overlap * yields(npcs, one, overlap, player), true),
+        (Some(player), None) => push(other.slot, -overlap * yields(npcs, other, -overlap, player), true),
         _ => {}
     }
+}
+
+/// Whether two NPCs are on their way in about the same direction: then the one waits behind the other instead of going around it.
+fn go_the_same_way(npcs: &[Option<Npc>], one: &Listed, other: &Listed) -> bool {
+    let way = |body: &Listed| {
+        let episode = npcs[body.slot as usize].as_ref()?.episode.filter(|episode| episode.end.is_none())?;
+        let offset = episode.goal - body.feet;
+        Vec3::new(offset.x, 0.0, offset.z).try_normalize()
+    };
+    way(one).zip(way(other)).is_some_and(|(one, other)| one.dot(other) > SAME_WAY)
 }
 
 /// The share of its overlap with a player by which an NPC gives way: all of it to one that pushes; otherwise the share that came about by
@@ -168,14 +191,17 @@ fn yields(npcs: &[Option<Npc>], npc: &Listed, overlap: Vec3, (velocity, contact)
     if own > 0.0 { own / (own + players) } else { 0.0 }
 }
 
-/// Stops a body from going on towards another that it has run into, and lets one that stands on the ground go around it: on the right, or
-/// on the left where there is no ground, so that those that meet head-on pass each other.
-fn block(npc: &mut Npc, map: &Map, profile: &CharacterProfile, away: Vec3) {
+/// Stops a body from going on towards another that it has run into, and lets one that stands on the ground go around it if it is to: on the
+/// right, or on the left where there is no ground, so that those that meet head-on pass each other.
+fn block(npc: &mut Npc, map: &Map, profile: &CharacterProfile, away: Vec3, goes_around: bool) {
     let towards = -npc.body.velocity.dot(away);
     if towards <= 0.0 {
         return;
     }
     npc.body.velocity += away * towards;
+    if !goes_around {
+        return;
+    }
     let right = Vec3::new(away.z, 0.0, -away.x);
     let is_open = |side: &Vec3| is_safe(map, npc.body.feet, *side * ASIDE_M, profile);
     if let Some(side) = [right, -right].into_iter().find(is_open).filter(|_| npc.body.is_grounded()) {

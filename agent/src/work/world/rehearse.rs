@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_rollout::Style;
+use surefoot_rollout::follow::Step;
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
 use surefoot_world::{MoverState, NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
 
@@ -58,11 +59,19 @@ impl WorldTask {
         if self.rehearsal.is_none() {
             return Ok(());
         }
+        let map = self.rehearsal.as_ref().map(|rehearsal| rehearsal.map().clone());
+        let body = self.stage.as_ref().map(|stage| stage.body.clone());
         for (id, state) in states {
             let npc = self.npc(*id);
             let was_foretold = npc.ghost.as_mut().is_some_and(|ghost| ghost.foretold(&state.body));
             if !was_foretold && npc.follower.waypoint().is_some() && !npc.follower.is_barred() {
                 (npc.ghost, npc.rehearses_next) = (None, true);
+                let around = map.as_ref().zip(body.as_ref()).filter(|_| state.body.is_grounded());
+                if let Some((map, body)) = around
+                    && let Step::Head(waypoint) = npc.follower.regain(map, body, state.body.feet)
+                {
+                    npc.new_waypoint = Some(waypoint);
+                }
             }
         }
         let pace = self.stage.as_ref().map(|stage| &stage.maps.pace).filter(|_| !self.is_lockstep);
@@ -98,6 +107,7 @@ impl WorldTask {
                 let npc = self.npcs.get_mut(id).expect("met in this batch");
                 match results.next().expect("a result for each actor") {
                     Ok(ghost) => {
+                        npc.follower.learn_way(ghost.way());
                         npc.ghost = Some(ghost);
                         false
                     }
