@@ -219,12 +219,8 @@ impl Remains {
     /// The edges that the change does not affect, in the order of their keys.
     fn edges(&self) -> Vec<Edge> {
         let is_kept = |key: &Candidate| !self.is_lost(key) && !self.is_affected(key);
-        let mut edges: Vec<Edge> = self
-            .known
-            .iter()
-            .filter(|(key, _)| is_kept(key))
-            .map(|(&key, &evidence)| Edge { key, evidence })
-            .collect();
+        let mut edges: Vec<Edge> =
+            self.known.iter().filter(|(key, _)| is_kept(key)).map(|(&key, &evidence)| Edge { key, evidence }).collect();
         edges.sort_unstable_by_key(|edge| edge.key);
         edges
     }
@@ -293,9 +289,8 @@ fn add_vertices(vertices: &mut Vec<Vec3>, lost: &[VertexId], old_map: &Map, site
         for spot in around::spots(piece, &site.profile) {
             let feet = navigable::stand_at(&site.map, &site.profile, spot, around::RISE_M, &mut scratch);
             let Some(feet) = feet.filter(|_| vertices.len() < known_count + MAX_NEW) else { continue };
-            let is_taken = (0..)
-                .zip(&*vertices)
-                .any(|(idx, at)| at.distance(feet) < APART_M && !lost.contains(&VertexId(idx)));
+            let is_taken =
+                (0..).zip(&*vertices).any(|(idx, at)| at.distance(feet) < APART_M && !lost.contains(&VertexId(idx)));
             if !is_taken {
                 vertices.push(feet);
             }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
-use surefoot_net::levels::{MapError, Made, MapPool, SharedMap};
+use surefoot_net::levels::{Made, MapError, MapPool, SharedMap};
 use surefoot_net::memory::{MemoryError, Reservation};
 use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env};

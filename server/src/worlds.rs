@@ -2,7 +2,9 @@
 
 use crate::ServerConfig;
 use crate::errors::SimError;
-use crate::hosted::{EditError, HostedWorld, NpcError, RestoredMap, SavedError, SavedMap, SavedWorld, SpawnOrder, StateFolder, TimeMode};
+use crate::hosted::{
+    EditError, HostedWorld, NpcError, RestoredMap, SavedError, SavedMap, SavedWorld, SpawnOrder, StateFolder, TimeMode,
+};
 use crate::ids::{ID_PERIOD, NpcId, WorkerId, WorldId};
 use crate::messages::{Answer, Hello, ToWorker};
 use crate::metrics::{self, ProcessFigures, WorldFigures};

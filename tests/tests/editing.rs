@@ -13,10 +13,7 @@ use tonic::{Code, Status};
 
 /// Two floors of 16 x 16 m over a void, 32 m apart: too far to leap.
 fn banks() -> Vec<u8> {
-    level(&[
-        ("near", [0.0, -1.0, 0.0], [16.0, 0.0, 16.0]),
-        ("far", [48.0, -1.0, 0.0], [64.0, 0.0, 16.0]),
-    ])
+    level(&[("near", [0.0, -1.0, 0.0], [16.0, 0.0, 16.0]), ("far", [48.0, -1.0, 0.0], [64.0, 0.0, 16.0])])
 }
 
 fn piece(name: &str, shape: Shape) -> wire::Piece {
@@ -99,7 +96,11 @@ async fn the_graph_of_an_edited_map_comes_from_that_of_the_map() {
     let cache = tempfile::tempdir().unwrap();
     let planner = start_planner(cache.path(), PlannerConfig::default());
     let mut client = PlannerServiceClient::connect(planner.uri.clone()).await.unwrap();
-    let map = Some(wire::MapSpec { seed: 1000, size: Some(wire::MapSize { width: 100, height: 80, depth: 100 }), ..Default::default() });
+    let map = Some(wire::MapSpec {
+        seed: 1000,
+        size: Some(wire::MapSize { width: 100, height: 80, depth: 100 }),
+        ..Default::default()
+    });
     let settings = Some(planner::BuildSettings { vertices: 100, neighbours: 12, repeats: 2, ..Default::default() });
     let request = planner::StartBuildRequest { map, settings, ..Default::default() };
     let mut build = async |request: planner::StartBuildRequest| {

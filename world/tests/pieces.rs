@@ -8,9 +8,7 @@ use surefoot_world::map::{Features, Liquid, MapSize, Outline, Piece, PieceShape,
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::Reach;
 use surefoot_world::replay::Recording;
-use surefoot_world::{
-    Action, CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World,
-};
+use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
 const NPC: NpcSlot = NpcSlot(0);
@@ -82,11 +80,8 @@ fn an_edited_map_is_that_of_all_its_triangles() {
     let (mut hits, mut others) = (0, 0);
     for _ in 0..6000 {
         let from = Vec3::new(rng.random_range(0.0..100.0), rng.random_range(5.0..60.0), rng.random_range(0.0..100.0));
-        let way = Vec3::new(
-            rng.random_range(-1.0..1.0f32),
-            rng.random_range(-1.0..1.0f32),
-            rng.random_range(-1.0..1.0f32),
-        );
+        let way =
+            Vec3::new(rng.random_range(-1.0..1.0f32), rng.random_range(-1.0..1.0f32), rng.random_range(-1.0..1.0f32));
         let ray = |map: &Map| map.mesh().cast_ray(from, way.normalize(), 60.0).map(|hit| (hit.distance, hit.surface));
         match (ray(&edited), ray(&whole)) {
             (Some((one, on)), Some((other, of))) => {

@@ -66,7 +66,10 @@ pub(super) enum WorldMessage {
     Ended(wire::AttemptsEnded),
     Observations(wire::ObservationBatch),
     /// The map has other pieces from now on: the map, and its graph.
-    Edited { map: Option<watch::Receiver<Arrival>>, graph: Option<Arc<Graph>> },
+    Edited {
+        map: Option<watch::Receiver<Arrival>>,
+        graph: Option<Arc<Graph>>,
+    },
 }
 
 /// The graph of an edited map.

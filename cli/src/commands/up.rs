@@ -148,8 +148,11 @@ async fn scene(
     // The planner proves and workers rehearse on the maps of the server: no map is generated or held twice.
     let maps_in_use = limits.maps.clone();
     parts.spawn(async move { Ok(surefoot_server::serve(server, limits, stop).await?) });
-    let (config, prober, stop) =
-        (PlannerConfig { threads: core_count(), maps: maps_in_use.clone(), ..PlannerConfig::default() }, policy.clone(), shutdown.clone());
+    let (config, prober, stop) = (
+        PlannerConfig { threads: core_count(), maps: maps_in_use.clone(), ..PlannerConfig::default() },
+        policy.clone(),
+        shutdown.clone(),
+    );
     parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
     for idx in 0..args.workers {
         let config = WorkConfig {

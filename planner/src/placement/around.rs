@@ -35,18 +35,17 @@ pub(crate) fn spots(piece: &Piece, profile: &CharacterProfile) -> Vec<Vec3> {
             let (middle, way) = ((from + to) * 0.5, to - from);
             let half = 0.5 * libm::hypotf(way.x, way.z);
             let on = along(half).map(|at| middle + way * (at / (2.0 * half)));
-            let ends = [-half - room, half + room].map(|at| (middle + way * (at / (2.0 * half))).with_y(
-                if at < 0.0 { from.y } else { to.y },
-            ));
+            let ends = [-half - room, half + room]
+                .map(|at| (middle + way * (at / (2.0 * half))).with_y(if at < 0.0 { from.y } else { to.y }));
             on.chain(ends).collect()
         }
         PieceShape::Pool(pool) => {
             let (half_x, half_z) = pool.outline.half_extents();
             let (x, z) = (half_x + room, half_z + room);
-            let diagonal = if matches!(pool.outline, Outline::Round { .. }) { std::f32::consts::FRAC_1_SQRT_2 } else { 1.0 };
+            let diagonal =
+                if matches!(pool.outline, Outline::Round { .. }) { std::f32::consts::FRAC_1_SQRT_2 } else { 1.0 };
             let (dx, dz) = (x * diagonal, z * diagonal);
-            let around =
-                [(x, 0.0), (-x, 0.0), (0.0, z), (0.0, -z), (dx, dz), (dx, -dz), (-dx, dz), (-dx, -dz)];
+            let around = [(x, 0.0), (-x, 0.0), (0.0, z), (0.0, -z), (dx, dz), (dx, -dz), (-dx, dz), (-dx, -dz)];
             around.map(|(x, z)| pool.centre + Vec3::new(x, 0.0, z)).to_vec()
         }
     }

@@ -75,8 +75,7 @@ impl WorldApi {
         wire::ListPiecesRequest { world_id }: wire::ListPiecesRequest,
     ) -> Result<wire::ListPiecesResponse, Status> {
         let sim = self.worlds().handle_for(caller, WorldId(world_id))?.sim;
-        let (map_revision, map) =
-            sim.call(|state| (state.world.map_revision(), state.world.map().clone())).await?;
+        let (map_revision, map) = sim.call(|state| (state.world.map_revision(), state.world.map().clone())).await?;
         Ok(wire::ListPiecesResponse {
             pieces: map.pieces().iter().map(piece_to_wire).collect(),
             map_revision,

@@ -13,7 +13,9 @@
 use super::load::{Overload, check_load, is_allowed};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
-use crate::map::{Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec, SpecError};
+use crate::map::{
+    Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec, SpecError,
+};
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
@@ -250,7 +252,8 @@ fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError
             .map(|((spec, size, placed, movers), rest)| ((spec, size, placed, movers, Vec::new()), rest)),
         _ => postcard::take_from_bytes::<Present>(bytes),
     };
-    let ((spec, size, placed, movers, pieces), rest) = read.map_err(|error| FileError::Description(error.to_string()))?;
+    let ((spec, size, placed, movers, pieces), rest) =
+        read.map_err(|error| FileError::Description(error.to_string()))?;
     if !rest.is_empty() {
         return Err(FileError::Description(format!("{} bytes too long", rest.len())));
     }

@@ -124,8 +124,7 @@ impl Piece {
             return (pool.centre - reach - Vec3::Y * pool.depth, pool.centre + reach);
         }
         let corners = self.triangles().into_iter().flat_map(|triangle| triangle.corners());
-        corners
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), corner| (low.min(corner), high.max(corner)))
+        corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), corner| (low.min(corner), high.max(corner)))
     }
 
     fn check(&self, extent: Vec3) -> Result<(), PieceError> {

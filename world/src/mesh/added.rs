@@ -89,7 +89,11 @@ impl Added {
                 return best;
             }
             let step = |axis: usize| if direction[axis] > 0.0 { 1 } else { -1 };
-            if x <= z { cell[0] += step(0) } else { cell[1] += step(2) }
+            if x <= z {
+                cell[0] += step(0)
+            } else {
+                cell[1] += step(2)
+            }
             if cell[0] < 0 || cell[1] < 0 || cell[0] as usize >= self.columns || cell[1] as usize >= self.rows {
                 return best;
             }

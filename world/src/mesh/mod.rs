@@ -17,7 +17,7 @@ mod triangle;
 
 pub use fan::{ConeHit, ConeHits, Elevations};
 pub use lanes::LANES;
-pub use layers::{Mesh, Triangles};
 pub(crate) use lanes::bits;
+pub use layers::{Mesh, Triangles};
 pub use ray::RayHit;
 pub use triangle::{Contact, Surface, Triangle};

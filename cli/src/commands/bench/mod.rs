@@ -1,7 +1,7 @@
 //! `surefoot bench`: speed measurements on this machine, as one JSON document.
 
-mod floods;
 mod edits;
+mod floods;
 mod learn;
 mod plan;
 #[cfg(feature = "reference")]
