@@ -45,6 +45,6 @@ pub(crate) fn place_for(
     });
     let beside = beside.map(|place| (place, RISE_M));
     let above = std::iter::once((feet.with_y(top), RISE_M));
-    let mut stand = |(place, rise)| navigable::stand_at(map, profile, place, rise, scratch);
-    beside.chain(above).find_map(|place| stand(place)).map(Some).ok_or(())
+    let stand = |(place, rise)| navigable::stand_at(map, profile, place, rise, scratch);
+    beside.chain(above).find_map(stand).map(Some).ok_or(())
 }
