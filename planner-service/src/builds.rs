@@ -80,16 +80,10 @@ impl Planner {
 
     /// Makes the graph of an edited map from one of the same map with other pieces, or with none. It does not wait for builds.
     async fn follow_edit(&self, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
-        let mut plain_id = String::new();
-        if self.find_relative(&job).is_none() {
-            let plain = MapSource::from(job.source.made().clone());
-            let build = self.start_build(plain, job.body.clone(), job.settings)?;
-            tokio::select! {
-                () = build.ended() => {}
-                () = job.cancelled() => return Err(BuildError::Cancelled.into()),
-            }
-            plain_id = build.end().unwrap_or(Err(BuildError::Cancelled.into()))?.graph.to_string();
-        }
+        let found = match self.find_relative(&job) {
+            Some(found) => found,
+            None => self.plain_graph(&job).await?,
+        };
         let permit = permit_for(&job, &self.shared.updating).await?;
         let planner = self.clone();
         let task = tokio::task::spawn_blocking(move || {
@@ -98,10 +92,22 @@ impl Planner {
             if let Some(hosted) = planner.find_ready(&job) {
                 return Ok(hosted);
             }
-            let relative = planner.find_relative(&job).ok_or(PlannerError::Unloaded(plain_id))?;
-            planner.update(&job, &relative)
+            // By now there may be one that is nearer.
+            planner.update(&job, &planner.find_relative(&job).unwrap_or(found))
         });
         task.await.map_err(PlannerError::lost("the update"))?
+    }
+
+    /// Builds or loads the graph of the map of a job without pieces.
+    async fn plain_graph(&self, job: &Job) -> Result<Arc<Hosted>, PlannerError> {
+        let plain = MapSource::from(job.source.made().clone());
+        let build = self.start_build(plain, job.body.clone(), job.settings)?;
+        tokio::select! {
+            () = build.ended() => {}
+            () = job.cancelled() => return Err(BuildError::Cancelled.into()),
+        }
+        let built = build.end().unwrap_or(Err(BuildError::Cancelled.into()))?;
+        self.ready(&built.graph.to_string())
     }
 
     /// The graph in memory of the same map, body and settings whose pieces differ in the fewest from those of a job.

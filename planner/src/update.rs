@@ -188,6 +188,8 @@ struct Remains {
     vertices: Vec<Vec3>,
     known_count: usize,
     lost: Vec<VertexId>,
+    /// The edges of the graph, in its order.
+    edges: Vec<Edge>,
     known: HashMap<Candidate, Evidence>,
 }
 
@@ -198,8 +200,9 @@ impl Remains {
         let lost = lost_vertices(&vertices, &change, site);
         let known_count = vertices.len();
         add_vertices(&mut vertices, &lost, old_map, site);
-        let known = graph.edges().map(|edge| (edge.key, edge.evidence)).collect();
-        Self { change, vertices, known_count, lost, known }
+        let edges: Vec<Edge> = graph.edges().copied().collect();
+        let known = edges.iter().map(|edge| (edge.key, edge.evidence)).collect();
+        Self { change, vertices, known_count, lost, edges, known }
     }
 
     fn is_lost(&self, key: &Candidate) -> bool {
@@ -216,20 +219,17 @@ impl Remains {
         }
     }
 
-    /// The edges that the change does not affect, in the order of their keys.
-    fn edges(&self) -> Vec<Edge> {
-        let is_kept = |key: &Candidate| !self.is_lost(key) && !self.is_affected(key);
-        let mut edges: Vec<Edge> =
-            self.known.iter().filter(|(key, _)| is_kept(key)).map(|(&key, &evidence)| Edge { key, evidence }).collect();
-        edges.sort_unstable_by_key(|edge| edge.key);
-        edges
+    /// The edges that the change does not affect.
+    fn kept(&self) -> Vec<Edge> {
+        let is_kept = |edge: &&Edge| !self.is_lost(&edge.key) && !self.is_affected(&edge.key);
+        self.edges.iter().filter(is_kept).copied().collect()
     }
 
     /// The candidate edges that are to be probed, known ones and those of a new build, and the number of these that come from devices and
     /// ledges.
     fn affected(&self, site: &Site, settings: &BuildSettings) -> (Vec<Candidate>, u64) {
         let length = |key: &Candidate| self.vertices[key.from.idx()].distance(self.vertices[key.to.idx()]);
-        let mean = self.known.keys().map(length).sum::<f32>() / self.known.len().max(1) as f32;
+        let mean = self.edges.iter().map(|edge| length(&edge.key)).sum::<f32>() / self.edges.len().max(1) as f32;
         let reach = (REACH_EDGES * mean).max(MIN_REACH_M);
         let near = (0..).zip(&self.vertices).filter(|(_, at)| self.change.is_near(**at, reach)).map(|(idx, _)| idx);
         let (mut candidates, special) = find_candidates_of(near, site, settings, &self.vertices);
@@ -244,7 +244,7 @@ impl Remains {
 /// The graph of a changed map without the edges that the change affects, on which plans can be made until these have been probed.
 pub fn spared(graph: &NavGraph, old_map: &Map, site: &Site) -> NavGraph {
     let remains = Remains::of(graph, old_map, site);
-    let data = GraphData { edges: remains.edges(), vertices: remains.vertices, legs: *graph.legs() };
+    let data = GraphData { edges: remains.kept(), vertices: remains.vertices, legs: *graph.legs() };
     NavGraph::check(data).expect("known edges join vertices")
 }
 
@@ -260,7 +260,7 @@ impl Builder<'_> {
         let proving = self.proving(&remains.vertices, &affected);
         let evidence = proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?;
         let proved = affected.iter().zip(&evidence).filter(|(_, evidence)| evidence.proves(self.settings.threshold));
-        let mut edges = remains.edges();
+        let mut edges = remains.kept();
         let kept_count = edges.len();
         edges.extend(proved.map(|(&key, &evidence)| Edge { key, evidence }));
         let seconds = (self.clock)() - started_s;

@@ -3,6 +3,7 @@
 use crate::hosted::{EditError, MapEdit, MapEdited};
 use crate::ids::WorldId;
 use crate::worlds::{Worlds, WorldsError, in_background};
+use std::sync::Arc;
 use surefoot_net::serving::Caller;
 
 /// Times that an edit is made anew because others edited the map meanwhile.
@@ -20,7 +21,7 @@ impl Worlds {
                 handle.sim.call(|state| (state.world.map_revision(), state.world.map().clone())).await?;
             let pieces = edit.apply(id, map.pieces())?;
             let edited = in_background("editing a map", move || map.with_pieces(pieces)).await?;
-            let edited = std::sync::Arc::new(edited.map_err(EditError::from)?);
+            let edited = Arc::new(edited.map_err(EditError::from)?);
             let shown = handle.shown.clone();
             let done = handle.sim.call(move |state| {
                 let done = state.world.edit(revision, edited)?;

@@ -130,7 +130,7 @@ impl Saved {
 }
 
 #[test]
-fn maps_of_the_formats_without_kinds_and_movers_are_read() {
+fn maps_of_the_formats_without_kinds_movers_and_pieces_are_read() {
     let spec = MapSpec::with_side(3, 50).unwrap();
     let map = Map::generate(&spec);
     let mut bytes = exchange::encode(&map);
@@ -139,9 +139,6 @@ fn maps_of_the_formats_without_kinds_and_movers_are_read() {
     let (header, payload) = bytes.split_at_mut(8 + 4 + 8 + 32);
     let mut payload = payload.to_vec();
     let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
-    // The movers are its last byte: there are none.
-    assert_eq!(payload.remove(36 + description_len as usize - 1), 0);
-    payload[32..36].copy_from_slice(&(description_len - 1).to_le_bytes());
     let mut read_as = |version: u32, payload: &[u8]| {
         header[8..12].copy_from_slice(&version.to_le_bytes());
         header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
@@ -149,9 +146,14 @@ fn maps_of_the_formats_without_kinds_and_movers_are_read() {
         let read = exchange::decode(&[&*header, payload].concat()).unwrap();
         assert_eq!((read.hash(), read.spec()), (map.hash(), Some(&spec)));
     };
-    read_as(2, &payload);
+    // The pieces are its last byte, and the movers the one before: there are none.
+    for (version, dropped) in [(3, 1), (2, 2)] {
+        assert_eq!(payload.remove(36 + (description_len - dropped) as usize), 0);
+        payload[32..36].copy_from_slice(&(description_len - dropped).to_le_bytes());
+        read_as(version, &payload);
+    }
     assert_eq!(payload.remove(36 + spec_len - 1), 0);
-    payload[32..36].copy_from_slice(&(description_len - 2).to_le_bytes());
+    payload[32..36].copy_from_slice(&(description_len - 3).to_le_bytes());
     read_as(1, &payload);
 }
 
@@ -165,7 +167,7 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
     let endless = Pad { centre: Vec3::new(0.0, f32::INFINITY, 0.0), speed: 20.0 };
     let cases = [
         (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
-        (Saved { version: 4, ..plain() }, "format 4, this program reads format 3"),
+        (Saved { version: 5, ..plain() }, "format 5, this program reads format 4"),
         (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
         (Saved { description: vec![9; 3], ..plain() }, "description"),
         (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use surefoot_world::character::Ride;
-use surefoot_world::map::{MapSize, Placed};
+use surefoot_world::map::{MapSize, Piece, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::{Input, REPLAY_VERSION, Recording, ReplayError};
 use surefoot_world::{
@@ -55,7 +55,8 @@ impl Parts {
         let none: (Vec<MoverState>, Vec<Option<Player>>) = Default::default();
         let state = (self.start_tick, &self.npcs, &none);
         let config = (&self.profiles, TaskConfig::default(), true);
-        let content = (map.hash(), None::<MapSpec>, config, state, &self.inputs, &self.checks, self.end_tick);
+        let pieces: Vec<Piece> = Vec::new();
+        let content = (map.hash(), pieces, None::<MapSpec>, config, state, &self.inputs, &self.checks, self.end_tick);
         let content = postcard::to_stdvec(&content).expect("plain data");
         let mut bytes = [&b"SFREPLAY"[..], &REPLAY_VERSION.to_le_bytes()].concat();
         bytes.extend(blake3::hash(&content).as_bytes());
