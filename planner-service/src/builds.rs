@@ -12,7 +12,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use surefoot_net::levels::MapSource;
 use surefoot_planner::live::LiveEvidence;
-use surefoot_planner::update::{self, Updated};
+use surefoot_planner::update::{Update, Updated};
 use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId};
 use surefoot_rollout::graphs;
 use surefoot_rollout::probe::ProbeContext;
@@ -131,18 +131,18 @@ impl Planner {
         job.enter(Stage::Map);
         let started = Instant::now();
         let wanted = Wanted::new(self, job);
-        let before = (relative.proved(), &*self.map_of(&relative.origin.source));
+        let update = Update::of(relative.proved(), &self.map_of(&relative.origin.source), &wanted.context.site());
         job.enter(Stage::Vertices);
+        // From this stage on, interim graphs are told of.
         job.enter(Stage::Probes);
         let interims = Interims { planner: self, wanted: &wanted, started };
-        let graph = update::spared(before.0, before.1, &wanted.context.site());
-        let spared = Built { graph, stats: BuildStats::default() };
+        let spared = Built { graph: update.spared(), stats: BuildStats::default() };
         self.host(&wanted, spared, Provenance::Interim, Legacy::default())?;
         job.note_usable(wanted.id);
         let spared_s = started.elapsed().as_secs_f32();
         let threads = self.shared.config.threads;
         let Updated { built, retried, .. } =
-            graphs::update(before, &wanted.context, &job.settings, threads, &job.progress)?;
+            graphs::finish(update, &wanted.context, &job.settings, threads, &job.progress)?;
         info!(id = %wanted.id, retried, spared_s, seconds = started.elapsed().as_secs_f32(), "graph follows an edit");
         job.enter(Stage::Index);
         self.host(&wanted, built, Provenance::Updated, interims.legacy())

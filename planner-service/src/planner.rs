@@ -154,7 +154,7 @@ impl Planner {
             recent.pop_front();
         }
         drop(recent);
-        source.finish(shared.map().clone())
+        source.finish(shared.map())
     }
 
     // --- graphs in memory ---

@@ -10,6 +10,7 @@ use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::VertexId;
+use crate::legs::LegModel;
 use crate::needs::Berths;
 use crate::placement::around;
 use crate::settings::{BuildError, BuildSettings};
@@ -129,16 +130,19 @@ impl Change {
     pub fn touches(&self, low: Vec3, high: Vec3) -> bool {
         let margin = Vec3::splat(MARGIN_M);
         let (low, high) = (low - margin, high + margin);
-        if low.cmpgt(self.bounds[1]).any() || high.cmplt(self.bounds[0]).any() {
-            return false;
-        }
-        cells(low, high)
-            .any(|cell| self.columns.get(&cell).is_some_and(|&(bottom, top)| bottom <= high.y && top >= low.y))
+        !self.is_far_from(low, high)
+            && cells(low, high)
+                .any(|cell| self.columns.get(&cell).is_some_and(|&(bottom, top)| bottom <= high.y && top >= low.y))
+    }
+
+    /// Returns whether a box lies outside the one around all that differs.
+    fn is_far_from(&self, low: Vec3, high: Vec3) -> bool {
+        low.cmpgt(self.bounds[1]).any() || high.cmplt(self.bounds[0]).any()
     }
 
     /// Returns whether `at` lies within `reach` metres of a box around all that differs.
     fn is_near(&self, at: Vec3, reach: f32) -> bool {
-        (at + reach).cmpge(self.bounds[0]).all() && (at - reach).cmple(self.bounds[1]).all()
+        !self.is_far_from(at - reach, at + reach)
     }
 
     /// Returns whether anything differs at any height above or below `at`, within the margin to each side.
@@ -149,8 +153,7 @@ impl Change {
 
     /// Returns whether anything differs within the margin of the straight line between two positions.
     pub fn touches_path(&self, from: Vec3, to: Vec3) -> bool {
-        let (low, high) = (from.min(to) - MARGIN_M, from.max(to) + MARGIN_M);
-        if low.cmpgt(self.bounds[1]).any() || high.cmplt(self.bounds[0]).any() {
+        if self.is_far_from(from.min(to) - MARGIN_M, from.max(to) + MARGIN_M) {
             return false;
         }
         let steps = (from.distance(to) / CELL_M).ceil().max(1.0);
@@ -181,8 +184,9 @@ pub struct Updated {
     pub lost: Vec<VertexId>,
 }
 
-/// What a change leaves of a graph, and what it does not.
-struct Remains {
+/// A graph that is about to follow a change of its map: what the change leaves of it, and what it does not.
+#[derive(Debug)]
+pub struct Update {
     change: Change,
     /// Those of the graph, and new ones at the end.
     vertices: Vec<Vec3>,
@@ -191,10 +195,12 @@ struct Remains {
     /// The edges of the graph, in its order.
     edges: Vec<Edge>,
     known: HashMap<Candidate, Evidence>,
+    legs: LegModel,
 }
 
-impl Remains {
-    fn of(graph: &NavGraph, old_map: &Map, site: &Site) -> Self {
+impl Update {
+    /// Compares the map of the site with the one on which `graph` was built.
+    pub fn of(graph: &NavGraph, old_map: &Map, site: &Site) -> Self {
         let change = Change::between(old_map, &site.map);
         let mut vertices: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex)).collect();
         let lost = lost_vertices(&vertices, &change, site);
@@ -202,7 +208,13 @@ impl Remains {
         add_vertices(&mut vertices, &lost, old_map, site);
         let edges: Vec<Edge> = graph.edges().copied().collect();
         let known = edges.iter().map(|edge| (edge.key, edge.evidence)).collect();
-        Self { change, vertices, known_count, lost, edges, known }
+        Self { change, vertices, known_count, lost, edges, known, legs: *graph.legs() }
+    }
+
+    /// The graph without the edges that the change affects, on which plans can be made until these have been probed.
+    pub fn spared(&self) -> NavGraph {
+        let data = GraphData { vertices: self.vertices.clone(), edges: self.kept(), legs: self.legs };
+        NavGraph::check(data).expect("known edges join vertices")
     }
 
     fn is_lost(&self, key: &Candidate) -> bool {
@@ -241,13 +253,6 @@ impl Remains {
     }
 }
 
-/// The graph of a changed map without the edges that the change affects, on which plans can be made until these have been probed.
-pub fn spared(graph: &NavGraph, old_map: &Map, site: &Site) -> NavGraph {
-    let remains = Remains::of(graph, old_map, site);
-    let data = GraphData { edges: remains.kept(), vertices: remains.vertices, legs: *graph.legs() };
-    NavGraph::check(data).expect("known edges join vertices")
-}
-
 impl Builder<'_> {
     /// Updates `graph`, which was built on `old_map` with the same settings, to the map of the builder's site.
     ///
@@ -255,12 +260,23 @@ impl Builder<'_> {
     /// If `progress.cancel` was set.
     pub fn update(&self, graph: &NavGraph, old_map: &Map) -> Result<Updated, BuildError> {
         let started_s = (self.clock)();
-        let remains = Remains::of(graph, old_map, self.site);
-        let (affected, special) = remains.affected(self.site, self.settings);
-        let proving = self.proving(&remains.vertices, &affected);
+        self.finish_since(started_s, Update::of(graph, old_map, self.site))
+    }
+
+    /// Probes what an update's change affects.
+    ///
+    /// # Errors
+    /// If `progress.cancel` was set.
+    pub fn finish(&self, update: Update) -> Result<Updated, BuildError> {
+        self.finish_since((self.clock)(), update)
+    }
+
+    fn finish_since(&self, started_s: f64, update: Update) -> Result<Updated, BuildError> {
+        let (affected, special) = update.affected(self.site, self.settings);
+        let proving = self.proving(&update.vertices, &affected);
         let evidence = proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?;
         let proved = affected.iter().zip(&evidence).filter(|(_, evidence)| evidence.proves(self.settings.threshold));
-        let mut edges = remains.kept();
+        let mut edges = update.kept();
         let kept_count = edges.len();
         edges.extend(proved.map(|(&key, &evidence)| Edge { key, evidence }));
         let seconds = (self.clock)() - started_s;
@@ -273,8 +289,8 @@ impl Builder<'_> {
             probing_s: seconds,
             seconds,
         };
-        let Remains { change, vertices, lost, .. } = remains;
-        let data = GraphData { vertices, edges, legs: *graph.legs() };
+        let Update { change, vertices, lost, legs, .. } = update;
+        let data = GraphData { vertices, edges, legs };
         let graph = NavGraph::check(data).expect("candidates join vertices");
         Ok(Updated { built: Built { graph, stats }, change, retried: affected.len() as u64, lost })
     }

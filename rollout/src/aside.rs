@@ -1,6 +1,6 @@
 //! NPCs that others have pushed off their way: a leg was proved, and rehearsed, from elsewhere, and a wall may lie before its end.
 
-use crate::follow::{Follower, Step};
+use crate::follow::Follower;
 use surefoot_world::{Ability, CharacterProfile, Map, Vec3};
 
 /// Least distance of a place that an NPC heads for to get back on its way, m: nearer ones count as reached.
@@ -8,25 +8,22 @@ const LEAST_M: f32 = 0.5;
 
 impl Follower {
     /// What an NPC does that has been pushed off its way, with the feet at `feet`, m: where a wall lies between it and the end of a leg that
-    /// is walked, it heads for the last place of the rehearsed way that it sees.
-    pub fn regain(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3) -> Step {
-        let Some((ability, end)) = self.pace() else { return Step::Keep };
+    /// is walked, it heads for the last place of the rehearsed way that it sees. Returns its waypoint, m, if that is another one now.
+    pub fn regain(&mut self, map: &Map, body: &CharacterProfile, feet: Vec3) -> Option<Vec3> {
+        let (ability, end) = self.pace()?;
         let former = self.waypoint();
         let is_lost = ability == Ability::Walk && !sees(map, body, feet, end);
-        let aside = if !is_lost {
-            None
-        } else {
+        let aside = if is_lost {
             let way = self.rehearsed_way();
             let until = nearest(way, end);
             let seen = way[..until].iter().rposition(|place| sees(map, body, feet, *place));
             // Whoever is there already goes on to what comes next.
             seen.and_then(|seen| way[seen..until].iter().find(|place| place.distance(feet) > LEAST_M)).copied()
+        } else {
+            None
         };
         self.turn_aside(is_lost, aside);
-        match self.waypoint() {
-            Some(waypoint) if former != Some(waypoint) => Step::Head(waypoint),
-            _ => Step::Keep,
-        }
+        self.waypoint().filter(|waypoint| former != Some(*waypoint))
     }
 }
 

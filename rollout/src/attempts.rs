@@ -307,14 +307,10 @@ impl Guide<'_> {
             walker.end = leg_end;
             return;
         }
+        let is_pushed = world.config().npc_collision && walker.ghost.is_none() && body.is_grounded();
         let step = match follower.note(feet, waypoint_reached) {
-            step @ (Step::Keep | Step::Head(_))
-                if walker.ghost.is_none() && body.is_grounded() && world.config().npc_collision =>
-            {
-                match follower.regain(world.map(), &world.config().profiles[0], feet) {
-                    Step::Keep => step,
-                    other => other,
-                }
+            step @ (Step::Keep | Step::Head(_)) if is_pushed => {
+                follower.regain(world.map(), &world.config().profiles[0], feet).map_or(step, Step::Head)
             }
             step => step,
         };

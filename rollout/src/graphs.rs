@@ -4,7 +4,7 @@ use crate::probe::{InProcess, ProbeContext};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::edits::MapTerrain;
-use surefoot_planner::update::Updated;
+use surefoot_planner::update::{Update, Updated};
 use surefoot_planner::{BuildError, BuildSettings, Builder, Built, GraphId, NavGraph, Progress};
 use surefoot_world::Map;
 
@@ -38,6 +38,20 @@ pub fn update(
     progress: &Progress,
 ) -> Result<Updated, BuildError> {
     with_builder(context, settings, thread_count, progress, |builder| builder.update(graph, old_map))
+}
+
+/// Probes what an update of a graph for the map of `context` affects.
+///
+/// # Errors
+/// Same as [`build`].
+pub fn finish(
+    update: Update,
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+) -> Result<Updated, BuildError> {
+    with_builder(context, settings, thread_count, progress, |builder| builder.finish(update))
 }
 
 /// The terrain on which edits of graphs of `context` are probed.

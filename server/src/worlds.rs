@@ -253,8 +253,8 @@ impl Worlds {
         let made = self.maps().get(&caller.name, source.made()).await?;
         let id = self.next_id().await;
         let map = {
-            let made = made.map().clone();
-            in_background("putting pieces onto a map", move || source.finish(made)).await?
+            let made = made.clone();
+            in_background("putting pieces onto a map", move || source.finish(made.map())).await?
         };
         let map_hash = map.hash();
         let world = HostedWorld::new(id, map, mode, self.shared.registry.clone())
@@ -557,7 +557,7 @@ impl Worlds {
         let made = self.maps().get(&caller.name, source.made()).await?;
         let survey = move || {
             let _turn = turn;
-            let map = source.finish(made.map().clone());
+            let map = source.finish(made.map());
             bodies.into_iter().map(|body| Survey::of(&map, body, max_cut_off)).collect()
         };
         in_background("surveying", survey).await

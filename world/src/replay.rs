@@ -17,7 +17,7 @@ impl Recording {
         if map.built_hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.built_hash() });
         }
-        let map = if map.pieces() == self.pieces { map } else { Arc::new(with_pieces(&map, 0, &self.pieces)?) };
+        let map = holding(&map, 0, &self.pieces)?;
         if !self.start.fits(self.profiles.len(), &map) {
             return Err(ReplayError::Senseless("it needs zip lines or movers that the map does not have"));
         }
@@ -55,8 +55,8 @@ impl Recording {
     }
 }
 
-fn with_pieces(map: &Map, tick: u64, pieces: &[Piece]) -> Result<Map, ReplayError> {
-    map.with_pieces(pieces.to_vec()).map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })
+fn holding(map: &Arc<Map>, tick: u64, pieces: &[Piece]) -> Result<Arc<Map>, ReplayError> {
+    map.holding(pieces).map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })
 }
 
 fn apply(world: &mut World, tick: u64, input: &Input) -> Result<(), ReplayError> {
@@ -76,8 +76,8 @@ fn apply(world: &mut World, tick: u64, input: &Input) -> Result<(), ReplayError>
             return if removed { Ok(()) } else { Err(ReplayError::NoSuchPlayer { tick, player: player.0 }) };
         }
         Input::Edit(pieces) => {
-            let map = with_pieces(world.map(), tick, pieces)?;
-            let edited = world.edit(Arc::new(map));
+            let map = holding(world.map(), tick, pieces)?;
+            let edited = world.edit(map);
             edited.map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })?;
         }
         Input::Despawn(slot) => {

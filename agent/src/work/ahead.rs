@@ -68,11 +68,8 @@ impl HeldMade {
     }
 
     /// Puts pieces onto the map.
-    fn with_pieces(self, pieces: Vec<Piece>) -> Result<HeldMap, String> {
-        let map = match pieces.is_empty() {
-            true => self.map().clone(),
-            false => Arc::new(self.map().with_pieces(pieces).map_err(|error| error.to_string())?),
-        };
+    fn with_pieces(self, pieces: &[Piece]) -> Result<HeldMap, String> {
+        let map = self.map().holding(pieces).map_err(|error| error.to_string())?;
         Ok(HeldMap { map, _made: self })
     }
 }
@@ -100,7 +97,7 @@ impl Maps {
                     None => maps.level(&key, server).await?,
                 };
                 let pieces = key.pieces()?;
-                let put = tokio::task::spawn_blocking(move || made.with_pieces(pieces));
+                let put = tokio::task::spawn_blocking(move || made.with_pieces(&pieces));
                 put.await.map_err(|error| error.to_string())?
             };
             let arrival = tokio::select! {

@@ -94,15 +94,12 @@ impl MapSource {
             Made::Spec(spec) => Arc::new(Map::generate(spec)),
             Made::Level(level) => level.map.clone(),
         };
-        self.finish(made)
+        self.finish(&made)
     }
 
     /// Puts the pieces of the source onto the map that was made.
-    pub fn finish(&self, made: Arc<Map>) -> Arc<Map> {
-        if made.pieces() == &*self.pieces {
-            return made;
-        }
-        Arc::new(made.with_pieces(self.pieces.to_vec()).expect("the pieces of a source were checked"))
+    pub fn finish(&self, made: &Arc<Map>) -> Arc<Map> {
+        made.holding(&self.pieces).expect("the pieces of a source were checked")
     }
 
     /// Returns a key that is different for every source.

@@ -1,5 +1,6 @@
 //! Vertices at a piece that was put onto a map: on top of it, and beside it, where NPCs walk round.
 
+use surefoot_world::float::turned;
 use surefoot_world::map::{Outline, Piece, PieceShape};
 use surefoot_world::{CharacterProfile, Vec3};
 
@@ -17,8 +18,8 @@ pub(crate) fn spots(piece: &Piece, profile: &CharacterProfile) -> Vec<Vec3> {
     let room = profile.radius + ROOM_M;
     match piece.shape {
         PieceShape::Block { foot, half, height, yaw } => {
-            let (sin, cos) = libm::sincosf(yaw);
-            let place = |x: f32, y: f32, z: f32| foot + Vec3::new(x * cos + z * sin, y, z * cos - x * sin);
+            let turn = libm::sincosf(yaw);
+            let place = |x: f32, y: f32, z: f32| foot + turned(Vec3::new(x, y, z), turn);
             let mut spots = Vec::new();
             for x in along(half[0]) {
                 spots.extend(along(half[1]).map(|z| place(x, height, z)));

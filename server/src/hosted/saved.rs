@@ -138,13 +138,13 @@ impl SavedWorld {
     /// # Errors
     /// If the map cannot be decoded, or it is not the one that the world was saved with.
     pub fn maps(&self) -> Result<RestoredMap, SavedError> {
-        let made = match &self.source {
+        let made = Arc::new(match &self.source {
             SavedMap::Spec(spec) => Map::generate(spec),
             SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
-        };
-        let map = made.with_pieces(self.pieces.clone()).map_err(|error| SavedError::Pieces(self.id, error))?;
+        });
+        let map = made.holding(&self.pieces).map_err(|error| SavedError::Pieces(self.id, error))?;
         if map.hash() == self.map && self.state.fits(self.bodies.len(), &map) {
-            Ok(RestoredMap { made: Arc::new(made), map: Arc::new(map) })
+            Ok(RestoredMap { made, map })
         } else {
             Err(SavedError::OtherMap(self.id))
         }

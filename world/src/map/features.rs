@@ -1,7 +1,7 @@
 //! Features: what stands on a map besides its bare ground.
 
 use crate::Vec3;
-use crate::float::hypot;
+use crate::float::{hypot, turned};
 use serde::{Deserialize, Serialize};
 
 /// What a pool is filled with.
@@ -142,8 +142,7 @@ pub struct Building {
 impl Building {
     /// Transforms a point from the building's frame (origin at `base`) to the map's.
     pub fn to_map(&self, local: Vec3) -> Vec3 {
-        let (sin, cos) = libm::sincosf(self.yaw);
-        self.base + Vec3::new(local.x * cos + local.z * sin, local.y, local.z * cos - local.x * sin)
+        self.base + turned(local, libm::sincosf(self.yaw))
     }
 
     /// Whether the vertical line through (`x`, `z`) meets the building.

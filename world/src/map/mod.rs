@@ -144,6 +144,14 @@ impl Map {
         })
     }
 
+    /// This map with exactly these pieces; the map itself if it has them already, in the order of their names.
+    ///
+    /// # Errors
+    /// If one of them is not valid, or they are too many.
+    pub fn holding(self: &Arc<Self>, pieces: &[Piece]) -> Result<Arc<Self>, PieceError> {
+        if self.pieces == pieces { Ok(self.clone()) } else { self.with_pieces(pieces.to_vec()).map(Arc::new) }
+    }
+
     /// The triangles and features of this map without its pieces.
     pub(crate) fn without_pieces(&self) -> (&[Triangle], Placed) {
         let mut placed = self.placed.clone();

@@ -3,6 +3,7 @@
 //! A mover is a rigid piece of geometry that stands at stops and travels between neighbouring ones. What it does at the moment
 //! is part of a world, see [`MoverState`](crate::MoverState).
 
+use crate::float::turned;
 use crate::mesh::{Surface, Triangle};
 use crate::{TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
@@ -172,9 +173,7 @@ impl Mover {
         if stop.yaw == 0.0 {
             return point + stop.offset;
         }
-        let (sin, cos) = libm::sincosf(stop.yaw);
-        let arm = point - self.pivot;
-        self.pivot + Vec3::new(arm.x * cos + arm.z * sin, arm.y, arm.z * cos - arm.x * sin) + stop.offset
+        self.pivot + turned(point - self.pivot, libm::sincosf(stop.yaw)) + stop.offset
     }
 
     /// The pose at a share of the way from one stop to another.

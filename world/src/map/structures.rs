@@ -2,7 +2,7 @@
 
 use super::features::{Building, DISC_RADIUS_M, Outline, Placed, Pool};
 use crate::Vec3;
-use crate::float::hypot;
+use crate::float::{hypot, turned};
 use crate::mesh::{Surface, Triangle};
 use std::f32::consts::TAU;
 
@@ -115,9 +115,8 @@ impl Block {
 
     /// The triangles of the block, turned by `yaw` and then moved to `at`.
     pub fn placed(&self, at: Vec3, yaw: f32) -> impl Iterator<Item = [Vec3; 3]> + use<> {
-        let (sin, cos) = libm::sincosf(yaw);
-        let place = move |p: Vec3| at + Vec3::new(p.x * cos + p.z * sin, p.y, p.z * cos - p.x * sin);
-        self.triangles().map(move |corners| corners.map(place))
+        let turn = libm::sincosf(yaw);
+        self.triangles().map(move |corners| corners.map(|corner| at + turned(corner, turn)))
     }
 
     /// The twelve triangles of the box, facing outwards.

@@ -1,7 +1,7 @@
 //! The triangles that were added to a map since it was built: few, in cells seen from above, and made anew with every change.
 
 use super::columns::Columns;
-use super::ray::RayHit;
+use super::ray::{RayHit, stretch_within};
 use super::triangle::Triangle;
 use crate::Vec3;
 
@@ -66,7 +66,7 @@ impl Added {
 
     /// Finds the first triangle along the ray within `most` metres.
     pub fn cast_ray(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<RayHit> {
-        let (mut at, end) = self.stretch(origin, direction, most)?;
+        let (mut at, end) = stretch_within(origin, direction, most, (self.low, self.high))?;
         let mut best: Option<RayHit> = None;
         let mut cell = self.cell(origin + direction * at).map(|number| number as i32);
         loop {
@@ -100,23 +100,6 @@ impl Added {
         }
     }
 
-    /// Where the ray enters and leaves the bounds, m.
-    fn stretch(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<(f32, f32)> {
-        let (mut near, mut far) = (0.0f32, most);
-        for axis in 0..3 {
-            let (o, d) = (origin[axis], direction[axis]);
-            if d == 0.0 {
-                if o < self.low[axis] || o > self.high[axis] {
-                    return None;
-                }
-                continue;
-            }
-            let (one, other) = ((self.low[axis] - o) / d, (self.high[axis] - o) / d);
-            (near, far) = (near.max(one.min(other)), far.min(one.max(other)));
-        }
-        (near <= far).then_some((near, far))
-    }
-
     /// Adds the indices, plus `first`, of the solid triangles whose bounds touch the box, in ascending order.
     pub fn gather_solids(&self, low: Vec3, high: Vec3, first: u32, found: &mut Vec<u32>) {
         if low.cmpgt(self.high).any() || high.cmplt(self.low).any() {
@@ -124,11 +107,8 @@ impl Added {
         }
         let begin = found.len();
         for cell in self.cells_of(low, high) {
-            found.extend(self.cells[cell].iter().filter(|idx| {
-                let triangle = &self.triangles[**idx as usize];
-                let (t_low, t_high) = triangle.bounds();
-                triangle.surface().is_solid() && t_low.cmple(high).all() && t_high.cmpge(low).all()
-            }));
+            let is_met = |idx: &&u32| self.triangles[**idx as usize].is_solid_in(low, high);
+            found.extend(self.cells[cell].iter().filter(is_met));
         }
         found[begin..].sort_unstable();
         found.dedup();

@@ -234,10 +234,6 @@ impl Grid {
         }
         found.sort_unstable();
         found.dedup();
-        found.retain(|&idx| {
-            let triangle = &self.triangles[idx as usize];
-            let (t_low, t_high) = triangle.bounds();
-            triangle.surface().is_solid() && t_low.cmple(high).all() && t_high.cmpge(low).all()
-        });
+        found.retain(|&idx| self.triangles[idx as usize].is_solid_in(low, high));
     }
 }

@@ -29,6 +29,8 @@ pub struct Triangles<'a> {
     added: &'a [Triangle],
 }
 
+type Iter<'a> = std::iter::Chain<std::slice::Iter<'a, Triangle>, std::slice::Iter<'a, Triangle>>;
+
 impl<'a> Triangles<'a> {
     /// Their number.
     pub fn len(self) -> usize {
@@ -41,16 +43,16 @@ impl<'a> Triangles<'a> {
     }
 
     /// One after the other.
-    pub fn iter(self) -> std::iter::Chain<std::slice::Iter<'a, Triangle>, std::slice::Iter<'a, Triangle>> {
+    pub fn iter(self) -> Iter<'a> {
         self.built.iter().chain(self.added)
     }
 }
 
 impl<'a> IntoIterator for Triangles<'a> {
     type Item = &'a Triangle;
-    type IntoIter = std::iter::Chain<std::slice::Iter<'a, Triangle>, std::slice::Iter<'a, Triangle>>;
+    type IntoIter = Iter<'a>;
 
-    fn into_iter(self) -> Self::IntoIter {
+    fn into_iter(self) -> Iter<'a> {
         self.iter()
     }
 }

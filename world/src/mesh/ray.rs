@@ -101,20 +101,29 @@ impl Grid {
         if origin.cmpge(Vec3::ZERO).all() && origin.cmple(size).all() {
             return Some(0.0);
         }
-        let (mut near, mut far) = (0.0f32, f32::INFINITY);
-        for axis in 0..3 {
-            let (o, d) = (origin[axis], direction[axis]);
-            let high = size[axis];
-            if d == 0.0 {
-                if o < 0.0 || o > high {
-                    return None;
-                }
-                continue;
-            }
-            let (t0, t1) = (-o / d, (high - o) / d);
-            near = near.max(t0.min(t1));
-            far = far.min(t0.max(t1));
-        }
-        (near <= far).then_some(near)
+        stretch_within(origin, direction, f32::INFINITY, (Vec3::ZERO, size)).map(|(near, _)| near)
     }
+}
+
+/// Distances along a ray at which it enters and leaves a box, m, of those up to `most`; `None` if it misses the box.
+pub(super) fn stretch_within(
+    origin: Vec3,
+    direction: Vec3,
+    most: f32,
+    (low, high): (Vec3, Vec3),
+) -> Option<(f32, f32)> {
+    let (mut near, mut far) = (0.0f32, most);
+    for axis in 0..3 {
+        let (o, d) = (origin[axis], direction[axis]);
+        if d == 0.0 {
+            if o < low[axis] || o > high[axis] {
+                return None;
+            }
+            continue;
+        }
+        let (t0, t1) = ((low[axis] - o) / d, (high[axis] - o) / d);
+        near = near.max(t0.min(t1));
+        far = far.min(t0.max(t1));
+    }
+    (near <= far).then_some((near, far))
 }

@@ -92,6 +92,12 @@ impl Triangle {
         (a.min(b).min(c), a.max(b).max(c))
     }
 
+    /// Whether this is part of a solid, and its bounds touch the box.
+    pub(super) fn is_solid_in(&self, low: Vec3, high: Vec3) -> bool {
+        let (own_low, own_high) = self.bounds();
+        self.surface.is_solid() && own_low.cmple(high).all() && own_high.cmpge(low).all()
+    }
+
     /// The rows `x, y, z, offset` that give, for a point relative to `base`, its distance from the plane and its barycentric
     /// coordinates along both edges (Baldwin and Weber, 2016).
     pub(super) fn transformation(&self, base: Vec3) -> [f32; 12] {

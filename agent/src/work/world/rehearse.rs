@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_rollout::Style;
-use surefoot_rollout::follow::Step;
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
 use surefoot_world::{MoverState, NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
 
@@ -67,11 +66,8 @@ impl WorldTask {
             if !was_foretold && npc.follower.waypoint().is_some() && !npc.follower.is_barred() {
                 (npc.ghost, npc.rehearses_next) = (None, true);
                 let around = map.as_ref().zip(body.as_ref()).filter(|_| state.body.is_grounded());
-                if let Some((map, body)) = around
-                    && let Step::Head(waypoint) = npc.follower.regain(map, body, state.body.feet)
-                {
-                    npc.new_waypoint = Some(waypoint);
-                }
+                let regained = around.and_then(|(map, body)| npc.follower.regain(map, body, state.body.feet));
+                npc.new_waypoint = regained.or(npc.new_waypoint);
             }
         }
         let pace = self.stage.as_ref().map(|stage| &stage.maps.pace).filter(|_| !self.is_lockstep);

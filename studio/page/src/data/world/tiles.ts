@@ -36,11 +36,12 @@ export function missingTiles(
   size: Extent,
   has: (tile: string) => boolean,
 ): TileRange | undefined {
-  const last = (extent: number) => Math.max(0, Math.ceil(extent / TILE_M) - 1)
-  const tile = (metres: number, extent: number) => Math.min(last(extent), Math.max(0, Math.floor(metres / TILE_M)))
+  const low = { ...around, x: around.x - radius, z: around.z - radius }
+  const high = { ...around, x: around.x + radius, z: around.z + radius }
+  const within = tilesWithin({ low, high }, size)
   let range: TileRange | undefined
-  for (let x = tile(around.x - radius, size.width); x <= tile(around.x + radius, size.width); x += 1) {
-    for (let z = tile(around.z - radius, size.depth); z <= tile(around.z + radius, size.depth); z += 1) {
+  for (let x = within.lowX; x <= within.highX; x += 1) {
+    for (let z = within.lowZ; z <= within.highZ; z += 1) {
       if (has(`${x},${z}`)) continue
       range = {
         lowX: Math.min(range?.lowX ?? x, x),

@@ -1,5 +1,5 @@
 import type { Studio } from '../../data/studio'
-import type { PieceKind } from '../../data/world/pieces'
+import type { PieceKind, Sizes } from '../../data/world/pieces'
 import { Button, NumberField, Section, SelectField, SureButton } from '../controls'
 
 const KINDS: readonly { value: PieceKind; name: string }[] = [
@@ -18,6 +18,16 @@ export function PiecesSection({ studio }: { studio: Studio }) {
   const { worldId } = laid
   const [kind, sizes] = [pieces.kind.value, pieces.sizes.value]
   const isBuilding = studio.tool.value === 'build'
+  const size = (label: string, which: keyof Sizes, min: number) => (
+    <NumberField
+      label={label}
+      value={sizes[which]}
+      min={min}
+      max={100}
+      step={0.5}
+      onChange={(metres) => (pieces.sizes.value = { ...pieces.sizes.peek(), [which]: metres })}
+    />
+  )
   return (
     <Section title="Build on the map">
       <div class="row">
@@ -39,26 +49,8 @@ export function PiecesSection({ studio }: { studio: Studio }) {
         />
       </div>
       <div class="row">
-        {(kind === 'block' || kind === 'bridge') && (
-          <NumberField
-            label="Width, m"
-            value={sizes.width}
-            min={0.5}
-            max={100}
-            step={0.5}
-            onChange={(width) => (pieces.sizes.value = { ...pieces.sizes.peek(), width })}
-          />
-        )}
-        {kind === 'block' && (
-          <NumberField
-            label="Height, m"
-            value={sizes.height}
-            min={0.1}
-            max={100}
-            step={0.5}
-            onChange={(height) => (pieces.sizes.value = { ...pieces.sizes.peek(), height })}
-          />
-        )}
+        {(kind === 'block' || kind === 'bridge') && size('Width, m', 'width', 0.5)}
+        {kind === 'block' && size('Height, m', 'height', 0.1)}
       </div>
       <ul class="list pieces" aria-label="Pieces">
         {laid.pieces.map(({ name }) => (
