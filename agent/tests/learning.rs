@@ -9,7 +9,6 @@ use surefoot_agent::train::{Processor, Run};
 use surefoot_agent::train::{TrainConfig, TrainError, run};
 use surefoot_policy::ActorConfig;
 use surefoot_policy::checkpoint::module_bytes;
-use surefoot_world::OBSERVATION_LEN;
 
 fn tiny() -> TrainConfig {
     TrainConfig {
@@ -22,7 +21,10 @@ fn tiny() -> TrainConfig {
         checkpoint_every: 1000,
         validation_goals: 1,
         validation_seeds: vec![1000],
-        sac: SacConfig { network: ActorConfig { ray_features: 8, hidden: 16, memory: None }, ..SacConfig::default() },
+        sac: SacConfig {
+            network: ActorConfig { ray_features: 8, hidden: 16, memory: None, sees_others: false },
+            ..SacConfig::default()
+        },
         collector: CollectorConfig {
             map_side: 60,
             world_count: 2,
@@ -39,14 +41,24 @@ fn tiny() -> TrainConfig {
 }
 
 fn tiny_recurrent() -> TrainConfig {
-    let network = ActorConfig { ray_features: 8, hidden: 16, memory: std::num::NonZeroUsize::new(6) };
+    let network =
+        ActorConfig { ray_features: 8, hidden: 16, memory: std::num::NonZeroUsize::new(6), sees_others: false };
     TrainConfig { burn_in: 3, learn: 5, batch: 4, sac: SacConfig { network, ..SacConfig::default() }, ..tiny() }
+}
+
+/// A recurrent agent that sees others, who get in its way.
+fn tiny_social() -> TrainConfig {
+    let recurrent = tiny_recurrent();
+    let network = ActorConfig { sees_others: true, ..recurrent.sac.network };
+    let collector = CollectorConfig { solid_npcs: true, npcs_per_world: 16, ..recurrent.collector };
+    TrainConfig { sac: SacConfig { network, ..SacConfig::default() }, collector, ..recurrent }
 }
 
 /// The bits of actions of the weights in a run's `last`.
 fn decisions(folder: &tempfile::TempDir) -> Vec<u32> {
     let policy = surefoot_policy::Policy::load(&folder.path().join("last")).unwrap();
-    let rows: Vec<f32> = (0..8 * OBSERVATION_LEN).map(|idx| (idx % 17) as f32 / 17.0).collect();
+    let value = |idx: usize| (idx % policy.observation_len() % 17) as f32 / 17.0;
+    let rows: Vec<f32> = (0..8 * policy.observation_len()).map(value).collect();
     let (mut memory, mut actions) = (vec![0.5; 8 * policy.memory_len()], Vec::new());
     policy.act(&rows, &mut memory, 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
     actions.iter().flat_map(|action| action.to_array().map(f32::to_bits)).collect()
@@ -54,7 +66,7 @@ fn decisions(folder: &tempfile::TempDir) -> Vec<u32> {
 
 #[test]
 fn a_resumed_run_continues_bit_for_bit() {
-    for config in [tiny(), tiny_recurrent()] {
+    for config in [tiny(), tiny_recurrent(), tiny_social()] {
         let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let stop = AtomicBool::new(false);
         run(TrainConfig { total_updates: 24, ..config.clone() }, folders[0].path(), false, &stop, |_| {}).unwrap();
@@ -146,7 +158,7 @@ fn equal_seeds_train_equal_networks() {
             surefoot_policy::Manifest::new("t", tiny().sac.network, &[], serde_json::Value::Null),
         );
         let mut actions = Vec::new();
-        policy.act(&vec![0.3; OBSERVATION_LEN], &mut [], 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
+        policy.act(&vec![0.3; policy.observation_len()], &mut [], 0.0, &mut ChaCha8Rng::seed_from_u64(0), &mut actions);
         actions[0].to_array().map(f32::to_bits)
     };
     assert_eq!(parameters(&one), parameters(&same));

@@ -69,12 +69,15 @@ fn learns_to_reach_goals(network: ActorConfig, updates: u64) {
 
 #[test]
 fn the_reactive_agent_learns_to_reach_goals_from_scratch() {
-    learns_to_reach_goals(ActorConfig { ray_features: 16, hidden: 64, memory: None }, 2500);
+    learns_to_reach_goals(ActorConfig { ray_features: 16, hidden: 64, memory: None, sees_others: false }, 2500);
 }
 
 #[test]
 fn the_recurrent_agent_learns_to_reach_goals_from_scratch() {
-    learns_to_reach_goals(ActorConfig { ray_features: 16, hidden: 64, memory: std::num::NonZeroUsize::new(16) }, 2500);
+    learns_to_reach_goals(
+        ActorConfig { ray_features: 16, hidden: 64, memory: std::num::NonZeroUsize::new(16), sees_others: false },
+        2500,
+    );
 }
 
 const SEQUENCES: usize = 16;
@@ -111,7 +114,8 @@ fn cued_batch(rng: &mut ChaCha8Rng, memory: usize) -> Batch {
 
 #[test]
 fn the_recurrent_agent_acts_on_what_it_saw_before() {
-    let network = ActorConfig { ray_features: 8, hidden: 32, memory: std::num::NonZeroUsize::new(16) };
+    let network =
+        ActorConfig { ray_features: 8, hidden: 32, memory: std::num::NonZeroUsize::new(16), sees_others: false };
     let config = SacConfig { network, learning_rate: 2.0e-3, ..SacConfig::default() };
     let mut learner = Learner::new(config, ChaCha8Rng::seed_from_u64(1));
     let mut rng = ChaCha8Rng::seed_from_u64(2);
@@ -136,7 +140,7 @@ fn the_recurrent_agent_acts_on_what_it_saw_before() {
 
 #[test]
 fn the_reactive_agent_finds_the_better_action_of_a_bandit() {
-    let network = ActorConfig { ray_features: 8, hidden: 32, memory: None };
+    let network = ActorConfig { ray_features: 8, hidden: 32, memory: None, sees_others: false };
     let config = SacConfig { network, learning_rate: 1.0e-3, ..SacConfig::default() };
     let mut learner = Learner::new(config, ChaCha8Rng::seed_from_u64(1));
     let mut rng = ChaCha8Rng::seed_from_u64(2);

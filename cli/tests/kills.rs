@@ -232,7 +232,10 @@ fn small_run() -> TrainConfig {
         checkpoint_every: 1,
         validation_goals: 1,
         validation_seeds: vec![1000],
-        sac: SacConfig { network: ActorConfig { ray_features: 8, hidden: 16, memory: None }, ..SacConfig::default() },
+        sac: SacConfig {
+            network: ActorConfig { ray_features: 8, hidden: 16, memory: None, sees_others: false },
+            ..SacConfig::default()
+        },
         collector: CollectorConfig {
             map_side: 60,
             world_count: 2,

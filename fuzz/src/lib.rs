@@ -18,7 +18,7 @@ use surefoot_proto::plans;
 use surefoot_proto::{convert, planner::v1 as plan, world::v1 as wire};
 use surefoot_server::hosted::{HostedWorld, NpcStatus, SavedMap, SavedWorld, TimeMode};
 use surefoot_server::ids::WorkerId;
-use surefoot_server::messages::{Answer, Decision, ToWorker};
+use surefoot_server::messages::{Answer, Decision, Hello, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_server::{NpcId, WorldId, wire as server_wire};
@@ -53,7 +53,8 @@ const MAX_TICKS: u64 = 3000;
 /// Id of the first NPC of the world in [`answer`].
 pub const FIRST_NPC: u64 = 1 << 28 | 1;
 /// Sizes of the network that weights are loaded into.
-pub const NETWORK: ActorConfig = ActorConfig { ray_features: 1, hidden: 2, memory: Some(std::num::NonZeroUsize::MIN) };
+pub const NETWORK: ActorConfig =
+    ActorConfig { ray_features: 1, hidden: 2, memory: Some(std::num::NonZeroUsize::MIN), sees_others: false };
 
 /// The value, or `None` if the decoder rejected the bytes.
 ///
@@ -125,7 +126,7 @@ fn lockstep_world() -> (HostedWorld, Vec<mpsc::Receiver<ToWorker>>) {
     for capacity in [2, 1] {
         let (queue, reader) = mpsc::channel(64);
         queues.push(reader);
-        registry.join(String::new(), String::new(), capacity, queue);
+        registry.join(Hello::new("", "", capacity), queue);
         for _ in 0..capacity {
             let id = world.spawn(Vec3::new(10.0, 1.0, 10.0), 0.0, 3, quota.grant("fuzz")).expect("a place on the map");
             world.set_goal(id, Vec3::new(18.0, 1.0, 18.0)).expect("a place on the map");

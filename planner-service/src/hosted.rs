@@ -12,7 +12,7 @@ use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
 use surefoot_planner::live::{LiveEvidence, Reported, Reporter, Traversal};
 use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::store::{LevelId, encode_layer};
-use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, VertexId};
+use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, Traffic, VertexId};
 use surefoot_world::Vec3;
 use tokio::sync::watch;
 
@@ -220,6 +220,13 @@ impl Hosted {
         let view = self.view();
         let repriced = view.repriced.read().expect(POISON);
         view.router.find_path_at(query, &repriced)
+    }
+
+    /// Finds plans at current costs for NPCs that get in each other's way.
+    pub fn plans_in(&self, traffic: &mut Traffic, queries: &[Query]) -> Vec<Plan> {
+        let view = self.view();
+        let repriced = view.repriced.read().expect(POISON).clone();
+        queries.iter().map(|query| view.router.find_path_in(traffic, query, &repriced)).collect()
     }
 
     /// Adds traversals to the live evidence and reprices their edges. Returns the number of traversals along edges that the

@@ -20,7 +20,7 @@ use surefoot_planner::live::{Reporter, Traversal};
 use surefoot_planner::probe::{Outcome, Trial};
 use surefoot_planner::reachability::{self, Difference};
 use surefoot_planner::store::GraphStore;
-use surefoot_planner::{GraphId, Plan, Query, VertexId};
+use surefoot_planner::{GraphId, Plan, Query, Traffic, VertexId};
 use surefoot_policy::Policy;
 use surefoot_rollout::probe::{self, ProbeContext};
 use surefoot_world::{Map, Seed, Vec3};
@@ -255,6 +255,12 @@ impl Planner {
     pub fn plan(&self, hosted: &Hosted, query: &Query) -> Plan {
         self.shared.plans.fetch_add(1, Ordering::Relaxed);
         hosted.plan(query)
+    }
+
+    /// Finds plans at current costs for NPCs that get in each other's way; each counts as traffic for those after it.
+    pub fn plans_in(&self, hosted: &Hosted, traffic: &mut Traffic, queries: &[Query]) -> Vec<Plan> {
+        self.shared.plans.fetch_add(queries.len() as u64, Ordering::Relaxed);
+        hosted.plans_in(traffic, queries)
     }
 
     /// Adds traversals to the live evidence of a graph, and schedules a new table of next hops. Returns the number of traversals

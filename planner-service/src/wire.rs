@@ -12,14 +12,30 @@ use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::live::{Reported, Reporter};
 use surefoot_planner::reachability::Difference;
 use surefoot_planner::settings::MAX_VERTICES;
-use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings};
+use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings, Traffic};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
-use surefoot_proto::plans::{needs_to_wire, settings_to_wire};
+use surefoot_proto::plans::{MAX_CROWDS, needs_to_wire, settings_to_wire};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::MapSpec;
 use surefoot_world::{DECISION_SECONDS, Vec3};
 use tonic::Status;
+
+/// Reads where NPCs are about to be.
+///
+/// # Errors
+/// If there are too many crowds, or one is nowhere.
+pub fn traffic_of(traffic: &wire::Traffic) -> Result<Traffic, Status> {
+    if traffic.crowds.len() > MAX_CROWDS {
+        let message = format!("{} crowds are too many: at most {MAX_CROWDS} are allowed", traffic.crowds.len());
+        return Err(status::too_large("traffic.crowds", message));
+    }
+    let mut read = Traffic::default();
+    for crowd in &traffic.crowds {
+        read.add_crowd(convert::point(crowd.place.as_ref(), "traffic.crowds.place")?, crowd.npcs);
+    }
+    Ok(read)
+}
 
 /// Converts settings from the wire; absent values become defaults.
 ///

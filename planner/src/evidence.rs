@@ -1,8 +1,10 @@
 //! Evidence of an edge (tries, successes, deaths, decisions), and the cost that follows from it.
 
+use crate::ids::EdgeKey;
 use crate::needs::Needs;
 use crate::probe::Outcome;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use surefoot_world::{Ability, Chance, Decisions, Vec3};
 
 /// Statistics of the probes and traversals of an edge.
@@ -282,7 +284,15 @@ pub struct EdgeCost {
     pub by_death: f32,
 }
 
+/// Current costs of edges that have changed since a graph was prepared for queries.
+pub type EdgeCosts = HashMap<EdgeKey, EdgeCost>;
+
 impl EdgeCost {
+    /// The cost of an edge on which one waits for `decisions` besides.
+    pub(crate) fn delayed(self, decisions: f32) -> Self {
+        Self { careful: self.careful + decisions, ..self }
+    }
+
     /// Returns the cost for a search of this caution.
     pub fn at(self, caution: Caution) -> f32 {
         self.careful - (1.0 - caution.0) * self.by_death

@@ -4,7 +4,7 @@
 //! A build is a sequence of stages, one module each: [`placement`] places vertices, [`candidates`] selects candidate
 //! edges, [`prove`] probes them through a [`probe::ProbeExecutor`], guided by a predictor, and [`graph`] keeps the proved
 //! edges with their [`evidence`]. [`build`] runs the stages, of which an [`interim`] graph shows the result so far, [`update`] repeats only what a changed map requires, and
-//! [`search`] answers queries with a [`plan`]. Designers contribute [`edits`], NPCs contribute [`live`] evidence;
+//! [`search`] answers queries with a [`plan`], around [`traffic`] if there is any. Designers contribute [`edits`], NPCs contribute [`live`] evidence;
 //! [`store`] defines the trait for persistence.
 //!
 //! This crate uses no files, sockets, clocks, async runtime, neural networks or wire formats.
@@ -41,6 +41,7 @@ pub mod site;
 mod stitch;
 pub mod store;
 mod table;
+pub mod traffic;
 pub mod update;
 mod ways;
 
@@ -55,3 +56,4 @@ pub use progress::Progress;
 pub use search::Router;
 pub use settings::{BuildError, BuildSettings, GraphId, Placement, Probing, RawBuildSettings, SettingError};
 pub use site::{PolicyHash, Site};
+pub use traffic::Traffic;

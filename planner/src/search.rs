@@ -10,7 +10,8 @@
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS, VertexIndex};
 use crate::closure::Closure;
-use crate::evidence::{Caution, EdgeCost};
+use crate::evidence::Caution;
+pub use crate::evidence::EdgeCosts;
 use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
 use crate::hierarchy::Hierarchy;
@@ -19,6 +20,7 @@ use crate::legs::LegPrices;
 use crate::needs::Needs;
 use crate::plan::{Leg, NoPath, Plan, Query};
 use crate::table::Table;
+use crate::traffic::{Passing, Traffic};
 use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet};
@@ -33,9 +35,6 @@ const AT_VERTEX_M: f32 = 1.0;
 const LEAST_CLIMB_M: f32 = 5.0;
 /// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
 pub const DEFAULT_TABLE_LIMIT: usize = 4096;
-
-/// Current costs of edges that have changed since a router was made.
-pub type EdgeCosts = HashMap<EdgeKey, EdgeCost>;
 
 /// A graph prepared for queries.
 #[derive(Debug)]
@@ -62,6 +61,8 @@ pub struct Router {
     forbidden: Vec<EdgeKey>,
     /// What edges hang on, of those that do.
     needs: HashMap<EdgeKey, Needs>,
+    /// Which edges pass where, once somebody asks for a plan around traffic.
+    passing: OnceLock<Passing>,
     /// The berths on movers, which unproved legs lead to or from only where they begin or end there.
     berths: HashSet<VertexId>,
 }
@@ -94,6 +95,7 @@ impl Router {
             forbidden: Vec::new(),
             closure: Closure::new(&graph),
             labels: OnceLock::new(),
+            passing: OnceLock::new(),
             graph,
             adjacency,
             table,
@@ -170,6 +172,18 @@ impl Router {
             None if is_near => self.direct(query, None),
             None => self.plan_from_afar(query, goals, repriced),
         }
+    }
+
+    /// Current costs of edges, `costs`, with what traffic adds to them.
+    pub fn delayed(&self, costs: &EdgeCosts, traffic: &Traffic) -> EdgeCosts {
+        self.passing.get_or_init(|| Passing::new(&self.graph, &self.adjacency)).delayed(&self.adjacency, traffic, costs)
+    }
+
+    /// Finds the plan of an NPC that gets in others' way, and adds it to their traffic.
+    pub fn find_path_in(&self, traffic: &mut Traffic, query: &Query, repriced: &EdgeCosts) -> Plan {
+        let plan = self.find_path_at(query, &self.delayed(repriced, traffic));
+        traffic.add_plan(query.start, &plan, 0);
+        plan
     }
 
     /// The cheapest path from one of `starts` to one of `goals`.

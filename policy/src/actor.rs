@@ -42,10 +42,11 @@ impl Actor {
         }
     }
 
-    /// Adds an LSTM of `size` units without influence: decisions are unchanged until training continues.
+    /// Adds what an actor of the sizes `to` has and one of its own, `from`, lacks: sight of others and an LSTM. Neither has influence:
+    /// decisions are unchanged until training continues.
     #[must_use]
-    pub fn with_memory(self, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
-        Self { trunk: self.trunk.with_memory(size, device, rng), head: self.head }
+    pub fn grown(self, from: &ActorConfig, to: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
+        Self { trunk: self.trunk.grown(from, to, device, rng), head: self.head }
     }
 
     /// Number of units of the LSTM; `None` for a reactive actor.
@@ -53,7 +54,7 @@ impl Actor {
         self.trunk.memory_size()
     }
 
-    /// Maps observations `[rows, OBSERVATION_LEN]` to the distribution of actions and the hidden state after the last step.
+    /// Maps observations, one in each row, to the distribution of actions and the hidden state after the last step.
     ///
     /// # Panics
     /// If the actor has a memory and `past` is `None`.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::num::NonZeroUsize;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, STATE_LEN};
+use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, observation_len};
 
 /// Number of values of an observation that come from rays; they are the first.
 pub const RAY_LEN: usize = RAY_COUNT * RAY_CHANNELS;
@@ -21,11 +21,14 @@ pub struct ActorConfig {
     /// Number of units of the LSTM; `None` for a reactive agent, written as 0 in files.
     #[serde(default, with = "zero_is_none")]
     pub memory: Option<NonZeroUsize>,
+    /// Whether the agent sees other NPCs and players, which makes its observations longer.
+    #[serde(default)]
+    pub sees_others: bool,
 }
 
 impl Default for ActorConfig {
     fn default() -> Self {
-        Self { ray_features: 128, hidden: 256, memory: None }
+        Self { ray_features: 128, hidden: 256, memory: None, sees_others: false }
     }
 }
 
@@ -38,6 +41,21 @@ impl ActorConfig {
         self.memory.map_or(0, NonZeroUsize::get)
     }
 
+    /// Number of values of an observation.
+    pub fn observation_len(&self) -> usize {
+        observation_len(self.sees_others)
+    }
+
+    /// Number of values that the LSTM and the first hidden layer get of an observation.
+    pub(crate) fn sensed_len(&self) -> usize {
+        self.ray_features + self.observation_len() - RAY_LEN
+    }
+
+    /// Number of values of an NPC's hidden and cell state; 0 for a reactive agent.
+    pub fn hidden_len(&self) -> usize {
+        2 * self.memory_len()
+    }
+
     /// Whether the widths are 1 to 4096 and the memory is 0 to 4096.
     pub fn is_sound(&self) -> bool {
         let widths = 1..=MAX_WIDTH;
@@ -48,9 +66,9 @@ impl ActorConfig {
     /// weights file before memory is allocated.
     pub fn parameter_count(&self) -> usize {
         let &Self { ray_features, hidden, .. } = self;
+        let sensed = self.sensed_len();
         let memory = self.memory_len();
         let dense = |inputs: usize, outputs: usize| (inputs + 1) * outputs;
-        let sensed = ray_features + STATE_LEN;
         let lstm = if memory > 0 { dense(sensed, GATES * memory) + memory * GATES * memory } else { 0 };
         dense(RAY_LEN, ray_features)
             + lstm

@@ -58,7 +58,7 @@ impl Dense {
         cpu::dense::layer(&input, &weight, &bias, true).unwrap_or_else(|| relu(input.matmul(weight) + bias))
     }
 
-    /// Maps the rays of observations `[rows, OBSERVATION_LEN]` to `[members, rows, output]`, followed by ReLU.
+    /// Maps the rays of observations, one in each row, to `[members, rows, output]`, followed by ReLU.
     pub(crate) fn forward_rays(&self, observations: &Tensor<2>) -> Tensor<3> {
         let (weight, bias) = (self.weight.val(), self.bias.val());
         cpu::rays::layer(observations, &weight, &bias).unwrap_or_else(|| {

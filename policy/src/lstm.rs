@@ -33,6 +33,11 @@ impl Lstm {
         Self { input, recurrent: Param::from_data(recurrent, device) }
     }
 
+    /// Inserts `count` inputs with weight 0 before input `at`.
+    pub(crate) fn with_inputs(self, at: usize, count: usize, device: &Device) -> Self {
+        Self { input: self.input.with_inputs(at, count, device), ..self }
+    }
+
     /// Number of units: the length of the hidden state.
     pub fn size(&self) -> usize {
         self.recurrent.dims()[1]

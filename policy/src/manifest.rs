@@ -3,7 +3,6 @@
 use crate::config::ActorConfig;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::OBSERVATION_VERSION;
 
 /// Name of the manifest inside a model's folder.
@@ -80,7 +79,7 @@ impl Manifest {
             name: name.to_owned(),
             kind: kind(&actor).to_owned(),
             actor,
-            observation_len: OBSERVATION_LEN,
+            observation_len: actor.observation_len(),
             observation_version: OBSERVATION_VERSION,
             weights_hash: hash(weights),
             training,
@@ -119,7 +118,7 @@ impl Manifest {
             )));
         }
         same("kind", self.kind.clone(), kind(&self.actor).to_owned())?;
-        same("observation_len", self.observation_len.to_string(), OBSERVATION_LEN.to_string())?;
+        same("observation_len", self.observation_len.to_string(), self.actor.observation_len().to_string())?;
         same("observation_version", self.observation_version.to_string(), OBSERVATION_VERSION.to_string())
     }
 }

@@ -10,7 +10,7 @@ use crate::state::HiddenState;
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor};
 use rand::Rng;
-use surefoot_world::sense::STATE_LEN;
+use surefoot_world::sense::OTHERS_LEN;
 
 /// The start of a sequence, for networks with a memory.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +56,7 @@ pub struct Trunk {
 impl Trunk {
     /// A trunk whose hidden layers take `extra_len` values in addition to the encoding; weights are drawn from `rng`.
     pub fn new(members: usize, config: &ActorConfig, extra_len: usize, device: &Device, rng: &mut impl Rng) -> Self {
-        let sensed = config.ray_features + STATE_LEN;
+        let sensed = config.sensed_len();
         Self {
             rays: Dense::new([members, RAY_LEN, config.ray_features], device, rng),
             memory: config.memory.map(|size| Lstm::new(members, sensed, size.get(), device, rng)),
@@ -65,17 +65,22 @@ impl Trunk {
         }
     }
 
-    /// Adds an LSTM of `size` units without influence on the output.
-    ///
-    /// # Panics
-    /// If the trunk already has a memory.
+    /// Adds what a trunk of the sizes `to` has and one of its own, `from`, lacks: inputs for others and an LSTM, both without influence on
+    /// the output.
     #[must_use]
-    pub fn with_memory(self, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
-        assert!(self.memory.is_none(), "the trunk has no memory yet");
-        let [members, _, ray_features] = self.rays.dims();
-        let sensed = ray_features + STATE_LEN;
-        let memory = Some(Lstm::new(members, sensed, size, device, rng));
-        Self { memory, first: self.first.with_inputs(sensed, size, device), ..self }
+    pub fn grown(mut self, from: &ActorConfig, to: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
+        if to.sees_others && !from.sees_others {
+            let at = from.sensed_len();
+            self.memory = self.memory.map(|memory| memory.with_inputs(at, OTHERS_LEN, device));
+            self.first = self.first.with_inputs(at, OTHERS_LEN, device);
+        }
+        if let (None, Some(size)) = (from.memory, to.memory) {
+            let [members, ..] = self.rays.dims();
+            let sensed = to.sensed_len();
+            self.memory = Some(Lstm::new(members, sensed, size.get(), device, rng));
+            self.first = self.first.with_inputs(sensed, size.get(), device);
+        }
+        self
     }
 
     /// Number of units of the LSTM; `None` without one.
@@ -83,7 +88,7 @@ impl Trunk {
         self.memory.as_ref().map(Lstm::size)
     }
 
-    /// Encodes observations `[rows, OBSERVATION_LEN]`; also returns the hidden state after the last step.
+    /// Encodes observations, one in each row; also returns the hidden state after the last step.
     ///
     /// # Panics
     /// If the trunk has a memory and `past` is `None`.
@@ -98,7 +103,8 @@ impl Trunk {
     /// Encoded rays and the state vector, `[members, rows, features]`.
     fn sense(&self, observations: Tensor<2>) -> Tensor<3> {
         let rays = self.rays.forward_rays(&observations);
-        let state = observations.narrow(1, RAY_LEN, STATE_LEN).unsqueeze::<3>();
+        let [_, len] = observations.dims();
+        let state = observations.narrow(1, RAY_LEN, len - RAY_LEN).unsqueeze::<3>();
         let [members, ..] = rays.dims();
         let state = if members == 1 { state } else { state.repeat_dim(0, members) };
         Tensor::cat(vec![rays, state], 2)

@@ -8,7 +8,6 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
 use std::sync::Arc;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::{ACTION_LEN, Action};
 
 /// A trained actor that decides for many NPCs at once. Cheap to clone: clones share the weights.
@@ -42,9 +41,15 @@ impl Policy {
         &self.actor
     }
 
+    /// Number of values of an observation: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN), or
+    /// [`OBSERVATION_WITH_OTHERS_LEN`](surefoot_world::OBSERVATION_WITH_OTHERS_LEN) for a policy that sees others.
+    pub fn observation_len(&self) -> usize {
+        self.manifest.actor.observation_len()
+    }
+
     /// Number of values in an NPC's memory row, which must be passed on to its next decision; 0 for a reactive policy.
     pub fn memory_len(&self) -> usize {
-        2 * self.actor.memory_size().unwrap_or(0)
+        self.manifest.actor.hidden_len()
     }
 
     /// Computes an action for each observation: the policy's mean plus `noise_share` times its exploration noise.
@@ -62,7 +67,7 @@ impl Policy {
         rng: &mut impl Rng,
         actions: &mut Vec<Action>,
     ) {
-        let row_count = observations.len() / OBSERVATION_LEN;
+        let row_count = observations.len() / self.observation_len();
         let count = if noise_share > 0.0 { row_count * ACTION_LEN } else { 0 };
         let noise = gaussian(rng, count).into_iter().map(|value| value * noise_share).collect();
         self.act_with_noise(observations, memory, noise, actions);
@@ -70,21 +75,21 @@ impl Policy {
 
     /// Computes an action for each observation: the policy's mean plus `noise` in units of its standard deviation.
     ///
-    /// `observations` has rows of [`OBSERVATION_LEN`] values. `memory` has one row of [`memory_len`](Self::memory_len) values for
+    /// `observations` has rows of [`observation_len`](Self::observation_len) values. `memory` has one row of [`memory_len`](Self::memory_len) values for
     /// each, zeros at the start of an attempt, and is overwritten for the next decision. `noise` is empty for none, or has one
     /// row of [`ACTION_LEN`] values for each observation. `actions` is cleared and gets one entry per row.
     ///
     /// # Panics
     /// If `observations` is not a whole number of rows, or the numbers of rows differ.
     pub fn act_with_noise(&self, observations: &[f32], memory: &mut [f32], noise: Vec<f32>, actions: &mut Vec<Action>) {
-        assert_eq!(observations.len() % OBSERVATION_LEN, 0, "whole observation rows");
+        assert_eq!(observations.len() % self.observation_len(), 0, "whole observation rows");
         actions.clear();
-        let row_count = observations.len() / OBSERVATION_LEN;
+        let row_count = observations.len() / self.observation_len();
         assert_eq!(memory.len(), row_count * self.memory_len(), "a row of memory for each observation");
         if row_count == 0 {
             return;
         }
-        let rows = TensorData::new(observations.to_vec(), [row_count, OBSERVATION_LEN]);
+        let rows = TensorData::new(observations.to_vec(), [row_count, self.observation_len()]);
         let ActionDistribution { mean, log_std } = self.distribution(Tensor::from_data(rows, &self.device), memory);
         let raw = if noise.is_empty() {
             mean

@@ -10,7 +10,7 @@ use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::OBSERVATION_VERSION;
 
 fn save(folder: &Path) -> Policy {
-    let config = ActorConfig { ray_features: 16, hidden: 32, memory: None };
+    let config = ActorConfig { ray_features: 16, hidden: 32, memory: None, sees_others: false };
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(3));
     let weights = module_bytes(&actor).unwrap();
     let manifest = Manifest::new("test", config, &weights, serde_json::Value::Null);
@@ -92,7 +92,7 @@ fn damaged_missing_and_foreign_weights_are_refused_with_the_reason() {
 
 #[test]
 fn a_manifest_cannot_request_more_memory_than_its_weights_fill() {
-    let config = ActorConfig { ray_features: 2, hidden: 3, memory: None };
+    let config = ActorConfig { ray_features: 2, hidden: 3, memory: None, sees_others: false };
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(3));
     let weights = module_bytes(&actor).unwrap();
     let refusal = |actor| {
@@ -112,6 +112,11 @@ fn a_manifest_cannot_request_more_memory_than_its_weights_fill() {
         let message = refusal(actor);
         assert!(message.contains("sizes that are not allowed"), "{message}");
     }
-    let message = refusal(ActorConfig { ray_features: 4096, hidden: 4096, memory: std::num::NonZeroUsize::new(4096) });
+    let message = refusal(ActorConfig {
+        ray_features: 4096,
+        hidden: 4096,
+        memory: std::num::NonZeroUsize::new(4096),
+        sees_others: false,
+    });
     assert!(message.contains("bytes of weights"), "{message}");
 }

@@ -10,11 +10,13 @@ use surefoot_policy::checkpoint::module_bytes;
 use surefoot_policy::exchange::{from_safetensors, to_onnx, to_safetensors};
 use surefoot_policy::{Actor, ActorConfig, CheckpointError, Manifest, Policy};
 use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::sense::OTHERS_LEN;
 
 const ROWS: usize = 6;
 
 fn policy(memory: usize) -> Policy {
-    let config = ActorConfig { ray_features: 12, hidden: 20, memory: std::num::NonZeroUsize::new(memory) };
+    let config =
+        ActorConfig { ray_features: 12, hidden: 20, memory: std::num::NonZeroUsize::new(memory), sees_others: false };
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(9));
     let weights = module_bytes(&actor).unwrap();
     Policy::new(&actor, Manifest::new("exchanged", config, &weights, serde_json::json!({ "seed": 9 })))
@@ -130,21 +132,29 @@ fn shapes_cannot_request_more_memory_than_the_values_fill() {
 }
 
 #[test]
-fn a_memory_grown_onto_an_actor_changes_nothing_at_first() {
+fn sight_of_others_and_a_memory_grown_onto_an_actor_change_nothing_at_first() {
     let reactive = policy(0);
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let grown = reactive.actor().clone().with_memory(7, &Device::flex(), &mut rng);
-    let config = ActorConfig { memory: std::num::NonZeroUsize::new(7), ..reactive.manifest().actor };
+    let own = reactive.manifest().actor;
+    let config = ActorConfig { memory: std::num::NonZeroUsize::new(7), sees_others: true, ..own };
+    let grown = reactive.actor().clone().grown(&own, &config, &Device::flex(), &mut rng);
     let grown = Policy::new(&grown, Manifest::new("grown", config, &[], serde_json::Value::Null));
     let mut memory = vec![0.0; ROWS * grown.memory_len()];
     for _ in 0..3 {
         let observations = observations(&mut rng);
-        let (before, after) = (act(&reactive, &observations, &mut []), act(&grown, &observations, &mut memory));
+        let with_others =
+            observations.chunks_exact(OBSERVATION_LEN).flat_map(|row| row.iter().chain(&[0.5; OTHERS_LEN]));
+        let with_others: Vec<f32> = with_others.copied().collect();
+        let (before, after) = (act(&reactive, &observations, &mut []), act(&grown, &with_others, &mut memory));
         for (before, after) in before.iter().zip(&after) {
             assert!((before - after).abs() < 1.0e-5);
         }
     }
     assert!(memory.iter().any(|value| *value != 0.0), "its memory is in use nevertheless");
+
+    let bytes = to_safetensors(grown.actor(), grown.manifest()).unwrap();
+    let (_, read, _) = from_safetensors(&bytes).unwrap();
+    assert_eq!(read, config, "the file tells that it sees others");
 }
 
 // An independent reader and evaluator of ONNX models, for the operators that the export uses.

@@ -7,7 +7,7 @@ use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{
     BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride, Stop,
-    VertexId,
+    Traffic, VertexId,
 };
 use surefoot_world::{Ability, Chance, Seconds};
 
@@ -101,6 +101,16 @@ fn needs(leg: &wire::Leg) -> Result<Option<Needs>, FieldError> {
         needs.ride = Some(Ride { mover: mover(ride.mover)?, from: stop(ride.from_stop)?, to: stop(ride.to_stop)? });
     }
     Ok(Some(needs).filter(|needs| !needs.is_empty()))
+}
+
+/// Most crowds of a request; those of the smallest squares are left out.
+pub const MAX_CROWDS: usize = 256;
+
+/// Converts where NPCs are about to be: the largest crowds.
+pub fn traffic_to_wire(traffic: &Traffic) -> wire::Traffic {
+    let crowds = traffic.crowds().into_iter().take(MAX_CROWDS);
+    let crowd = |(place, npcs)| wire::Crowd { place: Some(convert::to_wire(place)), npcs };
+    wire::Traffic { crowds: crowds.map(crowd).collect() }
 }
 
 /// Converts a query from the wire.

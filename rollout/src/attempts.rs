@@ -10,7 +10,8 @@ use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_planner::Router;
+use surefoot_planner::search::EdgeCosts;
+use surefoot_planner::{Router, Traffic};
 use surefoot_policy::Policy;
 use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
 
@@ -153,6 +154,7 @@ impl Rollout {
             policy,
             rehearsal: Rehearsal::new(self.map.clone(), self.profile.clone(), self.task.clone(), policy),
             rehearses: self.rehearses,
+            traffic: self.solid.then(Traffic::default),
             search_us,
         });
         for walker in &mut walkers {
@@ -168,6 +170,7 @@ impl Rollout {
         for decision in 1.. {
             stir(&mut worlds[0], decision);
             if let Some(guide) = &mut guide {
+                guide.count_traffic(&walkers);
                 guide.look(&mut worlds[0], &mut walkers);
                 guide.rehearse(&mut worlds[0], &mut walkers, &decisions);
             }
@@ -287,10 +290,22 @@ struct Guide<'a> {
     policy: &'a Policy,
     rehearsal: Rehearsal,
     rehearses: bool,
+    /// Where the NPCs are about to be; `None` if they do not get in each other's way.
+    traffic: Option<Traffic>,
     search_us: &'a mut Vec<f64>,
 }
 
 impl Guide<'_> {
+    fn count_traffic(&mut self, walkers: &[Walker]) {
+        let Some(traffic) = &mut self.traffic else { return };
+        *traffic = Traffic::default();
+        for walker in walkers.iter().filter(|walker| walker.end.is_none()) {
+            if let (Some(follower), Some(feet)) = (&walker.follower, walker.track.last()) {
+                follower.add_to(traffic, *feet);
+            }
+        }
+    }
+
     /// Processes one decision of an NPC. `leg_end` is the end of the episode towards the current waypoint, if it ended.
     fn follow(&mut self, world: &mut World, walker: &mut Walker, leg_end: Option<End>) {
         let slot = walker.lane.slot;
@@ -333,7 +348,10 @@ impl Guide<'_> {
         loop {
             let query = follower.query(feet);
             let started = Instant::now();
-            let plan = self.router.find_path(&query);
+            let plan = match &mut self.traffic {
+                Some(traffic) => self.router.find_path_in(traffic, &query, &EdgeCosts::new()),
+                None => self.router.find_path(&query),
+            };
             self.search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
             if !follower.reconsiders(&plan) {
                 return follower.take_plan(plan);

@@ -46,7 +46,7 @@ fn renew_goal(world: &mut World, lane: Lane, points: &[Vec3], rng: &mut ChaCha8R
 /// Observations of NPCs at one decision, and the actions of the policy without noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each NPC.
+    /// As many values for each NPC as the policy's observations have.
     pub observations: Vec<f32>,
     /// [`ACTION_LEN`](surefoot_world::character::ACTION_LEN) values for each NPC.
     pub actions: Vec<f32>,

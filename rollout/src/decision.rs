@@ -3,7 +3,7 @@
 use crate::style::Style;
 use rand::rngs::ChaCha8Rng;
 use surefoot_policy::{HiddenStates, Policy};
-use surefoot_world::{Action, DecisionOutcome, NpcSlot, OBSERVATION_LEN, TICKS_PER_DECISION, World};
+use surefoot_world::{Action, DecisionOutcome, NpcSlot, TICKS_PER_DECISION, World};
 
 /// Default share of the exploration noise with which evaluation, probes and workers act;
 /// docs/adr/0004-acting-with-half-the-noise.md says why it is not 0.
@@ -55,6 +55,8 @@ pub enum Noise<'a> {
 /// The decision loop: buffers that are reused from decision to decision, and the hidden states of all lanes.
 #[derive(Debug)]
 pub struct DecisionLoop {
+    /// Number of values of an observation.
+    observation_len: usize,
     observations: Vec<f32>,
     actions: Vec<Action>,
     outcomes: Vec<DecisionOutcome>,
@@ -62,15 +64,15 @@ pub struct DecisionLoop {
 }
 
 impl DecisionLoop {
-    /// Creates a loop for policies whose hidden state has the same length as that of `policy`.
+    /// Creates a loop for policies whose observations and hidden state have the same lengths as those of `policy`.
     pub fn new(policy: &Policy) -> Self {
-        Self::with_hidden_len(policy.memory_len())
+        Self::of_lens(policy.observation_len(), policy.memory_len())
     }
 
-    /// Creates a loop for hidden states of `hidden_len` values; 0 for policies without a hidden state.
-    pub fn with_hidden_len(hidden_len: usize) -> Self {
+    /// Creates a loop for observations of `observation_len` values and hidden states of `hidden_len`; 0 for policies without a hidden state.
+    pub fn of_lens(observation_len: usize, hidden_len: usize) -> Self {
         let hidden = HiddenStates::of_len(hidden_len);
-        Self { observations: Vec::new(), actions: Vec::new(), outcomes: Vec::new(), hidden }
+        Self { observation_len, observations: Vec::new(), actions: Vec::new(), outcomes: Vec::new(), hidden }
     }
 
     /// Clears the hidden state in a row, as at the start of an episode.
@@ -88,7 +90,7 @@ impl DecisionLoop {
         self.hidden.set_rows(rows);
     }
 
-    /// Last observations of the lanes, [`OBSERVATION_LEN`] values each.
+    /// Last observations of the lanes, one after another.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
@@ -139,8 +141,8 @@ impl DecisionLoop {
 
     /// The first phase: writes the observation of every lane.
     pub fn observe(&mut self, worlds: &[World], lanes: &[Lane]) {
-        self.observations.resize(lanes.len() * OBSERVATION_LEN, 0.0);
-        for (lane, row) in lanes.iter().zip(self.observations.chunks_exact_mut(OBSERVATION_LEN)) {
+        self.observations.resize(lanes.len() * self.observation_len, 0.0);
+        for (lane, row) in lanes.iter().zip(self.observations.chunks_exact_mut(self.observation_len)) {
             worlds[lane.world_idx].observe(lane.slot, row);
         }
     }

@@ -8,7 +8,8 @@ use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use surefoot_world::character::{ACTION_LEN, Action, MoveScratch};
 use surefoot_world::navigable::{self, NoGround};
-use surefoot_world::{CharacterProfile, End, Map, OBSERVATION_LEN, TaskConfig, Vec3, World};
+use surefoot_world::sense::observation_len;
+use surefoot_world::{CharacterProfile, End, Map, TaskConfig, Vec3, World, WorldConfig};
 
 /// Number of places from which starts and goals are drawn.
 const PLACES: usize = 1000;
@@ -25,6 +26,8 @@ pub struct Env {
     /// Wanted distance of goals from their starts, m.
     band: (f32, f32),
     rng: ChaCha8Rng,
+    /// Number of values of an observation.
+    observation_len: usize,
     observations: Vec<f32>,
     rewards: Vec<f32>,
 }
@@ -36,19 +39,20 @@ pub struct Ended {
     pub npc_idx: usize,
     /// How the episode ended.
     pub end: End,
-    /// Last observation of the episode, [`OBSERVATION_LEN`] values.
+    /// Last observation of the episode.
     pub final_observation: Vec<f32>,
 }
 
 impl Env {
-    /// Spawns `npc_count` NPCs with the body `profile` on `map`, with goals at distances in `band`, m.
+    /// Spawns `npc_count` NPCs with the body `profile` on `map`, with goals at distances in `band`, m. Solid NPCs get in each other's way and
+    /// see each other.
     ///
     /// # Errors
     /// If no place to stand is found on the map.
     pub fn new(
         map: Arc<Map>,
         profile: CharacterProfile,
-        npc_count: usize,
+        (npc_count, solid_npcs): (usize, bool),
         band: (f32, f32),
         seed: u64,
     ) -> Result<Self, NoGround> {
@@ -56,14 +60,17 @@ impl Env {
         let mut scratch = MoveScratch::default();
         let places = (0..PLACES).map(|_| navigable::sample(&map, &profile, &mut rng, &mut scratch));
         let places = places.collect::<Result<Vec<_>, _>>()?;
+        let observation_len = observation_len(solid_npcs);
+        let config = WorldConfig { profiles: vec![profile], task: TaskConfig::default(), npc_collision: solid_npcs };
         let mut env = Self {
-            worlds: [World::new(map, profile, TaskConfig::default())],
+            worlds: [World::with_config(map, config)],
             lanes: Vec::with_capacity(npc_count),
-            decisions: DecisionLoop::with_hidden_len(0),
+            decisions: DecisionLoop::of_lens(observation_len, 0),
             places,
             band,
             rng,
-            observations: vec![0.0; npc_count * OBSERVATION_LEN],
+            observation_len,
+            observations: vec![0.0; npc_count * observation_len],
             rewards: vec![0.0; npc_count],
         };
         for npc_idx in 0..npc_count {
@@ -80,7 +87,13 @@ impl Env {
         self.lanes.len()
     }
 
-    /// Current observations of the NPCs, [`OBSERVATION_LEN`] values each.
+    /// Number of values of an observation: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN), or
+    /// [`OBSERVATION_WITH_OTHERS_LEN`](surefoot_world::OBSERVATION_WITH_OTHERS_LEN) if NPCs are solid.
+    pub fn observation_len(&self) -> usize {
+        self.observation_len
+    }
+
+    /// Current observations of the NPCs, one after another.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }
@@ -112,11 +125,11 @@ impl Env {
     }
 
     fn row(&self, npc_idx: usize) -> &[f32] {
-        &self.observations[npc_idx * OBSERVATION_LEN..][..OBSERVATION_LEN]
+        &self.observations[npc_idx * self.observation_len..][..self.observation_len]
     }
 
     fn observe(&mut self, npc_idx: usize) {
-        let row = &mut self.observations[npc_idx * OBSERVATION_LEN..][..OBSERVATION_LEN];
+        let row = &mut self.observations[npc_idx * self.observation_len..][..self.observation_len];
         self.worlds[0].observe(self.lanes[npc_idx].slot, row);
     }
 

@@ -7,7 +7,7 @@ use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{LegKey, Plan, Query, Stop};
+use surefoot_planner::{LegKey, Plan, Query, Stop, Traffic};
 use surefoot_world::{Ability, TICKS_PER_SECOND, Vec3};
 
 /// Constants of plan following.
@@ -179,6 +179,13 @@ impl Follower {
             way: Vec::new(),
             aside: None,
             is_lost: false,
+        }
+    }
+
+    /// Adds what the NPC, which is at `feet`, m, has before it to `traffic`.
+    pub fn add_to(&self, traffic: &mut Traffic, feet: Vec3) {
+        if let Some(plan) = &self.plan {
+            traffic.add_plan(feet, plan, self.leg);
         }
     }
 

@@ -16,7 +16,9 @@ use surefoot_policy::Policy;
 use surefoot_policy::actor::gaussian;
 use surefoot_world::character::{ACTION_LEN, Body};
 use surefoot_world::sense::{RAY_CHANNELS, RAY_COUNT, SenseContext, state_vector};
-use surefoot_world::{CharacterProfile, End, Episode, Map, MoverState, Npc, NpcSlot, TaskConfig, Vec3, World};
+use surefoot_world::{
+    CharacterProfile, End, Episode, Map, MoverState, Npc, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World,
+};
 
 /// Legs that a rehearsal runs ahead: where the first one ends, the second must be possible.
 const LEGS: usize = 2;
@@ -205,12 +207,13 @@ impl Rehearsal {
     /// Rewrites what an observation of `npc` tells of its goal, for a new one, m.
     ///
     /// # Panics
-    /// If `row` is not [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) long.
+    /// If `row` is shorter than an observation.
     pub fn aim(&self, npc: &Npc, goal: Vec3, row: &mut [f32]) {
         let [world] = &self.worlds;
         let context = SenseContext { map: world.map(), profile: &world.config().profiles[0], task: world.task() };
         let episode = Episode::new(goal, npc.body.feet);
-        row[RAY_COUNT * RAY_CHANNELS..].copy_from_slice(&state_vector(context, &npc.body, &episode, &npc.last));
+        row[RAY_COUNT * RAY_CHANNELS..OBSERVATION_LEN]
+            .copy_from_slice(&state_vector(context, &npc.body, &episode, &npc.last));
     }
 
     /// The map.

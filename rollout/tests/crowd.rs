@@ -12,17 +12,18 @@ use surefoot_world::{CharacterProfile, End, Map, TaskConfig, Vec3};
 
 const FLOOR: f32 = 10.0;
 
-/// Two rooms of 20 x 22 m with a door of 1.2 m between them.
-fn rooms() -> Map {
-    let boxes = [
+/// Two rooms of 20 x 22 m, with doors of 1.2 m between them whose middles are at these z.
+fn rooms(doors: &[f32]) -> Map {
+    let mut boxes = vec![
         ([2.0, -1.0, 2.0], [44.0, 0.0, 24.0]),
         ([1.0, -1.0, 1.0], [45.0, 9.0, 2.0]),
         ([1.0, -1.0, 24.0], [45.0, 9.0, 25.0]),
         ([1.0, -1.0, 2.0], [2.0, 9.0, 24.0]),
         ([44.0, -1.0, 2.0], [45.0, 9.0, 24.0]),
-        ([22.8, -1.0, 2.0], [23.2, 9.0, 12.4]),
-        ([22.8, -1.0, 13.6], [23.2, 9.0, 24.0]),
     ];
+    let begins = std::iter::once(2.0).chain(doors.iter().map(|z| z + 0.6));
+    let ends = doors.iter().map(|z| z - 0.6).chain([24.0]);
+    boxes.extend(begins.zip(ends).map(|(begin, end)| ([22.8, -1.0, begin], [23.2, 9.0, end])));
     let up = |corner: [f32; 3]| Vec3::from(corner) + Vec3::Y * FLOOR;
     let faces = boxes.into_iter().flat_map(|(low, high)| cuboid(up(low), up(high)));
     let triangles = faces.filter_map(|face| Triangle::new(face, Surface::Ground)).collect();
@@ -35,14 +36,17 @@ fn goals() -> Vec<Goal> {
     (0..64).map(|idx| Goal { start: place(4.0, idx), yaw: idx as f32, goal: place(28.0, 63 - idx) }).collect()
 }
 
+/// The map, what its NPCs go by, and plans on it.
+fn prepare(doors: &[f32]) -> (Arc<Map>, Policy, Router) {
+    let (map, policy) = (Arc::new(rooms(doors)), Policy::shipped().unwrap());
+    let context = ProbeContext::new(map.clone(), policy.clone());
+    let graph = build(&context, &BuildSettings::default(), 2, &Progress::default()).unwrap().graph;
+    (map, policy, Router::new(graph, 1000, 2))
+}
+
 #[test]
 fn a_crowd_gets_through_a_door_without_anybody_stuck_beside_it() {
-    let policy = Policy::shipped().unwrap();
-    let map = Arc::new(rooms());
-    let settings = BuildSettings::default();
-    let context = ProbeContext::new(map.clone(), policy.clone());
-    let graph = build(&context, &settings, 2, &Progress::default()).unwrap().graph;
-    let router = Router::new(graph, 1000, 2);
+    let (map, policy, router) = prepare(&[13.0]);
     let last = |solid: bool| {
         let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         rollout.solid = solid;
@@ -53,4 +57,25 @@ fn a_crowd_gets_through_a_door_without_anybody_stuck_beside_it() {
     };
     let (solid, ghosts) = (last(true), last(false));
     assert!(solid < 2 * ghosts + 20, "the last one after {solid} decisions, {ghosts} as ghosts");
+}
+
+#[test]
+fn a_crowd_shares_two_doors() {
+    let (map, policy, router) = prepare(&[8.0, 20.0]);
+    // All are nearer to the first door.
+    let goals: Vec<Goal> =
+        goals().into_iter().map(|goal| Goal { goal: goal.goal.with_z(5.0), ..goal }).take(40).collect();
+    let through_far_door = |solid: bool| {
+        let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+        rollout.solid = solid;
+        let mut passed = std::collections::BTreeSet::new();
+        let attempts = rollout.live(&policy, &router, &goals, |world, _| {
+            let at_door = |feet: Vec3| (feet.x - 23.0).abs() < 1.5 && (feet.z - 20.0).abs() < 1.0;
+            passed.extend(world.npcs().filter(|(_, npc)| at_door(npc.body.feet)).map(|(slot, _)| slot));
+        });
+        assert!(attempts.iter().all(|attempt| attempt.end == End::Reached), "solid: {solid}");
+        passed.len()
+    };
+    let (solid, ghosts) = (through_far_door(true), through_far_door(false));
+    assert!(ghosts <= 2 && solid >= 6, "{solid} of 40 take the farther door, {ghosts} as ghosts");
 }

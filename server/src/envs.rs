@@ -67,6 +67,8 @@ pub struct EnvSettings {
     pub body: CharacterProfile,
     /// Number of NPCs.
     pub npc_count: usize,
+    /// Whether they get in each other's way and see each other.
+    pub solid_npcs: bool,
     /// Least and greatest distance of goals, m.
     pub goal_band: (f32, f32),
     /// Seed of starts and goals.
@@ -76,7 +78,7 @@ pub struct EnvSettings {
 /// Result of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepResults {
-    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each NPC.
+    /// The observation of each NPC.
     pub observations: Vec<f32>,
     /// One reward for each NPC.
     pub rewards: Vec<f32>,
@@ -153,11 +155,12 @@ impl Envs {
     /// If there are too many, or its map cannot be made.
     pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
         let reserved = self.reserve()?;
-        let EnvSettings { source, body, npc_count, goal_band, seed } = settings;
+        let EnvSettings { source, body, npc_count, solid_npcs, goal_band, seed } = settings;
         let memory = self.maps.memory().reserve(&caller.name, npc_count as u64 * NPC_BYTES)?;
         let shared = self.maps.get(&caller.name, &source).await?;
         let map = shared.map().clone();
-        let env = tokio::task::spawn_blocking(move || Env::new(map, body, npc_count, goal_band, seed.0)).await??;
+        let npcs = (npc_count, solid_npcs);
+        let env = tokio::task::spawn_blocking(move || Env::new(map, body, npcs, goal_band, seed.0)).await??;
         let observations = env.observations().to_vec();
         let kept = Kept {
             env: Mutex::new(env),

@@ -40,6 +40,8 @@ pub struct Assignment {
     pub pieces: Vec<Piece>,
     /// How the world's time passes.
     pub mode: TimeMode,
+    /// Whether NPCs of the world get in each other's way.
+    pub solid_npcs: bool,
     /// The assigned NPCs.
     pub npcs: Vec<NpcId>,
     /// Index of their body among those of the world, and the body.
@@ -66,7 +68,9 @@ pub struct ObservationBatch {
     pub tick: Tick,
     /// The NPCs, in the order of all lists below.
     pub npcs: Vec<NpcId>,
-    /// [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values for each NPC.
+    /// Number of values of an observation.
+    pub observation_len: usize,
+    /// The observation of each NPC.
     pub observations: Vec<f32>,
     /// Position of each NPC's feet, m.
     pub positions: Vec<Vec3>,
@@ -88,12 +92,13 @@ pub struct ObservationBatch {
 
 impl ObservationBatch {
     /// An empty batch.
-    pub fn new(world: WorldId, tick: Tick, body: ProfileIdx) -> Self {
+    pub fn new(world: WorldId, tick: Tick, body: ProfileIdx, observation_len: usize) -> Self {
         Self {
             body,
             world,
             tick,
             npcs: Vec::new(),
+            observation_len,
             observations: Vec::new(),
             positions: Vec::new(),
             goals: Vec::new(),
@@ -132,6 +137,15 @@ pub struct Hello {
     pub policy: String,
     /// Most NPCs that the worker can decide for.
     pub capacity: u32,
+    /// Whether its policy sees other NPCs and players.
+    pub sees_others: bool,
+}
+
+impl Hello {
+    /// The hello of a worker whose policy does not see others.
+    pub fn new(name: &str, policy: &str, capacity: u32) -> Self {
+        Self { name: name.to_owned(), policy: policy.to_owned(), capacity, sees_others: false }
+    }
 }
 
 /// A worker's answer, checked.

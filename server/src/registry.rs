@@ -1,10 +1,11 @@
 //! Connected NPC workers: how many NPCs each decides for, and the bounded queues to them.
 
 use crate::ids::WorkerId;
-use crate::messages::ToWorker;
+use crate::messages::{Hello, ToWorker};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
+use surefoot_world::sense::observation_len;
 use tokio::sync::Notify;
 use tokio::sync::mpsc::Sender;
 use tracing::warn;
@@ -40,9 +41,7 @@ pub struct WorkerLoad {
 
 #[derive(Debug)]
 struct Entry {
-    name: String,
-    policy: String,
-    capacity: u32,
+    hello: Hello,
     npc_count: u32,
     queue: Sender<ToWorker>,
     cut: Arc<Notify>,
@@ -57,7 +56,7 @@ impl Entry {
 
     /// Share of the capacity that `npc_count` NPCs take.
     fn share(&self, npc_count: u32) -> f64 {
-        f64::from(npc_count) / f64::from(self.capacity)
+        f64::from(npc_count) / f64::from(self.hello.capacity)
     }
 }
 
@@ -77,7 +76,7 @@ impl Inner {
     /// Returns the worker with room whose share would be the smallest with one more NPC, and that share.
     fn least_loaded(&self) -> Option<(WorkerId, f64)> {
         let with_one_more = |entry: &Entry| (entry.is_distrusted(), entry.share(entry.npc_count + 1));
-        let open = self.workers.iter().filter(|(_, entry)| entry.npc_count < entry.capacity);
+        let open = self.workers.iter().filter(|(_, entry)| entry.npc_count < entry.hello.capacity);
         let open = open.map(|(&id, entry)| (id, with_one_more(entry)));
         let (id, (_, share)) = open.min_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
         Some((id, share))
@@ -89,16 +88,18 @@ impl Registry {
         self.inner.lock().expect("no holder of this lock panics")
     }
 
-    /// Adds a worker that decides for at most `capacity` NPCs.
-    pub fn join(&self, name: String, policy: String, capacity: u32, queue: Sender<ToWorker>) -> Joined {
+    /// Adds a worker.
+    pub fn join(&self, hello: Hello, queue: Sender<ToWorker>) -> Joined {
         let mut inner = self.inner();
         inner.last_id += 1;
         let (id, cut) = (WorkerId(inner.last_id), Arc::new(Notify::new()));
-        inner.workers.insert(
-            id,
-            Entry { name, policy, capacity, npc_count: 0, queue, cut: cut.clone(), distrusted_until: None },
-        );
+        inner.workers.insert(id, Entry { hello, npc_count: 0, queue, cut: cut.clone(), distrusted_until: None });
         Joined { id, cut }
+    }
+
+    /// Number of values of the observations that a worker expects; without others if it has left.
+    pub fn observation_len(&self, id: WorkerId) -> usize {
+        observation_len(self.inner().workers.get(&id).is_some_and(|entry| entry.hello.sees_others))
     }
 
     /// Removes a worker.
@@ -173,7 +174,7 @@ impl Registry {
         let inner = self.inner();
         let Some(entry) = inner.workers.get(&id) else { return };
         if entry.queue.try_send(message).is_err() {
-            warn!(worker = id.0, name = entry.name, "worker does not read its messages: cut off");
+            warn!(worker = id.0, name = entry.hello.name, "worker does not read its messages: cut off");
             entry.cut.notify_one();
         }
     }
@@ -182,9 +183,9 @@ impl Registry {
     pub fn load(&self) -> Vec<WorkerLoad> {
         let load = |(&id, entry): (&WorkerId, &Entry)| WorkerLoad {
             id,
-            name: entry.name.clone(),
-            policy: entry.policy.clone(),
-            capacity: entry.capacity,
+            name: entry.hello.name.clone(),
+            policy: entry.hello.policy.clone(),
+            capacity: entry.hello.capacity,
             npc_count: entry.npc_count,
             queued: entry.queue.max_capacity() - entry.queue.capacity(),
         };
@@ -204,7 +205,7 @@ mod tests {
     #[test]
     fn a_worker_that_joins_takes_its_share_and_no_more() {
         let registry = Registry::default();
-        let join = |capacity| registry.join(String::new(), String::new(), capacity, channel(1).0).id;
+        let join = |capacity| registry.join(Hello::new("", "", capacity), channel(1).0).id;
         let first = join(100);
         let mut holders: Vec<WorkerId> = (0..90).map(|_| registry.assign().unwrap()).collect();
         assert_eq!(npc_counts(&registry), [90]);

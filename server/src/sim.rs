@@ -236,6 +236,7 @@ mod tests {
     use super::*;
     use crate::hosted::SpawnOrder;
     use crate::ids::WorldId;
+    use crate::messages::Hello;
     use crate::quota::Quota;
     use crate::registry::Registry;
     use surefoot_world::{Map, MapSpec, Vec3};
@@ -269,7 +270,7 @@ mod tests {
     async fn a_world_that_panics_releases_its_workers_and_answers_that_it_has_stopped() {
         let registry = Arc::new(Registry::default());
         let (queue, _messages) = channel(64);
-        registry.join("test".to_owned(), "none".to_owned(), 8, queue);
+        registry.join(Hello::new("test", "none", 8), queue);
         let map = Arc::new(Map::generate(&MapSpec::with_side(1, 50).unwrap()));
         let world = HostedWorld::new(WorldId(1), map, TimeMode::Realtime, registry.clone());
         let (failed, has_failed) = oneshot::channel();

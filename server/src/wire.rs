@@ -23,8 +23,11 @@ use surefoot_rollout::env::actions_of;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::Surface;
-use surefoot_world::sense::{OBSERVATION_VERSION, Sight};
-use surefoot_world::{Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, Seconds, Seed, Tick, Vec3};
+use surefoot_world::sense::{OBSERVATION_VERSION, Seen, Sight, observation_len};
+use surefoot_world::{
+    Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds, Seed, Tick,
+    Vec3,
+};
 use tonic::Status;
 
 /// Most bodies in one survey.
@@ -162,13 +165,14 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
         }
     }
     let (len, version) = (hello.observation_len as usize, hello.observation_version);
-    if (len, version) != (OBSERVATION_LEN, OBSERVATION_VERSION) {
+    let sees_others = [false, true].into_iter().find(|sees_others| observation_len(*sees_others) == len);
+    let Some(sees_others) = sees_others.filter(|_| version == OBSERVATION_VERSION) else {
         let message = format!(
-            "the worker expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, version {OBSERVATION_VERSION}: update the worker"
+            "the worker expects observations of {len} values, version {version}; this server sends {OBSERVATION_LEN}, or {OBSERVATION_WITH_OTHERS_LEN} with others, version {OBSERVATION_VERSION}: update the worker"
         );
         return Err(status::failure(Reason::ObservationMismatch, message));
-    }
-    Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity })
+    };
+    Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity, sees_others })
 }
 
 /// Reads the settings of a new environment on the map of `source`.
@@ -184,7 +188,8 @@ pub fn env_settings(request: &wire::CreateEnvRequest, source: Made) -> Result<En
         farthest => convert::in_range(f64::from(farthest), nearest, MAX_GOAL_M, "goal_max_m")?,
     };
     let goal_band = (nearest as f32, farthest as f32);
-    Ok(EnvSettings { source, body, npc_count, goal_band, seed: Seed(request.seed) })
+    let solid_npcs = request.solid_npcs;
+    Ok(EnvSettings { source, body, npc_count, solid_npcs, goal_band, seed: Seed(request.seed) })
 }
 
 /// Reads the actions of an environment's NPCs.
@@ -416,9 +421,14 @@ pub fn ended_attempt_to_wire(ended: &EndedAttempt) -> wire::AttemptEnded {
 
 /// Converts what an NPC sees, ray by ray.
 pub fn rays_to_wire(sight: &Sight) -> Vec<wire::Ray> {
-    let ray = |&(end, surface): &(Vec3, Option<Surface>)| wire::Ray {
+    let surface = |seen: Option<Seen>| match seen {
+        None => wire::Surface::Unspecified,
+        Some(Seen::Surface(surface)) => surface_to_wire(surface),
+        Some(Seen::Body) => wire::Surface::Body,
+    };
+    let ray = |&(end, seen): &(Vec3, Option<Seen>)| wire::Ray {
         end: Some(convert::to_wire(end)),
-        surface: surface.map_or(wire::Surface::Unspecified, surface_to_wire).into(),
+        surface: surface(seen).into(),
     };
     sight.ends.iter().map(ray).collect()
 }
@@ -465,6 +475,7 @@ fn assignment_to_wire(assignment: &Assignment) -> wire::Assignment {
         body: Some(convert::body_to_wire(&assignment.body.1)),
         body_idx: assignment.body.0.0.into(),
         pieces: assignment.pieces.iter().map(piece_to_wire).collect(),
+        solid_npcs: assignment.solid_npcs,
     }
 }
 

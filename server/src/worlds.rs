@@ -568,7 +568,7 @@ impl Worlds {
     /// Adds a worker; `queue` receives the welcome, then all other messages to the worker.
     pub fn join(&self, hello: Hello, queue: mpsc::Sender<ToWorker>) -> Joined {
         info!(name = hello.name, policy = hello.policy, capacity = hello.capacity, "worker joined");
-        let joined = self.shared.registry.join(hello.name, hello.policy, hello.capacity, queue.clone());
+        let joined = self.shared.registry.join(hello, queue.clone());
         // The queue is new and empty.
         let _ = queue.try_send(ToWorker::Welcome(joined.id));
         self.cast_all(HostedWorld::rebalance);

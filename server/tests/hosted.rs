@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use surefoot_server::hosted::{HostedWorld, NpcError, NpcStatus, TimeMode};
 use surefoot_server::ids::{NpcId, WorkerId, WorldId};
-use surefoot_server::messages::{Answer, Decision, ObservationBatch, ToWorker};
+use surefoot_server::messages::{Answer, Decision, Hello, ObservationBatch, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_world::map::{MapSize, Placed};
@@ -43,7 +43,7 @@ impl Stage {
 
     fn join(&mut self, capacity: u32, room: usize) -> Worker {
         let (sender, queue) = channel(room);
-        let id = self.registry.join("test".to_owned(), "none".to_owned(), capacity, sender).id;
+        let id = self.registry.join(Hello::new("test", "none", capacity), sender).id;
         self.world.rebalance();
         self.world.flush();
         Worker { id, queue }

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use surefoot_server::hosted::{EventKind, HostedWorld, NpcError, SavedMap, SpawnOrder, TimeMode};
 use surefoot_server::ids::{NpcId, WorkerId, WorldId};
-use surefoot_server::messages::{Answer, Decision, ToWorker};
+use surefoot_server::messages::{Answer, Decision, Hello, ToWorker};
 use surefoot_server::quota::Quota;
 use surefoot_server::registry::Registry;
 use surefoot_world::map::{MapSize, Placed};
@@ -124,7 +124,7 @@ impl Simulation {
 
     fn join_with(&mut self, capacity: u32) {
         let (sender, queue) = channel(4096);
-        let id = self.registry.join("simulated".to_owned(), "none".to_owned(), capacity, sender).id;
+        let id = self.registry.join(Hello::new("simulated", "none", capacity), sender).id;
         let worker = Worker {
             queue,
             to_worker: Wire::new(),

@@ -162,7 +162,10 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
     let settings = Some(settings_to_wire(&BuildSettings::default()));
     vec![
         ("start_build", plan::StartBuildRequest { map: Some(spec()), settings, ..Default::default() }.encode_to_vec()),
-        ("find_paths", plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query] }.encode_to_vec()),
+        (
+            "find_paths",
+            plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query], traffic: None }.encode_to_vec(),
+        ),
         ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)), interim: false }.encode_to_vec()),
         ("traversals", plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals }.encode_to_vec()),
         (

@@ -268,8 +268,18 @@ async fn the_planner_refuses_what_it_cannot_use() {
     let batch = plan::FindPathsRequest {
         graph_id: graph_id.clone(),
         queries: vec![query(at(1.0, 1.0, 1.0), at(9.0, 1.0, 9.0)).unwrap(); 4],
+        traffic: None,
     };
-    refused(client.find_paths(batch).await, Code::OutOfRange, "--max-queries");
+    refused(client.find_paths(batch.clone()).await, Code::OutOfRange, "--max-queries");
+    let crowd = |x: f32| plan::Crowd { place: at(x, 1.0, 1.0), npcs: u32::MAX };
+    for (crowds, code, words) in [
+        (vec![crowd(1.0); 257], Code::OutOfRange, "at most 256"),
+        (vec![crowd(f32::NAN)], Code::InvalidArgument, "traffic.crowds.place"),
+    ] {
+        let traffic = Some(plan::Traffic { crowds });
+        let request = plan::FindPathsRequest { queries: batch.queries[..1].to_vec(), traffic, ..batch.clone() };
+        refused(client.find_paths(request).await, code, words);
+    }
 
     // A valid query after all of these is answered in full.
     let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();

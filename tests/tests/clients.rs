@@ -11,7 +11,7 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_server::ServerConfig;
-use surefoot_world::OBSERVATION_LEN;
+use surefoot_world::{OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN};
 use tokio_stream::StreamExt;
 use tonic::Code;
 
@@ -265,6 +265,15 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
         ends += by_call.ends.len();
     }
     assert!(ends > 0, "with patience for 300 decisions some episode ends in 320");
+
+    client.close_env(wire::CloseEnvRequest { env_id: two.env_id }).await.unwrap();
+    let solid =
+        client.create_env(wire::CreateEnvRequest { solid_npcs: true, ..request.clone() }).await.unwrap().into_inner();
+    assert_eq!(solid.observation_len as usize, OBSERVATION_WITH_OTHERS_LEN);
+    assert_eq!(solid.observations.len(), NPCS * OBSERVATION_WITH_OTHERS_LEN * 4);
+    let step = client.step_env(wire::StepEnvRequest { env_id: solid.env_id, actions: actions(0) });
+    let results = step.await.unwrap().into_inner().results.unwrap();
+    assert_eq!(results.observations.len(), NPCS * OBSERVATION_WITH_OTHERS_LEN * 4);
 
     let step = |env_id, actions| wire::StepEnvRequest { env_id, actions };
     for (request, code, words) in [

@@ -1,8 +1,23 @@
 //! Worlds whose NPCs get in each other's way, as a game client sees them.
 
-use e2e::{ground, small_map, spawn, start_server, watch_until, world_client};
+use e2e::{
+    ground, set_goal, small_map, spawn, start_server, start_worker, start_worker_with, watch_until, world_client,
+};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use surefoot_policy::{ActorConfig, Manifest, Policy};
 use surefoot_proto::world::v1 as wire;
 use surefoot_server::ServerConfig;
+
+/// The shipped policy with inputs for others, which it does not use yet.
+fn seeing() -> Policy {
+    let shipped = Policy::shipped().unwrap();
+    let own = shipped.manifest().actor;
+    let config = ActorConfig { sees_others: true, ..own };
+    let device = burn::tensor::Device::flex();
+    let actor = shipped.actor().clone().grown(&own, &config, &device, &mut ChaCha8Rng::seed_from_u64(0));
+    Policy::new(&actor, Manifest::new("seeing", config, &[], serde_json::Value::Null))
+}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn npcs_get_in_each_others_way_only_where_the_world_says_so_also_after_a_restart() {
@@ -18,7 +33,9 @@ async fn npcs_get_in_each_others_way_only_where_the_world_says_so_also_after_a_r
     let mut client = world_client(&server).await;
     let mut worlds = Vec::new();
     for solid_npcs in [true, false] {
-        let request = wire::CreateWorldRequest { map: Some(small_map(7)), solid_npcs, ..Default::default() };
+        // Solid is what realtime worlds are unless they say otherwise.
+        let asked = if solid_npcs { None } else { Some(false) };
+        let request = wire::CreateWorldRequest { map: Some(small_map(7)), solid_npcs: asked, ..Default::default() };
         let world = client.create_world(request).await.unwrap().into_inner().world.unwrap();
         assert_eq!(world.solid_npcs, solid_npcs);
         let place = ground(&mut client, world.world_id, 1).await[0];
@@ -41,5 +58,34 @@ async fn npcs_get_in_each_others_way_only_where_the_world_says_so_also_after_a_r
     assert!(client.get_world(request).await.unwrap().into_inner().world.unwrap().solid_npcs);
     spawn(&mut client, world_id, place).await;
     watch_until(&mut client, world_id, |snapshot| snapshot.npcs.len() == 5 && closest(snapshot) > 0.55).await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_whose_policy_sees_others_decides_beside_one_whose_policy_does_not() {
+    let server = start_server(ServerConfig::default());
+    let workers = [start_worker(&server, None, 1), start_worker_with(seeing(), &server, None, 1)];
+    let mut client = world_client(&server).await;
+    let request = wire::CreateWorldRequest { map: Some(small_map(7)), ..Default::default() };
+    let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
+    let places = ground(&mut client, world_id, 2).await;
+    let npcs = [spawn(&mut client, world_id, places[0]).await, spawn(&mut client, world_id, places[0]).await];
+
+    // Beside each other, each sees the other.
+    let follow = wire::FollowNpcRequest { npc_id: npcs[0], rate_hz: 60.0, rays: true };
+    let mut steps = client.follow_npc(follow).await.unwrap().into_inner();
+    let sees_body = |step: &wire::FollowNpcResponse| step.rays.iter().any(|ray| ray.surface() == wire::Surface::Body);
+    let meeting = async { while !sees_body(&steps.message().await.unwrap().expect("an NPC that is there")) {} };
+    tokio::time::timeout(e2e::LIMIT, meeting).await.expect("it sees the other");
+
+    for npc in npcs {
+        set_goal(&mut client, npc, places[1]).await;
+    }
+    let decided = |stats: &wire::WorldStats| stats.decisions_answered >= 6;
+    let stats = e2e::stats_until(&mut client, world_id, decided).await;
+    assert_eq!((stats.npcs_without_worker, stats.answers_invalid), (0, 0), "{stats:?}");
+    for worker in workers {
+        worker.stop().await;
+    }
     server.stop().await;
 }

@@ -96,7 +96,10 @@ async fn the_planner_gives_details() {
     let query = plan::FindPathRequest { graph_id: graph_id.clone(), query: None };
     assert_eq!(fields(&client.find_path(query).await.unwrap_err()), ["query"]);
     let queries = vec![plan::PathQuery::default(); 2];
-    let batch = client.find_paths(plan::FindPathsRequest { graph_id: graph_id.clone(), queries }).await.unwrap_err();
+    let batch = client
+        .find_paths(plan::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None })
+        .await
+        .unwrap_err();
     assert_eq!((batch.code(), fields(&batch)), (Code::OutOfRange, vec!["queries".to_owned()]));
     // Retrying the same batch is no use.
     assert!(!says_when_to_retry(&batch));

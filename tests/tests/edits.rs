@@ -95,7 +95,7 @@ async fn a_damaged_layer_is_kept_and_refuses_plans_until_it_is_replaced() {
     refused(&client.find_path(query.clone()).await.unwrap_err(), "layer `night`");
     refused(&client.find_path(query.clone()).await.unwrap_err(), &file.display().to_string());
     let queries = vec![query.query.clone().unwrap()];
-    let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries };
+    let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None };
     refused(&client.find_paths(batch).await.unwrap_err(), "layer `night`");
     let whole = wire::GetGraphRequest { graph_id: graph_id.clone() };
     refused(&client.get_graph(whole).await.unwrap_err(), "layer `night`");
@@ -245,7 +245,7 @@ async fn starts_and_goals_off_the_map_or_the_graph_are_told_apart_from_paths() {
         assert_eq!((status.code(), Reason::of(&status)), (Code::InvalidArgument, Some(Reason::InvalidField)));
         assert!(status.message().starts_with(field), "{status:?}");
         let queries = vec![find("", start, goal).query.unwrap()];
-        let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries };
+        let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None };
         assert_eq!(client.find_paths(batch).await.unwrap_err().code(), Code::InvalidArgument);
     }
     let highest = graph.vertices.iter().copied().max_by(|a, b| a.y.total_cmp(&b.y)).unwrap();

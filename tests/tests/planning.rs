@@ -76,7 +76,8 @@ async fn plans_do_without_abilities() {
             without: without.clone(),
             ..Default::default()
         };
-        let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: pairs().map(query).collect() };
+        let request =
+            wire::FindPathsRequest { graph_id: graph_id.clone(), queries: pairs().map(query).collect(), traffic: None };
         client.find_paths(request).await.map(|response| response.into_inner().plans)
     };
     let jumps = |plans: &[wire::Plan]| {
@@ -321,7 +322,7 @@ async fn plans_cost_the_same_with_hub_labels_as_with_a_table() {
             ..Default::default()
         })
         .collect();
-    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries };
+    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries, traffic: None };
     let forbid = wire::AppendEditsRequest {
         graph_id: graph_id.clone(),
         layer: "night".to_owned(),
@@ -401,7 +402,7 @@ async fn plans_are_made_on_a_graph_while_it_is_built() {
         goal: Some(first.vertices[idx + 600]),
         ..Default::default()
     });
-    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: queries.collect() };
+    let request = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: queries.collect(), traffic: None };
     let early = client.find_paths(request.clone()).await.unwrap().into_inner();
     let found = |answer: &wire::FindPathsResponse| answer.plans.iter().filter(|plan| plan.found).count();
     assert!(early.interim && found(&early) > 500, "{} of 600 plans", found(&early));
@@ -431,5 +432,38 @@ async fn nothing_remains_of_the_interim_graph_of_a_cancelled_build() {
     assert_eq!((last.stage(), last.interim_graph_id.as_str()), (wire::BuildStage::Cancelled, ""));
     let gone = client.get_graph(wire::GetGraphRequest { graph_id }).await.unwrap_err();
     assert_eq!(gone.code(), Code::NotFound);
+    planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn plans_go_around_crowds() {
+    let cache = tempfile::tempdir().unwrap();
+    let planner = start_planner(cache.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let (graph_id, _) = build_graph(&mut client, MAP).await;
+    let vertices = get(&mut client, &graph_id).await.vertices;
+    let query = |idx: usize| wire::PathQuery {
+        start: Some(vertices[idx % vertices.len()]),
+        goal: Some(vertices[(idx * 7 + 11) % vertices.len()]),
+        ..Default::default()
+    };
+    let mut detours = 0;
+    for idx in 0..vertices.len() {
+        let request = |crowds: Option<Vec<wire::Crowd>>| wire::FindPathsRequest {
+            graph_id: graph_id.clone(),
+            queries: vec![query(idx)],
+            traffic: crowds.map(|crowds| wire::Traffic { crowds }),
+        };
+        let mut plan_in = async |crowds| client.find_paths(request(crowds)).await.unwrap().into_inner().plans.remove(0);
+        let free = plan_in(None).await;
+        let middle = free.waypoints[free.waypoints.len() / 2];
+        let crowd = |npcs: u32| Some(vec![wire::Crowd { place: Some(middle), npcs }]);
+        assert_eq!(plan_in(Some(Vec::new())).await, free, "no traffic");
+        assert_eq!(plan_in(crowd(12)).await, free, "few NPCs do not delay each other");
+        let crowded = plan_in(crowd(400)).await;
+        assert_eq!(crowded.found, free.found, "a crowd delays, and bars nothing");
+        detours += usize::from(crowded.waypoints != free.waypoints);
+    }
+    assert!(detours * 4 > vertices.len(), "{detours} of {} go around", vertices.len());
     planner.stop().await;
 }

@@ -100,14 +100,11 @@ impl CrowdScratch {
     ) {
         let profiles = &config.profiles;
         let Self { bodies, pushes } = self;
-        let is_solid = |npc: &&Npc| npc.harm.is_none() && npc.body.ride.is_none();
         bodies.clear();
-        bodies.extend(
-            npcs.iter()
-                .zip(0..)
-                .filter_map(|(npc, slot)| npc.as_ref().filter(is_solid).map(|npc| Listed::of_npc(npc, slot, profiles))),
-        );
-        let solid = players.filter(|player| player.contact != PlayerContact::Ghost);
+        bodies.extend(npcs.iter().zip(0..).filter_map(|(npc, slot)| {
+            npc.as_ref().filter(|npc| npc.is_solid()).map(|npc| Listed::of_npc(npc, slot, profiles))
+        }));
+        let solid = players.filter(|player| player.is_solid());
         bodies.extend((npcs.len() as u32..).zip(solid).map(|(slot, player)| {
             let contact = Some((player.velocity, player.contact));
             Listed::new(slot, player.feet, (player.radius, player.height), contact)

@@ -12,6 +12,7 @@
 
 mod ability;
 pub mod character;
+mod cone;
 mod crowd;
 mod editing;
 pub mod exchange;
@@ -21,6 +22,7 @@ pub mod mesh;
 mod movers;
 pub mod navigable;
 mod npc;
+mod others;
 mod parallel;
 pub mod player;
 pub mod reach;
@@ -41,7 +43,7 @@ pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};
 pub use movers::{MoverOrder, MoverState, PACE_RANGE};
 pub use npc::{NPC_STATE_VERSION, Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 pub use player::{Player, PlayerContact, PlayerSlot};
-pub use sense::{OBSERVATION_LEN, RAY_COUNT};
+pub use sense::{OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, RAY_COUNT};
 pub use task::{End, Episode, TaskConfig};
 pub use units::{Chance, Decisions, Seconds, Seed, Tick};
 pub use world::{DecisionOutcome, World};

@@ -23,7 +23,7 @@ pub struct WorldConfig {
     pub profiles: Vec<CharacterProfile>,
     /// Constants of the task.
     pub task: TaskConfig,
-    /// Whether NPCs push each other aside; off for training.
+    /// Whether NPCs get in each other's way, and see each other.
     pub npc_collision: bool,
 }
 
@@ -50,6 +50,11 @@ pub struct Npc {
 pub const NPC_STATE_VERSION: u32 = 1;
 
 impl Npc {
+    /// Whether other bodies meet it, in a world where they do: who hangs on a zip line or came to harm does not.
+    pub(crate) fn is_solid(&self) -> bool {
+        self.harm.is_none() && self.body.ride.is_none()
+    }
+
     /// The state as bytes, for a process that holds the same map.
     pub fn to_bytes(&self) -> Vec<u8> {
         postcard::to_stdvec(self).expect("plain data")

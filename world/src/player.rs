@@ -41,6 +41,11 @@ pub struct Player {
 }
 
 impl Player {
+    /// Whether NPCs meet it.
+    pub(crate) fn is_solid(&self) -> bool {
+        self.contact != PlayerContact::Ghost
+    }
+
     /// Whether its size is allowed and its numbers are finite.
     pub fn is_sound(&self) -> bool {
         // These comparisons are false for NaN.

@@ -10,138 +10,50 @@
 //! | 192..256 | 1 where the ray ended on a jump pad |
 //! | 256..320 | where the ray ended on another device: 1 zip line, 0.7 teleporter, 0.4 jetpack |
 //! | 320..369 | the state vector, see [`state_vector`] |
+//! | 369..433 | proximity of each ray that ends on another body, 0 where it ends on none |
+//! | 433..461 | the four nearest bodies within 12 m that are in sight, 7 values each: 0..3 where its feet are from one's own / 12 m; 3..6 its velocity less one's own / 12 m/s; 6 proximity `1 - d / 12 m`, 0 if there is none |
 //!
-//! Rays are ordered row by row from the lowest elevation, each row from left to right.
+//! Rays are ordered row by row from the lowest elevation, each row from left to right. Vectors are in the body's frame (x right, y up,
+//! z forward). The last two parts are there for whoever asks for [`OBSERVATION_WITH_OTHERS_LEN`] values instead of [`OBSERVATION_LEN`]; they
+//! are zeros where nothing but the map gets in an NPC's way. Bodies are upright cylinders to rays.
+
+pub use crate::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
+pub use crate::others::OTHERS_LEN;
 
 use crate::character::{Body, CharacterProfile, RawCharacterProfile};
 use crate::map::{DEVICE_RANGE_M, Map};
-use crate::mesh::{ConeHit, Elevations, LANES, Surface};
+use crate::mesh::Surface;
 use crate::movers::Movers;
+use crate::others::{self, Other};
 use crate::task::TaskConfig;
 use crate::{Episode, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Rays per row and per column of the cone.
-pub const RAY_SIDE: usize = LANES;
-/// Rays of an observation.
-pub const RAY_COUNT: usize = RAY_SIDE * RAY_SIDE;
 /// Values per ray.
 pub const RAY_CHANNELS: usize = 5;
 /// Length of the state vector.
 pub const STATE_LEN: usize = 35 + BODY_LEN;
 /// Values of the state vector that tell what body the NPC has.
 pub const BODY_LEN: usize = 14;
-/// Length of an observation.
+/// Length of an observation without others.
 pub const OBSERVATION_LEN: usize = RAY_COUNT * RAY_CHANNELS + STATE_LEN;
-/// Reach of every ray, m.
-pub const RAY_RANGE_M: f32 = 30.0;
+/// Length of an observation with what it tells of others.
+pub const OBSERVATION_WITH_OTHERS_LEN: usize = OBSERVATION_LEN + OTHERS_LEN;
+/// Length of an observation, with what it tells of others or without.
+pub const fn observation_len(sees_others: bool) -> usize {
+    if sees_others { OBSERVATION_WITH_OTHERS_LEN } else { OBSERVATION_LEN }
+}
+
 /// Changes whenever the meaning of an observation changes; stored in checkpoints.
 pub const OBSERVATION_VERSION: u32 = 3;
 
-/// Height of the rays' origin as a share of the body's height.
-const EYE_HEIGHT_SHARE: f32 = 0.85;
-/// Azimuth of each ray of a row, degrees, positive to the right: denser ahead, symmetric for mirroring.
-const AZIMUTHS_DEG: [f32; RAY_SIDE] = [-80.0, -45.0, -22.0, -7.0, 7.0, 22.0, 45.0, 80.0];
-/// Elevation of each row, degrees.
-const ELEVATIONS_DEG: [f32; RAY_SIDE] = [-65.0, -42.0, -26.0, -14.0, -5.0, 6.0, 22.0, 45.0];
-
-/// Cone of rays in the body's frame (x right, y up, z forward).
-#[derive(Debug, Clone)]
-pub struct RayCone {
-    directions: [Vec3; RAY_COUNT],
-    elevations: Elevations,
-    /// Sine and cosine of each azimuth.
-    azimuths: [(f32, f32); RAY_SIDE],
-}
-
-impl Default for RayCone {
-    fn default() -> Self {
-        let elevations = Elevations::new(ELEVATIONS_DEG.map(f32::to_radians), RAY_RANGE_M);
-        let azimuths = AZIMUTHS_DEG.map(|azimuth| libm::sincosf(azimuth.to_radians()));
-        Self { directions: directions(&elevations, azimuths), elevations, azimuths }
-    }
-}
-
-impl RayCone {
-    /// Unit directions in the body's frame, in the order of an observation.
-    pub fn directions(&self) -> &[Vec3; RAY_COUNT] {
-        &self.directions
-    }
-
-    /// Origin of the rays, m.
-    pub fn eye(profile: &CharacterProfile, body: &Body) -> Vec3 {
-        body.feet + Vec3::new(0.0, profile.height * EYE_HEIGHT_SHARE, 0.0)
-    }
-
-    /// The azimuths in the map's frame, as horizontal unit vectors (x, z).
-    fn headings(&self, body: &Body) -> [(f32, f32); RAY_SIDE] {
-        let (sin, cos) = libm::sincosf(body.yaw);
-        self.azimuths.map(|(right, ahead)| (sin * ahead - cos * right, cos * ahead + sin * right))
-    }
-
-    /// Unit directions in the map's frame, in the order of an observation.
-    pub fn directions_of(&self, body: &Body) -> [Vec3; RAY_COUNT] {
-        directions(&self.elevations, self.headings(body))
-    }
-
-    /// Casts the cone from `body` and calls `found` with the index, distance (m) and surface of each ray that hits.
-    pub fn cast(&self, map: &Map, profile: &CharacterProfile, body: &Body, mut found: impl FnMut(usize, f32, Surface)) {
-        let hits = map.mesh().cast_cone(&self.elevations, Self::eye(profile, body), &self.headings(body));
-        for (idx, hit) in hits.as_flattened().iter().enumerate() {
-            if let Some(ConeHit { distance, surface }) = *hit {
-                found(idx, distance, surface);
-            }
-        }
-    }
-
-    /// Casts the cone from `body` at the map and its movers and calls `found` with the index, distance (m) and surface of each ray that
-    /// hits.
-    fn cast_with(
-        &self,
-        map: &Map,
-        movers: &Movers,
-        profile: &CharacterProfile,
-        body: &Body,
-        mut found: impl FnMut(usize, f32, Surface),
-    ) {
-        if movers.is_empty() {
-            return self.cast(map, profile, body, found);
-        }
-        let mut hits: [Option<(f32, Surface)>; RAY_COUNT] = [None; RAY_COUNT];
-        self.cast(map, profile, body, |idx, distance, surface| hits[idx] = Some((distance, surface)));
-        movers.cast_cone(Self::eye(profile, body), &self.directions_of(body), RAY_RANGE_M, |idx, distance| {
-            if hits[idx].is_none_or(|(nearest, _)| distance < nearest) {
-                hits[idx] = Some((distance, Surface::Ground));
-            }
-        });
-        for (idx, hit) in hits.into_iter().enumerate() {
-            if let Some((distance, surface)) = hit {
-                found(idx, distance, surface);
-            }
-        }
-    }
-
-    /// Casts the cone from `body` and returns where every ray ends.
-    pub(crate) fn sight(&self, map: &Map, movers: &Movers, profile: &CharacterProfile, body: &Body) -> Sight {
-        let eye = Self::eye(profile, body);
-        let mut ends: Vec<_> =
-            self.directions_of(body).into_iter().map(|direction| (eye + direction * RAY_RANGE_M, None)).collect();
-        self.cast_with(map, movers, profile, body, |idx, distance, surface| {
-            ends[idx] = (eye + (ends[idx].0 - eye) * (distance / RAY_RANGE_M), Some(surface));
-        });
-        Sight { eye, ends }
-    }
-}
-
-/// Unit directions of all rays at these headings, in the order of an observation.
-fn directions(elevations: &Elevations, headings: [(f32, f32); RAY_SIDE]) -> [Vec3; RAY_COUNT] {
-    let mut directions = [Vec3::ZERO; RAY_COUNT];
-    for (column, heading) in headings.into_iter().enumerate() {
-        for (row, direction) in elevations.directions(heading).into_iter().enumerate() {
-            directions[row * RAY_SIDE + column] = direction;
-        }
-    }
-    directions
+/// What a ray ended on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Seen {
+    /// A surface of the map or a mover.
+    Surface(Surface),
+    /// Another NPC or a player.
+    Body,
 }
 
 /// The rays of a body, for display.
@@ -149,8 +61,33 @@ fn directions(elevations: &Elevations, headings: [(f32, f32); RAY_SIDE]) -> [Vec
 pub struct Sight {
     /// Origin of the rays, m.
     pub eye: Vec3,
-    /// End of each ray, m, and the surface hit; a ray that hits nothing ends at its full range.
-    pub ends: Vec<(Vec3, Option<Surface>)>,
+    /// End of each ray, m, and what it ended on; a ray that hits nothing ends at its full range.
+    pub ends: Vec<(Vec3, Option<Seen>)>,
+}
+
+impl Sight {
+    /// Casts the cone from `body`.
+    pub(crate) fn of(
+        cone: &RayCone,
+        map: &Map,
+        movers: &Movers,
+        profile: &CharacterProfile,
+        body: &Body,
+        others: impl Iterator<Item = Other>,
+    ) -> Self {
+        let eye = RayCone::eye(profile, body);
+        let mut hits: [(f32, Option<Seen>); RAY_COUNT] = [(RAY_RANGE_M, None); RAY_COUNT];
+        cone.cast_with(map, movers, profile, body, |idx, distance, surface| {
+            hits[idx] = (distance, Some(Seen::Surface(surface)));
+        });
+        others::cast_cone(cone, eye, body, others, |idx, distance| {
+            if distance < hits[idx].0 {
+                hits[idx] = (distance, Some(Seen::Body));
+            }
+        });
+        let rays = cone.directions_of(body).into_iter().zip(hits);
+        Self { eye, ends: rays.map(|(direction, (distance, seen))| (eye + direction * distance, seen)).collect() }
+    }
 }
 
 /// Inputs of the state vector besides the body and its episode.
@@ -175,21 +112,21 @@ pub struct LastDecision {
     pub ticks_in_water: u32,
 }
 
-/// Writes a whole observation into `row`.
+/// Writes a whole observation into `row`, without `others` if it has no room for them.
 ///
 /// # Panics
-/// If `row` is not [`OBSERVATION_LEN`] long.
+/// If `row` is neither [`OBSERVATION_LEN`] nor [`OBSERVATION_WITH_OTHERS_LEN`] long.
 pub(crate) fn observe(
     cone: &RayCone,
     context: SenseContext<'_>,
     movers: &Movers,
-    body: &Body,
-    episode: &Episode,
-    last: &LastDecision,
+    others: impl Iterator<Item = Other> + Clone,
+    (body, episode, last): (&Body, &Episode, &LastDecision),
     row: &mut [f32],
 ) {
-    assert_eq!(row.len(), OBSERVATION_LEN);
-    let (rays, state) = row.split_at_mut(RAY_COUNT * RAY_CHANNELS);
+    assert!([OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN].contains(&row.len()), "a row of an observation");
+    let (own, social) = row.split_at_mut(OBSERVATION_LEN);
+    let (rays, state) = own.split_at_mut(RAY_COUNT * RAY_CHANNELS);
     rays.fill(0.0);
     cone.cast_with(context.map, movers, context.profile, body, |idx, distance, surface| {
         rays[idx] = 1.0 - distance / RAY_RANGE_M;
@@ -198,6 +135,10 @@ pub(crate) fn observe(
         }
     });
     state.copy_from_slice(&state_vector(context, body, episode, last));
+    if !social.is_empty() {
+        let eye = RayCone::eye(context.profile, body);
+        others::observe(cone, (context.map, movers), (eye, body), others, &rays[..RAY_COUNT], social);
+    }
 }
 
 /// The ray channel that represents `surface`, and its value; `None` for ground.
@@ -333,7 +274,11 @@ pub fn body_features(profile: &CharacterProfile) -> [f32; BODY_LEN] {
 
 /// Mirrors an observation left to right, in place; its own inverse.
 pub fn mirror_observation(row: &mut [f32]) {
-    let (rays, state) = row.split_at_mut(RAY_COUNT * RAY_CHANNELS);
+    let (own, social) = row.split_at_mut(OBSERVATION_LEN);
+    if !social.is_empty() {
+        others::mirror(social);
+    }
+    let (rays, state) = own.split_at_mut(RAY_COUNT * RAY_CHANNELS);
     for ray_row in rays.chunks_mut(RAY_SIDE) {
         ray_row.reverse();
     }

@@ -6,6 +6,7 @@ use crate::editing::{self, Enclosed};
 use crate::map::{Liquid, Map, Piece};
 use crate::movers::{MoverOrder, MoverState, Movers};
 use crate::npc::{Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
+use crate::others::Other;
 use crate::player::{Player, PlayerSlot};
 use crate::recording::{CHECK_EVERY_TICKS, Input, Recording};
 use crate::sense::{self, LastDecision, RayCone, SenseContext, Sight};
@@ -222,7 +223,7 @@ impl World {
     }
 
     /// All NPCs with their slots, in ascending order.
-    pub fn npcs(&self) -> impl Iterator<Item = (NpcSlot, &Npc)> {
+    pub fn npcs(&self) -> impl Iterator<Item = (NpcSlot, &Npc)> + Clone {
         self.npcs.iter().enumerate().filter_map(|(idx, npc)| npc.as_ref().map(|npc| (NpcSlot(idx as u32), npc)))
     }
 
@@ -449,7 +450,8 @@ impl World {
         Some(DecisionOutcome { reward, end: episode.end })
     }
 
-    /// Writes the NPC's observation into `row`; false (and zeros) if it has no episode.
+    /// Writes the NPC's observation into `row`, without what it tells of others if it has no room for that; false (and zeros) if it has no
+    /// episode.
     pub fn observe(&self, slot: NpcSlot, row: &mut [f32]) -> bool {
         let npc = self.npc(slot).expect("observe an occupied slot");
         let Some(episode) = &npc.episode else {
@@ -458,14 +460,33 @@ impl World {
         };
         let profile = &self.config.profiles[usize::from(npc.profile.0)];
         let context = SenseContext { map: &self.map, profile, task: &self.config.task };
-        sense::observe(&self.cone, context, &self.movers, &npc.body, episode, &npc.last, row);
+        let own = (&npc.body, episode, &npc.last);
+        sense::observe(&self.cone, context, &self.movers, self.others(slot), own, row);
         true
     }
 
     /// Casts the rays of an NPC, for display.
     pub fn sight(&self, slot: NpcSlot) -> Sight {
         let npc = self.npc(slot).expect("an occupied slot");
-        self.cone.sight(&self.map, &self.movers, &self.config.profiles[usize::from(npc.profile.0)], &npc.body)
+        let profile = self.profile_of(npc);
+        Sight::of(&self.cone, &self.map, &self.movers, profile, &npc.body, self.others(slot))
+    }
+
+    /// The bodies that get in the way of an NPC.
+    fn others(&self, slot: NpcSlot) -> impl Iterator<Item = Other> + Clone {
+        let npcs = self.npcs().filter(move |(other, npc)| *other != slot && npc.is_solid());
+        let npcs = npcs.filter(|_| self.config.npc_collision).map(|(_, npc)| {
+            let profile = self.profile_of(npc);
+            let (radius, height) = (profile.radius, profile.height);
+            Other { feet: npc.body.feet, velocity: npc.body.velocity, radius, height }
+        });
+        let players = self.players.iter().flatten().filter(|player| player.is_solid());
+        npcs.chain(players.map(|&Player { feet, velocity, radius, height, .. }| Other {
+            feet,
+            velocity,
+            radius,
+            height,
+        }))
     }
 
     fn npc_mut(&mut self, slot: NpcSlot) -> &mut Npc {

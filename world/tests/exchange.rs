@@ -5,7 +5,8 @@ use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use surefoot_world::exchange::{self, ImportError, ImportOptions, Imported, UpAxis, Warning};
-use surefoot_world::map::{Jetpack, Liquid, MapSize, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
+use surefoot_world::map::mover::cuboid;
+use surefoot_world::map::{Jetpack, Liquid, MapSize, MoverKind, Outline, Pad, Placed, Pool, Teleporter, ZipLine};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Vec3, World};
 
@@ -1073,4 +1074,123 @@ fn hostile_bytes_never_panic() {
         count(exchange::import_obj(&mutate(obj_level().as_bytes(), &mut rng), None, &PLAIN));
     }
     assert!(imported > 200 && refused > 200, "{imported} imported, {refused} refused");
+}
+
+/// Times, s, and the values then.
+type Keys<'a> = &'a [(f32, &'a [f32])];
+
+/// A level of boxes with a side of 1 m around their nodes' origins, scaled by their nodes; and animations, each with a node, a path, and keys.
+fn animated_level(nodes: Value, animations: &[(usize, &str, Keys<'_>)]) -> Vec<u8> {
+    let mut binary: Vec<u8> = Vec::new();
+    let (mut views, mut accessors) = (Vec::new(), Vec::new());
+    let mut put = |kind: &str, rows: &[Vec<f32>]| {
+        let bytes: Vec<u8> = rows.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+        views.push(json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len() }));
+        accessors
+            .push(json!({ "bufferView": views.len() - 1, "componentType": 5126, "count": rows.len(), "type": kind }));
+        binary.extend(bytes);
+        accessors.len() - 1
+    };
+    let corners: Vec<Vec<f32>> = cuboid(Vec3::splat(-0.5), Vec3::splat(0.5))
+        .into_iter()
+        .flatten()
+        .map(|corner| corner.to_array().to_vec())
+        .collect();
+    put("VEC3", &corners);
+    let animations: Vec<Value> = animations
+        .iter()
+        .map(|(node, path, keys)| {
+            let times: Vec<Vec<f32>> = keys.iter().map(|(at, _)| vec![*at]).collect();
+            let values: Vec<Vec<f32>> = keys.iter().map(|(_, value)| value.to_vec()).collect();
+            let input = put("SCALAR", &times);
+            let output = put(if *path == "rotation" { "VEC4" } else { "VEC3" }, &values);
+            json!({
+                "channels": [{ "sampler": 0, "target": { "node": node, "path": path } }],
+                "samplers": [{ "input": input, "output": output }],
+            })
+        })
+        .collect();
+    let count = nodes.as_array().expect("nodes").len();
+    let document = json!({
+        "asset": { "version": "2.0" },
+        "scenes": [{ "nodes": (0..count).collect::<Vec<_>>() }],
+        "nodes": nodes,
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{ "byteLength": binary.len() }],
+        "animations": animations,
+    });
+    glb(&document, Some(&binary))
+}
+
+#[test]
+fn animations_move_lifts_platforms_and_doors() {
+    let node = |name: &str, at: [f32; 3], scale: [f32; 3]| json!({ "name": name, "mesh": 0, "translation": at, "scale": scale });
+    let nodes = json!([
+        node("floor", [0.0, -0.5, 0.0], [60.0, 1.0, 60.0]),
+        node("Elevator", [10.0, 0.1, 0.0], [3.0, 0.2, 3.0]),
+        node("Cube.017", [-10.0, 2.0, 0.0], [3.0, 0.2, 3.0]),
+        node("Door_a", [0.0, 1.1, 10.0], [1.2, 2.2, 0.1]),
+        node("Fan", [0.0, 8.0, 0.0], [4.0, 0.1, 0.5]),
+        node("Sky", [0.0, 15.0, 0.0], [50.0, 0.1, 50.0]),
+    ]);
+    let quarter = std::f32::consts::FRAC_1_SQRT_2;
+    let bytes = animated_level(
+        nodes,
+        &[
+            (
+                1,
+                "translation",
+                &[
+                    (0.0, &[10.0, 0.1, 0.0]),
+                    (2.0, &[10.0, 6.1, 0.0]),
+                    (5.0, &[10.0, 6.1, 0.0]),
+                    (7.0, &[10.0, 0.1, 0.0]),
+                ],
+            ),
+            // It begins elsewhere than it rests.
+            (2, "translation", &[(0.0, &[-10.0, 2.0, 6.0]), (4.0, &[-10.0, 2.0, -6.0])]),
+            (3, "rotation", &[(0.0, &[0.0, 0.0, 0.0, 1.0]), (1.5, &[0.0, quarter, 0.0, quarter])]),
+            (4, "rotation", &[(0.0, &[0.0, 0.0, 0.0, 1.0]), (1.0, &[0.0, 1.0, 0.0, 0.0])]),
+            (5, "translation", &[(0.0, &[0.0, 15.0, 0.0]), (9.0, &[20.0, 15.0, 0.0])]),
+        ],
+    );
+    let imported = exchange::import_gltf(&bytes, None, &ImportOptions::default()).unwrap();
+    let movers = imported.map.movers();
+    let found: Vec<_> = movers.iter().map(|it| (it.name.as_str(), it.kind, it.stops.len(), it.cycles)).collect();
+    assert_eq!(
+        found,
+        [
+            ("Elevator", MoverKind::Lift, 2, true),
+            ("Cube.017", MoverKind::Platform, 2, true),
+            ("Door_a", MoverKind::Door, 2, false)
+        ],
+        "a fan turns, and what is as large as the level stays"
+    );
+    let [lift, platform, door] = movers else { panic!("three movers") };
+    assert_eq!((lift.travel_s, lift.dwell_s), (2.0, 3.0));
+    assert!((lift.stops[1].offset - Vec3::Y * 6.0).length() < 1.0e-4, "{:?}", lift.stops);
+    let middle = |stop: usize| {
+        let (low, high) = platform.bounds_at(stop);
+        (low + high) * 0.5 - imported.origin
+    };
+    assert!(middle(0).distance(Vec3::new(-10.0, 2.0, 6.0)) < 0.01, "{}", middle(0));
+    assert!(middle(1).distance(Vec3::new(-10.0, 2.0, -6.0)) < 0.01, "{}", middle(1));
+    assert!((door.stops[1].yaw - std::f32::consts::FRAC_PI_2).abs() < 1.0e-3 && door.travel_s == 1.5, "{door:?}");
+    assert!((door.pivot - imported.origin - Vec3::new(0.0, 1.1, 10.0)).length() < 1.0e-3, "it turns about its origin");
+}
+
+#[test]
+fn animations_that_cannot_be_read_are_refused_with_the_node() {
+    let nodes = || json!([{ "name": "floor", "mesh": 0, "scale": [60.0, 1.0, 60.0] }, { "name": "lift", "mesh": 0 }]);
+    let import = |bytes: &[u8]| exchange::import_gltf(bytes, None, &ImportOptions::default());
+    let keys: Keys<'_> = &[(0.0, &[0.0, f32::NAN, 0.0]), (1.0, &[0.0, 5.0, 0.0])];
+    refusal(import(&animated_level(nodes(), &[(1, "translation", keys)])), "node `lift`");
+    let keys: Keys<'_> = &[(0.0, &[0.0, 1.0, 0.0]), (1.0, &[0.0, 5.0, 0.0])];
+    let bytes = animated_level(nodes(), &[(1, "translation", keys)]);
+    let channel = bytes.windows(11).position(|window| window == b"\"sampler\":0").unwrap();
+    let mut foreign = bytes;
+    foreign[channel + 10] = b'7';
+    refusal(import(&foreign), "sampler");
 }

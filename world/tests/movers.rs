@@ -5,6 +5,7 @@ use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
+use surefoot_world::reach::Reach;
 use surefoot_world::{Action, CharacterProfile, Map, MoverOrder, MoverState, NpcSlot, TaskConfig, Vec3, World};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -476,4 +477,56 @@ fn no_pace_makes_a_mover_so_fast_that_bodies_slip_through() {
     assert!((world.movers()[0].progress - 10.0 / 18.0).abs() < 0.01, "{:?}", world.movers()[0]);
     (0..60).for_each(|_| world.tick());
     assert!(feet(&world).z > 28.0, "pushed along: {}", feet(&world));
+}
+
+/// A map of boxes, and movers.
+fn built(boxes: &[(Vec3, Vec3)], movers: Vec<Mover>) -> Map {
+    let faces = boxes.iter().flat_map(|(low, high)| cuboid(*low, *high));
+    let triangles = faces.filter_map(|corners| Triangle::new(corners, Surface::Ground)).collect();
+    let map = Map::from_parts(MapSize { width: 40, height: 30, depth: 40 }, triangles, Placed::default());
+    map.with_movers(movers).expect("valid movers")
+}
+
+/// Share of pairs of places that the survey finds connected.
+fn connected(map: &Map) -> f64 {
+    Reach::survey(map, &CharacterProfile::default(), 2).share_by(|_| true)
+}
+
+#[test]
+fn the_survey_rides_lifts() {
+    let boxes = [
+        (Vec3::new(2.0, 0.0, 2.0), Vec3::new(20.0, GROUND, 38.0)),
+        (Vec3::new(20.0, 0.0, 2.0), Vec3::new(38.0, 13.0, 38.0)),
+    ];
+    let lift = |top: f32| {
+        let (low, high) = (Vec3::new(16.5, GROUND, 18.0), Vec3::new(19.5, GROUND + 0.2, 21.0));
+        mover(MoverKind::Lift, low, high, &[Vec3::Y * top])
+    };
+    let without = connected(&built(&boxes, Vec::new()));
+    assert!(without < 0.8, "one falls down and does not come up again: {without}");
+    assert!(connected(&built(&boxes, vec![lift(11.8)])) > 0.99, "up to the deck");
+    assert!((connected(&built(&boxes, vec![lift(6.0)])) - without).abs() < 0.01, "it stops below the deck");
+}
+
+#[test]
+fn the_survey_walks_over_floors_that_vanish_and_knows_doors_as_open() {
+    let banks = [
+        (Vec3::new(2.0, 0.0, 2.0), Vec3::new(12.0, 12.0, 38.0)),
+        (Vec3::new(28.0, 0.0, 2.0), Vec3::new(38.0, 12.0, 38.0)),
+    ];
+    let tile = |name: &str, from: f32| {
+        let (low, high) = (Vec3::new(from, 11.8, 18.0), Vec3::new(from + 5.3, 12.0, 22.0));
+        let mut tile = mover(MoverKind::Floor, low, high, &[Vec3::ZERO]);
+        tile.stops[1].is_there = false;
+        name.clone_into(&mut tile.name);
+        tile
+    };
+    let tiles = |count: usize| ["a", "b", "c"].into_iter().zip([12.0, 17.3, 22.7]).take(count);
+    let map = |count: usize| built(&banks, tiles(count).map(|(name, from)| tile(name, from)).collect());
+    assert!(connected(&map(3)) > 0.99);
+    assert!(connected(&map(2)) < 0.6, "the third one is missing");
+    let door = mover(MoverKind::Door, Vec3::new(12.0, 12.0, 2.0), Vec3::new(12.2, 16.0, 38.0), &[Vec3::Y * 4.0]);
+    let mut movers: Vec<Mover> = tiles(3).map(|(name, from)| tile(name, from)).collect();
+    movers.push(door);
+    assert!(connected(&built(&banks, movers)) > 0.99);
 }

@@ -8,12 +8,14 @@ use std::sync::Arc;
 use surefoot_rollout::goals::{goal_at_random_distance, random_point};
 use surefoot_world::character::bodies::BODIES;
 use surefoot_world::reach::{Reach, flood};
-use surefoot_world::{CharacterProfile, Map, TaskConfig, Vec3, World, navigable};
+use surefoot_world::{CharacterProfile, Map, TaskConfig, Vec3, World, WorldConfig, navigable};
 
 /// Most failed attempts stored per map; further ones overwrite stored ones at random.
 const MAX_FAILURES: usize = 400;
 /// Number of navigable points drawn on each map.
 const POINTS_PER_MAP: usize = 1500;
+/// Seeds tried until a map has ground.
+const SEEDS_TRIED: u64 = 64;
 /// Most draws for a goal within the distance band; then the nearest miss is used.
 const GOAL_DRAWS: usize = 400;
 
@@ -29,11 +31,18 @@ pub(super) struct Arena {
 }
 
 impl Arena {
-    /// Makes the map of `seed` and an empty world on it.
+    /// Makes the map of `seed` and an empty world on it. Few small maps have no ground: that of the next seed takes their place.
     ///
     /// # Panics
-    /// If there is none, which the configuration's check rules out unless a file has changed since.
+    /// If there is no map with ground, which the configuration's check rules out unless a file has changed since.
     pub fn new(seed: u64, config: &CollectorConfig) -> (Self, World) {
+        let tried = (seed..seed.saturating_add(SEEDS_TRIED)).find_map(|tried| Self::on_map_of(tried, config));
+        let (arena, world) = tried.expect("training maps have ground");
+        (Self { seed, ..arena }, world)
+    }
+
+    /// The arena on the map of exactly this seed; `None` if it has no ground.
+    fn on_map_of(seed: u64, config: &CollectorConfig) -> Option<(Self, World)> {
         let map = Arc::new(config.map(seed).expect("checked before training"));
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(2);
@@ -43,13 +52,13 @@ impl Arena {
         let drawn = rng.random_bool(config.random_bodies).then(|| random_body(&mut rng));
         // A large body may have no place to stand.
         let fits = drawn.and_then(|body| sample(&body, &mut rng).ok().map(|points| (body, points)));
-        let (profile, points) = fits.unwrap_or_else(|| {
-            let points = sample(&config.body, &mut rng).expect("training maps have ground");
-            (config.body.clone(), points)
-        });
+        let usual = || sample(&config.body, &mut rng).ok().map(|points| (config.body.clone(), points));
+        let (profile, points) = fits.or_else(usual)?;
         let surveyed = (config.reachable_share > 0.0).then(|| Surveyed::new(&map, &profile, config.reachable_share));
         let arena = Self { seed, points, failures: Vec::new(), surveyed };
-        (arena, World::new(map, profile, TaskConfig::default()))
+        let world =
+            WorldConfig { profiles: vec![profile], task: TaskConfig::default(), npc_collision: config.solid_npcs };
+        Some((arena, World::with_config(map, world)))
     }
 
     /// A random navigable point.

@@ -4,7 +4,6 @@ use super::replay::Batch;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use surefoot_policy::network::Past;
 use surefoot_policy::state::HiddenState;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
 
 /// A batch as tensors.
@@ -12,7 +11,7 @@ pub(super) struct Rows<'a> {
     batch: &'a Batch,
     /// The device of tensors without gradients.
     pub device: Device,
-    /// Observations to learn from, `[learned, OBSERVATION_LEN]`; `learned` is the number of such rows.
+    /// Observations to learn from, `[learned, observation_len]`; `learned` is the number of such rows.
     pub learned: Tensor<2>,
     /// Actions taken, `[learned, ACTION_LEN]`.
     pub actions: Tensor<2>,
@@ -31,13 +30,14 @@ impl<'a> Rows<'a> {
         let count = batch.returns.len();
         let column = |values: Vec<f32>| Tensor::from_data(TensorData::new(values, [count, 1]), device);
         let total: f32 = batch.weights.iter().sum();
-        let skip = batch.burn_in * batch.size * OBSERVATION_LEN;
-        let learned = batch.observations[skip..skip + count * OBSERVATION_LEN].to_vec();
+        let len = batch.observation_len();
+        let skip = batch.burn_in * batch.size * len;
+        let learned = batch.observations[skip..skip + count * len].to_vec();
         let successors = batch.successors.iter().map(|&row| row as i64).collect::<Vec<_>>();
         Self {
             batch,
             device: device.clone(),
-            learned: Tensor::from_data(TensorData::new(learned, [count, OBSERVATION_LEN]), device),
+            learned: Tensor::from_data(TensorData::new(learned, [count, len]), device),
             actions: Tensor::from_data(TensorData::new(batch.actions.clone(), [count, ACTION_LEN]), device),
             returns: column(batch.returns.clone()),
             bootstrap: column(batch.bootstrap.clone()),
@@ -50,17 +50,19 @@ impl<'a> Rows<'a> {
         self.batch.returns.len()
     }
 
-    /// Observations of all steps, `[rows, OBSERVATION_LEN]`.
+    /// Observations of all steps, one in each row.
     pub fn all(&self) -> Tensor<2> {
         let rows = self.batch.keep.len();
-        Tensor::from_data(TensorData::new(self.batch.observations.clone(), [rows, OBSERVATION_LEN]), &self.device)
+        let len = self.batch.observation_len();
+        Tensor::from_data(TensorData::new(self.batch.observations.clone(), [rows, len]), &self.device)
     }
 
     /// Observations of the burn-in steps; `None` without burn-in.
     pub fn burn_in(&self) -> Option<Tensor<2>> {
         let rows = self.batch.burn_in * self.batch.size;
-        let values = self.batch.observations[..rows * OBSERVATION_LEN].to_vec();
-        (rows > 0).then(|| Tensor::from_data(TensorData::new(values, [rows, OBSERVATION_LEN]), &self.device))
+        let len = self.batch.observation_len();
+        let values = self.batch.observations[..rows * len].to_vec();
+        (rows > 0).then(|| Tensor::from_data(TensorData::new(values, [rows, len]), &self.device))
     }
 
     /// Number of LSTM units.

@@ -7,7 +7,7 @@ use super::rng::RngState;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use surefoot_policy::Policy;
+use surefoot_policy::{ActorConfig, Policy};
 use surefoot_rollout::goals::random_yaw;
 use surefoot_rollout::{DecisionLoop, Lane, Noise, Stage};
 use surefoot_world::character::ACTION_LEN;
@@ -101,8 +101,8 @@ fn lanes_of(config: &CollectorConfig) -> Vec<Lane> {
 }
 
 impl Collector {
-    /// Creates worlds with an NPC in every lane, each with a hidden state of `hidden_len` values.
-    pub fn new(config: CollectorConfig, hidden_len: usize, mut rng: ChaCha8Rng) -> Self {
+    /// Creates worlds with an NPC in every lane, for agents of these sizes.
+    pub fn new(config: CollectorConfig, network: &ActorConfig, mut rng: ChaCha8Rng) -> Self {
         let drawn = (0..config.world_count).map(|_| {
             let seed = config.map_seeds[rng.random_range(0..config.map_seeds.len())];
             Arena::new(seed, &config)
@@ -112,7 +112,7 @@ impl Collector {
         let mut collector = Self {
             arenas,
             worlds,
-            decisions: DecisionLoop::with_hidden_len(hidden_len),
+            decisions: DecisionLoop::of_lens(network.observation_len(), network.hidden_len()),
             boundaries: vec![None; lanes.len()],
             is_fresh: vec![true; lanes.len()],
             starts: vec![None; lanes.len()],
@@ -344,13 +344,12 @@ impl Collector {
         }
     }
 
-    /// Restores a collector from saved state; `None` if it cannot be the state of a collector with `config` whose NPCs have hidden
-    /// states of `hidden_len` values.
-    pub fn restore(config: CollectorConfig, hidden_len: usize, state: CollectorState) -> Option<Self> {
+    /// Restores a collector from saved state; `None` if it cannot be the state of a collector with `config` for agents of these sizes.
+    pub fn restore(config: CollectorConfig, network: &ActorConfig, state: CollectorState) -> Option<Self> {
         let lanes = lanes_of(&config);
         let lens = [state.starts.len(), state.boundaries.len(), state.is_fresh.len()];
         let is_whole = lens.into_iter().all(|len| len == lanes.len())
-            && state.memory.len() == lanes.len() * hidden_len
+            && state.memory.len() == lanes.len() * network.hidden_len()
             && state.worlds.len() == config.world_count
             && state.starts.iter().flatten().all(|start| start.is_finite());
         if !is_whole {
@@ -358,7 +357,7 @@ impl Collector {
         }
         let restored = state.worlds.into_iter().map(|state| state.restore(&config)).collect::<Option<Vec<_>>>()?;
         let (arenas, worlds) = restored.into_iter().unzip();
-        let mut decisions = DecisionLoop::with_hidden_len(hidden_len);
+        let mut decisions = DecisionLoop::of_lens(network.observation_len(), network.hidden_len());
         decisions.set_hidden(state.memory);
         Some(Self {
             arenas,

@@ -174,11 +174,6 @@ impl TrainConfig {
         self.collector.map_seeds = map_seeds;
     }
 
-    /// Number of values of an NPC's hidden and cell state.
-    pub(super) fn hidden_len(&self) -> usize {
-        2 * self.sac.network.memory_len()
-    }
-
     /// Checks the configuration.
     ///
     /// # Errors
@@ -308,6 +303,9 @@ pub struct CollectorConfig {
     /// Kinds of the training maps; a map's seed modulo their number chooses one.
     #[serde(default = "terrain_only")]
     pub map_kinds: Vec<MapKind>,
+    /// Whether the NPCs of a map get in each other's way.
+    #[serde(default)]
+    pub solid_npcs: bool,
     /// Body of the NPCs, in validation as well.
     #[serde(default)]
     pub body: CharacterProfile,
@@ -354,6 +352,7 @@ impl Default for CollectorConfig {
             map_height: usual_height(),
             map_features: Features::default(),
             map_kinds: terrain_only(),
+            solid_npcs: false,
             body: CharacterProfile::default(),
             random_bodies: 0.0,
             reachable_share: 0.0,

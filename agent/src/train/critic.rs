@@ -28,10 +28,10 @@ impl Critics {
         }
     }
 
-    /// Adds an LSTM of `size` units without influence on the values.
+    /// Adds what critics of the sizes `to` have and those of their own, `from`, lack, without influence on the values.
     #[must_use]
-    pub fn with_memory(self, size: usize, device: &Device, rng: &mut impl Rng) -> Self {
-        Self { trunk: self.trunk.with_memory(size, device, rng), head: self.head }
+    pub fn grown(self, from: &ActorConfig, to: &ActorConfig, device: &Device, rng: &mut impl Rng) -> Self {
+        Self { trunk: self.trunk.grown(from, to, device, rng), head: self.head }
     }
 
     /// Encodes observations, independently of actions; also returns the hidden state after the last step.

@@ -99,7 +99,8 @@ impl Learner {
         }
     }
 
-    /// Loads the networks of a trained model. A recurrent learner can start from a reactive model and adds the LSTM.
+    /// Loads the networks of a trained model. A recurrent learner can start from a reactive model and adds the LSTM; one that sees others
+    /// can start from one that does not.
     ///
     /// # Errors
     /// If the model cannot be read or does not fit the configured networks.
@@ -109,15 +110,14 @@ impl Learner {
         manifest.check(&weights)?;
         let path = folder.join(CRITICS_FILE);
         let critics = std::fs::read(&path).map_err(|source| CheckpointError::Io { path, source })?;
-        let mut actor = load_module(Actor::new(&manifest.actor, &self.device, &mut self.rng), &weights)?;
-        let mut critic = load_module(Critics::new(&manifest.actor, &self.device, &mut self.rng), &critics)?;
-        if let (None, Some(size)) = (manifest.actor.memory, self.config.network.memory) {
-            actor = actor.with_memory(size.get(), &self.device, &mut self.rng);
-            critic = critic.with_memory(size.get(), &self.device, &mut self.rng);
-        }
+        let actor = load_module(Actor::new(&manifest.actor, &self.device, &mut self.rng), &weights)?;
+        let critics = load_module(Critics::new(&manifest.actor, &self.device, &mut self.rng), &critics)?;
+        let sizes = (&manifest.actor, &self.config.network);
+        let actor = actor.grown(sizes.0, sizes.1, &self.device, &mut self.rng);
+        let critics = critics.grown(sizes.0, sizes.1, &self.device, &mut self.rng);
         // Loading checks that the shapes match the configuration.
         self.actor = load_module(self.actor.clone(), &module_bytes(&actor)?)?;
-        self.critics = load_module(self.critics.clone(), &module_bytes(&critic)?)?;
+        self.critics = load_module(self.critics.clone(), &module_bytes(&critics)?)?;
         self.target = self.critics.valid();
         Ok(())
     }

@@ -75,6 +75,8 @@ pub struct Replay {
     /// Number of steps written since the beginning.
     steps_written: u64,
     rows: Vec<Row>,
+    /// What the observation of each row tells of others, `[rows, OTHERS_LEN]`; empty for agents that do not see them.
+    others: Vec<f32>,
     /// The actor's hidden and cell states at each stored stride, `[strides, lanes, memory]`.
     memories: Vec<f32>,
 }
@@ -89,7 +91,7 @@ pub struct Batch {
     pub burn_in: usize,
     /// Steps to learn from, after the burn-in; the remaining steps are successors.
     pub learn: usize,
-    /// Observations, `[steps * size, OBSERVATION_LEN]`.
+    /// Observations, `[steps * size, observation_len]`.
     pub observations: Vec<f32>,
     /// 0 where memory is reset, otherwise 1, `[steps * size]`.
     pub keep: Vec<f32>,
@@ -145,16 +147,18 @@ impl Replay {
     pub fn new(lane_count: usize, capacity: usize) -> Self {
         let strides = (capacity / lane_count / MEMORY_STRIDE as usize).max(4);
         let step_capacity = strides * MEMORY_STRIDE as usize;
-        Self { lane_count, step_capacity, steps_written: 0, rows: Vec::new(), memories: Vec::new() }
+        Self { lane_count, step_capacity, steps_written: 0, rows: Vec::new(), others: Vec::new(), memories: Vec::new() }
     }
 
-    /// Whether this can be the buffer of `lane_count` lanes for about `capacity` rows, with hidden states of `hidden_len` values.
-    pub fn fits(&self, lane_count: usize, capacity: usize, hidden_len: usize) -> bool {
+    /// Whether this can be the buffer of `lane_count` lanes for about `capacity` rows, with observations of `observation_len` and hidden states
+    /// of `hidden_len` values.
+    pub fn fits(&self, lane_count: usize, capacity: usize, observation_len: usize, hidden_len: usize) -> bool {
         let empty = Self::new(lane_count, capacity);
         let steps = self.steps_written.min(empty.step_capacity as u64) as usize;
         self.lane_count == lane_count
             && self.step_capacity == empty.step_capacity
             && self.rows.len() == steps * lane_count
+            && self.others.len() == self.rows.len() * (observation_len - OBSERVATION_LEN)
             && self.memories.len() == steps.div_ceil(MEMORY_STRIDE as usize) * lane_count * hidden_len
     }
 
@@ -176,17 +180,26 @@ impl Replay {
         assert_eq!(step.kinds.len(), self.lane_count);
         let slot = (self.steps_written % self.step_capacity as u64) as usize;
         let start = slot * self.lane_count;
-        for lane in 0..self.lane_count {
+        let observation_len = step.observations.len() / self.lane_count;
+        let others_len = observation_len - OBSERVATION_LEN;
+        for (lane, observation) in step.observations.chunks_exact(observation_len).enumerate() {
+            let (own, others) = observation.split_at(OBSERVATION_LEN);
             let row = Row {
                 action: step.actions[lane],
                 reward: step.rewards[lane],
                 kind: step.kinds[lane],
                 is_fresh: step.is_fresh[lane],
-                ..Row::pack(&step.observations[lane * OBSERVATION_LEN..(lane + 1) * OBSERVATION_LEN])
+                ..Row::pack(own)
             };
             match self.rows.get_mut(start + lane) {
-                Some(slot) => *slot = row,
-                None => self.rows.push(row),
+                Some(slot) => {
+                    *slot = row;
+                    self.others[(start + lane) * others_len..][..others_len].copy_from_slice(others);
+                }
+                None => {
+                    self.rows.push(row);
+                    self.others.extend(others);
+                }
             }
         }
         if self.steps_written.is_multiple_of(MEMORY_STRIDE) {
@@ -203,6 +216,25 @@ impl Replay {
 
     fn row(&self, step: u64, lane: usize) -> &Row {
         &self.rows[self.slot(step) * self.lane_count + lane]
+    }
+
+    /// Number of values of an observation that tell of others.
+    fn others_len(&self) -> usize {
+        self.others.len() / self.rows.len().max(1)
+    }
+
+    /// Puts the observation of a row into row `idx` of a batch.
+    fn put(&self, batch: &mut Batch, idx: usize, (step, lane): (u64, usize), mirrored: bool) {
+        let row_idx = self.slot(step) * self.lane_count + lane;
+        let (row, len) = (&self.rows[row_idx], self.others_len());
+        let into = &mut batch.observations[idx * (OBSERVATION_LEN + len)..][..OBSERVATION_LEN + len];
+        let (own, others) = into.split_at_mut(OBSERVATION_LEN);
+        row.unpack(own);
+        others.copy_from_slice(&self.others[row_idx * len..][..len]);
+        if mirrored {
+            mirror_observation(into);
+        }
+        batch.keep[idx] = if row.is_fresh { 0.0 } else { 1.0 };
     }
 
     /// The actor's hidden and cell state before `step`, a multiple of the stride.
@@ -240,7 +272,7 @@ impl Replay {
             size,
             burn_in,
             learn,
-            observations: cleared(&mut batch.observations, steps * size * OBSERVATION_LEN),
+            observations: cleared(&mut batch.observations, steps * size * (OBSERVATION_LEN + self.others_len())),
             keep: cleared(&mut batch.keep, steps * size),
             memory: std::mem::take(&mut batch.memory),
             actions: cleared(&mut batch.actions, learn * size * ACTION_LEN),
@@ -258,8 +290,7 @@ impl Replay {
                 // The mirror image of a hidden state is unknown, so mirrored sequences start from zeros and rely on burn-in.
                 batch.memory.extend(memory.iter().map(|value| if mirrored { 0.0 } else { *value }));
                 for step in 0..steps {
-                    let row = self.row(start + step as u64, lane);
-                    batch.put(step * size + sequence, row, mirrored);
+                    self.put(batch, step * size + sequence, (start + step as u64, lane), mirrored);
                 }
             }
             for step in 0..learn {
@@ -276,10 +307,10 @@ impl Replay {
                     mirror_action(action);
                 }
                 if is_single {
-                    batch.put(sequence, row, mirrored);
+                    self.put(batch, sequence, (at, lane), mirrored);
                     batch.successors[idx] = size + sequence;
                     if let Some(successor) = target.successor {
-                        batch.put(size + sequence, self.row(successor, lane), mirrored);
+                        self.put(batch, size + sequence, (successor, lane), mirrored);
                     }
                 } else if let Some(successor) = target.successor {
                     batch.successors[idx] = (successor - start) as usize * size + sequence;
@@ -330,16 +361,16 @@ fn cleared(values: &mut Vec<f32>, len: usize) -> Vec<f32> {
 }
 
 impl Batch {
-    fn put(&mut self, idx: usize, row: &Row, mirrored: bool) {
-        row.unpack(&mut self.observations[idx * OBSERVATION_LEN..][..OBSERVATION_LEN], mirrored);
-        self.keep[idx] = if row.is_fresh { 0.0 } else { 1.0 };
+    /// Number of values of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.observations.len() / self.keep.len().max(1)
     }
 }
 
 /// One collecting step over all lanes.
 #[derive(Debug, Clone, Default)]
 pub struct Step {
-    /// Observations, `[lanes, OBSERVATION_LEN]`.
+    /// Observations, `[lanes, observation_len]`.
     pub observations: Vec<f32>,
     /// The actor's hidden and cell states before the step, `[lanes, memory]`.
     pub memory: Vec<f32>,
@@ -354,7 +385,7 @@ pub struct Step {
 }
 
 impl Row {
-    /// Packs an observation; action, reward and kind are placeholders.
+    /// Packs an observation without others; action, reward and kind are placeholders.
     fn pack(observation: &[f32]) -> Self {
         let mut row = Row {
             proximity: [0; RAY_COUNT],
@@ -373,8 +404,8 @@ impl Row {
         row
     }
 
-    /// Unpacks the observation into `into`, which must contain zeros.
-    fn unpack(&self, into: &mut [f32], mirrored: bool) {
+    /// Unpacks the observation without others into `into`, which must contain zeros.
+    fn unpack(&self, into: &mut [f32]) {
         for ray in 0..RAY_COUNT {
             into[ray] = f32::from(self.proximity[ray]) / f32::from(u16::MAX);
             if let Some((channel, value)) = sense::surface_channel(Surface::ALL[usize::from(self.surface[ray])]) {
@@ -382,8 +413,5 @@ impl Row {
             }
         }
         into[RAY_COUNT * RAY_CHANNELS..].copy_from_slice(&self.state);
-        if mirrored {
-            mirror_observation(into);
-        }
     }
 }

@@ -58,7 +58,7 @@ impl Run {
             rng.set_stream(number);
             rng
         };
-        let collector = Collector::new(config.collector.clone(), config.hidden_len(), stream(10));
+        let collector = Collector::new(config.collector.clone(), &config.sac.network, stream(10));
         let replay = Replay::new(collector.lane_count(), config.replay_capacity);
         let mut learner = Learner::on(config.processor.device()?, config.sac.clone(), stream(11));
         if let Some(folder) = &config.start_from {

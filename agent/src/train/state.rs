@@ -89,10 +89,10 @@ impl Run {
         }
         let state: RunState = postcard::from_bytes(body).map_err(|error| damaged(&error.to_string()))?;
         let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
-        let hidden_len = config.hidden_len();
-        let collector =
-            Collector::restore(config.collector.clone(), hidden_len, state.collector).ok_or_else(foreign)?;
-        if !state.replay.fits(collector.lane_count(), config.replay_capacity, hidden_len) {
+        let network = &config.sac.network;
+        let collector = Collector::restore(config.collector.clone(), network, state.collector).ok_or_else(foreign)?;
+        let lens = (network.observation_len(), network.hidden_len());
+        if !state.replay.fits(collector.lane_count(), config.replay_capacity, lens.0, lens.1) {
             return Err(foreign());
         }
         Ok(Self {

@@ -5,7 +5,7 @@
 
 use std::sync::mpsc;
 use surefoot_policy::Policy;
-use surefoot_world::{Action, OBSERVATION_LEN};
+use surefoot_world::Action;
 use tokio::sync::oneshot;
 
 /// Most observations that are evaluated together, unless one batch has more.
@@ -26,10 +26,6 @@ impl Rows {
         let mut actions = Vec::new();
         policy.act_with_noise(&observations, &mut memory, noise, &mut actions);
         Decided { actions, memory }
-    }
-
-    fn count(&self) -> usize {
-        self.observations.len() / OBSERVATION_LEN
     }
 
     fn append(&mut self, other: &mut Self) {
@@ -58,6 +54,8 @@ struct Request {
 /// The thread that evaluates the policy; it ends with its last clone.
 #[derive(Debug, Clone)]
 pub(super) struct Inference {
+    /// Number of values of an observation.
+    observation_len: usize,
     requests: mpsc::Sender<Request>,
 }
 
@@ -68,14 +66,15 @@ impl Inference {
     /// If the system has no more threads.
     pub fn start(policy: Policy) -> std::io::Result<Self> {
         let (requests, waiting) = mpsc::channel();
+        let observation_len = policy.observation_len();
         std::thread::Builder::new().name("inference".to_owned()).spawn(move || evaluate(&policy, &waiting))?;
-        Ok(Self { requests })
+        Ok(Self { observation_len, requests })
     }
 
     /// Decides for all rows; `None` if evaluating the policy panicked.
     pub async fn decide(&self, rows: Rows) -> Option<Decided> {
         let (answer, decided) = oneshot::channel();
-        self.requests.send(Request { count: rows.count(), rows, answer }).ok()?;
+        self.requests.send(Request { count: rows.observations.len() / self.observation_len, rows, answer }).ok()?;
         decided.await.ok()
     }
 }
@@ -108,6 +107,7 @@ fn evaluate(policy: &Policy, waiting: &mpsc::Receiver<Request>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use surefoot_world::OBSERVATION_LEN;
     use surefoot_world::character::ACTION_LEN;
 
     fn rows(count: usize, seed: usize, memory_len: usize) -> Rows {

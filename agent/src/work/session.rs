@@ -15,7 +15,6 @@ use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::work_response::Message;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::OBSERVATION_VERSION;
 use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::TrySendError;
@@ -146,7 +145,7 @@ impl Session<'_> {
         let hello = wire::Hello {
             name: self.config.name.clone(),
             capacity: self.config.capacity,
-            observation_len: OBSERVATION_LEN as u32,
+            observation_len: self.policy.observation_len() as u32,
             observation_version: OBSERVATION_VERSION,
             policy: self.policy.label(),
         };

@@ -9,19 +9,19 @@ use prost::Message;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use surefoot_planner::Plan;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
+use surefoot_planner::{Plan, Traffic};
 use surefoot_policy::Policy;
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1 as planner;
-use surefoot_proto::plans::{self, npc_plan_to_wire, query_to_wire, traversal_to_wire};
+use surefoot_proto::plans::{self, npc_plan_to_wire, query_to_wire, traffic_to_wire, traversal_to_wire};
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::Style;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::rehearse::{Ghost, NoiseStream, Rehearsal};
 use surefoot_rollout::scene::{Call, Scene};
-use surefoot_world::{Action, CharacterProfile, MoverState, OBSERVATION_LEN, Vec3};
+use surefoot_world::{Action, CharacterProfile, MoverState, Vec3};
 use tokio::sync::{mpsc, watch};
 use tonic::Code;
 use tracing::warn;
@@ -110,6 +110,8 @@ struct Npc {
     holds: bool,
     /// Whether its plan is of the map as it was before an edit.
     is_outdated: bool,
+    /// Where it was at its last decision, m.
+    feet: Vec3,
 }
 
 /// State of an NPC's body and episode, from the server.
@@ -150,6 +152,8 @@ pub(super) struct WorldTask {
     /// Seed of the exploration noise: equal for worlds on equal maps, so that lockstep worlds repeat themselves.
     seed: u64,
     is_lockstep: bool,
+    /// Whether plans go around crowds: in lockstep what an NPC does must not depend on which worker has the others.
+    minds_traffic: bool,
     policy: Policy,
     /// What realtime worlds decide with.
     inference: Inference,
@@ -186,6 +190,7 @@ impl WorldTask {
             world_id: assignment.world_id,
             seed: seed_of(&assignment.map_hash),
             is_lockstep: assignment.mode() == wire::TimeMode::Lockstep,
+            minds_traffic: assignment.solid_npcs && assignment.mode() == wire::TimeMode::Realtime,
             policy,
             inference,
             manner,
@@ -232,7 +237,7 @@ impl WorldTask {
         let count = batch.npc_ids.len();
         let vectors = |bytes: &[u8], field| convert::unpack(bytes, count * 3, field);
         let (mut observations, positions, goals) = match (
-            convert::unpack(&batch.observations, count * OBSERVATION_LEN, "observations"),
+            convert::unpack(&batch.observations, count * self.policy.observation_len(), "observations"),
             vectors(&batch.positions, "positions"),
             vectors(&batch.goals, "goals"),
         ) {
@@ -253,6 +258,7 @@ impl WorldTask {
             let touched = batch.waypoint_reached.get(idx).copied().unwrap_or(false);
             let grounded = batch.grounded.get(idx).copied().unwrap_or(true);
             self.meet(id, attempt, goal, (batch.tick, idx));
+            self.npc(id).feet = feet;
             calls.extend(self.look(id, &movers, feet, grounded));
             match self.note(id, feet, touched, grounded) {
                 Step::Keep if self.is_outdated(id) => queries.push((id, attempt, feet)),
@@ -340,6 +346,7 @@ impl WorldTask {
             next_try: 0,
             holds: false,
             is_outdated: false,
+            feet: Vec3::ZERO,
         };
         let npc = self.npcs.entry(id).or_insert_with(begin);
         if npc.attempt != attempt {
@@ -489,7 +496,8 @@ impl WorldTask {
             return Vec::new();
         }
         self.has_waited = false;
-        let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()) };
+        let traffic = self.minds_traffic.then(|| self.traffic());
+        let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()), traffic };
         for &(id, _, feet) in queries {
             let npc = self.npcs.get_mut(&id).expect("noted in this batch");
             npc.is_planning = true;
@@ -518,6 +526,13 @@ impl WorldTask {
             });
             Vec::new()
         }
+    }
+
+    /// Where the NPCs of this worker are about to be.
+    fn traffic(&self) -> planner::Traffic {
+        let mut traffic = Traffic::default();
+        self.npcs.values().for_each(|npc| npc.follower.add_to(&mut traffic, npc.feet));
+        traffic_to_wire(&traffic)
     }
 
     fn apply_received(&mut self) {

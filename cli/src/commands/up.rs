@@ -58,9 +58,9 @@ pub struct Args {
     /// Number of NPC workers
     #[arg(long, default_value_t = 2, value_name = "N")]
     workers: u32,
-    /// Let NPCs get in each other's way instead of passing through one another
+    /// Let NPCs pass through one another instead of getting in each other's way
     #[arg(long)]
-    solid: bool,
+    ghosts: bool,
     /// Exit after this time with a summary; fails if no NPC arrived
     #[arg(long = "for", value_name = "SECONDS")]
     duration: Option<f64>,
@@ -176,8 +176,11 @@ async fn scene(
     let map_count = maps.len();
     for (idx, map) in maps.into_iter().enumerate() {
         let share = args.npcs / map_count + usize::from(idx < args.npcs % map_count);
-        let mut request =
-            wire::CreateWorldRequest { body: Some(body_to_wire(&body)), solid_npcs: args.solid, ..Default::default() };
+        let mut request = wire::CreateWorldRequest {
+            body: Some(body_to_wire(&body)),
+            solid_npcs: Some(!args.ghosts),
+            ..Default::default()
+        };
         match map {
             SceneMap::Generated(spec) => request.map = Some(map_spec_to_wire(&spec)),
             SceneMap::Level(name, file) => {

@@ -13,7 +13,7 @@ use crate::planner::Planner;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
     ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire,
-    unapplied_to_wire,
+    traffic_of, unapplied_to_wire,
 };
 use std::pin::Pin;
 use surefoot_net::levels::grpc as levels;
@@ -204,11 +204,16 @@ impl PlannerService for PlannerApi {
             return Err(status::too_large("queries", message));
         }
         let queries = request.queries.iter().map(|query| Self::query(&hosted, query)).collect::<Result<Vec<_>, _>>()?;
+        let traffic = request.traffic.as_ref().map(traffic_of).transpose()?;
         let planner = self.planner.clone();
         // Read before planning: if an edit comes in between, the plans are newer than the revision, never older.
         let (revision, interim) = (revision_to_wire(hosted.revision()), hosted.is_interim());
         let plans = tokio::task::spawn_blocking(move || {
-            queries.iter().map(|query| plan_to_wire(&planner.plan(&hosted, query))).collect()
+            let plans = match traffic {
+                Some(mut traffic) => planner.plans_in(&hosted, &mut traffic, &queries),
+                None => queries.iter().map(|query| planner.plan(&hosted, query)).collect(),
+            };
+            plans.iter().map(plan_to_wire).collect()
         });
         let plans = plans.await.map_err(PlannerError::lost("the search"))?;
         Ok(Response::new(wire::FindPathsResponse { plans, revision, interim }))

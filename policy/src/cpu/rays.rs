@@ -13,12 +13,11 @@ use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::flex::FlexTensor;
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::Tensor;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::RAY_COUNT;
 
 /// Encodes the rays of observations with ReLU; `None` if the tensors are not on the CPU. Observations get no gradient.
 ///
-/// `observations` are `[rows, OBSERVATION_LEN]`, `weight` is `[members, RAY_LEN, out]`, `bias` `[members, 1, out]`, the result
+/// `observations` are `[rows, values]` and begin with the rays, `weight` is `[members, RAY_LEN, out]`, `bias` `[members, 1, out]`, the result
 /// `[members, rows, out]`.
 pub fn layer(observations: &Tensor<2>, weight: &Tensor<3>, bias: &Tensor<3>) -> Option<Tensor<3>> {
     if let Ok(observations) = observations.clone().try_into_primitive::<Flex>() {
@@ -48,7 +47,8 @@ fn proximities(observations: &FlexTensor) -> FlexTensor {
 /// Row, input index and value of every nonzero ray value other than proximities.
 fn nonzero_others(observations: &FlexTensor) -> Vec<(usize, usize, f32)> {
     let mut found = Vec::new();
-    for (row, values) in observations.storage::<f32>().chunks_exact(OBSERVATION_LEN).enumerate() {
+    let len = observations.layout().shape()[1];
+    for (row, values) in observations.storage::<f32>().chunks_exact(len).enumerate() {
         let others = values[..RAY_LEN].iter().enumerate().skip(RAY_COUNT);
         found.extend(others.filter(|(_, value)| **value != 0.0).map(|(input, &value)| (row, input, value)));
     }

@@ -17,7 +17,6 @@ use crate::config::RAY_LEN;
 use crate::{Actor, Manifest};
 use prost::Message;
 use std::collections::BTreeMap;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
 
 const IR_VERSION: i64 = 8;
@@ -30,9 +29,10 @@ const ATTRIBUTE_INT: i32 = 2;
 pub fn to_onnx(actor: &Actor, manifest: &Manifest) -> Vec<u8> {
     let mut graph = Builder { weights: named_weights(actor), graph: GraphProto::default() };
     graph.graph.name = manifest.name.clone();
-    graph.input("observations", OBSERVATION_LEN);
+    let observation_len = manifest.actor.observation_len();
+    graph.input("observations", observation_len);
     let rays = graph.slice("observations", 0, RAY_LEN);
-    let state = graph.slice("observations", RAY_LEN, OBSERVATION_LEN);
+    let state = graph.slice("observations", RAY_LEN, observation_len);
     let rays = graph.dense(&rays, "trunk.rays");
     let rays = graph.node("Relu", &[&rays], &[]);
     let sensed = graph.concat(&[&rays, &state]);

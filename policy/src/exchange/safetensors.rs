@@ -9,7 +9,6 @@ use rand::rngs::ChaCha8Rng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::collections::{BTreeMap, HashMap};
 use std::num::NonZeroUsize;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::sense::OBSERVATION_VERSION;
 
 /// Key of the manifest in the file's metadata.
@@ -60,17 +59,17 @@ pub fn from_safetensors(bytes: &[u8]) -> Result<(Actor, ActorConfig, Option<Mani
         let values = view.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
         found.insert(name, Weights { shape: view.shape().to_vec(), values });
     }
+    let config = sizes(&found)?;
     if let Some(manifest) = &manifest {
-        let same = manifest.observation_len == OBSERVATION_LEN && manifest.observation_version == OBSERVATION_VERSION;
-        if !same {
+        let len = config.observation_len();
+        if (manifest.observation_len, manifest.observation_version) != (len, OBSERVATION_VERSION) {
             return Err(CheckpointError::Mismatch {
                 field: "observation",
                 found: format!("{} values of version {}", manifest.observation_len, manifest.observation_version),
-                expected: format!("{OBSERVATION_LEN} values of version {OBSERVATION_VERSION}"),
+                expected: format!("{len} values of version {OBSERVATION_VERSION}"),
             });
         }
     }
-    let config = sizes(&found)?;
     check_count(&config, &found)?;
     let actor = Actor::new(&config, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(0));
     check(&named_weights(&actor), &found)?;
@@ -84,24 +83,33 @@ fn mismatch(found: String, expected: String) -> CheckpointError {
 
 /// Infers the layer sizes from the shapes.
 fn sizes(found: &BTreeMap<String, Weights>) -> Result<ActorConfig, CheckpointError> {
-    let width = |name: &str| match found.get(name).map(|weights| weights.shape.as_slice()) {
-        Some(&[_, width]) => Ok(width),
+    let shape = |name: &str| match found.get(name).map(|weights| weights.shape.as_slice()) {
+        Some(&[inputs, outputs]) => Ok((inputs, outputs)),
         Some(shape) => Err(mismatch(format!("{name}: {shape:?}"), format!("{name}: a matrix"))),
         None => Err(mismatch("no ".to_owned() + name, name.to_owned())),
     };
-    let memory = if found.contains_key("trunk.memory.recurrent") { width("trunk.memory.recurrent")? / 4 } else { 0 };
+    let has_memory = found.contains_key("trunk.memory.recurrent");
+    let memory = if has_memory { shape("trunk.memory.recurrent")?.1 / 4 } else { 0 };
     let config = ActorConfig {
-        ray_features: width("trunk.rays.weight")?,
-        hidden: width("trunk.second.weight")?,
+        ray_features: shape("trunk.rays.weight")?.1,
+        hidden: shape("trunk.second.weight")?.1,
         memory: NonZeroUsize::new(memory),
+        sees_others: false,
     };
-    if config.is_sound() { Ok(config) } else { Err(CheckpointError::Sizes(config)) }
+    if !config.is_sound() {
+        return Err(CheckpointError::Sizes(config));
+    }
+    // Only the first hidden layer tells the length of the observation.
+    let seeing = ActorConfig { sees_others: true, ..config };
+    let (inputs, _) = shape("trunk.first.weight")?;
+    Ok(if inputs == seeing.sensed_len() + memory { seeing } else { config })
 }
 
 /// Checks that the file has at least as many values as a network of these sizes, before memory is allocated: a few bytes of
 /// shapes can imply gigabytes. Names are checked first, because a missing parameter is the likelier fault.
 fn check_count(config: &ActorConfig, found: &BTreeMap<String, Weights>) -> Result<(), CheckpointError> {
-    let smallest = ActorConfig { ray_features: 1, hidden: 1, memory: config.memory.and(Some(NonZeroUsize::MIN)) };
+    let smallest =
+        ActorConfig { ray_features: 1, hidden: 1, memory: config.memory.and(Some(NonZeroUsize::MIN)), ..*config };
     let named = named_weights(&Actor::new(&smallest, &Device::flex(), &mut ChaCha8Rng::seed_from_u64(0)));
     if let Some(name) = named.keys().find(|name| !found.contains_key(*name)) {
         return Err(mismatch(format!("no {name}"), name.clone()));

@@ -9,9 +9,8 @@ use surefoot_net::serving::{Caller, Shutdown, shutting_down};
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_server::EnvService;
-use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::sense::OBSERVATION_VERSION;
+use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_stream::{Stream, StreamExt};
@@ -62,7 +61,7 @@ impl EnvService for EnvApi {
         let (env_id, observations) = self.created.once(&caller.name, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateEnvResponse {
             env_id: env_id.0,
-            observation_len: OBSERVATION_LEN as u32,
+            observation_len: observation_len(request.solid_npcs) as u32,
             observation_version: OBSERVATION_VERSION,
             action_len: ACTION_LEN as u32,
             observations: convert::pack(observations),

@@ -12,7 +12,7 @@ mod readers;
 mod work;
 
 use crate::geometry::Tiles;
-use crate::hosted::HostedWorld;
+use crate::hosted::{HostedWorld, TimeMode};
 use crate::ids::{NpcId, WorldId};
 use crate::view::View;
 use crate::wire::{
@@ -105,10 +105,11 @@ impl WorldService for WorldApi {
         let request = request.into_inner();
         let made = levels::source(self.worlds.levels(), request.map.as_ref(), &request.map_hash)?;
         let source = levels::with_pieces(made, &request.pieces)?;
+        let mode = time_mode(request.mode)?;
         let settings = WorldSettings {
-            mode: time_mode(request.mode)?,
+            mode,
             body: convert::body(request.body.as_ref())?,
-            solid_npcs: request.solid_npcs,
+            solid_npcs: request.solid_npcs.unwrap_or(mode == TimeMode::Realtime),
         };
         let (worlds, owner) = (self.worlds.clone(), caller.clone());
         let create = async move { Ok(worlds.create(&owner, source, settings).await?) };

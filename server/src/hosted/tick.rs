@@ -84,15 +84,17 @@ impl HostedWorld {
             hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
             let (Some(goal), Some(worker)) = (record.goal, record.worker) else { continue };
             self.world.close_decision(record.slot);
-            self.world.observe(record.slot, &mut self.row);
             let npc = self.world.npc(record.slot).expect("every record has an NPC");
             let new_batch = || {
                 let movers = MoverState::pack(self.world.movers());
-                ObservationBatch { movers, ..ObservationBatch::new(self.id, tick, npc.profile) }
+                let observation_len = self.registry.observation_len(worker);
+                ObservationBatch { movers, ..ObservationBatch::new(self.id, tick, npc.profile, observation_len) }
             };
             let batch = self.batches.entry((worker, npc.profile.0)).or_insert_with(new_batch);
             batch.npcs.push(id);
-            batch.observations.extend_from_slice(&self.row);
+            let start = batch.observations.len();
+            batch.observations.resize(start + batch.observation_len, 0.0);
+            self.world.observe(record.slot, &mut batch.observations[start..]);
             batch.positions.push(npc.body.feet);
             batch.goals.push(goal);
             batch.attempts.push(record.attempts);

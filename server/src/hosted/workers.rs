@@ -163,6 +163,7 @@ impl HostedWorld {
             map_hash: map.built_hash(),
             pieces: map.pieces().to_vec(),
             mode: self.mode,
+            solid_npcs: self.has_solid_npcs(),
             npcs,
             body: (ProfileIdx(body), self.bodies()[usize::from(body)].clone()),
         })

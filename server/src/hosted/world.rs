@@ -15,8 +15,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_world::{
-    CharacterProfile, End, Map, NpcSlot, OBSERVATION_LEN, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World,
-    WorldConfig,
+    CharacterProfile, End, Map, NpcSlot, Seconds, TICKS_PER_SECOND, TaskConfig, Tick, Vec3, World, WorldConfig,
 };
 
 /// What the server knows about an NPC beyond the world's own state.
@@ -115,7 +114,6 @@ pub struct HostedWorld {
     pub(super) outbox: BTreeMap<WorkerId, Outbox>,
     /// Observations by worker and body.
     pub(super) batches: BTreeMap<(WorkerId, u8), ObservationBatch>,
-    pub(super) row: Vec<f32>,
     /// The tick that has been asked for but not stepped yet (lockstep).
     pub(super) requested_tick: Option<Tick>,
     /// For workers that owe answers: the tick of the first observation since their last answer in time.
@@ -142,7 +140,6 @@ impl HostedWorld {
             registry,
             outbox: BTreeMap::new(),
             batches: BTreeMap::new(),
-            row: vec![0.0; OBSERVATION_LEN],
             requested_tick: None,
             unanswered_since: BTreeMap::new(),
             notified: BTreeSet::new(),

@@ -3,6 +3,7 @@
 //! The JSON is parsed into the types of the `gltf` crate, but without its wrappers: those trust indices and lengths, and
 //! the crate's own validation indexes with a number from the file. Here every index, offset and length is checked on use.
 
+use super::animated::Animation;
 use super::faults::{ImportError, MAX_TRIANGLES};
 use super::meshopt::{self, Compression};
 use super::scene::{Node, Scene, node_label};
@@ -10,6 +11,7 @@ use crate::Vec3;
 use crate::map::MapSize;
 use glam::{Mat4, Quat};
 use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::animation::{Interpolation, Property};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Root};
@@ -177,6 +179,8 @@ impl Reader<'_> {
         };
 
         let mut nodes = Vec::new();
+        // The node of each index in the file, and where its parent is.
+        let mut placed: Vec<Option<(usize, Mat4)>> = vec![None; root.nodes.len()];
         let mut is_visited = vec![false; root.nodes.len()];
         // An explicit stack, since the file decides how deeply nodes are nested.
         let mut waiting: Vec<(usize, Option<usize>, Mat4)> =
@@ -195,11 +199,83 @@ impl Reader<'_> {
             };
             let origin = level_from_node.transform_point3(Vec3::ZERO);
             let own_idx = nodes.len();
-            nodes.push(Node { name, parent, origin, triangles, extras: node.extras.clone() });
+            placed[idx] = Some((own_idx, level_from_parent));
+            nodes.push(Node { name, parent, origin, triangles, extras: node.extras.clone(), animation: None });
             let children = node.children.iter().flatten().rev();
             waiting.extend(children.map(|child| (child.value(), Some(own_idx), level_from_node)));
         }
+        self.animate(&mut nodes, &placed)?;
         Ok(Scene { nodes, former_size, skipped_count: self.skipped_count })
+    }
+
+    /// Reads how nodes are shifted and turned. Of several animations of a node the first counts.
+    fn animate(&mut self, nodes: &mut [Node], placed: &[Option<(usize, Mat4)>]) -> Result<(), ImportError> {
+        for animation in &self.source.root.animations {
+            for channel in &animation.channels {
+                let target = channel.target.node.value();
+                let json = self.source.root.nodes.get(target);
+                let (Some((own_idx, level_from_parent)), Some(json)) = (placed.get(target).copied().flatten(), json)
+                else {
+                    continue;
+                };
+                let from = format!("the animation of {}", label(nodes, own_idx));
+                let sampler = channel.sampler.value();
+                let reference = || ImportError::Reference { from: from.clone(), to: "sampler", idx: sampler };
+                let sampler = animation.samplers.get(sampler).ok_or_else(reference)?;
+                let width = match channel.target.path {
+                    Checked::Valid(Property::Translation) => 3,
+                    Checked::Valid(Property::Rotation) => 4,
+                    _ => continue,
+                };
+                let is_spline = sampler.interpolation == Checked::Valid(Interpolation::CubicSpline);
+                let keys = self.keys(&from, sampler, width, is_spline)?;
+                let rest = parent_from_node(json);
+                let animated = nodes[own_idx].animation.get_or_insert_default();
+                if width == 3 && animated.shifts.is_empty() {
+                    let shift = |place: [f32; 4]| {
+                        let offset = Vec3::new(place[0], place[1], place[2]) - rest.w_axis.truncate();
+                        level_from_parent.transform_vector3(offset)
+                    };
+                    animated.shifts = keys.into_iter().map(|(at, place)| (at, shift(place))).collect();
+                } else if width == 4 && animated.turns.is_empty() {
+                    let (_, at_rest, _) = rest.to_scale_rotation_translation();
+                    let turn = |to: [f32; 4]| {
+                        let by = Quat::from_array(to) * at_rest.inverse();
+                        2.0 * libm::atan2f(by.y, by.w)
+                    };
+                    animated.turns = keys.into_iter().map(|(at, to)| (at, nearest_turn(turn(to)))).collect();
+                }
+            }
+        }
+        let is_finite = |animation: &Animation| {
+            animation.shifts.iter().all(|(at, shift)| at.is_finite() && shift.is_finite())
+                && animation.turns.iter().all(|(at, turn)| at.is_finite() && turn.is_finite())
+        };
+        let broken = nodes.iter().position(|node| node.animation.as_ref().is_some_and(|it| !is_finite(it)));
+        broken.map_or(Ok(()), |idx| Err(ImportError::NotFinite { node: label(nodes, idx) }))
+    }
+
+    /// The times of a sampler, s, and the values of `width` numbers at them.
+    fn keys(
+        &mut self,
+        from: &str,
+        sampler: &json::animation::Sampler,
+        width: usize,
+        is_spline: bool,
+    ) -> Result<Vec<(f32, [f32; 4])>, ImportError> {
+        let times = self.source.elements(from, sampler.input.value(), Layout::Floats(1))?;
+        let values = self.source.elements(from, sampler.output.value(), Layout::Floats(width))?;
+        // Keys are bounded like triangles: an accessor may be read again and again.
+        self.triangle_budget = self.triangle_budget.checked_sub(times.count).ok_or(ImportError::TooManyTriangles)?;
+        // A spline has a tangent before and after each value.
+        let value_idx = |idx: usize| if is_spline { 3 * idx + 1 } else { idx };
+        let mut keys = Vec::with_capacity(times.count);
+        for idx in 0..times.count {
+            let (time, value) = (times.floats(idx, 1), values.floats(value_idx(idx), width));
+            let missing = || data_error(from, "fewer values than times: export the level again");
+            keys.push((time.ok_or_else(missing)?[0], value.ok_or_else(missing)?));
+        }
+        Ok(keys)
     }
 
     /// Triangles of all primitives of a mesh, in the level's coordinates.
@@ -289,6 +365,15 @@ impl Source<'_> {
                 encoding.component = component.0;
                 3 * component.0.size()
             }
+            (Layout::Floats(width), Checked::Valid(kind), Checked::Valid(component))
+                if kind.multiplicity() == width && component.0 != ComponentType::U32 =>
+            {
+                encoding.component = component.0;
+                width * component.0.size()
+            }
+            (Layout::Floats(_), ..) => {
+                return Err(data_error(mesh, "keys that are no numbers of its kind: export the level again"));
+            }
             (Layout::Indices, Checked::Valid(Type::Scalar), Checked::Valid(component)) => match component.0 {
                 ComponentType::U8 => 1,
                 ComponentType::U16 => 2,
@@ -345,6 +430,18 @@ impl Source<'_> {
     }
 }
 
+/// The same angle within half a turn, rad: a quaternion and its negative are one rotation.
+fn nearest_turn(angle: f32) -> f32 {
+    use std::f32::consts::{PI, TAU};
+    if angle > PI {
+        angle - TAU
+    } else if angle < -PI {
+        angle + TAU
+    } else {
+        angle
+    }
+}
+
 fn nodes_without_parent(root: &Root) -> Vec<usize> {
     let mut is_root = vec![true; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
@@ -385,6 +482,8 @@ fn parent_from_node(node: &json::Node) -> Mat4 {
 enum Layout {
     Positions,
     Indices,
+    /// This many numbers each.
+    Floats(usize),
 }
 
 /// Checked elements: `count` elements of `width` bytes, `stride` bytes apart; the last one is complete.
@@ -428,6 +527,16 @@ impl Elements<'_> {
         let mut components = self.element(idx)?.chunks_exact(self.width / 3);
         let mut next = || self.encoding.decode(components.next()?);
         Some(Vec3::new(next()?, next()?, next()?))
+    }
+
+    /// The first `width` numbers at `idx`, at most 4, followed by zeros.
+    fn floats(&self, idx: usize, width: usize) -> Option<[f32; 4]> {
+        let mut components = self.element(idx)?.chunks_exact(self.width / width);
+        let mut values = [0.0; 4];
+        for value in &mut values[..width] {
+            *value = self.encoding.decode(components.next()?)?;
+        }
+        Some(values)
     }
 
     /// The vertex index at `idx`, which must be below `count`.

@@ -8,6 +8,7 @@
 //! (nodes and the sidecar to pools and devices) and `inspect` (oddities of the geometry). `faults` has the errors and
 //! warnings.
 
+mod animated;
 mod export;
 mod extras;
 mod faults;

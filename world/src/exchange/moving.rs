@@ -3,15 +3,19 @@
 //! Nodes: `door*` opens; `lift*`, `elevator*` and `platform*` travel to the places of the nodes `NAME:path` (`NAME:path.001`, ...), in
 //! the order of their names; `vanish*` goes away when it is told to, or is there and away in turn; `conveyor*` carries what stands on it with
 //! the `velocity` of its extras.
+//! What a node's animation says of its stops and times counts where names and extras say nothing, and a node of at most 30 m that is animated
+//! from place to place is a lift or platform whatever its name is.
 //! Names that only speak of a door (`door_frame`, `doorway`, `doorstep`) stay solid, like lifts and platforms without a path and conveyors
 //! without a velocity. An extra `mover` with the kind makes a mover of any node, and `mover: false` keeps it solid.
 
+use super::animated::{Animation, Journey};
 use super::extras::Extras;
 use super::faults::ImportError;
 use super::inspect;
 use super::scene::{Bounds, Frame, Node};
 use super::sides;
 use crate::Vec3;
+use crate::map::mover::MAX_MOVER_SPEED;
 use crate::map::{Mover, MoverKind, MoverStop, mover};
 use crate::mesh::{Surface, Triangle};
 use serde::Deserialize;
@@ -30,6 +34,8 @@ const HINGE_SHARE: f32 = 0.15;
 const SLIDE_SHARE: f32 = 0.96;
 /// Distance below which a place on a path is where the mover already is, m.
 const SAME_M: f32 = 0.05;
+/// Largest extent of what counts as a lift or platform only because it is animated, m.
+const LARGEST_M: f32 = 30.0;
 /// Parts of names that speak of what is around a door.
 const NOT_DOORS: [&str; 6] = ["frame", "way", "step", "arch", "sill", "handle"];
 
@@ -42,9 +48,16 @@ pub(super) enum Sign {
     Path,
 }
 
-/// Whether a node is a mover or belongs to one; `paths` are the places of all nodes' paths.
-pub(super) fn sign(name: &str, extras: &Extras<'_>, paths: &Paths) -> Result<Option<Sign>, ImportError> {
-    let name = name.to_lowercase();
+/// Whether a node is a mover or belongs to one; `paths` are the places of all nodes' paths, and `bounds` are those of the node and what is
+/// below it.
+pub(super) fn sign(
+    node: &Node,
+    extras: &Extras<'_>,
+    paths: &Paths,
+    bounds: Option<Bounds>,
+    frame: Frame,
+) -> Result<Option<Sign>, ImportError> {
+    let name = node.name.to_lowercase();
     if path_of(&name).is_some() {
         return Ok(Some(Sign::Path));
     }
@@ -55,16 +68,26 @@ pub(super) fn sign(name: &str, extras: &Extras<'_>, paths: &Paths) -> Result<Opt
         return Ok(None);
     }
     let starts = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
-    let has_path = extras.has("path") || paths.0.contains_key(&name);
+    let journey = journey(node, frame);
+    let has_path = extras.has("path") || paths.0.contains_key(&name) || journey.is_some();
     Ok(match () {
         () if starts(&["door"]) && !NOT_DOORS.iter().any(|part| name.contains(part)) => Some(MoverKind::Door),
         () if starts(&["lift", "elevator"]) && has_path => Some(MoverKind::Lift),
         () if starts(&["platform"]) && has_path => Some(MoverKind::Platform),
         () if starts(&["vanish"]) => Some(MoverKind::Floor),
         () if starts(&["conveyor"]) && extras.has("velocity") => Some(MoverKind::Conveyor),
+        // Whole levels that are animated stay.
+        () if bounds.is_some_and(|bounds| (bounds.high - bounds.low).max_element() <= LARGEST_M) => {
+            journey.map(|journey| if journey.is_upright() { MoverKind::Lift } else { MoverKind::Platform })
+        }
         () => None,
     }
     .map(Sign::Mover))
+}
+
+/// Where the animation of a node takes it.
+fn journey(node: &Node, frame: Frame) -> Option<Journey> {
+    node.animation.as_ref()?.journey(|shift| frame.to_metres(shift))
 }
 
 fn kind_named(extras: &Extras<'_>, name: &str) -> Result<MoverKind, ImportError> {
@@ -126,8 +149,9 @@ impl Paths {
 struct Motion {
     /// Shifts to the stops after the first, m.
     path: Vec<Vec3>,
-    /// Angle of a hinge, degrees.
+    /// Angle of a hinge, degrees, and where it is if the level says so, m.
     hinge: Option<f64>,
+    pivot: Option<Vec3>,
     /// Duration of each journey, s, or speed, m/s.
     seconds: Option<f64>,
     speed: Option<f64>,
@@ -137,6 +161,23 @@ struct Motion {
     start: u8,
 }
 
+/// How the animation of a node moves a mover.
+enum Animated {
+    /// A door turns by this angle, rad, within this time, s.
+    Swing(f32, f32),
+    Journey(Journey),
+}
+
+fn animated(kind: MoverKind, node: &Node, frame: Frame) -> Option<Animated> {
+    let swing = node.animation.as_ref().and_then(Animation::swing);
+    match kind {
+        MoverKind::Door if swing.is_some() => swing.map(|(turn, seconds)| Animated::Swing(turn, seconds)),
+        MoverKind::Door => journey(node, frame).map(|journey| Animated::Journey(journey.without_stops_between())),
+        MoverKind::Lift | MoverKind::Platform => journey(node, frame).map(Animated::Journey),
+        MoverKind::Floor | MoverKind::Conveyor => None,
+    }
+}
+
 /// Makes a mover of a node whose triangles, with those of its children, are `triangles`.
 pub(super) fn from_node(
     kind: MoverKind,
@@ -144,19 +185,38 @@ pub(super) fn from_node(
     extras: &Extras<'_>,
     frame: Frame,
     paths: &Paths,
-    triangles: Vec<[Vec3; 3]>,
+    mut triangles: Vec<[Vec3; 3]>,
 ) -> Result<Option<Mover>, ImportError> {
     let Some(bounds) = Bounds::of(triangles.iter().flatten().copied()) else { return Ok(None) };
     let metres = |vector: Vec3| frame.to_metres(vector);
     let mut path = extras.vectors("path")?.into_iter().map(metres).collect::<Vec<_>>();
     path.extend(extras.vector("slide")?.map(metres));
     path.extend(paths.offsets(node, bounds));
+    let animation = if path.is_empty() { animated(kind, node, frame) } else { None };
+    let mut timing = (None, None);
+    let mut swing = None;
+    match animation {
+        Some(Animated::Swing(turn, seconds)) => {
+            swing = Some(f64::from(turn.to_degrees()));
+            timing.0 = Some(seconds);
+        }
+        Some(Animated::Journey(journey)) => {
+            triangles.iter_mut().flatten().for_each(|corner| *corner += journey.begin);
+            let legs = std::iter::once(Vec3::ZERO).chain(journey.path.iter().copied()).zip(&journey.path);
+            let longest = legs.map(|(from, to)| from.distance(*to)).fold(0.0, f32::max);
+            timing = (Some(journey.travel_s.max(longest / MAX_MOVER_SPEED)), Some(journey.dwell_s));
+            path = journey.path;
+        }
+        None => {}
+    }
+    let bounds = Bounds::of(triangles.iter().flatten().copied()).unwrap_or(bounds);
     let motion = Motion {
         path,
-        hinge: extras.number("hinge")?,
-        seconds: extras.number("seconds")?,
+        hinge: extras.number("hinge")?.or(swing),
+        pivot: swing.map(|_| node.origin),
+        seconds: extras.number("seconds")?.or(timing.0.map(f64::from)),
         speed: extras.number("speed")?,
-        dwell: extras.number("dwell")?,
+        dwell: extras.number("dwell")?.or(timing.1.map(f64::from)),
         cycles: extras.flag("loop")?,
         velocity: extras.vector("velocity")?.map(metres),
         start: u8::from(extras.flag("open")? == Some(true)),
@@ -193,7 +253,7 @@ fn assemble(
             let leaf = Leaf::new(bounds);
             let hinge = leaf.hinge(origin);
             if motion.hinge.is_some() || (stops.len() == 1 && hinge.is_some()) {
-                pivot = hinge.unwrap_or_else(|| leaf.end());
+                pivot = motion.pivot.or(hinge).unwrap_or_else(|| leaf.end());
                 let angle = motion.hinge.unwrap_or(HINGE_DEG) as f32;
                 stops = vec![here, MoverStop { yaw: angle.to_radians(), ..here }];
             } else if stops.len() == 1 {
@@ -284,6 +344,7 @@ impl MoverEntry {
         let motion = Motion {
             path: self.path.into_iter().map(metres).collect(),
             hinge: self.hinge,
+            pivot: None,
             seconds: self.seconds,
             speed: self.speed,
             dwell: self.dwell,

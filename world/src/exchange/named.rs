@@ -229,9 +229,10 @@ pub(super) fn collect_from_nodes(
     let says: Vec<Option<bool>> =
         nodes.iter().enumerate().map(|(idx, node)| says_solid(node, idx, sidecar)).collect::<Result<_, _>>()?;
     let paths = Paths::of(nodes);
+    let whole = bounds_with_children(nodes);
     let kind = |(idx, (node, says)): (usize, (&Node, &Option<bool>))| {
         let label = node_label(&node.name, idx);
-        let moving = moving::sign(&node.name, &Extras::new(node, &label)?, &paths)?;
+        let moving = moving::sign(node, &Extras::new(node, &label)?, &paths, whole[idx], frame)?;
         Ok(match (says, Kind::of(&node.name), moving) {
             (Some(false), ..) => Some(Kind::Helper),
             (Some(true), Some(Kind::Helper), _) => None,
@@ -305,6 +306,19 @@ pub(super) fn collect_from_nodes(
         }
     }
     Ok(is_solid)
+}
+
+/// The bounds of each node and what is below it; `None` if that has no triangles.
+fn bounds_with_children(nodes: &[Node]) -> Vec<Option<Bounds>> {
+    let mut whole: Vec<Option<Bounds>> =
+        nodes.iter().map(|node| Bounds::of(node.triangles.iter().flatten().copied())).collect();
+    // Parents come before their children.
+    for (idx, node) in nodes.iter().enumerate().rev() {
+        if let (Some(parent), Some(own)) = (node.parent, whole[idx]) {
+            whole[parent] = Some(whole[parent].map_or(own, |bounds| bounds.union(own)));
+        }
+    }
+    whole
 }
 
 /// Whether a node's extras or the sidecar say that it is solid or not; `None` if they do not say.

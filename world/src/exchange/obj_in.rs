@@ -25,7 +25,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene, ImportError> {
         let (corners, _) = model.mesh.indices.as_chunks::<3>();
         let triangles = corners.iter().map(|corners| corners.map(|idx| Vec3::from(positions[idx as usize]))).collect();
         let name = if model.name == UNNAMED { String::new() } else { model.name };
-        Node { name, parent: None, origin: Vec3::ZERO, triangles, extras: None }
+        Node { name, parent: None, origin: Vec3::ZERO, triangles, extras: None, animation: None }
     });
     Ok(Scene { nodes: nodes.collect(), former_size: None, skipped_count: 0 })
 }

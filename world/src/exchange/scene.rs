@@ -1,5 +1,6 @@
 //! A level as read from a file: nodes with triangles, and the frame of its coordinates.
 
+use super::animated::Animation;
 use super::faults::ImportError;
 use crate::Vec3;
 use crate::map::MapSize;
@@ -52,6 +53,8 @@ pub(super) struct Node {
     pub(super) triangles: Vec<[Vec3; 3]>,
     /// Properties that the designer attached to the node, as JSON.
     pub(super) extras: Option<Box<RawValue>>,
+    /// How the node is animated; `None` if it is not.
+    pub(super) animation: Option<Animation>,
 }
 
 /// Converts between the level's coordinates and metres, y up.

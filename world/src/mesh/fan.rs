@@ -63,6 +63,11 @@ impl Elevations {
         self.range
     }
 
+    /// How far a ray climbs on each metre over the ground, m, and how long it is on it.
+    pub(crate) fn slope(&self, lane: usize) -> (f32, f32) {
+        (self.tangents[lane], self.stretch[lane])
+    }
+
     /// Unit directions of the rays at a heading, a horizontal unit vector (x, z).
     #[inline(always)]
     pub fn directions(&self, heading: (f32, f32)) -> [Vec3; LANES] {

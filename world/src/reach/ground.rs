@@ -13,7 +13,7 @@ const OFFSET_M: f32 = 0.61;
 /// Points checked between two neighbouring places.
 const INTERMEDIATE_COUNT: usize = 3;
 /// Heights above the feet at which the path between two places must be clear, m.
-const CLEAR_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
+pub(super) const CLEAR_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
 
 /// One place to stand.
 #[derive(Debug, Clone, Copy)]

@@ -2,7 +2,8 @@
 //!
 //! Three layers. [`ground`]: every place to stand on a fine grid, joined into *islands* by walking. [`leap`]: what
 //! the character's body does when it runs off a ledge, jumps, or is thrown by a pad; each leap is simulated tick by
-//! tick. This module: directed *links* between islands, each shown by a simulated leap or ride, and what they connect.
+//! tick. This module: directed *links* between islands, each shown by a simulated leap or ride or by a mover beside both, and what they
+//! connect.
 //!
 //! The result is conservative: a jump counts only where a scripted body made it.
 
@@ -10,6 +11,7 @@ mod borders;
 pub mod ground;
 pub mod leap;
 pub(crate) mod links;
+mod rides;
 mod tries;
 
 pub use borders::Cause;
@@ -40,12 +42,22 @@ pub enum Means {
     Teleporter,
     /// A jetpack.
     Jetpack,
+    /// A lift or platform that is ridden, or a floor or conveyor that is walked over.
+    Mover,
 }
 
 impl Means {
     /// All means, the least demanding first.
-    pub const ALL: [Means; 7] =
-        [Means::Drop, Means::Jump, Means::DoubleJump, Means::Pad, Means::ZipLine, Means::Teleporter, Means::Jetpack];
+    pub const ALL: [Means; 8] = [
+        Means::Drop,
+        Means::Jump,
+        Means::DoubleJump,
+        Means::Pad,
+        Means::ZipLine,
+        Means::Teleporter,
+        Means::Jetpack,
+        Means::Mover,
+    ];
 
     /// Lower-case name as used in reports.
     pub fn name(self) -> &'static str {
@@ -57,6 +69,7 @@ impl Means {
             Means::ZipLine => "zip_line",
             Means::Teleporter => "teleporter",
             Means::Jetpack => "jetpack",
+            Means::Mover => "mover",
         }
     }
 }
@@ -101,7 +114,9 @@ impl Reach {
 
     fn survey_with(map: &Map, profile: &CharacterProfile, thread_count: usize, tries: &Tries) -> Self {
         let ground = Ground::survey(map, profile, thread_count);
-        let links = links::find(map, profile, &ground, thread_count, tries);
+        let mut links = links::find(map, profile, &ground, thread_count, tries);
+        links.extend(rides::links(map, profile, &ground));
+        links.sort_unstable();
         Self { ground, links }
     }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_rollout::Style;
 use surefoot_rollout::rehearse::{Actor, Ghost, Mishap, Next, Rehearsal, Tally};
-use surefoot_world::{MoverState, NPC_STATE_VERSION, OBSERVATION_LEN, TaskConfig};
+use surefoot_world::{MoverState, NPC_STATE_VERSION, TaskConfig};
 
 /// Longest wait for the map: NPCs that go without having rehearsed die where ground ends.
 const MAP_LIMIT: Duration = Duration::from_secs(120);
@@ -241,7 +241,7 @@ impl WorldTask {
     pub(super) fn aim(&self, states: &[(u64, State)], npc_ids: &[u64], observations: &mut [f32]) {
         let Some(rehearsal) = &self.rehearsal else { return };
         let mut states = states.iter();
-        for (id, row) in npc_ids.iter().zip(observations.chunks_exact_mut(OBSERVATION_LEN)) {
+        for (id, row) in npc_ids.iter().zip(observations.chunks_exact_mut(self.policy.observation_len())) {
             let Some(waypoint) = self.npcs.get(id).and_then(|npc| npc.new_waypoint) else { continue };
             if let Some((_, state)) = states.find(|(other, _)| other == id) {
                 rehearsal.aim(state, waypoint, row);

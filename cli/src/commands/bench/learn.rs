@@ -73,8 +73,13 @@ fn train_decisions_per_second() -> anyhow::Result<f64> {
 fn env_steps_per_second(policy: &Policy) -> anyhow::Result<f64> {
     const NPCS: usize = 256;
     const STEPS: usize = 100;
-    let mut env =
-        Env::new(Arc::new(Map::generate(&MapSpec::new(0))), CharacterProfile::default(), NPCS, (0.0, 25.0), 0)?;
+    let mut env = Env::new(
+        Arc::new(Map::generate(&MapSpec::new(0))),
+        CharacterProfile::default(),
+        (NPCS, false),
+        (0.0, 25.0),
+        0,
+    )?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut memory, mut actions) = (vec![0.0; NPCS * policy.memory_len()], Vec::new());
     let mut step = || {

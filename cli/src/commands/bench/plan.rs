@@ -282,7 +282,11 @@ async fn over_grpc(
         .iter()
         .map(|query| wire::PathQuery { start: point(query.start), goal: point(query.goal), ..Default::default() })
         .collect();
-    let batch = wire::FindPathsRequest { graph_id: graph_id.clone(), queries: wire_queries[..WIRE_BATCH].to_vec() };
+    let batch = wire::FindPathsRequest {
+        graph_id: graph_id.clone(),
+        queries: wire_queries[..WIRE_BATCH].to_vec(),
+        traffic: None,
+    };
     client.find_paths(batch.clone()).await?;
     let started = Instant::now();
     for _ in 0..5 {

@@ -434,7 +434,8 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
     let actions = |step: usize| Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)) });
     let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
 
-    let mut env = Env::new(Map::generate(&spec).into(), CharacterProfile::default(), ENV_NPCS, (0.0, 40.0), 0)?;
+    let mut env =
+        Env::new(Map::generate(&spec).into(), CharacterProfile::default(), (ENV_NPCS, false), (0.0, 40.0), 0)?;
     let started = Instant::now();
     for step in 0..ENV_STEPS {
         let actions = actions_of(&values(step).collect::<Vec<f32>>(), |idx| idx as u64).map_err(anyhow::Error::msg)?;

@@ -29,6 +29,7 @@ export const SURFACE_COLOURS: Readonly<Record<Surface, string>> = {
   [Surface.ZIP_LINE]: ABILITY_COLOURS[Ability.ZIP_LINE],
   [Surface.TELEPORTER]: ABILITY_COLOURS[Ability.TELEPORTER],
   [Surface.JETPACK]: ABILITY_COLOURS[Ability.JETPACK],
+  [Surface.BODY]: '#f6f8fb',
 }
 
 /** By what an NPC is doing. */

@@ -20,7 +20,7 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
   const [height, setHeight] = useState(80)
   const [kind, setKind] = useState<KindValue>(KINDS[0].value)
   const [body, setBody] = useState<BodyName>('surefoot')
-  const [solidNpcs, setSolidNpcs] = useState(false)
+  const [solidNpcs, setSolidNpcs] = useState(true)
   const [features, setFeatures] = useState(STANDARD_FEATURES)
   const setFeature = (name: FeatureName, value: number) => setFeatures({ ...features, [name]: value })
   return (

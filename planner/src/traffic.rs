@@ -1,0 +1,144 @@
+//! Traffic: where NPCs that get in each other's way are about to be, and what waiting for them costs.
+//!
+//! Each NPC counts once in each square of 2 m that the next stretch of its plan passes. So a door that many plans lead through is crowded,
+//! whichever edges they use. An edge that passes a crowded square costs the time that its crowd takes to pass one after another. Crowds
+//! are counted in steps, and an NPC on its way keeps its plan, so that crowds do not swing from one way to another.
+
+use crate::adjacency::{Adjacency, EdgeIdx};
+use crate::evidence::EdgeCosts;
+use crate::graph::NavGraph;
+use crate::plan::Plan;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use surefoot_world::Vec3;
+
+/// Side of a square, m, and how high it reaches.
+const SQUARE_M: f32 = 2.0;
+const STOREY_M: f32 = 4.0;
+/// Length of the way on which an NPC counts, m: what it covers in about 5 s.
+const AHEAD_M: f32 = 40.0;
+/// Distance between two places of a way that are looked at, m.
+const STRIDE_M: f32 = 1.0;
+/// NPCs in a square that do not delay each other.
+const FREE: u32 = 8;
+/// Crowds are counted in steps of this many NPCs.
+const STEP: u32 = 8;
+/// Time for which each further NPC delays those behind it, decisions: about nine pass a door of 1.2 m in a second.
+const HEADWAY_DECISIONS: f32 = 0.66;
+
+/// A square, and its storey.
+type Square = (i32, i32, i32);
+
+fn square(place: Vec3) -> Square {
+    let number = |metres: f32, side: f32| (metres / side).floor() as i32;
+    (number(place.x, SQUARE_M), number(place.y, STOREY_M), number(place.z, SQUARE_M))
+}
+
+/// Calls `pass` with places on the straight lines between `way`'s places, up to `most` metres from the first.
+fn walk(way: impl Iterator<Item = Vec3>, most: f32, mut pass: impl FnMut(Vec3)) {
+    let mut left = most;
+    let mut last: Option<Vec3> = None;
+    for place in way {
+        let from = last.replace(place).unwrap_or(place);
+        let length = from.distance(place).min(left);
+        let direction = (place - from).normalize_or_zero();
+        for stride in 0..=(length / STRIDE_M) as u32 {
+            pass(from + direction * (stride as f32 * STRIDE_M));
+        }
+        left -= length;
+        if left <= 0.0 {
+            return;
+        }
+    }
+    if let Some(end) = last {
+        pass(end);
+    }
+}
+
+/// How many NPCs are about to be where.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Traffic {
+    npcs: BTreeMap<Square, u32>,
+}
+
+impl Traffic {
+    /// Adds an NPC that goes straight from each of these places to the next, m.
+    pub fn add(&mut self, way: impl Iterator<Item = Vec3>) {
+        let mut passed = BTreeSet::new();
+        walk(way, AHEAD_M, |place| _ = passed.insert(square(place)));
+        passed.into_iter().for_each(|square| *self.npcs.entry(square).or_default() += 1);
+    }
+
+    /// Adds an NPC at `feet`, m, that follows a plan from its leg `leg` on.
+    pub fn add_plan(&mut self, feet: Vec3, plan: &Plan, leg: usize) {
+        self.add(std::iter::once(feet).chain(plan.waypoints.iter().skip(leg).copied()));
+    }
+
+    /// Adds a crowd: `npcs` NPCs in the square around `place`, m.
+    pub fn add_crowd(&mut self, place: Vec3, npcs: u32) {
+        let count = self.npcs.entry(square(place)).or_default();
+        *count = count.saturating_add(npcs);
+    }
+
+    /// The crowds, the largest first: the middle of each crowded square, m, and the number of NPCs.
+    pub fn crowds(&self) -> Vec<(Vec3, u32)> {
+        let middle = |&(x, storey, z): &Square| {
+            Vec3::new(x as f32 * SQUARE_M, storey as f32 * STOREY_M, z as f32 * SQUARE_M)
+                + Vec3::new(0.5 * SQUARE_M, 0.5 * STOREY_M, 0.5 * SQUARE_M)
+        };
+        let crowded = self.npcs.iter().filter(|(_, npcs)| delay(**npcs) > 0.0);
+        let mut crowds: Vec<(Vec3, u32)> = crowded.map(|(square, npcs)| (middle(square), *npcs)).collect();
+        crowds.sort_by_key(|(_, npcs)| std::cmp::Reverse(*npcs));
+        crowds
+    }
+
+    /// The delay in each crowded square, decisions.
+    fn delays(&self) -> impl Iterator<Item = (Square, f32)> {
+        self.npcs.iter().map(|(square, npcs)| (*square, delay(*npcs))).filter(|(_, delay)| *delay > 0.0)
+    }
+}
+
+/// Time that an NPC waits for a crowd, decisions.
+fn delay(npcs: u32) -> f32 {
+    let steps = npcs.saturating_sub(FREE) / STEP;
+    (steps * STEP) as f32 * HEADWAY_DECISIONS
+}
+
+/// The edges that pass each square.
+#[derive(Debug)]
+pub(crate) struct Passing(HashMap<Square, Vec<EdgeIdx>>);
+
+impl Passing {
+    pub fn new(graph: &NavGraph, adjacency: &Adjacency) -> Self {
+        let mut edges: HashMap<Square, Vec<EdgeIdx>> = HashMap::new();
+        for vertex in graph.vertices() {
+            for (edge, to, _) in adjacency.outgoing(vertex) {
+                let ends = [graph.position(vertex), graph.position(to)];
+                walk(ends.into_iter(), f32::INFINITY, |place| {
+                    let passing = edges.entry(square(place)).or_default();
+                    if passing.last() != Some(&edge) {
+                        passing.push(edge);
+                    }
+                });
+            }
+        }
+        Self(edges)
+    }
+
+    /// `costs` with the delays of traffic: each edge costs more by the longest that it meets.
+    pub fn delayed(&self, adjacency: &Adjacency, traffic: &Traffic, costs: &EdgeCosts) -> EdgeCosts {
+        let mut longest: HashMap<EdgeIdx, f32> = HashMap::new();
+        for (square, delay) in traffic.delays() {
+            for edge in self.0.get(&square).into_iter().flatten() {
+                let known = longest.entry(*edge).or_default();
+                *known = known.max(delay);
+            }
+        }
+        let mut costs = costs.clone();
+        for (edge, delay) in longest {
+            let key = adjacency.key(edge);
+            let cost = costs.get(&key).copied().unwrap_or_else(|| adjacency.cost(edge));
+            costs.insert(key, cost.delayed(delay));
+        }
+        costs
+    }
+}

@@ -1,0 +1,138 @@
+//! What an NPC sees of other bodies: NPCs that get in its way, and players.
+
+use crate::Vec3;
+use crate::character::Body;
+use crate::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
+use crate::map::Map;
+use crate::movers::Movers;
+
+/// How many other bodies the observation describes one by one.
+const NEAREST: usize = 4;
+/// Values of each of them: 0..3 its place from the body's feet / 12 m and 3..6 its velocity less the body's / 12 m/s, both in the body's
+/// frame (x right, y up, z forward), and 6 its proximity `1 - d / 12 m`, 0 if there is nobody.
+const VALUES: usize = 7;
+/// Distance up to which bodies are described one by one, m.
+const RANGE_M: f32 = 12.0;
+/// Speed at which the velocity of another body is 1, m/s.
+const SPEED: f32 = 12.0;
+/// Length of the part of an observation that tells of others: the proximity of each ray that ends on another body, then the nearest
+/// bodies in sight.
+pub const OTHERS_LEN: usize = RAY_COUNT + NEAREST * VALUES;
+
+/// Another body, an upright cylinder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Other {
+    /// Lowest point, m.
+    pub feet: Vec3,
+    /// Velocity, m/s.
+    pub velocity: Vec3,
+    /// Radius, m.
+    pub radius: f32,
+    /// Height, m.
+    pub height: f32,
+}
+
+impl Other {
+    /// Between which distances seen from above, m, a ray from `eye` is over or under the body or within it: `heading` is the horizontal
+    /// direction of the ray (x, z), of length 1.
+    fn chord(&self, eye: Vec3, heading: (f32, f32)) -> Option<(f32, f32)> {
+        let offset = self.feet - eye;
+        let along = offset.x * heading.0 + offset.z * heading.1;
+        let aside = offset.x * heading.1 - offset.z * heading.0;
+        let half = (self.radius * self.radius - aside * aside).max(0.0).sqrt();
+        (half > 0.0 && along + half > 0.0).then_some(((along - half).max(0.0), along + half))
+    }
+
+    /// Where on that chord a ray that climbs by `slope` on each metre enters the body, m.
+    fn entered_by(&self, eye: Vec3, (near, far): (f32, f32), slope: f32) -> Option<f32> {
+        // Between these distances the ray is as high as the body.
+        let (bottom, top) = ((self.feet.y - eye.y) / slope, (self.feet.y + self.height - eye.y) / slope);
+        let (first, last) = (near.max(bottom.min(top)), far.min(bottom.max(top)));
+        (first <= last).then_some(first)
+    }
+
+    fn middle(&self) -> Vec3 {
+        self.feet + Vec3::Y * (0.5 * self.height)
+    }
+}
+
+/// The first of `others` that each ray of the cone meets: calls `found` with the index of the ray and the distance, m.
+pub(crate) fn cast_cone(
+    cone: &RayCone,
+    eye: Vec3,
+    body: &Body,
+    others: impl Iterator<Item = Other>,
+    mut found: impl FnMut(usize, f32),
+) {
+    let headings = cone.headings(body);
+    let mut nearest = [RAY_RANGE_M; RAY_COUNT];
+    for other in others.filter(|other| other.feet.distance(eye) < RAY_RANGE_M + other.height) {
+        for (column, &heading) in headings.iter().enumerate() {
+            let Some(chord) = other.chord(eye, heading) else { continue };
+            for row in 0..RAY_SIDE {
+                let (slope, stretch) = cone.slope(row);
+                let distance = other.entered_by(eye, chord, slope).map_or(RAY_RANGE_M, |distance| distance * stretch);
+                let ray = row * RAY_SIDE + column;
+                nearest[ray] = nearest[ray].min(distance);
+            }
+        }
+    }
+    for (ray, distance) in nearest.into_iter().enumerate().filter(|(_, distance)| *distance < RAY_RANGE_M) {
+        found(ray, distance);
+    }
+}
+
+/// Writes what a body sees of others into `row`, which has [`OTHERS_LEN`] values. `proximities` are those of the rays that end on the map.
+pub(crate) fn observe(
+    cone: &RayCone,
+    (map, movers): (&Map, &Movers),
+    (eye, body): (Vec3, &Body),
+    others: impl Iterator<Item = Other> + Clone,
+    proximities: &[f32],
+    row: &mut [f32],
+) {
+    row.fill(0.0);
+    let (rays, states) = row.split_at_mut(RAY_COUNT);
+    cast_cone(cone, eye, body, others.clone(), |ray, distance| {
+        let proximity = 1.0 - distance / RAY_RANGE_M;
+        if proximity > proximities[ray] {
+            rays[ray] = proximity;
+        }
+    });
+    let distance = |other: &Other| other.feet.distance(body.feet);
+    let mut near: Vec<Other> = others.filter(|other| distance(other) < RANGE_M).collect();
+    near.sort_by(|one, other| distance(one).total_cmp(&distance(other)));
+    let seen = near.iter().filter(|other| is_in_sight(map, movers, eye, other.middle())).take(NEAREST);
+    for (other, values) in seen.zip(states.chunks_exact_mut(VALUES)) {
+        let place = body.to_local(other.feet - body.feet) / RANGE_M;
+        let velocity = body.to_local(other.velocity - body.velocity) / SPEED;
+        values.copy_from_slice(&[
+            place.x,
+            place.y,
+            place.z,
+            velocity.x,
+            velocity.y,
+            velocity.z,
+            1.0 - distance(other) / RANGE_M,
+        ]);
+    }
+}
+
+/// Whether nothing solid lies between two places.
+fn is_in_sight(map: &Map, movers: &Movers, eye: Vec3, place: Vec3) -> bool {
+    let distance = eye.distance(place);
+    let Some(direction) = (place - eye).try_normalize() else { return true };
+    let blocks = map.mesh().cast_ray(eye, direction, distance).is_some_and(|hit| hit.surface.is_solid());
+    let mut is_clear = !blocks;
+    movers.cast_cone(eye, &[direction], distance, |_, _| is_clear = false);
+    is_clear
+}
+
+/// Mirrors what an observation tells of others left to right, in place; its own inverse.
+pub(crate) fn mirror(row: &mut [f32]) {
+    let (rays, states) = row.split_at_mut(RAY_COUNT);
+    rays.chunks_mut(RAY_SIDE).for_each(<[f32]>::reverse);
+    for values in states.chunks_exact_mut(VALUES) {
+        (values[0], values[3]) = (-values[0], -values[3]);
+    }
+}
