@@ -288,9 +288,9 @@ pub struct EdgeCost {
 pub type EdgeCosts = HashMap<EdgeKey, EdgeCost>;
 
 impl EdgeCost {
-    /// The cost of an edge on which one waits for `decisions` besides.
-    pub(crate) fn delayed(self, decisions: f32) -> Self {
-        Self { careful: self.careful + decisions, ..self }
+    /// The cost of an edge on which one waits besides.
+    pub(crate) fn delayed(self, delay: Decisions) -> Self {
+        Self { careful: self.careful + delay.0 as f32, ..self }
     }
 
     /// Returns the cost for a search of this caution.

@@ -25,7 +25,7 @@ use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet};
 use std::sync::OnceLock;
-use surefoot_world::{Ability, Vec3};
+use surefoot_world::{Ability, Seconds, Vec3};
 
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
@@ -174,14 +174,18 @@ impl Router {
         }
     }
 
-    /// Current costs of edges, `costs`, with what traffic adds to them.
-    pub fn delayed(&self, costs: &EdgeCosts, traffic: &Traffic) -> EdgeCosts {
-        self.passing.get_or_init(|| Passing::new(&self.graph, &self.adjacency)).delayed(&self.adjacency, traffic, costs)
-    }
-
-    /// Finds the plan of an NPC that gets in others' way, and adds it to their traffic.
+    /// Finds the plan of an NPC that gets in others' way, and adds it to their traffic: around the largest crowd that it would meet, if that
+    /// takes less time than waiting for it.
     pub fn find_path_in(&self, traffic: &mut Traffic, query: &Query, repriced: &EdgeCosts) -> Plan {
-        let plan = self.find_path_at(query, &self.delayed(repriced, traffic));
+        let mut plan = self.find_path_at(query, repriced);
+        if let Some(met) = traffic.met_by(query.start, &plan) {
+            let passing = self.passing.get_or_init(|| Passing::new(&self.graph, &self.adjacency));
+            let around = self.find_path_at(query, &passing.delayed(&self.adjacency, met, repriced));
+            let wait = traffic.met_by(query.start, &around).map_or(Seconds(0.0), |met| met.delay.seconds());
+            if around.no_path == plan.no_path && around.seconds() + wait < plan.seconds() + met.delay.seconds() {
+                plan = around;
+            }
+        }
         traffic.add_plan(query.start, &plan, 0);
         plan
     }

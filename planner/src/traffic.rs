@@ -1,15 +1,16 @@
 //! Traffic: where NPCs that get in each other's way are about to be, and what waiting for them costs.
 //!
 //! Each NPC counts once in each square of 2 m that the next stretch of its plan passes. So a door that many plans lead through is crowded,
-//! whichever edges they use. An edge that passes a crowded square costs the time that its crowd takes to pass one after another. Crowds
-//! are counted in steps, and an NPC on its way keeps its plan, so that crowds do not swing from one way to another.
+//! whichever edges they use. Who meets a crowd waits until it has passed, one after another, or goes around all of it, to another door, if
+//! that takes less time: a step aside gains nothing. Crowds are counted in steps, and an NPC on its way keeps its plan, so that crowds do
+//! not swing from one way to another.
 
 use crate::adjacency::{Adjacency, EdgeIdx};
 use crate::evidence::EdgeCosts;
 use crate::graph::NavGraph;
 use crate::plan::Plan;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use surefoot_world::Vec3;
+use surefoot_world::{Decisions, Vec3};
 
 /// Side of a square, m, and how high it reaches.
 const SQUARE_M: f32 = 2.0;
@@ -18,6 +19,8 @@ const STOREY_M: f32 = 4.0;
 const AHEAD_M: f32 = 40.0;
 /// Distance between two places of a way that are looked at, m.
 const STRIDE_M: f32 = 1.0;
+/// Squares on each side of one that belong to the same crowd: whoever goes around a crowd goes around all of them.
+const AROUND: i32 = 1;
 /// NPCs in a square that do not delay each other.
 const FREE: u32 = 8;
 /// Crowds are counted in steps of this many NPCs.
@@ -79,28 +82,65 @@ impl Traffic {
         *count = count.saturating_add(npcs);
     }
 
-    /// The crowds, the largest first: the middle of each crowded square, m, and the number of NPCs.
+    /// The crowds, the largest first: the middle of each one's densest square, m, and the number of NPCs.
     pub fn crowds(&self) -> Vec<(Vec3, u32)> {
         let middle = |&(x, storey, z): &Square| {
             Vec3::new(x as f32 * SQUARE_M, storey as f32 * STOREY_M, z as f32 * SQUARE_M)
                 + Vec3::new(0.5 * SQUARE_M, 0.5 * STOREY_M, 0.5 * SQUARE_M)
         };
-        let crowded = self.npcs.iter().filter(|(_, npcs)| delay(**npcs) > 0.0);
-        let mut crowds: Vec<(Vec3, u32)> = crowded.map(|(square, npcs)| (middle(square), *npcs)).collect();
+        let mut crowds: Vec<(Vec3, u32)> = self.densest().map(|(square, npcs)| (middle(square), *npcs)).collect();
         crowds.sort_by_key(|(_, npcs)| std::cmp::Reverse(*npcs));
         crowds
     }
 
-    /// The delay in each crowded square, decisions.
-    fn delays(&self) -> impl Iterator<Item = (Square, f32)> {
-        self.npcs.iter().map(|(square, npcs)| (*square, delay(*npcs))).filter(|(_, delay)| *delay > 0.0)
+    /// The squares in which crowds are densest, with their NPCs.
+    fn densest(&self) -> impl Iterator<Item = (&Square, &u32)> {
+        self.npcs.iter().filter(|(square, npcs)| delay(**npcs) > 0.0 && self.is_densest(**square, **npcs))
     }
+
+    /// Whether no square around has more NPCs; of equal ones the first counts.
+    fn is_densest(&self, square: Square, npcs: u32) -> bool {
+        around(square).filter(|other| *other != square).all(|other| {
+            let others = self.npcs.get(&other).copied().unwrap_or(0);
+            others < npcs || (others == npcs && other > square)
+        })
+    }
+}
+
+/// The squares within [`AROUND`] of one.
+fn around((x, storey, z): Square) -> impl Iterator<Item = Square> {
+    (-AROUND..=AROUND).flat_map(move |dx| (-AROUND..=AROUND).map(move |dz| (x + dx, storey, z + dz)))
 }
 
 /// Time that an NPC waits for a crowd, decisions.
 fn delay(npcs: u32) -> f32 {
     let steps = npcs.saturating_sub(FREE) / STEP;
     (steps * STEP) as f32 * HEADWAY_DECISIONS
+}
+
+/// A crowd on the way of a plan.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Met {
+    square: Square,
+    /// For how long one waits for it.
+    pub delay: Decisions,
+}
+
+impl Traffic {
+    /// The largest crowd that an NPC at `feet`, m, meets on a plan.
+    pub(crate) fn met_by(&self, feet: Vec3, plan: &Plan) -> Option<Met> {
+        let mut met: Option<(u32, Square)> = None;
+        walk(std::iter::once(feet).chain(plan.waypoints.iter().copied()), AHEAD_M, |place| {
+            let square = square(place);
+            let npcs = self.npcs.get(&square).copied().unwrap_or(0);
+            if met.is_none_or(|(most, _)| npcs > most) {
+                met = Some((npcs, square));
+            }
+        });
+        let (npcs, square) = met?;
+        let delay = delay(npcs);
+        (delay > 0.0).then_some(Met { square, delay: Decisions(f64::from(delay)) })
+    }
 }
 
 /// The edges that pass each square.
@@ -124,20 +164,15 @@ impl Passing {
         Self(edges)
     }
 
-    /// `costs` with the delays of traffic: each edge costs more by the longest that it meets.
-    pub fn delayed(&self, adjacency: &Adjacency, traffic: &Traffic, costs: &EdgeCosts) -> EdgeCosts {
-        let mut longest: HashMap<EdgeIdx, f32> = HashMap::new();
-        for (square, delay) in traffic.delays() {
-            for edge in self.0.get(&square).into_iter().flatten() {
-                let known = longest.entry(*edge).or_default();
-                *known = known.max(delay);
-            }
-        }
+    /// `costs` with the delay of a crowd on every edge that passes it: a path with these costs goes around it if it can in less time.
+    pub fn delayed(&self, adjacency: &Adjacency, met: Met, costs: &EdgeCosts) -> EdgeCosts {
+        let passing: BTreeSet<&EdgeIdx> =
+            around(met.square).filter_map(|square| self.0.get(&square)).flatten().collect();
         let mut costs = costs.clone();
-        for (edge, delay) in longest {
+        for &edge in passing {
             let key = adjacency.key(edge);
             let cost = costs.get(&key).copied().unwrap_or_else(|| adjacency.cost(edge));
-            costs.insert(key, cost.delayed(delay));
+            costs.insert(key, cost.delayed(met.delay));
         }
         costs
     }

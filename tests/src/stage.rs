@@ -61,13 +61,14 @@ impl Stage {
 
 /// Imports a level and creates a world on it.
 pub async fn world_of(server: &Running, file: Vec<u8>, mode: wire::TimeMode) -> Stage {
+    // Returns once the server is ready.
+    let mut client = world_client(server).await;
     let mut maps = MapServiceClient::connect(server.uri.clone()).await.unwrap();
     let format = wire::MapFormat::Obj.into();
     let request = wire::ImportMapRequest { name: "level.obj".to_owned(), format, file, ..Default::default() };
     let imported = maps.import_map(request).await.unwrap().into_inner();
     let origin = imported.origin.unwrap();
     let wire::KeptMap { map_hash, size, .. } = imported.map.unwrap();
-    let mut client = world_client(server).await;
     let request = wire::CreateWorldRequest { map_hash, mode: mode.into(), ..Default::default() };
     let world_id = client.create_world(request).await.unwrap().into_inner().world.unwrap().world_id;
     Stage { client, world_id, origin, height: size.unwrap().height as f32 }

@@ -1,6 +1,6 @@
 //! Designers' edits and NPCs' traversals change everybody's plans, over real sockets.
 
-use e2e::{build_graph, build_to_end, planner_client, small_map, start_of, start_planner, watch_build};
+use e2e::{build_graph, build_to_end, distance, planner_client, small_map, start_of, start_planner, watch_build};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
@@ -447,7 +447,7 @@ async fn plans_go_around_crowds() {
         goal: Some(vertices[(idx * 7 + 11) % vertices.len()]),
         ..Default::default()
     };
-    let mut detours = 0;
+    let (mut tried, mut detours) = (0, 0);
     for idx in 0..vertices.len() {
         let request = |crowds: Option<Vec<wire::Crowd>>| wire::FindPathsRequest {
             graph_id: graph_id.clone(),
@@ -456,14 +456,18 @@ async fn plans_go_around_crowds() {
         };
         let mut plan_in = async |crowds| client.find_paths(request(crowds)).await.unwrap().into_inner().plans.remove(0);
         let free = plan_in(None).await;
-        let middle = free.waypoints[free.waypoints.len() / 2];
-        let crowd = |npcs: u32| Some(vec![wire::Crowd { place: Some(middle), npcs }]);
+        let from_start = |at: surefoot_proto::world::v1::Vec3| distance(at, query(idx).start.unwrap());
+        let Some(&place) = free.waypoints.iter().find(|place| (10.0..35.0).contains(&from_start(**place))) else {
+            continue;
+        };
+        let crowd = |npcs: u32| Some(vec![wire::Crowd { place: Some(place), npcs }]);
         assert_eq!(plan_in(Some(Vec::new())).await, free, "no traffic");
         assert_eq!(plan_in(crowd(12)).await, free, "few NPCs do not delay each other");
         let crowded = plan_in(crowd(400)).await;
         assert_eq!(crowded.found, free.found, "a crowd delays, and bars nothing");
+        tried += 1;
         detours += usize::from(crowded.waypoints != free.waypoints);
     }
-    assert!(detours * 4 > vertices.len(), "{detours} of {} go around", vertices.len());
+    assert!(detours * 4 > tried && tried > 10, "{detours} of {tried} go around");
     planner.stop().await;
 }
