@@ -26,6 +26,8 @@ use tokio::sync::{mpsc, watch};
 use tonic::Code;
 use tracing::warn;
 
+/// Ticks after which traffic is counted again.
+const TRAFFIC_TICKS: u64 = 30;
 /// Most batches of plans waiting to be applied; when full, further ones wait.
 const PLAN_QUEUE: usize = 256;
 /// Number of traversals that are reported together; a failed one is reported at once.
@@ -152,8 +154,11 @@ pub(super) struct WorldTask {
     /// Seed of the exploration noise: equal for worlds on equal maps, so that lockstep worlds repeat themselves.
     seed: u64,
     is_lockstep: bool,
-    /// Whether plans go around crowds: in lockstep what an NPC does must not depend on which worker has the others.
-    minds_traffic: bool,
+    /// Where its NPCs are about to be, and when that was counted; `None` if plans go around nobody: in lockstep what an NPC does must not
+    /// depend on which worker has the others.
+    traffic: Option<(u64, planner::Traffic)>,
+    /// Tick of the latest batch.
+    tick: u64,
     policy: Policy,
     /// What realtime worlds decide with.
     inference: Inference,
@@ -190,7 +195,8 @@ impl WorldTask {
             world_id: assignment.world_id,
             seed: seed_of(&assignment.map_hash),
             is_lockstep: assignment.mode() == wire::TimeMode::Lockstep,
-            minds_traffic: assignment.solid_npcs && assignment.mode() == wire::TimeMode::Realtime,
+            traffic: (assignment.solid_npcs && assignment.mode() == wire::TimeMode::Realtime).then(Default::default),
+            tick: 0,
             policy,
             inference,
             manner,
@@ -247,6 +253,7 @@ impl WorldTask {
         let at = |values: &[f32], idx: usize| Vec3::new(values[3 * idx], values[3 * idx + 1], values[3 * idx + 2]);
         self.apply_received();
         self.take_next_graph();
+        self.tick = batch.tick;
         let movers = self.movers(&batch.movers);
         let mut calls = BTreeSet::new();
         let mut attempts = Vec::with_capacity(count);
@@ -496,7 +503,7 @@ impl WorldTask {
             return Vec::new();
         }
         self.has_waited = false;
-        let traffic = self.minds_traffic.then(|| self.traffic());
+        let traffic = self.count_traffic();
         let mut request = planner::FindPathsRequest { graph_id, queries: Vec::with_capacity(queries.len()), traffic };
         for &(id, _, feet) in queries {
             let npc = self.npcs.get_mut(&id).expect("noted in this batch");
@@ -528,11 +535,15 @@ impl WorldTask {
         }
     }
 
-    /// Where the NPCs of this worker are about to be.
-    fn traffic(&self) -> planner::Traffic {
-        let mut traffic = Traffic::default();
-        self.npcs.values().for_each(|npc| npc.follower.add_to(&mut traffic, npc.feet));
-        traffic_to_wire(&traffic)
+    /// Where the NPCs of this worker are about to be, counted at most twice a second.
+    fn count_traffic(&mut self) -> Option<planner::Traffic> {
+        let (counted, traffic) = self.traffic.as_mut()?;
+        if *counted + TRAFFIC_TICKS <= self.tick {
+            let mut now = Traffic::default();
+            self.npcs.values().for_each(|npc| npc.follower.add_to(&mut now, npc.feet));
+            (*counted, *traffic) = (self.tick, traffic_to_wire(&now));
+        }
+        Some(traffic.clone())
     }
 
     fn apply_received(&mut self) {
