@@ -26,13 +26,14 @@ const FREE: u32 = 8;
 /// Crowds are counted in steps of this many NPCs.
 const STEP: u32 = 8;
 /// Time for which each further NPC delays those behind it, decisions: about nine pass a door of 1.2 m in a second.
-const HEADWAY_DECISIONS: f32 = 0.66;
+const HEADWAY_DECISIONS: f64 = 0.66;
 
 /// A square, and its storey.
 type Square = (i32, i32, i32);
 
 fn square(place: Vec3) -> Square {
-    let number = |metres: f32, side: f32| (metres / side).floor() as i32;
+    // No map is so large; places far outside share the last square.
+    let number = |metres: f32, side: f32| (metres / side).floor().clamp(-1.0e6, 1.0e6) as i32;
     (number(place.x, SQUARE_M), number(place.y, STOREY_M), number(place.z, SQUARE_M))
 }
 
@@ -57,6 +58,14 @@ fn walk(way: impl Iterator<Item = Vec3>, most: f32, mut pass: impl FnMut(Vec3)) 
     }
 }
 
+/// A crowd on the way of a plan.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Met {
+    square: Square,
+    /// For how long one waits for it.
+    pub delay: Decisions,
+}
+
 /// How many NPCs are about to be where.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Traffic {
@@ -64,21 +73,21 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Adds an NPC that goes straight from each of these places to the next, m.
-    pub fn add(&mut self, way: impl Iterator<Item = Vec3>) {
-        let mut passed = BTreeSet::new();
-        walk(way, AHEAD_M, |place| _ = passed.insert(square(place)));
-        passed.into_iter().for_each(|square| *self.npcs.entry(square).or_default() += 1);
-    }
-
     /// Adds an NPC at `feet`, m, that follows a plan from its leg `leg` on.
     pub fn add_plan(&mut self, feet: Vec3, plan: &Plan, leg: usize) {
-        self.add(std::iter::once(feet).chain(plan.waypoints.iter().skip(leg).copied()));
+        let mut passed = BTreeSet::new();
+        let way = std::iter::once(feet).chain(plan.waypoints.iter().skip(leg).copied());
+        walk(way, AHEAD_M, |place| _ = passed.insert(square(place)));
+        passed.into_iter().for_each(|square| self.add(square, 1));
     }
 
     /// Adds a crowd: `npcs` NPCs in the square around `place`, m.
     pub fn add_crowd(&mut self, place: Vec3, npcs: u32) {
-        let count = self.npcs.entry(square(place)).or_default();
+        self.add(square(place), npcs);
+    }
+
+    fn add(&mut self, square: Square, npcs: u32) {
+        let count = self.npcs.entry(square).or_default();
         *count = count.saturating_add(npcs);
     }
 
@@ -93,9 +102,23 @@ impl Traffic {
         crowds
     }
 
+    /// The largest crowd that an NPC at `feet`, m, meets on a plan.
+    pub(crate) fn met_by(&self, feet: Vec3, plan: &Plan) -> Option<Met> {
+        let mut met: Option<(u32, Square)> = None;
+        walk(std::iter::once(feet).chain(plan.waypoints.iter().copied()), AHEAD_M, |place| {
+            let square = square(place);
+            let npcs = self.npcs.get(&square).copied().unwrap_or(0);
+            if met.is_none_or(|(most, _)| npcs > most) {
+                met = Some((npcs, square));
+            }
+        });
+        let (npcs, square) = met?;
+        delay(npcs).map(|delay| Met { square, delay })
+    }
+
     /// The squares in which crowds are densest, with their NPCs.
     fn densest(&self) -> impl Iterator<Item = (&Square, &u32)> {
-        self.npcs.iter().filter(|(square, npcs)| delay(**npcs) > 0.0 && self.is_densest(**square, **npcs))
+        self.npcs.iter().filter(|(square, npcs)| delay(**npcs).is_some() && self.is_densest(**square, **npcs))
     }
 
     /// Whether no square around has more NPCs; of equal ones the first counts.
@@ -112,35 +135,10 @@ fn around((x, storey, z): Square) -> impl Iterator<Item = Square> {
     (-AROUND..=AROUND).flat_map(move |dx| (-AROUND..=AROUND).map(move |dz| (x + dx, storey, z + dz)))
 }
 
-/// Time that an NPC waits for a crowd, decisions.
-fn delay(npcs: u32) -> f32 {
+/// Time that an NPC waits for a crowd; `None` if that is too small to delay anybody.
+fn delay(npcs: u32) -> Option<Decisions> {
     let steps = npcs.saturating_sub(FREE) / STEP;
-    (steps * STEP) as f32 * HEADWAY_DECISIONS
-}
-
-/// A crowd on the way of a plan.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Met {
-    square: Square,
-    /// For how long one waits for it.
-    pub delay: Decisions,
-}
-
-impl Traffic {
-    /// The largest crowd that an NPC at `feet`, m, meets on a plan.
-    pub(crate) fn met_by(&self, feet: Vec3, plan: &Plan) -> Option<Met> {
-        let mut met: Option<(u32, Square)> = None;
-        walk(std::iter::once(feet).chain(plan.waypoints.iter().copied()), AHEAD_M, |place| {
-            let square = square(place);
-            let npcs = self.npcs.get(&square).copied().unwrap_or(0);
-            if met.is_none_or(|(most, _)| npcs > most) {
-                met = Some((npcs, square));
-            }
-        });
-        let (npcs, square) = met?;
-        let delay = delay(npcs);
-        (delay > 0.0).then_some(Met { square, delay: Decisions(f64::from(delay)) })
-    }
+    (steps > 0).then(|| Decisions(f64::from(steps) * f64::from(STEP) * HEADWAY_DECISIONS))
 }
 
 /// The edges that pass each square.

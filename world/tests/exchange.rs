@@ -1182,6 +1182,32 @@ fn animations_move_lifts_platforms_and_doors() {
 }
 
 #[test]
+fn levels_whose_props_are_animated_in_any_way_are_imported() {
+    let node =
+        |name: &str, at: [f32; 3]| json!({ "name": name, "mesh": 0, "translation": at, "scale": [2.0, 0.3, 2.0] });
+    let mut nodes = vec![json!({ "name": "floor", "mesh": 0, "scale": [60.0, 1.0, 60.0] })];
+    // No name, equal names, a long one; and a door that flies open.
+    let long = "\u{e4}".repeat(60);
+    nodes.extend(
+        ["", "", "Cube", "Cube", &long]
+            .into_iter()
+            .zip(0..)
+            .map(|(name, idx)| node(name, [idx as f32 * 4.0, 1.0, 0.0])),
+    );
+    nodes.push(node("Door_fast", [0.0, 2.0, 12.0]));
+    let slow: Keys<'_> = &[(0.0, &[0.0, 1.0, 0.0]), (9000.0, &[0.0, 3.0, 0.0]), (20_000.0, &[0.0, 3.0, 0.0])];
+    let fast: Keys<'_> = &[(0.0, &[0.0, 0.0, 0.0, 1.0]), (0.01, &[0.0, 1.0, 0.0, 0.1])];
+    let mut animations: Vec<(usize, &str, Keys<'_>)> = (1..6).map(|idx| (idx, "translation", slow)).collect();
+    animations.push((6, "rotation", fast));
+    let imported =
+        exchange::import_gltf(&animated_level(json!(nodes), &animations), None, &ImportOptions::default()).unwrap();
+    let names: Vec<&str> = imported.map.movers().iter().map(|mover| mover.name.as_str()).collect();
+    assert_eq!(names.len(), 6, "{names:?}");
+    assert_eq!(names[..4], ["animated.1", "animated.2", "Cube", "Cube.4"]);
+    assert!(imported.map.movers().iter().all(|mover| mover.travel_s <= 600.0 && mover.dwell_s <= 600.0));
+}
+
+#[test]
 fn animations_that_cannot_be_read_are_refused_with_the_node() {
     let nodes = || json!([{ "name": "floor", "mesh": 0, "scale": [60.0, 1.0, 60.0] }, { "name": "lift", "mesh": 0 }]);
     let import = |bytes: &[u8]| exchange::import_gltf(bytes, None, &ImportOptions::default());

@@ -69,6 +69,9 @@ pub struct Args {
     /// Runs of each scene of the suite living, each with another seed
     #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     runs: u64,
+    /// Scene of the suite living, instead of all; may be repeated
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(living::SCENES))]
+    scene: Vec<String>,
     #[command(flatten)]
     style: StyleArg,
     /// Number of threads; default: one per core
@@ -79,8 +82,6 @@ pub struct Args {
     json: bool,
 }
 
-/// Scenes of the suite living.
-const LIVING_SCENES: u64 = 9;
 /// Subfolder of `--out` for finished units.
 const UNITS: &str = "units";
 
@@ -213,8 +214,11 @@ fn eval_maps(text: &str, side: u32) -> anyhow::Result<Vec<EvalMap>> {
 /// Crowds, doors, lifts, platforms, floors that vanish, and players.
 fn run_living(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let policy = load_policy(Some(&args.models.join("general-reactive")))?;
-    let bar = progress_bar(LIVING_SCENES, "evaluating");
-    let config = LivingConfig { runs: args.runs, thread_count: base.thread_count, settings: args.graph.settings()? };
+    let scenes = args.scene.clone();
+    let scene_count = if scenes.is_empty() { living::SCENES.len() } else { scenes.len() };
+    let bar = progress_bar(scene_count as u64, "evaluating");
+    let (thread_count, settings) = (base.thread_count, args.graph.settings()?);
+    let config = LivingConfig { scenes, runs: args.runs, thread_count, settings };
     let report = living::run(&policy, &config, |scene| {
         bar.set_message(scene.to_owned());
         bar.inc(1);

@@ -42,8 +42,14 @@ impl Journey {
 
 /// Most stops of a mover.
 const MAX_STOPS: usize = 16;
+/// Most keys that are looked at, which bounds the work that a file can cause.
+const MAX_KEYS: usize = 512;
+/// Detail beyond which an animation is no way between stops, m.
+const MOST_SLACK_M: f32 = 100.0;
 /// Distance below which two places of an animation are one, m.
 const SAME_M: f32 = 0.05;
+/// Least change of velocity at a key that matters, m/s.
+const LEAST_BEND: f32 = 0.01;
 /// Least angle that opens a door, rad.
 const LEAST_TURN: f32 = 0.2;
 
@@ -51,17 +57,18 @@ impl Animation {
     /// The journey along the shifts; `None` if the node stays where it is.
     pub(super) fn journey(&self, to_metres: impl Fn(Vec3) -> Vec3) -> Option<Journey> {
         let places: Vec<(f32, Vec3)> = self.shifts.iter().map(|(at, shift)| (*at, to_metres(*shift))).collect();
+        let places = thinned(places);
         let (&(start, begin), &(end, _)) = (places.first()?, places.last()?);
         let mut slack = SAME_M;
         let stops = loop {
             let kept = simplified(&places, slack);
             let stops = one_way(kept.iter().map(|&idx| places[idx].1));
-            if stops.len() <= MAX_STOPS {
+            if stops.len() <= MAX_STOPS || slack > MOST_SLACK_M {
                 break stops;
             }
-            slack *= 2.0;
+            slack *= 4.0;
         };
-        if stops.len() < 2 {
+        if !(2..=MAX_STOPS).contains(&stops.len()) {
             return None;
         }
         // The longest time without motion is that at a stop.
@@ -85,6 +92,26 @@ impl Animation {
         let &(end, turn) = widest.expect("there is a first one");
         ((turn - first).abs() >= LEAST_TURN).then_some((turn - first, end - start))
     }
+}
+
+/// The places without those that lie where the ones around them lead anyway, and evenly chosen ones if these are still too many.
+fn thinned(places: Vec<(f32, Vec3)>) -> Vec<(f32, Vec3)> {
+    let last = places.len().saturating_sub(1);
+    let turns = |idx: usize| {
+        let velocity = |one: usize, other: usize| {
+            let ((start, from), (end, to)) = (places[one], places[other]);
+            (to - from) / (end - start).max(1.0e-6)
+        };
+        idx == 0 || idx == last || velocity(idx - 1, idx).distance(velocity(idx, idx + 1)) > LEAST_BEND
+    };
+    let kept: Vec<(f32, Vec3)> = (0..places.len()).filter(|idx| turns(*idx)).map(|idx| places[idx]).collect();
+    let stride = kept.len().div_ceil(MAX_KEYS).max(1);
+    let last = kept.len().saturating_sub(1);
+    kept.into_iter()
+        .enumerate()
+        .filter(|(idx, _)| idx.is_multiple_of(stride) || *idx == last)
+        .map(|(_, it)| it)
+        .collect()
 }
 
 /// Indices of the places that matter: all others lie within `slack` metres of the straight lines between them (Douglas and Peucker 1973).

@@ -15,7 +15,7 @@ use super::inspect;
 use super::scene::{Bounds, Frame, Node};
 use super::sides;
 use crate::Vec3;
-use crate::map::mover::MAX_MOVER_SPEED;
+use crate::map::mover::{LONGEST_S, MAX_MOVER_SPEED};
 use crate::map::{Mover, MoverKind, MoverStop, mover};
 use crate::mesh::{Surface, Triangle};
 use serde::Deserialize;
@@ -36,6 +36,10 @@ const SLIDE_SHARE: f32 = 0.96;
 const SAME_M: f32 = 0.05;
 /// Largest extent of what counts as a lift or platform only because it is animated, m.
 const LARGEST_M: f32 = 30.0;
+/// Most triangles of it.
+const MOST_TRIANGLES: usize = 2048;
+/// Longest part of a node's name that a mover has which is animated, bytes.
+const MOST_NAME_LEN: usize = 48;
 /// Parts of names that speak of what is around a door.
 const NOT_DOORS: [&str; 6] = ["frame", "way", "step", "arch", "sill", "handle"];
 
@@ -48,13 +52,28 @@ pub(super) enum Sign {
     Path,
 }
 
-/// Whether a node is a mover or belongs to one; `paths` are the places of all nodes' paths, and `bounds` are those of the node and what is
-/// below it.
+/// A node with everything below it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Whole {
+    /// The box around it, m; `None` if it has no triangles.
+    pub(super) bounds: Option<Bounds>,
+    pub(super) triangle_count: usize,
+}
+
+impl Whole {
+    /// Whether it may be a lift or platform only because it is animated: whole levels and detailed props stay where they are.
+    fn is_small(&self) -> bool {
+        let is_near = |bounds: Bounds| (bounds.high - bounds.low).max_element() <= LARGEST_M;
+        self.bounds.is_some_and(is_near) && self.triangle_count <= MOST_TRIANGLES
+    }
+}
+
+/// Whether a node is a mover or belongs to one; `paths` are the places of all nodes' paths.
 pub(super) fn sign(
     node: &Node,
     extras: &Extras<'_>,
     paths: &Paths,
-    bounds: Option<Bounds>,
+    whole: &Whole,
     frame: Frame,
 ) -> Result<Option<Sign>, ImportError> {
     let name = node.name.to_lowercase();
@@ -68,7 +87,7 @@ pub(super) fn sign(
         return Ok(None);
     }
     let starts = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
-    let journey = journey(node, frame);
+    let journey = whole.bounds.and_then(|_| journey(node, frame));
     let has_path = extras.has("path") || paths.0.contains_key(&name) || journey.is_some();
     Ok(match () {
         () if starts(&["door"]) && !NOT_DOORS.iter().any(|part| name.contains(part)) => Some(MoverKind::Door),
@@ -76,8 +95,7 @@ pub(super) fn sign(
         () if starts(&["platform"]) && has_path => Some(MoverKind::Platform),
         () if starts(&["vanish"]) => Some(MoverKind::Floor),
         () if starts(&["conveyor"]) && extras.has("velocity") => Some(MoverKind::Conveyor),
-        // Whole levels that are animated stay.
-        () if bounds.is_some_and(|bounds| (bounds.high - bounds.low).max_element() <= LARGEST_M) => {
+        () if whole.is_small() => {
             journey.map(|journey| if journey.is_upright() { MoverKind::Lift } else { MoverKind::Platform })
         }
         () => None,
@@ -198,13 +216,15 @@ pub(super) fn from_node(
     match animation {
         Some(Animated::Swing(turn, seconds)) => {
             swing = Some(f64::from(turn.to_degrees()));
-            timing.0 = Some(seconds);
+            let arm = (bounds.high - bounds.low).length();
+            timing.0 = Some(seconds.max(turn.abs() * arm / MAX_MOVER_SPEED).min(LONGEST_S));
         }
         Some(Animated::Journey(journey)) => {
             triangles.iter_mut().flatten().for_each(|corner| *corner += journey.begin);
             let legs = std::iter::once(Vec3::ZERO).chain(journey.path.iter().copied()).zip(&journey.path);
             let longest = legs.map(|(from, to)| from.distance(*to)).fold(0.0, f32::max);
-            timing = (Some(journey.travel_s.max(longest / MAX_MOVER_SPEED)), Some(journey.dwell_s));
+            let travel_s = journey.travel_s.max(longest / MAX_MOVER_SPEED).min(LONGEST_S);
+            timing = (Some(travel_s), Some(journey.dwell_s.min(LONGEST_S)));
             path = journey.path;
         }
         None => {}
@@ -222,6 +242,15 @@ pub(super) fn from_node(
         start: u8::from(extras.flag("open")? == Some(true)),
     };
     Ok(Some(assemble(node.name.clone(), kind, solid(triangles), bounds, Some(node.origin), motion)))
+}
+
+/// The name of a mover that is animated, which files do not keep short and unique: that of its node, with the number of the node if there is
+/// another of that name.
+pub(super) fn distinct_name(name: &str, node_idx: usize, others: &[Mover]) -> String {
+    let end = (0..=MOST_NAME_LEN.min(name.len())).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
+    let short = if name.is_empty() { "animated" } else { &name[..end] };
+    let is_free = !name.is_empty() && others.iter().all(|other| other.name != short);
+    if is_free { short.to_owned() } else { format!("{short}.{node_idx}") }
 }
 
 /// Gives both sides to what is no closed body, and turns what lies inside out.

@@ -13,7 +13,7 @@
 
 use super::extras::{Extras, property};
 use super::faults::ImportError;
-use super::moving::{self, MoverEntry, Paths, Sign};
+use super::moving::{self, MoverEntry, Paths, Sign, Whole};
 use super::scene::{Bounds, Frame, Node, node_label};
 use crate::Vec3;
 use crate::map::spec::MAX_HEIGHT_M;
@@ -229,10 +229,10 @@ pub(super) fn collect_from_nodes(
     let says: Vec<Option<bool>> =
         nodes.iter().enumerate().map(|(idx, node)| says_solid(node, idx, sidecar)).collect::<Result<_, _>>()?;
     let paths = Paths::of(nodes);
-    let whole = bounds_with_children(nodes);
+    let whole = with_children(nodes);
     let kind = |(idx, (node, says)): (usize, (&Node, &Option<bool>))| {
         let label = node_label(&node.name, idx);
-        let moving = moving::sign(node, &Extras::new(node, &label)?, &paths, whole[idx], frame)?;
+        let moving = moving::sign(node, &Extras::new(node, &label)?, &paths, &whole[idx], frame)?;
         Ok(match (says, Kind::of(&node.name), moving) {
             (Some(false), ..) => Some(Kind::Helper),
             (Some(true), Some(Kind::Helper), _) => None,
@@ -278,7 +278,11 @@ pub(super) fn collect_from_nodes(
             Kind::Mover(kind) => {
                 let own = nodes.iter().zip(&owners).filter(|(_, owner)| **owner == Some(idx));
                 let triangles = own.flat_map(|(node, _)| node.triangles.iter().copied()).collect();
-                found.movers.extend(moving::from_node(kind, node, &extras, frame, &paths, triangles)?);
+                let mut mover = moving::from_node(kind, node, &extras, frame, &paths, triangles)?;
+                if let Some(mover) = mover.as_mut().filter(|_| node.animation.is_some()) {
+                    mover.name = moving::distinct_name(&node.name, idx, &found.movers);
+                }
+                found.movers.extend(mover);
             }
             Kind::Path => {}
             Kind::Helper => found.helper_count += 1,
@@ -308,15 +312,20 @@ pub(super) fn collect_from_nodes(
     Ok(is_solid)
 }
 
-/// The bounds of each node and what is below it; `None` if that has no triangles.
-fn bounds_with_children(nodes: &[Node]) -> Vec<Option<Bounds>> {
-    let mut whole: Vec<Option<Bounds>> =
-        nodes.iter().map(|node| Bounds::of(node.triangles.iter().flatten().copied())).collect();
+/// Each node with everything below it.
+fn with_children(nodes: &[Node]) -> Vec<Whole> {
+    let own = |node: &Node| Whole {
+        bounds: Bounds::of(node.triangles.iter().flatten().copied()),
+        triangle_count: node.triangles.len(),
+    };
+    let mut whole: Vec<Whole> = nodes.iter().map(own).collect();
     // Parents come before their children.
     for (idx, node) in nodes.iter().enumerate().rev() {
-        if let (Some(parent), Some(own)) = (node.parent, whole[idx]) {
-            whole[parent] = Some(whole[parent].map_or(own, |bounds| bounds.union(own)));
-        }
+        let Some(parent) = node.parent else { continue };
+        let Whole { bounds, triangle_count } = whole[idx];
+        let above = &mut whole[parent];
+        above.bounds = above.bounds.map_or(bounds, |all| Some(bounds.map_or(all, |bounds| all.union(bounds))));
+        above.triangle_count = above.triangle_count.saturating_add(triangle_count);
     }
     whole
 }

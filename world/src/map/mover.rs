@@ -22,7 +22,7 @@ pub const MAX_MOVER_SPEED: f32 = 10.0;
 /// Largest coordinate of a mover, m.
 const FARTHEST_M: f32 = 10_000.0;
 /// Longest time of a journey or a stay at a stop, s.
-const LONGEST_S: f32 = 600.0;
+pub(crate) const LONGEST_S: f32 = 600.0;
 
 /// What a mover is to those who use it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

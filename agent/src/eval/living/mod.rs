@@ -32,9 +32,15 @@ const CROWD: usize = 1024;
 /// Decisions between two changes of a door that opens and shuts at random: 3 to 8 s.
 const DOOR_DECISIONS: std::ops::Range<u32> = 18..48;
 
+/// Names of all scenes.
+pub const SCENES: [&str; 9] =
+    ["door", "corridor", "crowd", "doors", "lift", "called lift", "ferry", "vanishing bridge", "players"];
+
 /// Settings of a run.
 #[derive(Debug, Clone)]
 pub struct LivingConfig {
+    /// The scenes that are run, of [`SCENES`]; empty: all of them.
+    pub scenes: Vec<String>,
     /// Runs of each scene with few NPCs, each with another seed.
     pub runs: u64,
     /// Threads for building graphs.
@@ -79,7 +85,7 @@ pub struct SceneReport {
     pub reference: Option<(String, f64, f64)>,
 }
 
-/// Runs all scenes; `begun` is called with the name of each.
+/// Runs the scenes; `begun` is called with the name of each.
 ///
 /// # Errors
 /// If a graph cannot be built.
@@ -87,22 +93,22 @@ pub fn run(policy: &Policy, config: &LivingConfig, mut begun: impl FnMut(&str)) 
     let suite = Suite { policy, config };
     let mut scenes = Vec::new();
     type Run<'a> = fn(&Suite<'a>) -> Result<SceneReport, EvalError>;
-    let all: [(&str, Run<'_>); 8] = [
-        ("door", Suite::door),
-        ("corridor", Suite::corridor),
-        ("crowd", Suite::crowd),
-        ("doors", Suite::doors),
-        ("lift", |suite| suite.lift(true)),
-        ("called lift", |suite| suite.lift(false)),
-        ("ferry", Suite::ferry),
-        ("vanishing bridge", Suite::bridge),
+    let all: [Run<'_>; SCENES.len()] = [
+        Suite::door,
+        Suite::corridor,
+        Suite::crowd,
+        Suite::doors,
+        |suite| suite.lift(true),
+        |suite| suite.lift(false),
+        Suite::ferry,
+        Suite::bridge,
+        |suite| Ok(suite.players()),
     ];
-    for (name, scene) in all {
+    let is_wanted = |name: &str| config.scenes.is_empty() || config.scenes.iter().any(|wanted| wanted == name);
+    for (name, scene) in SCENES.into_iter().zip(all).filter(|(name, _)| is_wanted(name)) {
         begun(name);
         scenes.push(SceneReport { name: name.to_owned(), ..scene(&suite)? });
     }
-    begun("players");
-    scenes.push(suite.players());
     Ok(LivingReport { suite: "living".to_owned(), model: policy.weights_hash().to_owned(), scenes })
 }
 
