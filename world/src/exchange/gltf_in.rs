@@ -208,8 +208,16 @@ impl Reader<'_> {
         Ok(Scene { nodes, former_size, skipped_count: self.skipped_count })
     }
 
-    /// Reads how nodes are shifted and turned. Of several animations of a node the first counts.
+    /// Reads how nodes with triangles at or below them are shifted and turned; bones and cameras have none. Of several animations of a node
+    /// the first counts.
     fn animate(&mut self, nodes: &mut [Node], placed: &[Option<(usize, Mat4)>]) -> Result<(), ImportError> {
+        let mut is_shown: Vec<bool> = nodes.iter().map(|node| !node.triangles.is_empty()).collect();
+        // Parents come before their children.
+        for (idx, node) in nodes.iter().enumerate().rev() {
+            if let Some(parent) = node.parent {
+                is_shown[parent] |= is_shown[idx];
+            }
+        }
         for animation in &self.source.root.animations {
             for channel in &animation.channels {
                 let target = channel.target.node.value();
@@ -218,6 +226,9 @@ impl Reader<'_> {
                 else {
                     continue;
                 };
+                if !is_shown[own_idx] {
+                    continue;
+                }
                 let from = format!("the animation of {}", label(nodes, own_idx));
                 let sampler = channel.sampler.value();
                 let reference = || ImportError::Reference { from: from.clone(), to: "sampler", idx: sampler };
@@ -239,6 +250,8 @@ impl Reader<'_> {
                     animated.shifts = keys.into_iter().map(|(at, place)| (at, shift(place))).collect();
                 } else if width == 4 && animated.turns.is_empty() {
                     let (_, at_rest, _) = rest.to_scale_rotation_translation();
+                    // What is scaled to nothing has no rotation.
+                    let at_rest = if at_rest.is_finite() { at_rest } else { Quat::IDENTITY };
                     let turn = |to: [f32; 4]| {
                         let by = Quat::from_array(to) * at_rest.inverse();
                         2.0 * libm::atan2f(by.y, by.w)

@@ -3,6 +3,7 @@ import { signal } from '@preact/signals'
 import { abilityName } from '../data/abilities'
 import { duration, percent, place } from '../data/format'
 import type { Studio } from '../data/studio'
+import { doing } from '../data/world/movers'
 import { npcNumber } from '../data/world/snapshot'
 import type { Hit } from '../view/viewport.types'
 import { createViewport } from '../view/viewport'
@@ -133,7 +134,7 @@ function HoverLine({ studio }: { studio: Studio }) {
   return <p class="hover-line">{hit === undefined ? '' : hitInWords(studio, hit)}</p>
 }
 
-function hitInWords({ graphs }: Studio, hit: Hit): string {
+function hitInWords({ graphs, movers }: Studio, hit: Hit): string {
   switch (hit.kind) {
     case 'npc':
       return `NPC ${npcNumber(hit.id)}`
@@ -144,6 +145,10 @@ function hitInWords({ graphs }: Studio, hit: Hit): string {
       if (edge === undefined) return ''
       const name = abilityName(edge.ability)
       return `Edge ${hit.from} to ${hit.to}: ${name}, ${percent(edge.chance)}, ${duration(edge.seconds)}`
+    }
+    case 'mover': {
+      const mover = movers.list.value[hit.index]
+      return mover === undefined ? '' : `${mover.name}, ${doing(mover.kind, movers.states.value.get(hit.index))}`
     }
     case 'ground':
       return place(hit.at)

@@ -1,6 +1,7 @@
 // What a click on the map does, tool by tool.
 
 import { addVertex, forbidEdge, forceEdge, moveVertex, removeVertex } from '../data/edit/edits'
+import { onClick } from '../data/world/movers'
 import { npcNumber } from '../data/world/snapshot'
 import { EDIT_TOOLS, type Studio, type Tool } from '../data/studio'
 import type { MarkKind } from '../data/world/marks'
@@ -134,10 +135,20 @@ function select(studio: Studio, hit: Hit | undefined): void {
       graphs.select({ kind: 'edge', from: hit.from, to: hit.to })
       studio.openTab('graph')
       return
+    case 'mover':
+      drive(studio, hit.index)
+      return
     default:
       if (graphs.selection.peek() === undefined) npcs.select(undefined)
       graphs.select(undefined)
   }
+}
+
+/** Opens or shuts a door, or sends a lift on. */
+function drive({ movers, worlds }: Studio, index: number): void {
+  const [mover, worldId] = [movers.list.peek()[index], worlds.chosenId.peek()]
+  const order = mover === undefined ? undefined : onClick(mover, movers.states.peek().get(index))
+  if (mover !== undefined && order !== undefined && worldId !== undefined) void movers.order(worldId, mover.name, order)
 }
 
 export function forbid(studio: Studio, from: number, to: number): void {

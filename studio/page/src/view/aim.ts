@@ -15,6 +15,7 @@ import {
   Projector,
   TOUCH_REACH,
 } from './picking'
+import type { MoverView } from './movers'
 import type { PoseBuffer } from './poses'
 import type { Stage } from './stage'
 import type { Terrain } from './terrain'
@@ -25,6 +26,7 @@ export interface Aimed {
   rig: CameraRig
   terrain: Terrain
   graph: GraphView
+  movers: MoverView
   poses: PoseBuffer
 }
 
@@ -53,6 +55,7 @@ export class Aim {
     const candidates = [
       ...this.npcs(pointer, projector),
       ...this.vertices(pointer, projector),
+      ...pickPoint(this.scene.movers.picks(this.section ?? Infinity), pointer, projector, this.scale),
       ...this.edges(pointer, projector),
     ]
     return chooseHit(candidates, ground, depth, this.pickable)

@@ -3,6 +3,7 @@
 import { BufferAttribute, BufferGeometry, CapsuleGeometry, Group, Mesh } from 'three'
 import type { Rgb } from './colours'
 import type { Materials } from './materials'
+import type { PickPoint } from './picking'
 import { Solids } from './shapes'
 import type { MoverPose, MoverShape, PlayerPose } from './viewport.types'
 
@@ -44,6 +45,7 @@ export class MoverView extends Group {
     this.shapes = shapes
     for (const shape of shapes) {
       const mesh = new Mesh(shapeOf(shape), this.materials.solid)
+      mesh.geometry.computeBoundingSphere()
       mesh.position.set(shape.pivot.x, shape.pivot.y, shape.pivot.z)
       mesh.frustumCulled = false
       this.meshes.push(mesh)
@@ -61,6 +63,18 @@ export class MoverView extends Group {
       mesh.rotation.y = yaw
       mesh.visible = isThere
     }
+  }
+
+  /** What a pointer may meet: the middle of each mover that is there, not above `ceiling`, m. */
+  picks(ceiling: number): PickPoint[] {
+    return this.meshes.flatMap((mesh, index) => {
+      const sphere = mesh.geometry.boundingSphere
+      if (!mesh.visible || sphere === null) return []
+      const { x, y, z } = mesh.localToWorld(sphere.center.clone())
+      const place = { x, y, z }
+      // Doors are thin: half of what surrounds one is beside it.
+      return y <= ceiling ? [{ place, radius: sphere.radius / 2, hit: { kind: 'mover', index, at: place } }] : []
+    })
   }
 
   setPlayers(players: readonly PlayerPose[]): void {

@@ -146,9 +146,9 @@ function nearestOfLine(projected: Float32Array, pointer: Pointer): NearLine | un
   return best
 }
 
-const ORDER: readonly Hit['kind'][] = ['npc', 'vertex', 'edge']
+const ORDER: readonly Hit['kind'][] = ['npc', 'vertex', 'mover', 'edge']
 
-/** NPC before vertex before edge before ground, of one kind the nearest to the pointer, none that the ground hides. */
+/** NPC before vertex before mover before edge before ground, of one kind the nearest to the pointer, none that the ground hides. */
 export function chooseHit(
   candidates: readonly Candidate[],
   ground: GroundHit | undefined,

@@ -73,8 +73,8 @@ class View implements Viewport, Show {
     this.rig = new CameraRig(this.stage.camera)
     this.frames = new FrameLoop(this.stage, this)
     const { stage, rig, poses, frames } = this
-    const { terrain, graph, drag: vertex } = this.scene
-    this.aim = new Aim({ stage, rig, terrain, graph, poses })
+    const { terrain, graph, movers, drag: vertex } = this.scene
+    this.aim = new Aim({ stage, rig, terrain, graph, movers, poses })
     const { aim } = this
     this.hand = new Hand({ stage, rig, aim, vertex, events, changed: () => frames.changeMoving() })
     this.controls = new Controls(stage.canvas, this.hand)

@@ -134,10 +134,11 @@ export interface EditMark {
   to?: Place | undefined
 }
 
-/** What a click or a hover met, nearest first wins: NPC, vertex, edge, ground. */
+/** What a click or a hover met, nearest first wins: NPC, vertex, mover, edge, ground. */
 export type Hit =
   | { kind: 'npc'; id: bigint; at: Place }
   | { kind: 'vertex'; index: number; at: Place }
+  | { kind: 'mover'; index: number; at: Place }
   | { kind: 'edge'; from: number; to: number; at: Place }
   | { kind: 'ground'; at: Place; surface: Surface }
 

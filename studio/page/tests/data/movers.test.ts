@@ -2,7 +2,7 @@ import { create } from '@bufbuild/protobuf'
 import { describe, expect, it } from 'vitest'
 import { GetGraphResponseSchema } from '../../src/gen/surefoot/planner/v1/planner_pb'
 import { MoverKind, MoverSchema, MoverStateSchema } from '../../src/gen/surefoot/world/v1/living_pb'
-import { afterStates, doing, lostWithout, stopsAhead } from '../../src/data/world/movers'
+import { afterStates, doing, lostWithout, onClick, stopsAhead } from '../../src/data/world/movers'
 
 const state = (mover: number, fromStop: number, toStop = fromStop) =>
   create(MoverStateSchema, { mover, fromStop, toStop, toldStop: toStop, pace: 1 })
@@ -43,6 +43,21 @@ describe('stopsAhead', () => {
     expect(stopsAhead(mover(MoverKind.LIFT), state(0, 0, 1), true)).toBe(1)
     const cycling = create(MoverStateSchema, { mover: 0 })
     expect(stopsAhead(mover(MoverKind.DOOR), cycling, false)).toBeUndefined()
+  })
+})
+
+describe('onClick', () => {
+  const mover = (kind: MoverKind, stops: number) =>
+    create(MoverSchema, { kind, stops: Array.from({ length: stops }, () => ({})) })
+
+  it('opens and shuts doors, and sends lifts to their next stop', () => {
+    expect(onClick(mover(MoverKind.DOOR, 2), state(0, 0))).toEqual({ case: 'open', value: true })
+    expect(onClick(mover(MoverKind.DOOR, 2), state(0, 0, 1))).toEqual({ case: 'open', value: false })
+    expect(onClick(mover(MoverKind.FLOOR, 2), state(0, 0))).toEqual({ case: 'open', value: false })
+    expect(onClick(mover(MoverKind.LIFT, 3), state(0, 1))).toEqual({ case: 'stop', value: 2 })
+    expect(onClick(mover(MoverKind.LIFT, 3), state(0, 2))).toEqual({ case: 'stop', value: 0 })
+    expect(onClick(mover(MoverKind.LIFT, 3), undefined)).toEqual({ case: 'stop', value: 1 })
+    expect(onClick(mover(MoverKind.CONVEYOR, 1), state(0, 0))).toBeUndefined()
   })
 })
 

@@ -9,6 +9,7 @@ const projector = new Projector([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, -1, 0, 0, 0, 
 const pointer = { x: 100, y: 100, reach: 10 }
 const npc: Hit = { kind: 'npc', id: 3n, at: at(0, 0, 0) }
 const vertex: Hit = { kind: 'vertex', index: 1, at: at(0, 0, 0) }
+const door: Hit = { kind: 'mover', index: 0, at: at(0, 0, 0) }
 const edge: Hit = { kind: 'edge', from: 0, to: 1, at: at(0, 0, 0) }
 const ground = { distance: 20, at: at(0, 0, -20), surface: Surface.GROUND, outside: true }
 
@@ -24,6 +25,7 @@ describe('chooseHit', () => {
   it.each<[string, Candidate[], boolean, Hit['kind'] | undefined]>([
     ['an NPC before a nearer vertex', [near(vertex, 1), near(npc, 8)], true, 'npc'],
     ['a vertex before a nearer edge', [near(edge, 0), near(vertex, 8)], true, 'vertex'],
+    ['a door before a nearer edge', [near(edge, 0), near(door, 8)], true, 'mover'],
     ['an edge before the ground', [near(edge, 9)], true, 'edge'],
     ['the ground', [], true, 'ground'],
     ['nothing', [], false, undefined],

@@ -37,6 +37,20 @@ export function doing(kind: MoverKind, state: MoverState | undefined): string {
   return (stops ? `at stop ${state.fromStop + 1}` : `to stop ${state.toStop + 1}`) + blocked + halted
 }
 
+/** Whether a door is told to be open, or a floor to be there. */
+export function isOpen(kind: MoverKind, state: MoverState | undefined): boolean {
+  return kind === MoverKind.DOOR ? state?.toldStop === 1 : state?.toldStop === 0
+}
+
+/** What a click on a mover tells it: doors and floors change, lifts and platforms go to their next stop; undefined: nothing. */
+export function onClick(mover: Mover, state: MoverState | undefined): Order | undefined {
+  if (mover.stops.length < 2) return undefined
+  if (mover.kind === MoverKind.DOOR || mover.kind === MoverKind.FLOOR) {
+    return { case: 'open', value: !isOpen(mover.kind, state) }
+  }
+  return { case: 'stop', value: ((state?.toldStop ?? state?.toStop ?? 0) + 1) % mover.stops.length }
+}
+
 /** The stops at which a mover stands sooner or later, as bits; undefined: at all of them. */
 export function stopsAhead(mover: Mover, state: MoverState | undefined, locked: boolean): number | undefined {
   if (locked) return 1

@@ -1,7 +1,7 @@
 import { useComputed } from '@preact/signals'
 import { counted } from '../../data/format'
 import type { Studio } from '../../data/studio'
-import { doing, lostWithout } from '../../data/world/movers'
+import { doing, isOpen, lostWithout } from '../../data/world/movers'
 import { type Mover, MoverKind } from '../../gen/surefoot/world/v1/living_pb'
 import { Button, Section } from '../controls'
 
@@ -49,7 +49,7 @@ function MoverRow({ studio, mover, index }: { studio: Studio; mover: Mover; inde
     if (world !== undefined) void movers.order(world, mover.name, order)
   }
   const opens = mover.kind === MoverKind.DOOR || mover.kind === MoverKind.FLOOR
-  const isOpen = mover.kind === MoverKind.DOOR ? state?.toldStop === 1 : state?.toldStop === 0
+  const opened = isOpen(mover.kind, state)
   const [open, shut] = mover.kind === MoverKind.DOOR ? ['Open', 'Shut'] : ['Bring back', 'Take away']
   const canLock = mover.kind !== MoverKind.CONVEYOR
   return (
@@ -58,7 +58,7 @@ function MoverRow({ studio, mover, index }: { studio: Studio; mover: Mover; inde
         <strong>{mover.name}</strong> {KINDS[mover.kind]}, {doing(mover.kind, state)}
       </span>
       <div class="row wrap" role="group" aria-label={`What ${mover.name} does`}>
-        {opens && <Button label={isOpen ? shut : open} onClick={() => tell({ case: 'open', value: !isOpen })} />}
+        {opens && <Button label={opened ? shut : open} onClick={() => tell({ case: 'open', value: !opened })} />}
         {!opens &&
           mover.stops.length > 1 &&
           mover.stops.map((_, stop) => (
