@@ -58,6 +58,11 @@ fn walk(way: impl Iterator<Item = Vec3>, most: f32, mut pass: impl FnMut(Vec3)) 
     }
 }
 
+/// The places to which a plan leads from its leg `leg` on, after the one where the NPC is.
+fn way(feet: Vec3, plan: &Plan, leg: usize) -> impl Iterator<Item = Vec3> {
+    std::iter::once(feet).chain(plan.waypoints.iter().skip(leg).copied())
+}
+
 /// A crowd on the way of a plan.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Met {
@@ -76,8 +81,7 @@ impl Traffic {
     /// Adds an NPC at `feet`, m, that follows a plan from its leg `leg` on.
     pub fn add_plan(&mut self, feet: Vec3, plan: &Plan, leg: usize) {
         let mut passed = BTreeSet::new();
-        let way = std::iter::once(feet).chain(plan.waypoints.iter().skip(leg).copied());
-        walk(way, AHEAD_M, |place| _ = passed.insert(square(place)));
+        walk(way(feet, plan, leg), AHEAD_M, |place| _ = passed.insert(square(place)));
         passed.into_iter().for_each(|square| self.add(square, 1));
     }
 
@@ -105,7 +109,7 @@ impl Traffic {
     /// The largest crowd that an NPC at `feet`, m, meets on a plan.
     pub(crate) fn met_by(&self, feet: Vec3, plan: &Plan) -> Option<Met> {
         let mut met: Option<(u32, Square)> = None;
-        walk(std::iter::once(feet).chain(plan.waypoints.iter().copied()), AHEAD_M, |place| {
+        walk(way(feet, plan, 0), AHEAD_M, |place| {
             let square = square(place);
             let npcs = self.npcs.get(&square).copied().unwrap_or(0);
             if met.is_none_or(|(most, _)| npcs > most) {

@@ -137,8 +137,7 @@ impl Rollout {
         Figures { search_us, motion }: &mut Figures,
         stir: &mut dyn FnMut(&mut World, u32),
     ) -> (Vec<Attempt>, Vec<Track>) {
-        let config =
-            WorldConfig { profiles: vec![self.profile.clone()], task: self.task.clone(), npc_collision: self.solid };
+        let config = WorldConfig::new(self.profile.clone(), self.task.clone(), self.solid);
         let mut worlds = [World::with_config(self.map.clone(), config)];
         stir(&mut worlds[0], 0);
         let mut decisions = DecisionLoop::new(policy);

@@ -61,7 +61,7 @@ impl Env {
         let places = (0..PLACES).map(|_| navigable::sample(&map, &profile, &mut rng, &mut scratch));
         let places = places.collect::<Result<Vec<_>, _>>()?;
         let observation_len = observation_len(solid_npcs);
-        let config = WorldConfig { profiles: vec![profile], task: TaskConfig::default(), npc_collision: solid_npcs };
+        let config = WorldConfig::new(profile, TaskConfig::default(), solid_npcs);
         let mut env = Self {
             worlds: [World::with_config(map, config)],
             lanes: Vec::with_capacity(npc_count),
@@ -87,13 +87,8 @@ impl Env {
         self.lanes.len()
     }
 
-    /// Number of values of an observation: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN), or
+    /// Current observations of the NPCs, one after another: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values each, or
     /// [`OBSERVATION_WITH_OTHERS_LEN`](surefoot_world::OBSERVATION_WITH_OTHERS_LEN) if NPCs are solid.
-    pub fn observation_len(&self) -> usize {
-        self.observation_len
-    }
-
-    /// Current observations of the NPCs, one after another.
     pub fn observations(&self) -> &[f32] {
         &self.observations
     }

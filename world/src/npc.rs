@@ -27,6 +27,13 @@ pub struct WorldConfig {
     pub npc_collision: bool,
 }
 
+impl WorldConfig {
+    /// A configuration with one profile.
+    pub fn new(profile: CharacterProfile, task: TaskConfig, npc_collision: bool) -> Self {
+        Self { profiles: vec![profile], task, npc_collision }
+    }
+}
+
 /// One NPC: its body, its current decision and its episode.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Npc {

@@ -47,7 +47,7 @@ pub struct World {
 impl World {
     /// Creates an empty world on `map` with one profile and without collisions between NPCs.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
-        Self::with_config(map, WorldConfig { profiles: vec![profile], task, npc_collision: false })
+        Self::with_config(map, WorldConfig::new(profile, task, false))
     }
 
     /// Creates an empty world on `map` with one or more profiles.

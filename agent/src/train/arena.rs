@@ -31,7 +31,7 @@ pub(super) struct Arena {
 }
 
 impl Arena {
-    /// Makes the map of `seed` and an empty world on it. Few small maps have no ground: that of the next seed takes their place.
+    /// Makes the map of `seed` and an empty world on it. A few small maps have no ground; the map of the next seed then takes their place.
     ///
     /// # Panics
     /// If there is no map with ground, which the configuration's check rules out unless a file has changed since.
@@ -56,8 +56,7 @@ impl Arena {
         let (profile, points) = fits.or_else(usual)?;
         let surveyed = (config.reachable_share > 0.0).then(|| Surveyed::new(&map, &profile, config.reachable_share));
         let arena = Self { seed, points, failures: Vec::new(), surveyed };
-        let world =
-            WorldConfig { profiles: vec![profile], task: TaskConfig::default(), npc_collision: config.solid_npcs };
+        let world = WorldConfig::new(profile, TaskConfig::default(), config.solid_npcs);
         Some((arena, World::with_config(map, world)))
     }
 

@@ -10,6 +10,7 @@
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
+use surefoot_policy::ActorConfig;
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::mesh::Surface;
@@ -150,16 +151,15 @@ impl Replay {
         Self { lane_count, step_capacity, steps_written: 0, rows: Vec::new(), others: Vec::new(), memories: Vec::new() }
     }
 
-    /// Whether this can be the buffer of `lane_count` lanes for about `capacity` rows, with observations of `observation_len` and hidden states
-    /// of `hidden_len` values.
-    pub fn fits(&self, lane_count: usize, capacity: usize, observation_len: usize, hidden_len: usize) -> bool {
+    /// Whether this can be the buffer of `lane_count` lanes for about `capacity` rows, for agents of these sizes.
+    pub fn fits(&self, lane_count: usize, capacity: usize, network: &ActorConfig) -> bool {
         let empty = Self::new(lane_count, capacity);
         let steps = self.steps_written.min(empty.step_capacity as u64) as usize;
         self.lane_count == lane_count
             && self.step_capacity == empty.step_capacity
             && self.rows.len() == steps * lane_count
-            && self.others.len() == self.rows.len() * (observation_len - OBSERVATION_LEN)
-            && self.memories.len() == steps.div_ceil(MEMORY_STRIDE as usize) * lane_count * hidden_len
+            && self.others.len() == self.rows.len() * (network.observation_len() - OBSERVATION_LEN)
+            && self.memories.len() == steps.div_ceil(MEMORY_STRIDE as usize) * lane_count * network.hidden_len()
     }
 
     /// Number of rows stored.

@@ -91,8 +91,7 @@ impl Run {
         let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
         let network = &config.sac.network;
         let collector = Collector::restore(config.collector.clone(), network, state.collector).ok_or_else(foreign)?;
-        let lens = (network.observation_len(), network.hidden_len());
-        if !state.replay.fits(collector.lane_count(), config.replay_capacity, lens.0, lens.1) {
+        if !state.replay.fits(collector.lane_count(), config.replay_capacity, network) {
             return Err(foreign());
         }
         Ok(Self {

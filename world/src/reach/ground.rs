@@ -13,7 +13,7 @@ const OFFSET_M: f32 = 0.61;
 /// Points checked between two neighbouring places.
 const INTERMEDIATE_COUNT: usize = 3;
 /// Heights above the feet at which the path between two places must be clear, m.
-pub(super) const CLEAR_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
+const CLEAR_HEIGHTS_M: [f32; 2] = [0.45, 1.3];
 
 /// One place to stand.
 #[derive(Debug, Clone, Copy)]
@@ -236,7 +236,13 @@ fn can_walk(map: &Map, profile: &CharacterProfile, a: Vec3, b: Vec3) -> bool {
     if (b.y - last).abs() > most + 0.08 {
         return false;
     }
-    let length = offset.length();
+    is_open_between(map, a, b)
+}
+
+/// Whether nothing is in the way of a character between two places.
+pub(super) fn is_open_between(map: &Map, a: Vec3, b: Vec3) -> bool {
+    let offset = b - a;
+    let length = offset.length().max(1.0e-3);
     CLEAR_HEIGHTS_M.iter().all(|&height| {
         let hit = map.mesh().cast_ray(a + Vec3::new(0.0, height, 0.0), offset / length, length);
         hit.is_none_or(|hit| !hit.surface.is_solid())

@@ -3,7 +3,7 @@
 //! A mover joins every place that is beside its top at one of its stops. Movers whose tops are beside each other act as one. Doors count as
 //! open: their triangles are no part of the ground.
 
-use super::ground::{CLEAR_HEIGHTS_M, Ground, SPACING_M};
+use super::ground::{Ground, SPACING_M, is_open_between};
 use super::{Link, Means};
 use crate::Vec3;
 use crate::character::CharacterProfile;
@@ -83,12 +83,7 @@ fn cells_beside(map: &Map, profile: &CharacterProfile, ground: &Ground, top: Vec
     let cells = around.flat_map(|(x, z)| ground.column(column + x, row + z));
     let is_beside = |idx: &usize| {
         let feet = ground.cells()[*idx].feet;
-        is_step(profile, feet, top)
-            && CLEAR_HEIGHTS_M.iter().all(|&height| {
-                let (from, offset) = (feet + Vec3::Y * height, top - feet);
-                let length = offset.length().max(1.0e-3);
-                map.mesh().cast_ray(from, offset / length, length).is_none_or(|hit| !hit.surface.is_solid())
-            })
+        is_step(profile, feet, top) && is_open_between(map, feet, top)
     };
     cells.filter(is_beside).map(|idx| idx as u32).collect()
 }

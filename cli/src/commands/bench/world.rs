@@ -106,7 +106,7 @@ impl Crowd {
         let profile = CharacterProfile::default();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let points = navigable::sample_many(map, &profile, 2 * count, &mut rng)?;
-        let config = WorldConfig { profiles: vec![profile], task: TaskConfig::default(), npc_collision };
+        let config = WorldConfig::new(profile, TaskConfig::default(), npc_collision);
         let mut world = World::with_config(map.clone(), config);
         for pair in points.chunks_exact(2) {
             let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
