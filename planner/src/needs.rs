@@ -96,6 +96,7 @@ impl Needs {
 /// The stops at which a mover stands sooner or later, as bits, if nobody but NPCs tells it otherwise.
 pub fn stops_ahead(mover: &Mover, state: &MoverState) -> u16 {
     match (state.told, state.at()) {
+        (_, at) if mover.kind == MoverKind::Crate => at.map_or(0, |at| 1 << at),
         (_, Some(at)) if state.pace == 0.0 => 1 << at,
         (_, None) if state.pace == 0.0 => 0,
         (Some(told), _) if !mover.kind.is_ridden() => 1 << told,
@@ -110,12 +111,13 @@ pub fn all_stops_ahead(map: &Map, states: &[MoverState]) -> Vec<u16> {
     if map.movers().iter().zip(&ahead).all(is_free) { Vec::new() } else { ahead }
 }
 
-/// The states in which edges are proved: doors open, floors there, lifts and platforms at their first stop, but `held` at that of its own.
+/// The states in which edges are proved: doors open, floors there, crates held where they began, lifts and platforms at their first stop, but `held` at that of its own.
 pub fn states_for_proof(map: &Map, held: Option<(u16, u8)>) -> Vec<MoverState> {
     let state = |(idx, mover): (u16, &Mover)| {
         let usual = if mover.kind == MoverKind::Door { mover.stops.len() as u8 - 1 } else { 0 };
         let stop = held.filter(|(held, _)| *held == idx).map_or(usual, |(_, stop)| stop);
-        MoverState { from: stop, to: stop, told: Some(stop), progress: 0.0, ..MoverState::new(mover) }
+        let pace = if mover.kind == MoverKind::Crate { 0.0 } else { 1.0 };
+        MoverState { from: stop, to: stop, told: Some(stop), progress: 0.0, pace, ..MoverState::new(mover) }
     };
     (0..).zip(map.movers()).map(state).collect()
 }

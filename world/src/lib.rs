@@ -19,7 +19,9 @@ pub mod exchange;
 pub mod float;
 pub mod map;
 pub mod mesh;
+mod crates;
 mod movers;
+mod posed;
 pub mod navigable;
 mod npc;
 mod others;
@@ -40,6 +42,7 @@ pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterPr
 pub use editing::Enclosed;
 pub use glam::Vec3;
 pub use map::{Map, MapHash, MapSpec, RawMapSpec, SpecError};
+pub use crates::CrateState;
 pub use movers::{MoverOrder, MoverState, PACE_RANGE};
 pub use npc::{NPC_STATE_VERSION, Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 pub use player::{Player, PlayerContact, PlayerSlot};

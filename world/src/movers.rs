@@ -1,10 +1,11 @@
 //! The movers of a world: where each of them is, what it does, and what bodies and rays meet of it.
 
 use crate::character::{Body, CharacterProfile, MoveScratch};
-use crate::map::mover::MAX_MOVER_SPEED;
-use crate::map::{Map, Mover, MoverStop};
-use crate::mesh::{Surface, Triangle};
+use crate::crates::{self, Crate, CrateState, Pusher};
+use crate::map::mover::{FARTHEST_M, MAX_MOVER_SPEED};
+use crate::map::{Map, Mover, MoverKind, MoverStop};
 use crate::navigable::DOWN;
+use crate::posed::{Near, Posed, REACH_M};
 use crate::{TICK_SECONDS, TICKS_PER_SECOND, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -14,13 +15,11 @@ pub const PACE_RANGE: std::ops::RangeInclusive<f32> = 0.0..=4.0;
 const MAX_PRESS_M: f32 = 0.06;
 /// A mover nearer to a body than this touches it, m.
 const TOUCH_M: f32 = 0.05;
-/// How far from a body movers are looked for, m: what it moves and they move in a tick, and the step that it may take.
-const REACH_M: f32 = 1.5;
+/// A crate that lies farther from where it began than this, m, is not at its stop.
+const AT_PLACE_M: f32 = 0.25;
 /// Height above the feet from which the mover below them is looked for, m, and how far below them it may be.
 const KNEE_M: f32 = 0.3;
 const GAP_M: f32 = 0.08;
-/// Side of a cell of the grid that finds movers, m.
-const CELL_M: f32 = 16.0;
 
 /// What a mover does at the moment.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -35,12 +34,14 @@ pub struct MoverState {
     pub stood: u32,
     /// The stop to which it was told to go and where it then stays; `None` while it cycles.
     pub told: Option<u8>,
-    /// Its pace, in multiples of the usual one: 0 to 4.
+    /// Its pace, in multiples of the usual one: 0 to 4. At 0 nobody moves a crate.
     pub pace: f32,
     /// Whether it cycles back towards its first stop.
     pub is_returning: bool,
     /// Ticks for which it has waited because a body was in its way, saturating; 0 again once it moves.
     pub blocked: u32,
+    /// How a crate lies and moves; `None` for all other kinds.
+    pub lies: Option<CrateState>,
 }
 
 /// What a mover is told to do.
@@ -66,6 +67,7 @@ impl MoverState {
             pace: 1.0,
             is_returning: false,
             blocked: 0,
+            lies: (mover.kind == MoverKind::Crate).then_some(CrateState::START),
         }
     }
 
@@ -80,9 +82,11 @@ impl MoverState {
         Movers::fit(map, &states).then_some(states)
     }
 
-    /// The stop at which it stands; `None` while it travels.
+    /// The stop at which it stands; `None` while it travels, and for a crate that was pushed away.
     pub fn at(&self) -> Option<u8> {
-        (self.from == self.to).then_some(self.from)
+        let is_in_place =
+            self.lies.is_none_or(|it| it.is_there && it.offset.length_squared() < AT_PLACE_M * AT_PLACE_M);
+        (self.from == self.to && is_in_place).then_some(self.from)
     }
 
     /// Whether it goes to `stop` when an NPC calls it: lifts and platforms do once they have stood for a second where they were told to go.
@@ -107,13 +111,16 @@ impl MoverState {
             && self.told.is_none_or(exists)
             && (0.0..=1.0).contains(&self.progress)
             && PACE_RANGE.contains(&self.pace)
+            && self.lies.is_some() == (mover.kind == MoverKind::Crate)
+            && self.lies.is_none_or(|it| it.is_sound(FARTHEST_M))
     }
 
-    /// Takes an order; false, and nothing changes, if the mover cannot follow it.
+    /// Takes an order; false, and nothing changes, if the mover cannot follow it. A crate goes back to where it began.
     pub fn obey(&mut self, order: MoverOrder, mover: &Mover) -> bool {
         match order {
             MoverOrder::GoTo(stop) if usize::from(stop) < mover.stops.len() => {
                 self.told = Some(stop);
+                self.lies = self.lies.map(|_| CrateState::START);
                 if self.from != self.to && (self.from >= stop) == (self.to > self.from) {
                     // It turns round on the way.
                     (self.from, self.to, self.progress) = (self.to, self.from, 1.0 - self.progress);
@@ -159,100 +166,7 @@ impl MoverState {
 
     /// Where it is.
     pub fn pose(&self, mover: &Mover) -> MoverStop {
-        mover.between(self.from, self.to, self.progress)
-    }
-}
-
-/// A mover at its place.
-#[derive(Debug, Clone)]
-struct Posed {
-    triangles: Vec<Triangle>,
-    low: Vec3,
-    high: Vec3,
-    pose: MoverStop,
-    /// The pose one tick before.
-    former: MoverStop,
-}
-
-impl Posed {
-    fn new(mover: &Mover, pose: MoverStop) -> Self {
-        let mut posed = Self { triangles: Vec::new(), low: Vec3::ZERO, high: Vec3::ZERO, pose, former: pose };
-        posed.place(mover, pose);
-        posed
-    }
-
-    fn place(&mut self, mover: &Mover, pose: MoverStop) {
-        self.pose = pose;
-        self.triangles.clear();
-        (self.low, self.high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        if !pose.is_there {
-            return;
-        }
-        for corners in &mover.triangles {
-            let corners = corners.map(|corner| mover.placed(pose, corner));
-            for corner in corners {
-                (self.low, self.high) = (self.low.min(corner), self.high.max(corner));
-            }
-            self.triangles.extend(Triangle::new(corners, Surface::Ground));
-        }
-    }
-
-    fn touches(&self, low: Vec3, high: Vec3) -> bool {
-        self.low.cmple(high).all() && self.high.cmpge(low).all()
-    }
-
-    /// Distance of the first hit of a ray within `most` metres.
-    fn cast_ray(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<f32> {
-        let hit = |far: f32, triangle: &Triangle| triangle.ray(origin, direction, 0.0, far).unwrap_or(far);
-        let nearest = self.triangles.iter().fold(most, hit);
-        (nearest < most).then_some(nearest)
-    }
-}
-
-/// The movers that may ever be near a place, by cells seen from above.
-#[derive(Debug, Clone, Default)]
-struct Near {
-    columns: usize,
-    rows: usize,
-    cells: Vec<Vec<u16>>,
-}
-
-impl Near {
-    fn new(map: &Map) -> Self {
-        if map.movers().is_empty() {
-            return Self::default();
-        }
-        let extent = map.extent();
-        let [columns, rows] = [extent.x, extent.z].map(|side| (side / CELL_M) as usize + 1);
-        let mut near = Self { columns, rows, cells: vec![Vec::new(); columns * rows] };
-        for (idx, mover) in (0..).zip(map.movers()) {
-            let all = (0..mover.stops.len()).map(|stop| mover.bounds_at(stop));
-            let swept = all.reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)));
-            let (low, high) = swept.expect("a mover has stops");
-            // On its way a mover that turns reaches farther than at its stops.
-            let turned = if mover.stops.iter().any(|stop| stop.yaw != 0.0) { (high - low).length() } else { 0.0 };
-            let reach = Vec3::splat(REACH_M + turned);
-            let ([left, top], [right, bottom]) = (near.cell(low - reach), near.cell(high + reach));
-            for row in top..=bottom {
-                for column in left..=right {
-                    near.cells[row * columns + column].push(idx);
-                }
-            }
-        }
-        near
-    }
-
-    fn cell(&self, point: Vec3) -> [usize; 2] {
-        let number = |metres: f32, count: usize| ((metres / CELL_M).max(0.0) as usize).min(count - 1);
-        [number(point.x, self.columns), number(point.z, self.rows)]
-    }
-
-    fn of(&self, point: Vec3) -> &[u16] {
-        if self.cells.is_empty() {
-            return &[];
-        }
-        let [column, row] = self.cell(point);
-        &self.cells[row * self.columns + column]
+        self.lies.map_or_else(|| mover.between(self.from, self.to, self.progress), |it| it.pose())
     }
 }
 
@@ -268,6 +182,8 @@ pub(crate) struct Movers {
     former: Vec<MoverState>,
     /// The pace at which each mover is as fast as any may be.
     top_paces: Vec<f32>,
+    /// Indices of the crates.
+    crates: Vec<usize>,
 }
 
 impl Movers {
@@ -284,8 +200,13 @@ impl Movers {
                 .iter()
                 .map(|mover| MAX_MOVER_SPEED / mover.speed().max(f32::MIN_POSITIVE))
                 .collect(),
+            crates: (0..states.len()).filter(|idx| states[*idx].lies.is_some()).collect(),
             states,
         }
+    }
+
+    pub(crate) fn has_crates(&self) -> bool {
+        !self.crates.is_empty()
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -303,6 +224,16 @@ impl Movers {
             posed.place(mover, state.pose(mover));
             posed.former = posed.pose;
         }
+        for idx in &self.crates {
+            self.near.follow(*idx as u16, &self.posed[*idx]);
+        }
+    }
+
+    /// Wakes all crates: what they lie on may have changed.
+    pub(crate) fn wake_crates(&mut self) {
+        for idx in &self.crates {
+            self.states[*idx].lies.iter_mut().for_each(|it| it.rested = 0);
+        }
     }
 
     /// Gives a mover an order; false, and nothing changes, if it does not exist or cannot follow it.
@@ -311,8 +242,8 @@ impl Movers {
         mover.zip(self.states.get_mut(idx)).is_some_and(|(mover, state)| state.obey(order, mover))
     }
 
-    /// Moves all movers by one tick.
-    pub(crate) fn advance(&mut self, map: &Map) {
+    /// Moves all movers by one tick; the pushers push the crates.
+    pub(crate) fn advance(&mut self, map: &Map, pushers: &[Pusher]) {
         self.former.clone_from(&self.states);
         let each = map.movers().iter().zip(&self.top_paces).zip(&mut self.posed).zip(&mut self.states);
         for (((mover, top_pace), posed), state) in each {
@@ -321,6 +252,25 @@ impl Movers {
             let pose = state.pose(mover);
             if pose != posed.pose {
                 posed.place(mover, pose);
+            }
+        }
+        self.move_crates(map, pushers);
+    }
+
+    fn move_crates(&mut self, map: &Map, pushers: &[Pusher]) {
+        if self.crates.is_empty() {
+            return;
+        }
+        let states = &self.states;
+        let of = |idx: &usize| states[*idx].lies.map(|state| Crate { idx: *idx, state, is_held: states[*idx].pace == 0.0 });
+        let mut crates: Vec<Crate> = self.crates.iter().filter_map(of).collect();
+        crates::step(map, &self.posed, &mut crates, pushers);
+        for Crate { idx, state, .. } in crates {
+            self.states[idx].lies = Some(state);
+            let (pose, mover) = (state.pose(), &map.movers()[idx]);
+            if pose != self.posed[idx].pose {
+                self.posed[idx].place(mover, pose);
+                self.near.follow(idx as u16, &self.posed[idx]);
             }
         }
     }
@@ -397,9 +347,13 @@ impl Movers {
                 state.blocked = 0;
                 continue;
             }
-            *state = MoverState { blocked: state.blocked.saturating_add(1), ..self.former[idx] };
+            let lies = self.former[idx].lies.map(CrateState::halted);
+            *state = MoverState { blocked: state.blocked.saturating_add(1), lies, ..self.former[idx] };
             let former = self.posed[idx].former;
             self.posed[idx].place(&map.movers()[idx], former);
+            if lies.is_some() {
+                self.near.follow(idx as u16, &self.posed[idx]);
+            }
         }
     }
 

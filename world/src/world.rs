@@ -2,6 +2,7 @@
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
 use crate::crowd::CrowdScratch;
+use crate::crates::Pusher;
 use crate::editing::{self, Enclosed};
 use crate::map::{Liquid, Map, Piece};
 use crate::movers::{MoverOrder, MoverState, Movers};
@@ -316,8 +317,9 @@ impl World {
 
     /// Moves the movers, then the NPCs that they carry and push; a mover that would crush an NPC stays where it was.
     fn move_with_movers(&mut self) {
+        let pushers = if self.movers.has_crates() { self.pushers() } else { Vec::new() };
         let Self { map, config, npcs, tick_events, scratch, movers, .. } = self;
-        movers.advance(map);
+        movers.advance(map, &pushers);
         for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(scratch) {
             let Some(npc) = npc else { continue };
             let profile = &config.profiles[usize::from(npc.profile.0)];
@@ -335,6 +337,24 @@ impl World {
         }
         movers.settle(map);
         self.tick += 1;
+    }
+
+    /// What pushes crates: the bodies that walk, and solid players.
+    fn pushers(&self) -> Vec<Pusher> {
+        let walking = self.npcs.iter().flatten().filter(|npc| npc.harm.is_none() && npc.body.ride.is_none());
+        let npcs = walking.map(|npc| {
+            let profile = &self.config.profiles[usize::from(npc.profile.0)];
+            let wish = npc.body.wish(profile, &npc.action);
+            Pusher { feet: npc.body.feet, radius: profile.radius, height: profile.height, wish }
+        });
+        let players = self.players.iter().flatten().filter(|player| player.is_solid());
+        let players = players.map(|Player { feet, velocity, radius, height, .. }| Pusher {
+            feet: *feet,
+            radius: *radius,
+            height: *height,
+            wish: Vec3::new(velocity.x, 0.0, velocity.z),
+        });
+        npcs.chain(players).collect()
     }
 
     /// Adds a player and returns its slot.
@@ -434,6 +454,7 @@ impl World {
         }
         self.note(Input::Edit(map.pieces().to_vec()));
         self.map = map;
+        self.movers.wake_crates();
         for &(slot, place) in &moves {
             let npc = self.npc_mut(slot);
             npc.body = Body::at(place, npc.body.yaw);

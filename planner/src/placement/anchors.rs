@@ -63,7 +63,7 @@ fn beside_movers(map: &Map) -> Vec<(Vec3, f32, f32)> {
         let stops = match mover.kind {
             MoverKind::Door => 0..1,
             MoverKind::Lift | MoverKind::Platform => 0..mover.stops.len(),
-            MoverKind::Floor | MoverKind::Conveyor => continue,
+            MoverKind::Floor | MoverKind::Conveyor | MoverKind::Crate => continue,
         };
         for stop in stops {
             let (low, high) = mover.bounds_at(stop);

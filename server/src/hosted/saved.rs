@@ -22,7 +22,7 @@ use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
 const LOCK_FILE: &str = "lock";

@@ -34,6 +34,7 @@ fn kind_to_wire(kind: MoverKind) -> wire::MoverKind {
         MoverKind::Platform => wire::MoverKind::Platform,
         MoverKind::Floor => wire::MoverKind::Floor,
         MoverKind::Conveyor => wire::MoverKind::Conveyor,
+        MoverKind::Crate => wire::MoverKind::Crate,
     }
 }
 

@@ -52,7 +52,8 @@ impl Body {
         }
     }
 
-    fn accelerate(&mut self, profile: &CharacterProfile, action: &Action) {
+    /// The horizontal velocity that an action asks for, m/s.
+    pub(crate) fn wish(&self, profile: &CharacterProfile, action: &Action) -> Vec3 {
         let (sin, cos) = libm::sincosf(self.yaw);
         let forward = action.forward.max(-profile.side_speed_share);
         let right = action.strafe * profile.side_speed_share;
@@ -65,6 +66,11 @@ impl Body {
         if self.liquid.is_some() {
             wish *= WADING_SPEED;
         }
+        wish
+    }
+
+    fn accelerate(&mut self, profile: &CharacterProfile, action: &Action) {
+        let wish = self.wish(profile, action);
         let limit = match self.support {
             Support::Ground => profile.ground_acceleration,
             Support::Air => profile.air_acceleration,

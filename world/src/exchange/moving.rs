@@ -2,7 +2,7 @@
 //!
 //! Nodes: `door*` opens; `lift*`, `elevator*` and `platform*` travel to the places of the nodes `NAME:path` (`NAME:path.001`, ...), in
 //! the order of their names; `vanish*` goes away when it is told to, or is there and away in turn; `conveyor*` carries what stands on it with
-//! the `velocity` of its extras.
+//! the `velocity` of its extras; `pushable*` is a crate.
 //! What a node's animation says of its stops and times counts where names and extras say nothing, and a node of at most 30 m that is animated
 //! from place to place is a lift or platform whatever its name is.
 //! Names that only speak of a door (`door_frame`, `doorway`, `doorstep`) stay solid, like lifts and platforms without a path and conveyors
@@ -94,6 +94,7 @@ pub(super) fn sign(
         () if starts(&["lift", "elevator"]) && has_path => Some(MoverKind::Lift),
         () if starts(&["platform"]) && has_path => Some(MoverKind::Platform),
         () if starts(&["vanish"]) => Some(MoverKind::Floor),
+        () if starts(&["pushable"]) => Some(MoverKind::Crate),
         () if starts(&["conveyor"]) && extras.has("velocity") => Some(MoverKind::Conveyor),
         () if whole.is_small() => {
             journey.map(|journey| if journey.is_upright() { MoverKind::Lift } else { MoverKind::Platform })
@@ -110,7 +111,7 @@ fn journey(node: &Node, frame: Frame) -> Option<Journey> {
 
 fn kind_named(extras: &Extras<'_>, name: &str) -> Result<MoverKind, ImportError> {
     let found = MoverKind::ALL.into_iter().find(|kind| kind.name() == name);
-    found.ok_or_else(|| extras.refuse("mover", name, "must be door, lift, platform, floor, conveyor or false"))
+    found.ok_or_else(|| extras.refuse("mover", name, "must be door, lift, platform, floor, conveyor, crate or false"))
 }
 
 /// Splits `lift_2:path.001` into `lift_2` and 1.
@@ -192,7 +193,7 @@ fn animated(kind: MoverKind, node: &Node, frame: Frame) -> Option<Animated> {
         MoverKind::Door if swing.is_some() => swing.map(|(turn, seconds)| Animated::Swing(turn, seconds)),
         MoverKind::Door => journey(node, frame).map(|journey| Animated::Journey(journey.without_stops_between())),
         MoverKind::Lift | MoverKind::Platform => journey(node, frame).map(Animated::Journey),
-        MoverKind::Floor | MoverKind::Conveyor => None,
+        MoverKind::Floor | MoverKind::Conveyor | MoverKind::Crate => None,
     }
 }
 
@@ -291,7 +292,7 @@ fn assemble(
             stops.truncate(2);
         }
         MoverKind::Floor => stops = vec![here, MoverStop { is_there: false, ..here }],
-        MoverKind::Conveyor => stops.truncate(1),
+        MoverKind::Conveyor | MoverKind::Crate => stops.truncate(1),
         MoverKind::Lift | MoverKind::Platform => {}
     }
     let farthest = stops.windows(2).map(|pair| pair[0].offset.distance(pair[1].offset)).fold(0.0, f32::max);

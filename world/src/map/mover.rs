@@ -1,6 +1,6 @@
-//! Movers: doors, lifts, platforms, floors that vanish, and conveyors, as they belong to a map.
+//! Movers: doors, lifts, platforms, floors that vanish, conveyors, and crates, as they belong to a map.
 //!
-//! A mover is a rigid piece of geometry that stands at stops and travels between neighbouring ones. What it does at the moment
+//! A mover is a rigid piece of geometry that stands at stops and travels between neighbouring ones; a crate goes where it is pushed. What it does at the moment
 //! is part of a world, see [`MoverState`](crate::MoverState).
 
 use crate::float::turned;
@@ -20,7 +20,7 @@ pub const MAX_NAME_LEN: usize = 64;
 /// Fastest a mover travels, m/s: bodies that it pushes must not tunnel through it.
 pub const MAX_MOVER_SPEED: f32 = 10.0;
 /// Largest coordinate of a mover, m.
-const FARTHEST_M: f32 = 10_000.0;
+pub(crate) const FARTHEST_M: f32 = 10_000.0;
 /// Longest time of a journey or a stay at a stop, s.
 pub(crate) const LONGEST_S: f32 = 600.0;
 
@@ -38,12 +38,20 @@ pub enum MoverKind {
     Floor,
     /// Stands still and carries what is on it.
     Conveyor,
+    /// Is pushed by bodies, and falls.
+    Crate,
 }
 
 impl MoverKind {
     /// All kinds.
-    pub const ALL: [MoverKind; 5] =
-        [MoverKind::Door, MoverKind::Lift, MoverKind::Platform, MoverKind::Floor, MoverKind::Conveyor];
+    pub const ALL: [MoverKind; 6] = [
+        MoverKind::Door,
+        MoverKind::Lift,
+        MoverKind::Platform,
+        MoverKind::Floor,
+        MoverKind::Conveyor,
+        MoverKind::Crate,
+    ];
 
     /// Lower-case name, as in levels.
     pub fn name(self) -> &'static str {
@@ -53,6 +61,7 @@ impl MoverKind {
             MoverKind::Platform => "platform",
             MoverKind::Floor => "floor",
             MoverKind::Conveyor => "conveyor",
+            MoverKind::Crate => "crate",
         }
     }
 
@@ -208,7 +217,7 @@ impl Mover {
         }
         let expected = match self.kind {
             MoverKind::Door | MoverKind::Floor if self.stops.len() != 2 => Some("2 stops"),
-            MoverKind::Conveyor if self.stops.len() != 1 => Some("1 stop"),
+            MoverKind::Conveyor | MoverKind::Crate if self.stops.len() != 1 => Some("1 stop"),
             MoverKind::Lift | MoverKind::Platform if !(2..=MAX_STOPS).contains(&self.stops.len()) => {
                 Some("2 to 16 stops")
             }
