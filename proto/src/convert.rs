@@ -4,7 +4,7 @@ use crate::reason::{self, Reason};
 use crate::world::v1 as wire;
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::character::{ProfileError, RawCharacterProfile};
-use surefoot_world::map::{Features, MapKind, MapSize};
+use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
 use surefoot_world::{Ability, CharacterProfile, End, MapSpec, RawMapSpec, SpecError, Vec3};
 use tonic_types::{ErrorDetails, StatusExt};
 
@@ -144,6 +144,10 @@ pub fn map_spec(value: Option<&wire::MapSpec>) -> Result<MapSpec, FieldError> {
         spec.features =
             Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
     }
+    if let Some(&wire::MoverDensities { doors, lifts, platforms, floors, conveyors, crates }) = value.movers.as_ref() {
+        spec.movers = MoverDensities { doors, lifts, platforms, floors, conveyors, crates };
+    }
+    spec.repair = value.repair.unwrap_or(true);
     spec.kind = match wire::MapKind::try_from(value.kind) {
         Ok(wire::MapKind::Unspecified | wire::MapKind::Terrain) => MapKind::Terrain,
         Ok(wire::MapKind::Islands) => MapKind::Islands,
@@ -232,6 +236,7 @@ pub fn map_size_to_wire(MapSize { width, height, depth }: MapSize) -> wire::MapS
 pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
     let Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks } =
         spec.features;
+    let MoverDensities { doors, lifts, platforms, floors, conveyors, crates } = spec.movers;
     wire::MapSpec {
         seed: spec.seed,
         size: Some(map_size_to_wire(spec.size)),
@@ -248,6 +253,8 @@ pub fn map_spec_to_wire(spec: &MapSpec) -> wire::MapSpec {
             jetpacks,
         }),
         kind: map_kind_to_wire(spec.kind).into(),
+        movers: Some(wire::MoverDensities { doors, lifts, platforms, floors, conveyors, crates }),
+        repair: Some(spec.repair),
     }
 }
 

@@ -22,8 +22,8 @@ use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_proto::convert;
 use surefoot_proto::plans::{self, plan_to_wire, settings_to_wire};
 use surefoot_world::map::{
-    Building, Cave, Features, Jetpack, Liquid, MapKind, MapSize, Outline, Pad, Placed, Plateau, Pool, Ravine,
-    Teleporter, ZipLine,
+    Building, Cave, Features, Jetpack, Liquid, MapKind, MapSize, MoverDensities, Outline, Pad, Placed, Plateau, Pool,
+    Ravine, Teleporter, ZipLine,
 };
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
@@ -264,15 +264,27 @@ fn plan() -> impl Strategy<Value = Plan> {
 fn spec() -> impl Strategy<Value = MapSpec> {
     let density = || 0.0..=4.0f32;
     let sizes = (50..=1000u32, 40..=200u32, 50..=1000u32);
-    let [d0, d1, d2, d3, d4] = std::array::from_fn(|_| (density(), density()));
+    let [d0, d1, d2, d3, d4, d5, d6, d7] = std::array::from_fn(|_| (density(), density()));
     let kinds = prop::sample::select(MapKind::ALL.to_vec());
-    (any::<u64>(), sizes, kinds, (d0, d1, d2, d3, d4)).prop_map(|(seed, (width, height, depth), kind, densities)| {
-        let ((plateaus, buildings), (water, lava), (pads, zip_lines), (ravines, caves), (teleporters, jetpacks)) =
-            densities;
-        let features =
-            Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
-        MapSpec::try_from(RawMapSpec { seed, size: MapSize { width, height, depth }, features, kind }).unwrap()
-    })
+    let movers = (d5, d6, d7).prop_map(|((doors, lifts), (platforms, floors), (conveyors, crates))| MoverDensities {
+        doors,
+        lifts,
+        platforms,
+        floors,
+        conveyors,
+        crates,
+    });
+    let more = (movers, any::<bool>());
+    (any::<u64>(), sizes, kinds, (d0, d1, d2, d3, d4), more).prop_map(
+        |(seed, (width, height, depth), kind, densities, (movers, repair))| {
+            let ((plateaus, buildings), (water, lava), (pads, zip_lines), (ravines, caves), (teleporters, jetpacks)) =
+                densities;
+            let features =
+                Features { plateaus, buildings, water, lava, pads, zip_lines, ravines, caves, teleporters, jetpacks };
+            let size = MapSize { width, height, depth };
+            MapSpec::try_from(RawMapSpec { seed, size, features, kind, movers, repair }).unwrap()
+        },
+    )
 }
 
 proptest! {

@@ -201,8 +201,9 @@ fn is_disturbed(map: &Map, posed: &[Posed], it: &Crate) -> bool {
 
 /// Wakes the crates that touch one which moves.
 fn wake_beside(posed: &[Posed], crates: &mut [Crate]) {
-    let mut moving: Vec<usize> =
-        (0..crates.len()).filter(|number| crates[*number].state.is_awake() && !crates[*number].state.is_at_rest()).collect();
+    let mut moving: Vec<usize> = (0..crates.len())
+        .filter(|number| crates[*number].state.is_awake() && !crates[*number].state.is_at_rest())
+        .collect();
     while let Some(number) = moving.pop() {
         let at = &posed[crates[number].idx];
         let (low, high) = (at.low - Vec3::splat(TOUCH_M), at.high + Vec3::splat(TOUCH_M));
@@ -237,7 +238,8 @@ impl Yard {
         let corners: Vec<Vec3> = mover.triangles.iter().flatten().map(|corner| *corner - mover.pivot).collect();
         let (low, high) = mover.bounds_at(0);
         let (middle, half) = ((low + high) * 0.5 - mover.pivot, (high - low) * 0.5);
-        let hull = if mover.triangles.len() > MAX_HULL_TRIANGLES { None } else { ColliderBuilder::convex_hull(&corners) };
+        let hull =
+            if mover.triangles.len() > MAX_HULL_TRIANGLES { None } else { ColliderBuilder::convex_hull(&corners) };
         let shape = hull.unwrap_or_else(|| ColliderBuilder::cuboid(half.x, half.y, half.z).translation(middle));
         self.world.insert(body, shape.density(DENSITY).friction(FRICTION)).0
     }
@@ -288,7 +290,8 @@ impl Yard {
             spin: body.angvel().y.clamp(-MAX_MOVER_SPEED, MAX_MOVER_SPEED),
             ..former
         };
-        if !(state.offset.is_finite() && state.velocity.is_finite() && state.yaw.is_finite() && state.spin.is_finite()) {
+        if !(state.offset.is_finite() && state.velocity.is_finite() && state.yaw.is_finite() && state.spin.is_finite())
+        {
             return former.halted();
         }
         let rested = if state.is_at_rest() { former.rested.saturating_add(1) } else { 0 };

@@ -262,7 +262,8 @@ impl Movers {
             return;
         }
         let states = &self.states;
-        let of = |idx: &usize| states[*idx].lies.map(|state| Crate { idx: *idx, state, is_held: states[*idx].pace == 0.0 });
+        let of =
+            |idx: &usize| states[*idx].lies.map(|state| Crate { idx: *idx, state, is_held: states[*idx].pace == 0.0 });
         let mut crates: Vec<Crate> = self.crates.iter().filter_map(of).collect();
         crates::step(map, &self.posed, &mut crates, pushers);
         for Crate { idx, state, .. } in crates {

@@ -1,8 +1,8 @@
 //! A world: many NPCs on one map.
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
-use crate::crowd::CrowdScratch;
 use crate::crates::Pusher;
+use crate::crowd::CrowdScratch;
 use crate::editing::{self, Enclosed};
 use crate::map::{Liquid, Map, Piece};
 use crate::movers::{MoverOrder, MoverState, Movers};

@@ -131,15 +131,16 @@ impl Saved {
 }
 
 #[test]
-fn maps_of_the_formats_without_kinds_movers_and_pieces_are_read() {
+fn maps_of_the_formats_without_kinds_movers_pieces_and_densities_are_read() {
     let spec = MapSpec::with_side(3, 50).unwrap();
     let map = Map::generate(&spec);
     let mut bytes = exchange::encode(&map);
-    // The kind is the last byte of the spec, which comes first in the description.
-    let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len();
+    // The densities of movers and the choice of repair are the last 25 bytes of the spec, which comes first in the description, and the
+    // kind is the one before.
+    let spec_len = postcard::to_stdvec(&Some(spec)).unwrap().len() - 25;
     let (header, payload) = bytes.split_at_mut(8 + 4 + 8 + 32);
     let mut payload = payload.to_vec();
-    let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap());
+    let description_len = u32::from_le_bytes(payload[32..36].try_into().unwrap()) - 25;
     let mut read_as = |version: u32, payload: &[u8]| {
         header[8..12].copy_from_slice(&version.to_le_bytes());
         header[12..20].copy_from_slice(&(payload.len() as u64).to_le_bytes());
@@ -147,6 +148,9 @@ fn maps_of_the_formats_without_kinds_movers_and_pieces_are_read() {
         let read = exchange::decode(&[&*header, payload].concat()).unwrap();
         assert_eq!((read.hash(), read.spec()), (map.hash(), Some(&spec)));
     };
+    payload.drain(36 + spec_len..36 + spec_len + 25);
+    payload[32..36].copy_from_slice(&description_len.to_le_bytes());
+    read_as(4, &payload);
     // The pieces are its last byte, and the movers the one before: there are none.
     for (version, dropped) in [(3, 1), (2, 2)] {
         assert_eq!(payload.remove(36 + (description_len - dropped) as usize), 0);
@@ -168,7 +172,7 @@ fn each_fault_of_a_saved_map_has_its_own_message() {
     let endless = Pad { centre: Vec3::new(0.0, f32::INFINITY, 0.0), speed: 20.0 };
     let cases = [
         (Saved { magic: b"GIF89a\x1a\x0a", ..plain() }, "not a saved map"),
-        (Saved { version: 5, ..plain() }, "format 5, this program reads format 4"),
+        (Saved { version: 6, ..plain() }, "format 6, this program reads format 5"),
         (Saved { trailing: 7, ..plain() }, "followed by 7 bytes"),
         (Saved { description: vec![9; 3], ..plain() }, "description"),
         (Saved { vertex_count: u32::MAX, ..plain() }, "claims 51539607553 bytes of geometry"),

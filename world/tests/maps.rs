@@ -1,11 +1,12 @@
 //! The content and connectivity of maps, and that a spec always gives the same map.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use surefoot_world::map::stage::Stage;
-use surefoot_world::map::{Features, MapKind, MapSize, Placed};
+use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities, MoverKind, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::{Means, Reach};
-use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, TaskConfig, Vec3, World};
+use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, MoverOrder, TaskConfig, Vec3, World};
 
 /// Hashes of the maps that a release generates; a change here changes every map and every graph.
 const GOLDEN: [(u64, u32, &str, &str); 4] = [
@@ -205,4 +206,91 @@ fn a_map_without_a_place_to_stand_has_nothing_connected() {
     let map = Map::from_parts(MapSize { width: 50, height: 40, depth: 50 }, wall, Placed::default());
     let reach = Reach::survey(&map, &CharacterProfile::default(), 2);
     assert_eq!((reach.ground.cells().len(), reach.share_on_foot(), reach.share_by(|_| true)), (0, 0.0, 0.0));
+}
+
+/// A spec with movers of all kinds.
+fn furnished(kind: MapKind, seed: u64, side: u32) -> MapSpec {
+    of_kind(kind, seed, side).with(|it| it.movers = MoverDensities::all()).unwrap()
+}
+
+#[test]
+fn movers_are_placed_where_there_is_room_and_change_nothing_else() {
+    let mut found = BTreeMap::new();
+    for kind in MapKind::ALL {
+        let spec = furnished(kind, 1, 200);
+        let map = Map::generate_with(&spec, 2, |_| {});
+        if kind == MapKind::Arena {
+            assert_eq!(map.hash(), Map::generate_with(&spec, 1, |_| {}).hash(), "the same on one thread");
+        }
+        let plain = Map::generate_with(&of_kind(kind, 1, 200), 2, |_| {});
+        assert_eq!(map.placed(), plain.placed());
+        let corners = |map: &Map| map.mesh().triangles().iter().map(|it| it.corners()).collect::<Vec<_>>();
+        assert_eq!(corners(&map), corners(&plain));
+        for mover in map.movers() {
+            *found.entry(mover.kind).or_insert(0) += 1;
+            let (low, high) = mover.bounds_at(0);
+            let middle = Vec3::new(0.5 * (low.x + high.x), high.y + 0.1, 0.5 * (low.z + high.z));
+            assert_eq!(map.mesh().solid_depth_at(middle), 0, "{} of {kind:?} is buried", mover.name);
+        }
+    }
+    for (kind, least) in [
+        (MoverKind::Door, 6),
+        (MoverKind::Lift, 8),
+        (MoverKind::Platform, 2),
+        (MoverKind::Floor, 6),
+        (MoverKind::Conveyor, 6),
+        (MoverKind::Crate, 30),
+    ] {
+        let count = found.get(&kind).copied().unwrap_or(0);
+        assert!(count >= least, "{kind:?}: {count} on all maps");
+    }
+}
+
+#[test]
+fn lifts_that_were_placed_carry_bodies_to_ground_that_is_higher() {
+    let map = Arc::new(Map::generate(&spec(1, 250, "all").with(|it| it.movers = "lifts=2".parse().unwrap()).unwrap()));
+    let profile = CharacterProfile::default();
+    let lifts: Vec<usize> = (0..map.movers().len()).filter(|idx| map.movers()[*idx].kind == MoverKind::Lift).collect();
+    assert!(!lifts.is_empty());
+    let mut world = World::new(map.clone(), profile.clone(), TaskConfig::default());
+    let riders: Vec<_> = lifts
+        .iter()
+        .map(|idx| {
+            let (low, high) = map.movers()[*idx].bounds_at(0);
+            let middle = (low + high) * 0.5;
+            (*idx, world.spawn(Vec3::new(middle.x, high.y + 0.02, middle.z), 0.0))
+        })
+        .collect();
+    for (idx, rider) in riders {
+        world.order(idx as u16, MoverOrder::GoTo(1));
+        (0..600).for_each(|_| world.tick());
+        let (low, high) = map.movers()[idx].bounds_at(1);
+        let body = &world.npc(rider).unwrap().body;
+        assert!(body.is_grounded() && (body.feet.y - high.y).abs() < 0.1, "{}: {}", map.movers()[idx].name, body.feet);
+        let half = 0.5 * (high.x - low.x);
+        let mut scratch = surefoot_world::character::MoveScratch::default();
+        let ashore = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].iter().any(|side| {
+            let mut beside = [0.5, 1.0, 1.5].iter().map(|gap| body.feet + *side * (half + gap));
+            beside.any(|at| surefoot_world::navigable::stand_at(&map, &profile, at, 0.8, &mut scratch).is_some())
+        });
+        assert!(ashore, "{} leads to ground", map.movers()[idx].name);
+    }
+}
+
+#[test]
+fn maps_that_are_not_repaired_have_no_pads_of_the_repair() {
+    let pads = |repair: bool| {
+        let spec = spec(1000, 250, "none,zip_lines=0").with(|it| it.repair = repair).unwrap();
+        let map = Map::generate(&spec);
+        let share = Reach::survey(&map, &CharacterProfile::default(), 2).share_by(|_| true);
+        (map.placed().pads.len() + map.placed().zip_lines.len(), share)
+    };
+    let with_pads = |repair: bool| {
+        let spec = spec(1000, 250, "none,pads=0.01").with(|it| it.repair = repair).unwrap();
+        let map = Map::generate(&spec);
+        (map.placed().pads.len(), Reach::survey(&map, &CharacterProfile::default(), 2).share_by(|_| true))
+    };
+    assert_eq!(pads(false).0, 0);
+    let (repaired, bare) = (with_pads(true), with_pads(false));
+    assert!(repaired.0 > bare.0 && repaired.1 > bare.1, "{repaired:?} {bare:?}");
 }

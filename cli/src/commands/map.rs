@@ -11,7 +11,7 @@ use surefoot_report::render::{self, Picture, View};
 use surefoot_world::character::bodies::{BODIES, NamedBody};
 use surefoot_world::exchange::{self, ImportOptions, Imported, UpAxis};
 use surefoot_world::map::stage::Stage;
-use surefoot_world::map::{Features, MapKind, MapSize};
+use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
 use surefoot_world::reach::{Means, Reach};
 use surefoot_world::replay::Recording;
 use surefoot_world::{CharacterProfile, Map, MapSpec, TICKS_PER_DECISION};
@@ -86,6 +86,16 @@ pub(super) struct Generated {
     /// Kind of a generated map: terrain (the paper's), islands, interior, arena, tower or open
     #[arg(long, default_value = "terrain", value_name = "KIND", value_parser = parse_kind)]
     pub kind: MapKind,
+    /// Movers of a generated map: none or all, followed by changes, such as all,doors=0 or lifts,crates=2
+    #[arg(long, default_value = "none", value_name = "LIST", value_parser = parse_movers)]
+    pub movers: MoverDensities,
+    /// Leave ground of a generated map without a way in or out as it is, without a pad or a zip line
+    #[arg(long)]
+    pub no_repair: bool,
+}
+
+pub(super) fn parse_movers(text: &str) -> Result<MoverDensities, String> {
+    text.parse()
 }
 
 pub(super) fn parse_kind(text: &str) -> Result<MapKind, String> {
@@ -100,7 +110,10 @@ impl Generated {
     /// Gives a spec this size, kind and features.
     pub fn apply(&self, spec: &MapSpec) -> anyhow::Result<MapSpec> {
         let size = MapSize { width: self.size, height: self.height, depth: self.size };
-        let changed = spec.with(|it| (it.size, it.features, it.kind) = (size, self.features, self.kind));
+        let changed = spec.with(|it| {
+            (it.size, it.features, it.kind) = (size, self.features, self.kind);
+            (it.movers, it.repair) = (self.movers, !self.no_repair);
+        });
         Ok(changed?)
     }
 }

@@ -14,14 +14,17 @@ use super::load::{Overload, check_load, is_allowed};
 use crate::Vec3;
 use crate::map::spec::{MAX_HEIGHT_M, MAX_SIDE_M};
 use crate::map::{
-    Features, Map, MapHash, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec, SpecError,
+    Features, Map, MapHash, MapKind, MapSize, MapSpec, Mover, MoverError, Piece, PieceError, Placed, RawMapSpec,
+    SpecError,
 };
 use crate::mesh::{Surface, Triangle};
 use std::collections::HashMap;
 
 /// The last bytes reveal transfers that rewrite line endings.
 const MAGIC: [u8; 8] = *b"SFMAP\r\n\x1a";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
+/// Format whose specs have neither movers nor a choice of repair.
+const VERSION_WITHOUT_DENSITIES: u32 = 4;
 /// Format of maps without pieces.
 const VERSION_WITHOUT_PIECES: u32 = 3;
 /// Format of maps without movers.
@@ -30,6 +33,8 @@ const VERSION_WITHOUT_MOVERS: u32 = 2;
 const VERSION_WITHOUT_KIND: u32 = 1;
 /// Seed, size and features of a spec in that format.
 type SpecWithoutKind = (u64, MapSize, Features);
+/// The same and the kind, in the formats up to that without densities.
+type SpecWithoutMovers = (u64, MapSize, Features, MapKind);
 const HEADER_LEN: usize = MAGIC.len() + 4 + 8 + blake3::OUT_LEN;
 const VERTEX_LEN: usize = 12;
 const CORNERS_LEN: usize = 12;
@@ -211,7 +216,7 @@ fn checked_payload(bytes: &[u8]) -> Result<(u32, &[u8]), FileError> {
     let mut header = Reader(&bytes[MAGIC.len()..]);
     let too_short = |_| FileError::CutOff { len: bytes.len(), expected: HEADER_LEN as u64 };
     let found = header.number().map_err(too_short)?;
-    if ![VERSION_WITHOUT_KIND, VERSION_WITHOUT_MOVERS, VERSION_WITHOUT_PIECES, VERSION].contains(&found) {
+    if !(VERSION_WITHOUT_KIND..=VERSION).contains(&found) {
         return Err(FileError::Version { found });
     }
     let payload_len = u64::from_le_bytes(*header.array().map_err(too_short)?);
@@ -238,18 +243,24 @@ struct Description {
 
 fn read_description(bytes: &[u8], version: u32) -> Result<Description, FileError> {
     type WithoutKind = (Option<SpecWithoutKind>, MapSize, Placed);
-    type WithoutMovers = (Option<RawMapSpec>, MapSize, Placed);
-    type WithoutPieces = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>);
+    type WithoutMovers = (Option<SpecWithoutMovers>, MapSize, Placed);
+    type WithoutPieces = (Option<SpecWithoutMovers>, MapSize, Placed, Vec<Mover>);
+    type WithoutDensities = (Option<SpecWithoutMovers>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
     type Present = (Option<RawMapSpec>, MapSize, Placed, Vec<Mover>, Vec<Piece>);
+    let complete = |spec: Option<SpecWithoutMovers>| {
+        spec.map(|(seed, size, features, kind)| RawMapSpec { size, features, kind, ..RawMapSpec::new(seed) })
+    };
     let read: Result<(Present, &[u8]), postcard::Error> = match version {
         VERSION_WITHOUT_KIND => postcard::take_from_bytes::<WithoutKind>(bytes).map(|((spec, size, placed), rest)| {
             let spec = spec.map(|(seed, size, features)| RawMapSpec { size, features, ..RawMapSpec::new(seed) });
             ((spec, size, placed, Vec::new(), Vec::new()), rest)
         }),
         VERSION_WITHOUT_MOVERS => postcard::take_from_bytes::<WithoutMovers>(bytes)
-            .map(|((spec, size, placed), rest)| ((spec, size, placed, Vec::new(), Vec::new()), rest)),
+            .map(|((spec, size, placed), rest)| ((complete(spec), size, placed, Vec::new(), Vec::new()), rest)),
         VERSION_WITHOUT_PIECES => postcard::take_from_bytes::<WithoutPieces>(bytes)
-            .map(|((spec, size, placed, movers), rest)| ((spec, size, placed, movers, Vec::new()), rest)),
+            .map(|((spec, size, placed, movers), rest)| ((complete(spec), size, placed, movers, Vec::new()), rest)),
+        VERSION_WITHOUT_DENSITIES => postcard::take_from_bytes::<WithoutDensities>(bytes)
+            .map(|((spec, size, placed, movers, pieces), rest)| ((complete(spec), size, placed, movers, pieces), rest)),
         _ => postcard::take_from_bytes::<Present>(bytes),
     };
     let ((spec, size, placed, movers, pieces), rest) =

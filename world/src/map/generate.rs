@@ -8,7 +8,7 @@ use super::features::{
 use super::stage::{Stage, count_on, pad};
 use super::structures::{self, MIN_HOUSE_HALF, STOREY_M};
 use super::terrain::{Lattice, VOXEL_M};
-use super::{Map, MapKind, MapSpec, built, repair};
+use super::{Map, MapKind, MapSpec, built, furnish, repair};
 use crate::float::hypot;
 use crate::mesh::{Surface, Triangle};
 use crate::{Vec3, parallel};
@@ -57,8 +57,9 @@ impl Map {
         let bare = Self::draft(Some(*spec), spec.size, triangles, placed);
         let connected = repair::connect(bare, spec, &mut placer.rng, thread_count, &mut progress);
         let complete = connected.complete();
+        let movers = furnish::movers(&complete, spec);
         progress(Stage::Done);
-        complete
+        complete.with_movers(movers).expect("movers that were placed are valid")
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod built;
 pub mod features;
+mod furnish;
 pub mod generate;
 pub mod mover;
 pub mod piece;
@@ -24,7 +25,7 @@ pub use features::{
 pub use mover::{Mover, MoverError, MoverKind, MoverStop};
 pub use piece::{Piece, PieceError, PieceShape};
 use serde::{Deserialize, Serialize};
-pub use spec::{Features, MapKind, MapSize, MapSpec, RawMapSpec, SpecError};
+pub use spec::{Features, MapKind, MapSize, MapSpec, MoverDensities, RawMapSpec, SpecError};
 use std::fmt;
 use std::sync::Arc;
 pub use zones::Zone;

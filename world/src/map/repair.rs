@@ -46,6 +46,11 @@ pub(super) fn connect(
 ) -> Map {
     let profile = CharacterProfile::default();
     let mut map = bare;
+    let wanted = &spec.features;
+    if !spec.repair && wanted.zip_lines == 0.0 && wanted.teleporters == 0.0 {
+        let placed = map.placed().clone();
+        return with_devices(map, spec, placed);
+    }
     progress(Stage::Survey);
     for pass in 0..MAX_PASSES {
         let reach = Reach::survey(&map, &profile, thread_count);
@@ -63,19 +68,27 @@ pub(super) fn connect(
         if pass > 0 && repair.connected_share() >= ACCEPTED_SHARE {
             break;
         }
-        if has_ground {
+        if has_ground && spec.repair {
             repair.connect_islands(spec);
         }
         let Repair { placed, .. } = repair;
         if pass > 0 && placed == *map.placed() {
             break;
         }
-        let mut triangles = map.into_triangles();
-        triangles.retain(|triangle| triangle.surface() == Surface::Ground);
-        super::structures::add_surfaces(&placed, &mut triangles);
-        map = Map::draft(Some(*spec), spec.size, triangles, placed);
+        map = with_devices(map, spec, placed);
+        if !spec.repair {
+            break;
+        }
     }
     map
+}
+
+/// The draft with these pools and devices instead of those that it has.
+fn with_devices(draft: Map, spec: &MapSpec, placed: Placed) -> Map {
+    let mut triangles = draft.into_triangles();
+    triangles.retain(|triangle| triangle.surface() == Surface::Ground);
+    super::structures::add_surfaces(&placed, &mut triangles);
+    Map::draft(Some(*spec), spec.size, triangles, placed)
 }
 
 /// Direction of the connection that a cut-off island lacks.

@@ -35,6 +35,16 @@ pub struct RawMapSpec {
     /// What the ground is like.
     #[serde(default)]
     pub kind: MapKind,
+    /// Density of each kind of mover.
+    #[serde(default)]
+    pub movers: MoverDensities,
+    /// Whether ground that has no way in or out gets a pad or a zip line.
+    #[serde(default = "yes")]
+    pub repair: bool,
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// What the ground of a generated map is like. Only terrain and open terrain have every feature; the others have devices.
@@ -180,7 +190,6 @@ impl FromStr for Features {
     /// Parses an optional `paper` (the default), `all` or `none`, then changes: `all,lava=0,zip_lines=2`; a bare name
     /// means density 1.
     fn from_str(text: &str) -> Result<Self, String> {
-        let bare = |field: &'static str| field.trim_start_matches("features.");
         let mut features = Self::default();
         for (position, word) in text.split(',').map(str::trim).enumerate() {
             match word {
@@ -188,21 +197,88 @@ impl FromStr for Features {
                 "paper" => {}
                 "all" => features = Self::all(),
                 "none" => features = Self::none(),
-                _ => {
-                    let (name, density) = word.split_once('=').unwrap_or((word, "1"));
-                    let density: f32 = density.parse().map_err(|_| format!("`{density}` is not a density"))?;
-                    if !(0.0..=MAX_DENSITY).contains(&density) {
-                        return Err(format!("{name} is {density}, but must be 0 to {MAX_DENSITY}"));
-                    }
-                    let names = features.named().map(|(field, _)| bare(field)).join(", ");
-                    let slot = features.named_mut().into_iter().find(|(field, _)| bare(field) == name);
-                    let Some((_, slot)) = slot else { return Err(format!("no feature `{name}`; there are {names}")) };
-                    *slot = density;
-                }
+                _ => set_density("feature", &mut features.named_mut(), word)?,
             }
         }
         Ok(features)
     }
+}
+
+/// Density of each kind of mover: 0 places none (the default), 1 is the usual amount, at most [`MAX_DENSITY`]. Maps have fewer where there is no room:
+/// a lift needs a cliff, a platform a gap.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct MoverDensities {
+    /// Doors that open and shut by turns, in gaps between walls.
+    pub doors: f32,
+    /// Lifts at cliffs and walls.
+    pub lifts: f32,
+    /// Platforms that go to and fro over gaps.
+    pub platforms: f32,
+    /// Floors over gaps that are there and away by turns.
+    pub floors: f32,
+    /// Conveyors on level ground.
+    pub conveyors: f32,
+    /// Crates on level ground.
+    pub crates: f32,
+}
+
+impl MoverDensities {
+    /// All kinds at their usual density.
+    pub fn all() -> Self {
+        Self { doors: 1.0, lifts: 1.0, platforms: 1.0, floors: 1.0, conveyors: 1.0, crates: 1.0 }
+    }
+
+    /// Each density with the path of its field inside the spec.
+    pub fn named(&self) -> [(&'static str, f32); 6] {
+        { *self }.named_mut().map(|(name, density)| (name, *density))
+    }
+
+    fn named_mut(&mut self) -> [(&'static str, &mut f32); 6] {
+        [
+            ("movers.doors", &mut self.doors),
+            ("movers.lifts", &mut self.lifts),
+            ("movers.platforms", &mut self.platforms),
+            ("movers.floors", &mut self.floors),
+            ("movers.conveyors", &mut self.conveyors),
+            ("movers.crates", &mut self.crates),
+        ]
+    }
+}
+
+impl FromStr for MoverDensities {
+    type Err = String;
+
+    /// Parses an optional `none` (the default) or `all`, then changes: `all,doors=0,lifts=2`; a bare name means density 1.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut movers = Self::default();
+        for (position, word) in text.split(',').map(str::trim).enumerate() {
+            match word {
+                "all" | "none" if position > 0 => return Err(format!("`{word}` can only come first")),
+                "none" => {}
+                "all" => movers = Self::all(),
+                _ => set_density("kind of mover", &mut movers.named_mut(), word)?,
+            }
+        }
+        Ok(movers)
+    }
+}
+
+/// Sets the density that `word` names, such as `lava=2`; a bare name means density 1.
+fn set_density(what: &str, densities: &mut [(&'static str, &mut f32)], word: &str) -> Result<(), String> {
+    let bare = |field: &'static str| field.split_once('.').map_or(field, |(_, bare)| bare);
+    let (name, density) = word.split_once('=').unwrap_or((word, "1"));
+    let density: f32 = density.parse().map_err(|_| format!("`{density}` is not a density"))?;
+    if !(0.0..=MAX_DENSITY).contains(&density) {
+        return Err(format!("{name} is {density}, but must be 0 to {MAX_DENSITY}"));
+    }
+    match densities.iter_mut().find(|(field, _)| bare(field) == name) {
+        Some((_, slot)) => **slot = density,
+        None => {
+            let names: Vec<&str> = densities.iter().map(|(field, _)| bare(field)).collect();
+            return Err(format!("no {what} `{name}`; there are {}", names.join(", ")));
+        }
+    }
+    Ok(())
 }
 
 impl MapSize {
@@ -257,7 +333,14 @@ impl RawMapSpec {
     /// The default map: 250 x 80 x 250 m with the paper's set of features.
     pub fn new(seed: u64) -> Self {
         let size = MapSize { width: 250, height: 80, depth: 250 };
-        Self { seed, size, features: Features::default(), kind: MapKind::default() }
+        Self {
+            seed,
+            size,
+            features: Features::default(),
+            kind: MapKind::default(),
+            movers: MoverDensities::default(),
+            repair: true,
+        }
     }
 
     fn check(&self) -> Result<(), SpecError> {
@@ -271,7 +354,7 @@ impl RawMapSpec {
                 return Err(SpecError { field, value: f64::from(value), min: f64::from(min), max: f64::from(max) });
             }
         }
-        for (field, value) in self.features.named() {
+        for (field, value) in self.features.named().into_iter().chain(self.movers.named()) {
             if !(0.0..=MAX_DENSITY).contains(&value) {
                 return Err(SpecError { field, value: f64::from(value), min: 0.0, max: f64::from(MAX_DENSITY) });
             }

@@ -1,4 +1,4 @@
-// The movers of a world: doors, lifts, platforms, floors that vanish, conveyors. What they do, and what would be lost without them.
+// The movers of a world: doors, lifts, platforms, floors that vanish, conveyors, crates. What they do, and what would be lost without them.
 
 import { create } from '@bufbuild/protobuf'
 import { batch, computed, signal } from '@preact/signals'
@@ -33,6 +33,12 @@ export function doing(kind: MoverKind, state: MoverState | undefined): string {
     if (stops) return state.fromStop === 0 ? 'shut' : 'open'
     return (state.toStop === 0 ? 'shuts' : 'opens') + blocked + halted
   }
+  if (kind === MoverKind.CRATE) {
+    if (state.pose?.isThere !== true) return 'fell off the map'
+    const { x, y, z } = state.pose.offset ?? { x: 0, y: 0, z: 0 }
+    const distance = Math.hypot(x, y, z)
+    return (distance < 0.25 ? 'in its place' : `${distance.toFixed(1)} m from its place`) + (halted && ', held')
+  }
   if (kind === MoverKind.FLOOR) return state.pose?.isThere === true ? 'there' : 'away'
   return (stops ? `at stop ${state.fromStop + 1}` : `to stop ${state.toStop + 1}`) + blocked + halted
 }
@@ -42,8 +48,9 @@ export function isOpen(kind: MoverKind, state: MoverState | undefined): boolean 
   return kind === MoverKind.DOOR ? state?.toldStop === 1 : state?.toldStop === 0
 }
 
-/** What a click on a mover tells it: doors and floors change, lifts and platforms go to their next stop; undefined: nothing. */
+/** What a click on a mover tells it: doors and floors change, lifts and platforms go to their next stop, crates back to their place; undefined: nothing. */
 export function onClick(mover: Mover, state: MoverState | undefined): Order | undefined {
+  if (mover.kind === MoverKind.CRATE) return { case: 'stop', value: 0 }
   if (mover.stops.length < 2) return undefined
   if (mover.kind === MoverKind.DOOR || mover.kind === MoverKind.FLOOR) {
     return { case: 'open', value: !isOpen(mover.kind, state) }

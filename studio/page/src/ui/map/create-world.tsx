@@ -1,7 +1,15 @@
 import { useState } from 'preact/hooks'
 import type { Studio } from '../../data/studio'
 import { Check, NumberField, SelectField, Slider } from '../controls'
-import { FEATURES, type FeatureName, randomSeed, STANDARD_FEATURES } from './features'
+import {
+  FEATURES,
+  type FeatureName,
+  MOVERS,
+  type MoverName,
+  NO_MOVERS,
+  randomSeed,
+  STANDARD_FEATURES,
+} from './features'
 import { BODIES, type BodyName, KINDS, type KindValue } from './kinds'
 
 const SIZES = [
@@ -13,7 +21,7 @@ const SIZES = [
 
 type Size = (typeof SIZES)[number]['value']
 
-/** Seed, size, kind and features of a new world, and what its NPCs are like. */
+/** Seed, size, kind, features and movers of a new world, and what its NPCs are like. */
 export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
   const [seed, setSeed] = useState(randomSeed)
   const [size, setSize] = useState<Size>('250')
@@ -22,6 +30,8 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
   const [body, setBody] = useState<BodyName>('surefoot')
   const [solidNpcs, setSolidNpcs] = useState(true)
   const [features, setFeatures] = useState(STANDARD_FEATURES)
+  const [movers, setMovers] = useState(NO_MOVERS)
+  const setMover = (name: MoverName, value: number) => setMovers({ ...movers, [name]: value })
   const setFeature = (name: FeatureName, value: number) => setFeatures({ ...features, [name]: value })
   return (
     <form
@@ -29,7 +39,13 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
       onSubmit={(event) => {
         event.preventDefault()
         const side = Number(size)
-        const map = { seed: BigInt(seed), size: { width: side, height, depth: side }, features, kind: Number(kind) }
+        const map = {
+          seed: BigInt(seed),
+          size: { width: side, height, depth: side },
+          features,
+          kind: Number(kind),
+          movers,
+        }
         void worlds.create({ map, body: { preset: body }, solidNpcs })
         setSeed(randomSeed())
       }}
@@ -56,6 +72,22 @@ export function CreateWorldForm({ studio: { worlds } }: { studio: Studio }) {
               step={0.25}
               value={features[key]}
               onInput={(value) => setFeature(key, value)}
+            />
+          ))}
+        </div>
+      </details>
+      <details>
+        <summary>Movers</summary>
+        <div class="features">
+          {MOVERS.map(({ key, name }) => (
+            <Slider
+              key={key}
+              label={name}
+              min={0}
+              max={4}
+              step={0.25}
+              value={movers[key]}
+              onInput={(value) => setMover(key, value)}
             />
           ))}
         </div>

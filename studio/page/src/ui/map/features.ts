@@ -21,6 +21,21 @@ export const STANDARD_FEATURES = Object.fromEntries(
   FEATURES.map(({ key, standard }) => [key, standard]),
 ) as FeatureAmounts
 
+// Movers that a generated map may have.
+
+export const MOVERS = [
+  { key: 'doors', name: 'Doors' },
+  { key: 'lifts', name: 'Lifts' },
+  { key: 'platforms', name: 'Platforms' },
+  { key: 'floors', name: 'Floors that vanish' },
+  { key: 'conveyors', name: 'Conveyors' },
+  { key: 'crates', name: 'Crates' },
+] as const
+
+export type MoverName = (typeof MOVERS)[number]['key']
+
+export const NO_MOVERS = Object.fromEntries(MOVERS.map(({ key }) => [key, 0])) as Record<MoverName, number>
+
 export function randomSeed(): number {
   return Math.floor(Math.random() * 1e6)
 }

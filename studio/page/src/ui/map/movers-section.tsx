@@ -12,6 +12,7 @@ const KINDS: Record<MoverKind, string> = {
   [MoverKind.PLATFORM]: 'Platform',
   [MoverKind.FLOOR]: 'Floor',
   [MoverKind.CONVEYOR]: 'Conveyor',
+  [MoverKind.CRATE]: 'Crate',
 }
 
 /** The doors, lifts and other movers of a world: what they do, and what one could tell them. */
@@ -51,7 +52,7 @@ function MoverRow({ studio, mover, index }: { studio: Studio; mover: Mover; inde
   const opens = mover.kind === MoverKind.DOOR || mover.kind === MoverKind.FLOOR
   const opened = isOpen(mover.kind, state)
   const [open, shut] = mover.kind === MoverKind.DOOR ? ['Open', 'Shut'] : ['Bring back', 'Take away']
-  const canLock = mover.kind !== MoverKind.CONVEYOR
+  const canLock = mover.kind !== MoverKind.CONVEYOR && mover.kind !== MoverKind.CRATE
   return (
     <li>
       <span>
@@ -59,6 +60,7 @@ function MoverRow({ studio, mover, index }: { studio: Studio; mover: Mover; inde
       </span>
       <div class="row wrap" role="group" aria-label={`What ${mover.name} does`}>
         {opens && <Button label={opened ? shut : open} onClick={() => tell({ case: 'open', value: !opened })} />}
+        {mover.kind === MoverKind.CRATE && <Button label="Put back" onClick={() => tell({ case: 'stop', value: 0 })} />}
         {!opens &&
           mover.stops.length > 1 &&
           mover.stops.map((_, stop) => (
