@@ -10,7 +10,7 @@ use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 use surefoot_policy::ActorConfig;
 use surefoot_world::exchange::{self, FileError};
-use surefoot_world::map::{Features, MapKind};
+use surefoot_world::map::{Features, MapKind, MoverDensities};
 use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, SpecError, navigable};
 
 /// Name of the configuration file in a run's folder.
@@ -300,6 +300,9 @@ pub struct CollectorConfig {
     /// Features of the training maps.
     #[serde(default)]
     pub map_features: Features,
+    /// Movers of the training maps.
+    #[serde(default)]
+    pub map_movers: MoverDensities,
     /// Kinds of the training maps; a map's seed modulo their number chooses one.
     #[serde(default = "terrain_only")]
     pub map_kinds: Vec<MapKind>,
@@ -351,6 +354,7 @@ impl Default for CollectorConfig {
             map_side: 250,
             map_height: usual_height(),
             map_features: Features::default(),
+            map_movers: MoverDensities::default(),
             map_kinds: terrain_only(),
             solid_npcs: false,
             body: CharacterProfile::default(),
@@ -394,6 +398,7 @@ impl CollectorConfig {
         MapSpec::with_side(seed, self.map_side)?.with(|spec| {
             spec.size.height = self.map_height;
             spec.features = self.map_features;
+            spec.movers = self.map_movers;
             spec.kind = self.map_kinds[(seed % self.map_kinds.len() as u64) as usize];
         })
     }

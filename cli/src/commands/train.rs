@@ -1,6 +1,6 @@
 //! `surefoot train`.
 
-use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind};
+use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
 use super::parse_seeds;
 use anyhow::Context;
 use std::num::NonZeroU64;
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use surefoot_agent::train::Processor;
 use surefoot_agent::train::{self, TrainConfig};
 use surefoot_world::exchange;
-use surefoot_world::map::{Features, MapKind};
+use surefoot_world::map::{Features, MapKind, MoverDensities};
 
 /// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
 #[derive(clap::Args)]
@@ -21,7 +21,7 @@ pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
     folder: PathBuf,
     /// Continue the run in the folder
-    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features", "kind", "body", "name", "processor"])]
+    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features", "movers", "kind", "body", "name", "processor"])]
     resume: bool,
     /// Use this configuration (the config.json of another run) instead of the defaults
     #[arg(long, value_name = "FILE")]
@@ -45,6 +45,9 @@ pub struct Args {
     /// Features of the training maps: paper, all or none, followed by changes, such as all,lava=0
     #[arg(long, value_name = "LIST", value_parser = parse_features)]
     features: Option<Features>,
+    /// Movers of the training maps: none or all, followed by changes, such as all,doors=0
+    #[arg(long, value_name = "LIST", value_parser = parse_movers)]
+    movers: Option<MoverDensities>,
     /// Kinds of the training maps: terrain, islands, interior, arena, tower, open; several take turns by seed
     #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = parse_kind)]
     kind: Vec<MapKind>,
@@ -86,6 +89,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     config.collector.map_side = args.size.unwrap_or(config.collector.map_side);
     config.collector.map_height = args.height.unwrap_or(config.collector.map_height);
     config.collector.map_features = args.features.unwrap_or(config.collector.map_features);
+    config.collector.map_movers = args.movers.unwrap_or(config.collector.map_movers);
     if !args.kind.is_empty() {
         config.collector.map_kinds = args.kind;
     }

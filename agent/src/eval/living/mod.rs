@@ -75,6 +75,8 @@ pub struct SceneReport {
     pub success: Rate,
     /// Number of attempts by their end.
     pub ends: BTreeMap<String, u64>,
+    /// In crowds of solid NPCs, attempts that ended without progress: every deadlock is one of them.
+    pub deadlocks: Option<u64>,
     /// Time until an NPC arrived, s: mean, and mean over the runs of the last one.
     pub seconds_mean: f64,
     /// See above.
@@ -159,11 +161,18 @@ impl Tally {
             runs: self.runs,
             success: self.rate(),
             ends,
+            deadlocks: None,
             seconds_mean: arrived.iter().sum::<f64>() / arrived.len().max(1) as f64,
             seconds_last: self.last_s / self.runs.max(1) as f64,
             runs_complete: self.complete,
             reference,
         }
+    }
+
+    /// The report of a crowd of solid NPCs.
+    fn report_crowd(&self, about: &str, target: &str, reference: (String, f64, f64)) -> SceneReport {
+        let stuck = self.attempts.iter().filter(|attempt| attempt.end == End::NoProgress).count();
+        SceneReport { deadlocks: Some(stuck as u64), ..self.report(about, target, Some(reference)) }
     }
 
     fn last_s(&self) -> f64 {
@@ -210,17 +219,17 @@ impl Suite<'_> {
         let level = self.level(scenes::two_rooms())?;
         let tally = self.repeat(&level, true, scenes::through_the_door);
         let ghosts = self.repeat(&level, false, scenes::through_the_door);
-        let reference = Some(("ghosts".to_owned(), ghosts.rate().rate, ghosts.last_s()));
-        Ok(tally.report("64 solid NPCs through one door of 1.2 m", "all arrive", reference))
+        let reference = ("ghosts".to_owned(), ghosts.rate().rate, ghosts.last_s());
+        Ok(tally.report_crowd("64 solid NPCs through one door of 1.2 m", "all arrive, no deadlock", reference))
     }
 
     fn corridor(&self) -> Result<SceneReport, EvalError> {
         let level = self.level(scenes::corridor())?;
         let tally = self.repeat(&level, true, |seed| scenes::streams(seed, true));
         let single = self.repeat(&level, true, |seed| scenes::streams(seed, false));
-        let reference = Some(("one stream".to_owned(), single.rate().rate, single.last_s()));
+        let reference = ("one stream".to_owned(), single.rate().rate, single.last_s());
         let about = "two streams of 64 solid NPCs in a corridor of 4 m";
-        Ok(tally.report(about, "all arrive, <= 1.3 x the time of one stream", reference))
+        Ok(tally.report_crowd(about, "all arrive, <= 1.3 x the time of one stream", reference))
     }
 
     fn crowd(&self) -> Result<SceneReport, EvalError> {
@@ -231,8 +240,9 @@ impl Suite<'_> {
         let (mut tally, mut ghosts) = (Tally::default(), Tally::default());
         tally.add(self.run(&level, &goals, 0, true, |_, _| {}));
         ghosts.add(self.run(&level, &goals, 0, false, |_, _| {}));
-        let reference = Some(("ghosts".to_owned(), ghosts.rate().rate, ghosts.last_s()));
-        Ok(tally.report("1,024 solid NPCs with random goals on a map of 250 m", "within 1 point of ghosts", reference))
+        let reference = ("ghosts".to_owned(), ghosts.rate().rate, ghosts.last_s());
+        let about = "1,024 solid NPCs with random goals on a map of 250 m";
+        Ok(tally.report_crowd(about, "within 1 point of ghosts", reference))
     }
 
     fn doors(&self) -> Result<SceneReport, EvalError> {
@@ -321,6 +331,7 @@ impl Suite<'_> {
             ]),
             seconds_mean: 0.0,
             seconds_last: 0.0,
+            deadlocks: None,
             runs_complete: u64::from(stood == ENCOUNTERS),
             reference: None,
         }
@@ -331,7 +342,7 @@ impl LivingReport {
     /// The results as a Markdown table.
     pub fn markdown(&self) -> String {
         let mut text = String::from(
-            "| scene | target | arrived | runs in which all did | last one, s | beside |\n|---|---|---|---|---|---|\n",
+            "| scene | target | arrived | deadlocks | runs in which all did | last one, s | beside |\n|---|---|---|---|---|---|---|\n",
         );
         for scene in &self.scenes {
             let beside = scene
@@ -341,11 +352,12 @@ impl LivingReport {
             let Rate { rate, n, .. } = scene.success;
             let arrived = (rate * n as f64).round();
             text.push_str(&format!(
-                "| {}: {} | {} | {arrived} of {n} ({:.2} %) | {} of {} | {:.1} | {beside} |\n",
+                "| {}: {} | {} | {arrived} of {n} ({:.2} %) | {} | {} of {} | {:.1} | {beside} |\n",
                 scene.name,
                 scene.about,
                 scene.target,
                 100.0 * rate,
+                scene.deadlocks.map_or_else(|| "-".to_owned(), |count| count.to_string()),
                 scene.runs_complete,
                 scene.runs,
                 scene.seconds_last,

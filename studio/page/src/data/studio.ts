@@ -80,7 +80,7 @@ export class Studio {
     this.surveys = new Surveys(context)
     this.npcs = new Npcs(context)
     this.layers = new Layers(context, () => void this.graphs.reload())
-    this.graphs = new Graphs(context, (graph) => this.layers.sync(graph))
+    this.graphs = new Graphs(context, this.live.npcs, (graph) => this.layers.sync(graph))
     this.plans = new Plans(context, this.movers.given)
     this.builds = new Builds(context, () => void this.graphs.refreshList())
     this.probes = new Probes(context, (track, reached, done) => {

@@ -35,6 +35,7 @@ export function show(studio: Studio, viewport: Viewport): () => void {
     effect(() => viewport.follow(npcs.camera.value ? npcs.selectedId.value : undefined)),
     effect(() => viewport.setGraph(graphs.shown.value)),
     effect(() => viewport.setGraphFilter(graphs.filter.value)),
+    effect(() => viewport.setTraffic(graphs.traffic.value)),
     effect(() => showSelection(studio, viewport)),
     effect(() => viewport.setDraggable(studio.tool.value === 'move')),
     effect(() => viewport.setPickable(PICKABLE[studio.tool.value])),

@@ -52,6 +52,7 @@ export const MARK_COLOURS = {
 
 const CHANCE_STOPS = ['#e5383b', '#ee7b30', '#f3c13a', '#9ad148', '#2fb860']
 const SECONDS_STOPS = ['#fde725', '#7ad151', '#22a884', '#2a788e', '#414487', '#5b2a86']
+const TRAFFIC_STOPS = ['#8a8f98', '#fde725', '#f8961e', '#f3722c', '#e5383b']
 const ISLAND_STOPS = [
   '#4cc9f0',
   '#f9c74f',
@@ -103,6 +104,12 @@ export const chanceColour = ramp(CHANCE_STOPS)
 
 /** Bright for the quickest, dark for the slowest; 0 to 1. */
 export const secondsColour = ramp(SECONDS_STOPS)
+
+/** NPCs on an edge from which on it has the colour of the busiest. */
+export const BUSY_NPCS = 8
+
+/** Grey without NPCs, then from yellow to red; 0 to 1. */
+export const trafficColour = ramp(TRAFFIC_STOPS)
 
 const islands = ISLAND_STOPS.map(parseColour)
 

@@ -1,7 +1,17 @@
 // What of a graph is shown, how its edges run through the air, and what colours they have. No renderer here.
 
 import { Ability } from '../gen/surefoot/world/v1/map_pb'
-import { abilityColour, chanceColour, islandColour, mixColours, parseColour, type Rgb, secondsColour } from './colours'
+import {
+  abilityColour,
+  BUSY_NPCS,
+  chanceColour,
+  islandColour,
+  mixColours,
+  parseColour,
+  type Rgb,
+  secondsColour,
+  trafficColour,
+} from './colours'
 import type { Graph, GraphEdge, GraphFilter, Place } from './viewport.types'
 
 /** Height over the ground, m. */
@@ -60,13 +70,15 @@ export function edgeColour(
   edge: GraphEdge,
   graph: Graph,
   colour: GraphFilter['colour'],
-  range: { low: number; high: number },
+  { low, high, npcs }: { low: number; high: number; npcs: number },
 ): Rgb {
   switch (colour) {
     case 'chance':
       return chanceColour(edge.chance)
     case 'seconds':
-      return secondsColour((edge.seconds - range.low) / (range.high - range.low))
+      return secondsColour((edge.seconds - low) / (high - low))
+    case 'traffic':
+      return trafficColour(npcs / BUSY_NPCS)
     case 'ability':
       return abilityColour(edge.ability)
     case 'island': {

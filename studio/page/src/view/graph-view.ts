@@ -6,7 +6,7 @@ import { islandColour, MARK_COLOURS, parseColour, type Rgb } from './colours'
 import type { Materials } from './materials'
 import { ArrowBatch, LineBatch, SpriteBatch } from './overlays'
 import type { Palette } from './theme'
-import type { Graph, GraphFilter, Place } from './viewport.types'
+import type { Graph, GraphFilter, Place, Traffic } from './viewport.types'
 
 const TRAP = parseColour('#ff3045')
 const SELECTED = parseColour(MARK_COLOURS.selected)
@@ -18,6 +18,7 @@ export class GraphView extends Group {
   graph: Graph | undefined
   filter: GraphFilter | undefined
   edges: readonly ShapedEdge[] = []
+  private traffic: Traffic = new Map()
   private vertex: number | undefined
   private edge: { from: number; to: number } | undefined
   private readonly lines: LineBatch
@@ -51,6 +52,14 @@ export class GraphView extends Group {
   setFilter(filter: GraphFilter): void {
     this.filter = filter
     this.rebuild()
+  }
+
+  /** Whether anything is drawn otherwise now. */
+  setTraffic(traffic: Traffic): boolean {
+    this.traffic = traffic
+    const shows = this.graph !== undefined && this.filter?.colour === 'traffic'
+    if (shows) this.rebuild()
+    return shows
   }
 
   setPalette(palette: Palette): void {
@@ -102,8 +111,11 @@ export class GraphView extends Group {
   private addEdges(graph: Graph, filter: GraphFilter): void {
     const range = secondsRange(graph)
     for (const { edge, points } of this.edges) {
-      const colour = edgeColour(edge, graph, filter.colour, range)
-      if (edge.forced) {
+      const npcs = this.traffic.get(`${edge.from}>${edge.to}`) ?? 0
+      const colour = edgeColour(edge, graph, filter.colour, { ...range, npcs })
+      if (filter.colour === 'traffic' && npcs > 0) {
+        this.lines.polyline(points, { colour, width: 2 + Math.min(npcs, 8) / 2 })
+      } else if (edge.forced) {
         this.dashes.polyline(points, { colour, width: 3.2, dash: 1.6 })
       } else {
         this.lines.polyline(points, { colour, width: isEdited(edge) ? 3.4 : 1.5 })

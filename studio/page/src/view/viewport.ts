@@ -27,6 +27,7 @@ import type {
   Theme,
   Viewport,
   ViewportEvents,
+  Traffic,
 } from './viewport.types'
 
 export {
@@ -166,6 +167,10 @@ class View implements Viewport, Show {
     }
     this.scene.graph.setGraph(graph)
     this.frames.change()
+  }
+
+  setTraffic(traffic: Traffic): void {
+    if (this.scene.graph.setTraffic(traffic)) this.frames.change()
   }
 
   setGraphFilter(filter: GraphFilter): void {

@@ -105,7 +105,10 @@ export interface Graph {
   edges: GraphEdge[]
 }
 
-export type EdgeColour = 'chance' | 'seconds' | 'ability' | 'island'
+/** How many NPCs are on each edge, by "from>to"; none on those that are not listed. */
+export type Traffic = ReadonlyMap<string, number>
+
+export type EdgeColour = 'chance' | 'seconds' | 'ability' | 'island' | 'traffic'
 
 /** What of a graph is shown. */
 export interface GraphFilter {
@@ -181,6 +184,8 @@ export interface Viewport {
   follow(id: bigint | undefined): void
   setGraph(graph: Graph | undefined): void
   setGraphFilter(filter: GraphFilter): void
+  /** Colours edges by it while they are coloured by traffic. */
+  setTraffic(traffic: Traffic): void
   selectVertex(index: number | undefined): void
   selectEdge(edge: { from: number; to: number } | undefined): void
   setDraggable(draggable: boolean): void

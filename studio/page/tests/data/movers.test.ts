@@ -32,6 +32,13 @@ describe('doing', () => {
     expect(doing(MoverKind.LIFT, create(MoverStateSchema, { ...state(0, 1), pace: 0 }))).toBe('at stop 2, halted')
     expect(doing(MoverKind.LIFT, undefined)).toBe('')
   })
+
+  it('says where a crate lies', () => {
+    const at = (x: number, isThere: boolean, pace = 1) =>
+      create(MoverStateSchema, { pace, pose: { offset: { x }, isThere } })
+    const words = [at(0, true), at(3, true), at(3, true, 0), at(3, false)].map((it) => doing(MoverKind.CRATE, it))
+    expect(words).toEqual(['in its place', '3.0 m from its place', '3.0 m from its place, held', 'fell off the map'])
+  })
 })
 
 describe('stopsAhead', () => {
@@ -58,6 +65,7 @@ describe('onClick', () => {
     expect(onClick(mover(MoverKind.LIFT, 3), state(0, 2))).toEqual({ case: 'stop', value: 0 })
     expect(onClick(mover(MoverKind.LIFT, 3), undefined)).toEqual({ case: 'stop', value: 1 })
     expect(onClick(mover(MoverKind.CONVEYOR, 1), state(0, 0))).toBeUndefined()
+    expect(onClick(mover(MoverKind.CRATE, 1), state(0, 0))).toEqual({ case: 'stop', value: 0 })
   })
 })
 

@@ -61,9 +61,10 @@ describe('colours', () => {
     ['quickest', 'seconds', edge({ seconds: 2 }), '#fde725'],
     ['slower than all but a few', 'seconds', edge({ seconds: 99 }), '#5b2a86'],
     ['by ability', 'ability', edge({ ability: Ability.PAD }), ABILITY_COLOURS[Ability.PAD]],
+    ['half as busy as can be', 'traffic', edge(), '#f8961e'],
     ['between islands', 'island', edge({ to: 2 }), '#f4f6f8'],
   ])('%s', (_, colour, it, expected) => {
-    expect(formatColour(edgeColour(it, graph, colour, secondsRange(graph)))).toBe(expected)
+    expect(formatColour(edgeColour(it, graph, colour, { ...secondsRange(graph), npcs: 4 }))).toBe(expected)
   })
 
   it('tells abilities and the first islands apart', () => {

@@ -1,19 +1,22 @@
 // The graph of the world that is shown: found or built, loaded, and kept up to date.
 
 import { Code, ConnectError } from '@connectrpc/connect'
-import { batch, computed, signal } from '@preact/signals'
+import { batch, computed, type ReadonlySignal, signal } from '@preact/signals'
 import type { Build, GetGraphResponse, GraphSummary, ReadyGraph } from '../../gen/surefoot/planner/v1/planner_pb'
-import type { Graph, GraphFilter } from '../../view/viewport.types'
+import type { Graph, GraphFilter, Traffic } from '../../view/viewport.types'
 import type { Context } from '../context'
 import { pauseAfter, sleep } from '../net/backoff'
 import { failureOf, inWords } from '../net/errors'
 import { keepAsking, keepDoing, keepReading } from '../net/stream'
+import type { NpcsById } from '../world/snapshot'
 import type { Site } from '../world/worlds'
 import { buildGraph } from './build-stream'
 import { SHOW_ALL } from './filter'
 import { graphToShow, islandsOf } from './islands'
 import { newsOf } from './news'
+import { TrafficCounter } from './traffic'
 
+const NO_TRAFFIC: Traffic = new Map()
 const LIST_MS = 5000
 /** A planner keeps far fewer graphs than this. */
 const PAGE = 1000
@@ -55,6 +58,12 @@ export class Graphs {
     const graph = this.loaded.value
     return graph === undefined ? undefined : graphToShow(graph, this.islands.value)
   })
+  private readonly counter = computed(() => {
+    const graph = this.shown.value
+    return graph === undefined || this.filter.value.colour !== 'traffic' ? undefined : new TrafficCounter(graph)
+  })
+  /** NPCs on each edge, while edges are coloured by it. */
+  readonly traffic = computed<Traffic>(() => this.counter.value?.count(this.npcs.value.values()) ?? NO_TRAFFIC)
   /** Edges by "from>to". */
   private readonly edges = computed(
     () => new Map((this.loaded.value?.edges ?? []).map((edge) => [`${edge.from}>${edge.to}`, edge])),
@@ -68,6 +77,7 @@ export class Graphs {
 
   constructor(
     private readonly context: Context,
+    private readonly npcs: ReadonlySignal<NpcsById>,
     /** Called when a graph has been loaded, with the revision of the layers that lie over it. */
     private readonly onRevision: (graph: { id: string; revision: bigint; mapHash: string }) => void,
   ) {}

@@ -4,7 +4,15 @@ import { isFiltered, SHOW_ALL } from '../../data/graph/filter'
 import type { Studio } from '../../data/studio'
 import type { Ability } from '../../gen/surefoot/world/v1/map_pb'
 import type { EdgeColour } from '../../view/viewport.types'
-import { ABILITY_COLOURS, chanceColour, formatColour, islandColour, secondsColour } from '../../view/colours'
+import {
+  ABILITY_COLOURS,
+  BUSY_NPCS,
+  chanceColour,
+  formatColour,
+  islandColour,
+  secondsColour,
+  trafficColour,
+} from '../../view/colours'
 import { AbilityDot, Button, Check, Choice, Section, Slider } from '../controls'
 
 const COLOURS: readonly { value: EdgeColour; name: string }[] = [
@@ -12,6 +20,7 @@ const COLOURS: readonly { value: EdgeColour; name: string }[] = [
   { value: 'seconds', name: 'Time' },
   { value: 'ability', name: 'Ability' },
   { value: 'island', name: 'Island' },
+  { value: 'traffic', name: 'Traffic' },
 ]
 
 export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
@@ -81,6 +90,12 @@ export function FilterSection({ studio: { graphs } }: { studio: Studio }) {
   )
 }
 
+const RAMPS = {
+  chance: [chanceColour, '0 %', '100 %'],
+  seconds: [secondsColour, 'quick', 'slow'],
+  traffic: [trafficColour, 'nobody', `${BUSY_NPCS} NPCs`],
+} as const
+
 const STOPS = [0, 0.25, 0.5, 0.75, 1]
 
 function Legend({ colour }: { colour: EdgeColour }) {
@@ -105,9 +120,8 @@ function Legend({ colour }: { colour: EdgeColour }) {
       </>
     )
   }
-  const ramp = colour === 'chance' ? chanceColour : secondsColour
+  const [ramp, low, high] = RAMPS[colour]
   const stops = STOPS.map((share) => formatColour(ramp(share))).join(', ')
-  const [low, high] = colour === 'chance' ? ['0 %', '100 %'] : ['quick', 'slow']
   return (
     <p class="legend-ramp">
       <span>{low}</span>
