@@ -2,8 +2,8 @@
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use surefoot_agent::eval::{EvalConfig, EvalError, MapName, Method, Rate, evaluate};
-use surefoot_planner::{BuildSettings, EdgeKey, Leg, NoPath, Plan};
+use surefoot_agent::eval::{EvalConfig, EvalError, MapName, Method, Price, Rate, evaluate};
+use surefoot_planner::{Attach, BuildSettings, EdgeKey, Leg, NoPath, Plan};
 use surefoot_policy::Policy;
 use surefoot_rollout::follow::{FollowConfig, Follower, Step};
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, Goal};
@@ -29,7 +29,7 @@ fn plan(waypoints: &[f32]) -> Plan {
 fn follower() -> Follower {
     let mut follower = Follower::new(
         Vec3::new(30.0, 0.0, 0.0),
-        FollowConfig { replan_after: 5, patience: 40, max_replans: 3, composes: false },
+        FollowConfig { replan_after: 5, patience: 40, max_replans: 3, composes: false, ..FollowConfig::default() },
     );
     assert_eq!(follower.note(Vec3::ZERO, false), Step::Plan, "without a plan, the follower needs one");
     assert_eq!(follower.take_plan(plan(&[10.0, 20.0, 30.0])), Vec3::new(10.0, 0.0, 0.0));
@@ -134,7 +134,8 @@ fn config(method: Method) -> EvalConfig {
         distance: 1.0..f32::INFINITY,
         noise_share: DEFAULT_NOISE_SHARE,
         rehearses: true,
-        composes: true,
+        follow: FollowConfig::default(),
+        price: Price::Risk,
         thread_count: 2,
         keep_in: None,
     }
@@ -175,4 +176,26 @@ fn goals_that_cannot_exist_are_an_error() {
         evaluate(&Policy::shipped().unwrap(), &far, |_, _| {}),
         Err(EvalError::NoGoals(MapName::Seed(1000)))
     ));
+}
+
+#[test]
+fn by_the_papers_rules_nothing_is_remembered_and_only_patience_ends_an_attempt() {
+    let config = FollowConfig { replan_after: 5, patience: 300, ..FollowConfig::of_paper() };
+    let mut follower = Follower::new(Vec3::new(30.0, 0.0, 0.0), config);
+    follower.take_plan(plan(&[10.0, 30.0]));
+    let stuck = Vec3::new(4.0, 0.0, 0.0);
+    let mut replans = 0;
+    let end = (0..1000).find_map(|_| match follower.note(stuck, false) {
+        Step::Keep => None,
+        Step::Plan => {
+            replans += 1;
+            let query = follower.query(stuck);
+            assert!(query.avoid.is_empty() && query.attach == Attach::Nearest);
+            follower.take_plan(plan(&[10.0, 30.0]));
+            None
+        }
+        end => Some(end),
+    });
+    // The decision that takes a plan up and five without progress on it.
+    assert_eq!((end, replans), (Some(Step::GiveUp), 300 / 6));
 }

@@ -1,9 +1,11 @@
 //! Evaluation by units: saving, resuming, and summarising beside the paper's table.
 
+use surefoot_agent::eval::ablation::{self, Factor, Policies};
 use surefoot_agent::eval::suite::{self, Entry};
-use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Report, evaluate};
+use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, Report, evaluate};
 use surefoot_planner::BuildSettings;
 use surefoot_policy::Policy;
+use surefoot_rollout::FollowConfig;
 use surefoot_world::{CharacterProfile, MapSpec};
 
 fn maps() -> Vec<MapSpec> {
@@ -20,7 +22,8 @@ fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfi
         distance: 1.0..f32::INFINITY,
         noise_share: 0.5,
         rehearses: true,
-        composes: true,
+        follow: FollowConfig::default(),
+        price: Price::Risk,
         thread_count,
         keep_in: keep_in.map(|folder| folder.path().to_owned()),
     }
@@ -84,4 +87,42 @@ fn the_suite_stands_beside_the_papers_table() {
     for words in ["| general reactive | **", "(68.0)", "(57.4)", "| map-specific LSTM |", "(89.9)", "no progress"] {
         assert!(table.contains(words), "{words} is missing in\n{table}");
     }
+}
+
+#[test]
+fn an_ablation_changes_one_factor_at_a_time_and_shares_graphs() {
+    let policy = Policy::shipped().unwrap();
+    let policies = Policies { recurrent: policy.clone(), reactive: policy };
+    let settings = BuildSettings::default()
+        .with(|it| {
+            it.vertices = 40;
+            it.neighbours = 6;
+        })
+        .unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let base = EvalConfig { seeds: vec![0], ..config(Some(&folder), 2) };
+    let mut units = 0;
+    let report = ablation::run(&policies, &base, settings, |done, total| {
+        units = done;
+        assert_eq!(total, 2 * 18);
+    })
+    .unwrap();
+    assert_eq!(units, 36);
+    assert_eq!((report.paper.ours.len(), report.ours.ours.len(), report.factors.len()), (0, 8, 8));
+    for it in &report.factors {
+        assert_eq!((it.alone.ours.as_slice(), it.without.ours.len()), ([it.factor].as_slice(), 7));
+        let adds = it.alone.success.mean - report.paper.success.mean;
+        assert!((it.adds_to_paper.mean - adds).abs() < 1.0e-9, "{it:?}");
+    }
+    // Both policies are the same here.
+    assert_eq!(report.factors[0].factor, Factor::Policy);
+    assert!(report.factors[0].adds_to_paper.mean.abs() < 1.0e-9);
+    // Attempts with rehearsals and without are not the same units.
+    let count = std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(count, 32, "all but those in which only equal policies differ");
+    assert_eq!(ablation::run(&policies, &base, settings, |_, _| {}).unwrap(), report, "from the saved units");
+    let table = report.markdown();
+    assert!(table.contains("| rehearsals | ") && table.contains("2 maps, 9 goals"), "{table}");
+    let one = EvalConfig { maps: base.maps[..1].to_vec(), ..base };
+    assert!(ablation::run(&policies, &one, settings, |_, _| {}).unwrap_err().to_string().contains("two maps"));
 }

@@ -50,7 +50,7 @@ fn success(policy: &Policy, config: &CollectorConfig) -> f64 {
     let points = navigable::sample_many(&map, &CharacterProfile::default(), 400, &mut rng).unwrap();
     let goals = Goal::draw(&points, 2.0..10.0, 100, &mut rng);
     let mut rollout = Rollout::new(map, CharacterProfile::default(), TaskConfig::default());
-    rollout.give_up_after = 30;
+    rollout.follow.patience = 30;
     let reached = rollout.run(policy, &goals).iter().filter(|attempt| attempt.end == End::Reached).count();
     reached as f64 / goals.len() as f64
 }

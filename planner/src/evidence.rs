@@ -85,6 +85,24 @@ impl Evidence {
         }
     }
 
+    /// Returns this evidence as that of an edge that is certain and takes the mean decisions of its tries that arrived: its cost is their
+    /// number, as in the paper.
+    #[must_use]
+    pub fn of_steps(&self) -> Self {
+        let Decisions(mean) = self.decisions_mean();
+        let (tries, successes, deaths) = (1, 1, 0);
+        Self {
+            tries,
+            successes,
+            deaths,
+            decisions_sum: mean,
+            decisions_squared: mean * mean,
+            prior: 1.0,
+            death_share: 0.0,
+            ..*self
+        }
+    }
+
     /// Returns the sum of this evidence and `other` of the same edge. Ability, prior, factor and bounds are those of `self`.
     pub fn and(&self, other: &Evidence) -> Self {
         // Decisions that were only expected give way to those that were seen.

@@ -110,6 +110,14 @@ impl NavGraph {
         Ok(Self { graph, legs: data.legs, islands, island_count: components.len() as u32 })
     }
 
+    /// Returns this graph with edges that cost their mean decisions, whatever the risk: see [`Evidence::of_steps`].
+    #[must_use]
+    pub fn priced_by_steps(&self) -> Self {
+        let mut copy = self.clone();
+        copy.graph.edge_weights_mut().for_each(|edge| edge.evidence = edge.evidence.of_steps());
+        copy
+    }
+
     /// Returns the graph as plain data.
     pub fn to_data(&self) -> GraphData {
         GraphData {

@@ -50,7 +50,7 @@ pub use evidence::Caution;
 pub use graph::{Edge, NavGraph};
 pub use ids::{EdgeKey, LegKey, Stop, VertexId};
 pub use needs::{Berths, Need, Needs, Ride};
-pub use plan::{AbilitySet, Leg, NoPath, Plan, Query};
+pub use plan::{AbilitySet, Attach, Leg, NoPath, Plan, Query};
 pub use predictor::is_perilous;
 pub use progress::Progress;
 pub use search::Router;

@@ -6,6 +6,27 @@ use crate::legs::LegModel;
 use crate::needs::Needs;
 use surefoot_world::{Ability, Chance, Decisions, Seconds, Vec3};
 
+/// How start and goal are joined to the graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Attach {
+    /// To several near vertices each, and the plan with the lowest total cost wins; without a path, the plan leads to the reachable vertex
+    /// that is nearest to the goal.
+    #[default]
+    Several,
+    /// To the nearest vertex each, as in the paper; without a path, the plan heads straight for the goal.
+    Nearest,
+}
+
+impl Attach {
+    /// Lower-case name, as in commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Attach::Several => "several",
+            Attach::Nearest => "nearest",
+        }
+    }
+}
+
 /// A path query.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Query {
@@ -22,13 +43,23 @@ pub struct Query {
     /// The stops at which each mover of the map stands sooner or later, as bits; empty: all movers stand everywhere. See
     /// [`all_stops_ahead`](crate::needs::all_stops_ahead).
     pub stops: Vec<u16>,
+    /// How start and goal are joined to the graph.
+    pub attach: Attach,
 }
 
 impl Query {
     /// A query for a careful plan, by every means.
     pub fn new(start: Vec3, goal: Vec3) -> Self {
         let (avoid, stops) = Default::default();
-        Self { start, goal, avoid, without: AbilitySet::default(), caution: Caution::CAREFUL, stops }
+        Self {
+            start,
+            goal,
+            avoid,
+            without: AbilitySet::default(),
+            caution: Caution::CAREFUL,
+            stops,
+            attach: Attach::Several,
+        }
     }
 
     /// Whether this asks for a careful plan, by every means: such plans can be looked up.

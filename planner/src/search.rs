@@ -1,7 +1,7 @@
 //! Path search: plans from a start along proved edges to a goal.
 //!
 //! Start and goal are each attached to several near vertices, at the cost that the graph's [model](crate::legs) of
-//! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest vertex.
+//! unproved legs estimates, and the plan with the lowest total cost wins. The paper instead snaps to the nearest vertex, which a query may ask for.
 //! For graphs that are small enough, a [`Router`] keeps a table of the next hop from every vertex to every other, so that
 //! a plan is looked up rather than searched; for larger ones it can [prepare hub labels](Router::prepare_labels). It searches with A*
 //! where a graph has neither, or where the path that was looked up uses an avoided or repriced edge, or an ability that the
@@ -18,7 +18,7 @@ use crate::hierarchy::Hierarchy;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::LegPrices;
 use crate::needs::Needs;
-use crate::plan::{Leg, NoPath, Plan, Query};
+use crate::plan::{Attach, Leg, NoPath, Plan, Query};
 use crate::table::Table;
 use crate::traffic::{Passing, Traffic};
 use std::borrow::Cow;
@@ -161,6 +161,9 @@ impl Router {
     /// Finds the cheapest plan at current costs. If an edge has become cheaper, the plan may not be the cheapest, because the
     /// table and the A* heuristic use the costs that the router was made with.
     pub fn find_path_at(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
+        if query.attach == Attach::Nearest {
+            return self.find_path_between_nearest(query, repriced);
+        }
         let starts = self.attach_start(query);
         let goals = self.attach_goal(query, ATTACHMENTS);
         let is_near = query.start.distance(query.goal) <= DIRECT_M
@@ -172,6 +175,34 @@ impl Router {
             None if is_near => self.direct(query, None),
             None => self.plan_from_afar(query, goals, repriced),
         }
+    }
+
+    /// Finds the cheapest plan from the vertex nearest to the start to the one nearest to the goal.
+    fn find_path_between_nearest(&self, query: &Query, repriced: &EdgeCosts) -> Plan {
+        let starts: Vec<Attachment> =
+            self.nearest_vertex(query.start).map(|vertex| (vertex, 0.0)).into_iter().collect();
+        let goals: Vec<Attachment> = self.nearest_vertex(query.goal).map(|vertex| (vertex, 0.0)).into_iter().collect();
+        match self.join(&starts, &goals, query, repriced) {
+            Some(path) => self.assemble(query, &path),
+            None => self.direct(query, Some(self.explain(query, &starts, &goals))),
+        }
+    }
+
+    fn nearest_vertex(&self, point: Vec3) -> Option<VertexId> {
+        let mut best: Option<(f32, VertexId)> = None;
+        self.vertices.visit_from(point, |bound, vertices| {
+            if best.is_some_and(|(least, _)| bound > least) {
+                return false;
+            }
+            for &(at, vertex) in vertices {
+                let distance = at.distance_squared(point);
+                if best.is_none_or(|(least, _)| distance < least) {
+                    best = Some((distance, vertex));
+                }
+            }
+            true
+        });
+        best.map(|(_, vertex)| vertex)
     }
 
     /// Finds the plan of an NPC that gets in others' way, and adds it to their traffic: around the largest crowd that it would meet, if that

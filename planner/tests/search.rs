@@ -8,7 +8,7 @@ use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::search::EdgeCosts;
-use surefoot_planner::{Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
+use surefoot_planner::{Attach, Edge, EdgeKey, LegKey, NavGraph, NoPath, Query, Router, Stop, VertexId};
 use surefoot_world::{Ability, Vec3};
 
 fn edge(from: u32, to: u32, decisions: u32, successes: u32, tries: u32) -> Edge {
@@ -397,4 +397,34 @@ fn a_very_long_chain_of_vertices_is_checked_without_deep_recursion() {
     let edges = (1..count).map(|to| edge(to - 1, to, 1, 1, 1)).collect();
     let graph = graph(vec![Vec3::ZERO; count as usize], edges);
     assert_eq!(graph.island_count(), count);
+}
+
+#[test]
+fn a_query_that_snaps_takes_the_nearest_vertices_whatever_they_cost() {
+    // Vertex 1 is nearest to the start, but only a detour leads on from there.
+    let vertices =
+        [[0.0, 0.0], [10.0, 4.0], [10.0, 40.0], [60.0, 40.0], [60.0, 0.0]].map(|[x, z]| Vec3::new(x, 0.0, z));
+    let edges = vec![edge(0, 4, 10, 2, 2), edge(1, 2, 10, 2, 2), edge(2, 3, 10, 2, 2), edge(3, 4, 10, 2, 2)];
+    let router = router(graph(vertices.to_vec(), edges));
+    let query = Query::new(Vec3::new(6.0, 0.0, 3.0), Vec3::new(58.0, 0.0, 0.0));
+    let several = router.find_path(&query);
+    assert_eq!(several.waypoints, [vertices[0], vertices[4], query.goal]);
+    let nearest = router.find_path(&Query { attach: Attach::Nearest, ..query.clone() });
+    assert_eq!(nearest.waypoints, [vertices[1], vertices[2], vertices[3], vertices[4], query.goal]);
+    assert!(nearest.no_path.is_none());
+    // Nothing leads back: the plan heads straight for the goal.
+    let back = Query { attach: Attach::Nearest, ..Query::new(query.goal, query.start) };
+    let straight = router.find_path(&back);
+    assert_eq!((straight.waypoints.as_slice(), straight.nearest), ([back.goal].as_slice(), None));
+    assert_eq!(straight.no_path, Some(NoPath::OneWay));
+}
+
+#[test]
+fn edges_that_are_priced_by_steps_cost_their_decisions_whatever_the_risk() {
+    let square = [[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]].map(|[x, z]| Vec3::new(x, 0.0, z));
+    // The short way succeeds once in four tries, the long one always.
+    let risky = graph(square.to_vec(), vec![edge(0, 2, 10, 1, 4), edge(0, 1, 10, 4, 4), edge(1, 2, 10, 4, 4)]);
+    let way = |graph: NavGraph| router(graph).look_up(VertexId(0), VertexId(2)).expect("a way");
+    assert_eq!(way(risky.clone()).1, [0, 1, 2].map(VertexId));
+    assert_eq!(way(risky.priced_by_steps()), (10.0, vec![VertexId(0), VertexId(2)]));
 }

@@ -16,13 +16,25 @@ pub struct Policy {
     actor: Actor,
     manifest: Arc<Manifest>,
     device: Device,
+    senses_transports: bool,
 }
 
 impl Policy {
     /// Wraps an actor for inference on the CPU.
     pub fn new(actor: &Actor, manifest: Manifest) -> Self {
         let device = Device::flex();
-        Self { actor: actor.valid().to_device(&device), manifest: Arc::new(manifest), device }
+        Self { actor: actor.valid().to_device(&device), manifest: Arc::new(manifest), device, senses_transports: true }
+    }
+
+    /// The same policy for NPCs that are not told where zip lines and teleporters are: the paper's agents are not.
+    #[must_use]
+    pub fn without_transports(self) -> Self {
+        Self { senses_transports: false, ..self }
+    }
+
+    /// Whether NPCs of this policy are told where zip lines and teleporters are.
+    pub fn senses_transports(&self) -> bool {
+        self.senses_transports
     }
 
     /// The manifest of the weights.

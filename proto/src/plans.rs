@@ -6,8 +6,8 @@ use crate::world::v1 as world;
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
 use surefoot_planner::{
-    BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride, Stop,
-    Traffic, VertexId,
+    Attach, BuildSettings, Caution, EdgeKey, Leg, LegKey, Need, Needs, NoPath, Placement, Plan, Probing, Query, Ride,
+    Stop, Traffic, VertexId,
 };
 use surefoot_world::{Ability, Chance, Seconds};
 
@@ -130,6 +130,7 @@ pub fn query(query: &wire::PathQuery) -> Result<Query, FieldError> {
         without: query.without.iter().map(|&ability| without(ability)).collect::<Result<_, _>>()?,
         caution: query.caution.map_or(Ok(Caution::CAREFUL), caution)?,
         stops: stops(&query.movers)?,
+        attach: Attach::Several,
     })
 }
 

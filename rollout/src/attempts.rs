@@ -49,16 +49,14 @@ pub struct Rollout {
     map: Arc<Map>,
     profile: CharacterProfile,
     task: TaskConfig,
-    /// Decisions without progress after which an attempt ends early with [`End::NoProgress`].
-    pub give_up_after: u32,
+    /// Rules of following plans; their patience holds for NPCs that head straight for goals as well.
+    pub follow: FollowConfig,
     /// Share of the policy's exploration noise with which NPCs act, 0 or more.
     pub noise_share: f32,
     /// Seed of the noise.
     pub seed: u64,
     /// Whether NPCs that follow plans rehearse their next legs.
     pub rehearses: bool,
-    /// Whether NPCs that rehearse compose themselves.
-    pub composes: bool,
     /// Whether NPCs get in each other's way; those that have arrived then stay where they are.
     pub solid: bool,
 }
@@ -81,12 +79,11 @@ impl Rollout {
         Self {
             map,
             profile,
-            give_up_after: task.patience,
+            follow: FollowConfig { patience: task.patience, ..FollowConfig::default() },
             task,
             noise_share: DEFAULT_NOISE_SHARE,
             seed: 0,
             rehearses: true,
-            composes: true,
             solid: false,
         }
     }
@@ -145,7 +142,7 @@ impl Rollout {
             .zip(goals)
             .map(|(idx, goal)| {
                 let noise = NoiseStream::new(self.noise_share, self.seed, idx);
-                Walker::start(&mut worlds[0], goal, noise, router.map(|_| self.follow_config()))
+                Walker::start(&mut worlds[0], goal, noise, router.map(|_| self.follow))
             })
             .collect();
         let mut guide = router.map(|router| Guide {
@@ -190,10 +187,6 @@ impl Rollout {
         walkers.into_iter().map(Walker::finish).unzip()
     }
 
-    fn follow_config(&self) -> FollowConfig {
-        FollowConfig { patience: self.give_up_after, composes: self.composes, ..FollowConfig::default() }
-    }
-
     /// Processes one decision of one NPC.
     fn settle(&self, world: &mut World, walker: &mut Walker, guide: Option<&mut Guide<'_>>, outcome: DecisionOutcome) {
         let npc = world.npc(walker.lane.slot).expect("an NPC in every slot");
@@ -201,7 +194,7 @@ impl Rollout {
         walker.track.push(npc.body.feet);
         match guide {
             Some(guide) => guide.follow(world, walker, outcome.end),
-            None => walker.end = outcome.end.or((stalled >= self.give_up_after).then_some(End::NoProgress)),
+            None => walker.end = outcome.end.or((stalled >= self.follow.patience).then_some(End::NoProgress)),
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::style::Style;
 use rand::rngs::ChaCha8Rng;
 use surefoot_policy::{HiddenStates, Policy};
+use surefoot_world::sense;
 use surefoot_world::{Action, DecisionOutcome, NpcSlot, TICKS_PER_DECISION, World};
 
 /// Default share of the exploration noise with which evaluation, probes and workers act;
@@ -57,6 +58,7 @@ pub enum Noise<'a> {
 pub struct DecisionLoop {
     /// Number of values of an observation.
     observation_len: usize,
+    senses_transports: bool,
     observations: Vec<f32>,
     actions: Vec<Action>,
     outcomes: Vec<DecisionOutcome>,
@@ -66,13 +68,15 @@ pub struct DecisionLoop {
 impl DecisionLoop {
     /// Creates a loop for policies whose observations and hidden state have the same lengths as those of `policy`.
     pub fn new(policy: &Policy) -> Self {
-        Self::of_lens(policy.observation_len(), policy.memory_len())
+        let senses_transports = policy.senses_transports();
+        Self { senses_transports, ..Self::of_lens(policy.observation_len(), policy.memory_len()) }
     }
 
     /// Creates a loop for observations of `observation_len` values and hidden states of `hidden_len`; 0 for policies without a hidden state.
     pub fn of_lens(observation_len: usize, hidden_len: usize) -> Self {
         let hidden = HiddenStates::of_len(hidden_len);
-        Self { observation_len, observations: Vec::new(), actions: Vec::new(), outcomes: Vec::new(), hidden }
+        let (observations, actions, outcomes) = Default::default();
+        Self { observation_len, senses_transports: true, observations, actions, outcomes, hidden }
     }
 
     /// Clears the hidden state in a row, as at the start of an episode.
@@ -144,6 +148,9 @@ impl DecisionLoop {
         self.observations.resize(lanes.len() * self.observation_len, 0.0);
         for (lane, row) in lanes.iter().zip(self.observations.chunks_exact_mut(self.observation_len)) {
             worlds[lane.world_idx].observe(lane.slot, row);
+            if !self.senses_transports {
+                sense::hide_transports(row);
+            }
         }
     }
 

@@ -7,7 +7,7 @@ use crate::style::Style;
 use serde::{Deserialize, Serialize};
 use surefoot_planner::evidence::TryEnd;
 use surefoot_planner::live::Traversal;
-use surefoot_planner::{LegKey, Plan, Query, Stop, Traffic};
+use surefoot_planner::{Attach, LegKey, Plan, Query, Stop, Traffic};
 use surefoot_world::{Ability, TICKS_PER_SECOND, Vec3};
 
 /// Constants of plan following.
@@ -17,15 +17,28 @@ pub struct FollowConfig {
     pub replan_after: u32,
     /// Decisions without any progress that end the attempt (paper: 300).
     pub patience: u32,
-    /// Most re-plans of an attempt.
+    /// Most re-plans of an attempt (paper: no limit).
     pub max_replans: u32,
+    /// Whether legs that failed are avoided by further plans of the attempt (paper: no).
+    pub remembers: bool,
+    /// How plans join start and goal to the graph (paper: to the nearest vertex).
+    pub attach: Attach,
     /// Whether NPCs compose themselves on legs on which they were seen to arrive so.
     pub composes: bool,
 }
 
 impl Default for FollowConfig {
     fn default() -> Self {
-        Self { replan_after: 50, patience: 300, max_replans: 16, composes: true }
+        let (remembers, attach) = (true, Attach::Several);
+        Self { replan_after: 50, patience: 300, max_replans: 16, remembers, attach, composes: true }
+    }
+}
+
+impl FollowConfig {
+    /// The paper's rules, with its limits read as decisions.
+    pub fn of_paper() -> Self {
+        let (remembers, attach) = (false, Attach::Nearest);
+        Self { replan_after: 50, patience: 300, max_replans: u32::MAX, remembers, attach, composes: false }
     }
 }
 
@@ -418,7 +431,7 @@ impl Follower {
     /// The query for a plan from `feet`, m, that avoids the failed legs.
     pub fn query(&self, feet: Vec3) -> Query {
         let avoid = self.failed_legs.iter().map(|leg| leg.key).collect();
-        Query { avoid, stops: self.stops.clone(), ..Query::new(feet, self.goal) }
+        Query { avoid, stops: self.stops.clone(), attach: self.config.attach, ..Query::new(feet, self.goal) }
     }
 
     /// Whether to plan again instead of taking `plan`, which leads elsewhere than to the goal: legs on which there was no progress get
@@ -571,6 +584,9 @@ impl Follower {
 
     fn plan_without(&mut self, leg: FailedLeg, max_failed_arrivals: u32) -> Step {
         self.plan = None;
+        if !self.config.remembers {
+            return Step::Plan;
+        }
         self.remember(leg);
         self.failed_arrivals += u32::from(leg.key.to == Stop::Goal);
         if self.failed_arrivals >= max_failed_arrivals {

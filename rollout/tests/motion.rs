@@ -29,7 +29,7 @@ fn composed_npcs_turn_and_jump_less_and_arrive_as_often() {
     let goals = Goal::draw(&points, 5.0..200.0, 80, &mut rng);
     let run = |composes: bool| -> (Vec<Attempt>, Motion) {
         let mut rollout = Rollout::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
-        rollout.composes = composes;
+        rollout.follow.composes = composes;
         let mut figures = Figures::default();
         (rollout.measure(&policy, Some(&router), &goals, &mut figures), figures.motion)
     };

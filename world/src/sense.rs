@@ -272,6 +272,11 @@ pub fn body_features(profile: &CharacterProfile) -> [f32; BODY_LEN] {
     ]
 }
 
+/// Makes an observation one of an NPC that is not told where zip lines and teleporters are, as if none were near.
+pub fn hide_transports(row: &mut [f32]) {
+    row[RAY_COUNT * RAY_CHANNELS + 24..RAY_COUNT * RAY_CHANNELS + 29].fill(0.0);
+}
+
 /// Mirrors an observation left to right, in place; its own inverse.
 pub fn mirror_observation(row: &mut [f32]) {
     let (own, social) = row.split_at_mut(OBSERVATION_LEN);

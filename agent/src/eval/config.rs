@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 use surefoot_planner::{BuildError, BuildSettings};
+use surefoot_rollout::FollowConfig;
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{CharacterProfile, Map, MapSpec};
 
@@ -101,6 +102,16 @@ impl fmt::Display for MapName {
     }
 }
 
+/// What the edges of a graph cost in plans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Price {
+    /// The expected decisions, and what the risks of failing and of dying are worth.
+    #[default]
+    Risk,
+    /// The mean decisions, as in the paper.
+    Steps,
+}
+
 /// Configuration of an evaluation.
 #[derive(Debug, Clone)]
 pub struct EvalConfig {
@@ -120,8 +131,10 @@ pub struct EvalConfig {
     pub noise_share: f32,
     /// Whether NPCs that follow plans rehearse what lies ahead; the paper's do not.
     pub rehearses: bool,
-    /// Whether NPCs compose themselves on legs on which rehearsals show that they arrive so; the paper's do not.
-    pub composes: bool,
+    /// Rules of following plans; their patience holds for NPCs that head straight for goals as well.
+    pub follow: FollowConfig,
+    /// What edges cost.
+    pub price: Price,
     /// Number of threads.
     pub thread_count: usize,
     /// Folder to save finished units in and to load them from; `None` to run every unit and save none.
@@ -140,6 +153,9 @@ pub enum EvalError {
     /// A map has too few pairs of points at the configured distance.
     #[error("map {0} has no goals at that distance")]
     NoGoals(MapName),
+    /// Intervals over maps need more of them.
+    #[error("one map gives no interval: choose two maps or more")]
+    TooFewMaps,
     /// A finished unit cannot be saved.
     #[error("cannot read or write {path}")]
     Io {

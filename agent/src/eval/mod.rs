@@ -1,9 +1,12 @@
 //! The paper's evaluation protocol: random goals on whole maps, success by difficulty, failures by outcome.
 //!
 //! An evaluation is a list of [units](mod@unit), one for each map and seed, which can be saved and resumed. A [`report`]
-//! summarises them. [`suite`] runs the rows of the paper's table, [`living`] scenes in which things move, [`variants`] many graphs on one split.
+//! summarises them. [`suite`] runs the rows of the paper's table, [`living`] scenes in which things move, [`variants`] many graphs on one
+//! split, [`ablation`] what each of our choices adds. [`intervals`] tells how sure all of that is.
 
+pub mod ablation;
 mod config;
+pub mod intervals;
 pub mod living;
 mod reachable;
 pub mod report;
@@ -12,6 +15,7 @@ pub mod suite;
 pub mod unit;
 pub mod variants;
 
-pub use config::{EvalConfig, EvalError, EvalMap, MapName, Method};
+pub use config::{EvalConfig, EvalError, EvalMap, MapName, Method, Price};
+pub use intervals::Interval;
 pub use report::{Calibration, MapReport, Rate, Report, Success};
 pub use run::{evaluate, run_units};

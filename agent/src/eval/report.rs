@@ -1,6 +1,7 @@
 //! Reports: success rates and mean figures over units.
 
 use super::config::{EvalConfig, EvalMap, MapName};
+use super::intervals::Interval;
 use super::unit::{GraphFigures, Unit};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -74,6 +75,9 @@ pub struct Report {
     /// Standard deviation of the overall rate between seeds; absent with one seed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<f64>,
+    /// Success over all goals with an interval over maps instead of goals; absent with one map.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_map: Option<Interval>,
     /// What was reached on each map, in the order of `maps`.
     pub per_map: Vec<MapReport>,
     /// Number of attempts by outcome.
@@ -262,6 +266,7 @@ pub fn summarise(policy: &Policy, config: &EvalConfig, units: &[Unit]) -> Report
         seeds: config.seeds.clone(),
         success: success(units),
         spread: spread(units, &config.seeds),
+        by_map: Interval::of(units),
         ends: count_ends(units),
         faults: count_faults(units),
         seconds_to_goal: seconds_to_goal(units),

@@ -1,6 +1,7 @@
 //! The paper's table beside our results.
 
 use super::config::{EvalConfig, EvalError, EvalMap, MapName, Method};
+use super::intervals::Interval;
 use super::report::{self, Rate, Success};
 use super::run::run_units;
 use super::unit::{GraphFigures, Unit};
@@ -69,6 +70,9 @@ pub struct Row {
     pub weights: Vec<String>,
     /// Success rates.
     pub success: Success,
+    /// Success over all goals with an interval over maps instead of goals; absent with one map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by_map: Option<Interval>,
     /// Standard deviation of the overall rate between seeds; absent with one seed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<f64>,
@@ -200,6 +204,7 @@ impl Outcome<'_> {
             models: self.entry.models.iter().map(|(policy, _)| policy.manifest().name.clone()).collect(),
             weights: self.entry.models.iter().map(|(policy, _)| policy.weights_hash().to_owned()).collect(),
             success: report::success(units),
+            by_map: Interval::of(units),
             spread: report::spread(units, seeds),
             ends: report::count_ends(units),
             faults: report::count_faults(units),
@@ -218,13 +223,13 @@ impl SuiteReport {
         let percent = |share: f64| format!("{:.1}", 100.0 * share);
         writeln!(
             text,
-            "{} maps, {} goals each, {} seeds. Success in %: ours (the paper's).\n",
+            "{} maps, {} goals each, {} seeds. Success in %: ours (the paper's); intervals are those of 95 % over maps.\n",
             self.maps.len(),
             self.goals,
             self.seeds.len()
         )
         .expect("writing to a String cannot fail");
-        text += "| method | all | between seeds | easy | medium | hard | path efficiency | time to goal |\n|---|---|---|---|---|---|---|---|\n";
+        text += "| method | all | interval | between seeds | easy | medium | hard | path efficiency | time to goal |\n|---|---|---|---|---|---|---|---|---|\n";
         for row in &self.rows {
             let paper = PAPER.iter().find(|paper| paper.name == row.name);
             let cell = |rate: Rate, theirs: fn(&PaperRow) -> f64| match paper {
@@ -234,9 +239,10 @@ impl SuiteReport {
             let Success { all, easy, medium, hard } = row.success;
             writeln!(
                 text,
-                "| {} | **{}** | {} | {} | {} | {} | {:.2} | {:.1} s |",
+                "| {} | **{}** | {} | {} | {} | {} | {} | {:.2} | {:.1} s |",
                 row.name,
                 cell(all, |paper| paper.all),
+                row.by_map.map_or("-".to_owned(), |it| format!("{} to {}", percent(it.low), percent(it.high))),
                 row.spread.map_or("-".to_owned(), |spread| format!("± {:.2}", 100.0 * spread)),
                 cell(easy, |paper| paper.easy),
                 cell(medium, |paper| paper.medium),

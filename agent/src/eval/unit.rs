@@ -1,19 +1,20 @@
 //! Units: all goals of one map and seed, each attempted once.
 
-use super::config::{EvalConfig, EvalError, EvalMap, MapName, Method};
+use super::config::{EvalConfig, EvalError, EvalMap, MapName, Method, Price};
 use super::reachable::{Terrain, reachable};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
-use surefoot_planner::Progress;
-use surefoot_planner::Router;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::settings::BUILDER_VERSION;
+use surefoot_planner::{BuildSettings, Built, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
@@ -21,14 +22,14 @@ use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{Attempt, Goal, Motion, Rollout};
 use surefoot_world::reach::Reach;
-use surefoot_world::{Map, TaskConfig, navigable};
+use surefoot_world::{End, Map, TaskConfig, navigable};
 
 /// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
 /// Most goals in a batch. Independent of the number of threads, so that results are too.
 const GOALS_PER_BATCH: usize = 128;
 /// Version of unit results; incremented when a run would no longer reproduce saved units.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// The attempts at all goals of one map and seed, the nearest first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,7 +40,7 @@ pub struct Unit {
     pub seed: u64,
     /// Straight-line distance of each goal, m, ascending.
     pub distances: Vec<f32>,
-    /// Whether each goal can be reached: a survey or a proved edge connects it with the start.
+    /// Whether each goal can be reached: a survey or a proved edge connects it with the start, or the attempt did.
     pub reachable: Vec<bool>,
     /// Result of the attempt at each goal.
     pub attempts: Vec<Attempt>,
@@ -72,10 +73,27 @@ pub struct GraphFigures {
     pub search_us_median: f64,
 }
 
-/// A map, and what a character can reach on it.
+/// A map, what a character can reach on it, and the graphs of it that were built so far.
 pub struct Surveyed {
     map: Arc<Map>,
     reach: Reach,
+    /// By everything that determines them.
+    graphs: HashMap<String, Built>,
+}
+
+impl Surveyed {
+    /// The graph of this map with these settings; built for the first unit that needs it.
+    fn graph(&mut self, policy: &Policy, config: &EvalConfig, settings: BuildSettings) -> Result<&Built, EvalError> {
+        let key = format!("{} {} {settings:?}", policy.weights_hash(), policy.senses_transports());
+        Ok(match self.graphs.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(free) => {
+                let context =
+                    ProbeContext { map: self.map.clone(), profile: config.profile.clone(), policy: policy.clone() };
+                free.insert(build(&context, &settings, config.thread_count, &Progress::default())?)
+            }
+        })
+    }
 }
 
 /// Loads a saved unit, or runs and saves it. `surveyed` caches the map between units.
@@ -96,7 +114,7 @@ pub fn load_or_run(
     let surveyed = surveyed.get_or_insert_with(|| {
         let map = choice.load();
         let reach = Reach::survey_far(&map, &config.profile, config.thread_count);
-        Surveyed { map, reach }
+        Surveyed { map, reach, graphs: HashMap::new() }
     });
     let unit = run(policy, config, choice, surveyed, seed)?;
     if let Some(path) = path {
@@ -111,11 +129,12 @@ pub fn load_or_run(
 
 /// File name of a unit, which depends on everything that determines its result.
 fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> String {
-    let EvalConfig { goals, method, distance, noise_share, rehearses, composes, profile, .. } = config;
+    let EvalConfig { goals, method, distance, noise_share, rehearses, follow, price, profile, .. } = config;
     let map = choice.identity();
     let text = format!(
-        "{VERSION} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {composes} {:?} {:?}{}",
+        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {follow:?} {price:?} {:?} {:?}{}",
         policy.weights_hash(),
+        policy.senses_transports(),
         TaskConfig::default(),
         profile,
         if *method == Method::Policy { String::new() } else { format!(" {BUILDER_VERSION}") },
@@ -133,25 +152,31 @@ fn run(
     policy: &Policy,
     config: &EvalConfig,
     choice: &EvalMap,
-    Surveyed { map, reach }: &Surveyed,
+    surveyed: &mut Surveyed,
     seed: u64,
 ) -> Result<Unit, EvalError> {
-    let profile = config.profile.clone();
-    let goals = draw_goals(map, config, choice, seed)?;
+    let goals = draw_goals(&surveyed.map, config, choice, seed)?;
     let built = match config.method {
         Method::Policy => None,
-        Method::Graph(settings) => {
-            let context = ProbeContext { map: map.clone(), profile, policy: policy.clone() };
-            let settings = settings.with_seed(seed);
-            Some(build(&context, &settings, config.thread_count, &Progress::default())?)
-        }
+        Method::Graph(settings) => Some(surveyed.graph(policy, config, settings.with_seed(seed))?),
     };
-    let stats = built.as_ref().map(|built| built.stats);
-    let router = built.map(|built| Router::new(built.graph, DEFAULT_TABLE_LIMIT, config.thread_count));
+    let stats = built.map(|built| built.stats);
+    let router = built.map(|built| {
+        let graph = match config.price {
+            Price::Risk => built.graph.clone(),
+            Price::Steps => built.graph.priced_by_steps(),
+        };
+        Router::new(graph, DEFAULT_TABLE_LIMIT, config.thread_count)
+    });
+    let Surveyed { map, reach, .. } = surveyed;
     let started = Instant::now();
     let terrain = Terrain { map, profile: &config.profile, reach };
-    let reachable = reachable(&terrain, router.as_ref(), &goals);
+    let mut reachable = reachable(&terrain, router.as_ref(), &goals);
     let (attempts, Figures { mut search_us, motion }) = run_goals(policy, map, router.as_ref(), &goals, config, seed);
+    // A goal that was reached can be reached, whatever the survey says.
+    for (reachable, attempt) in reachable.iter_mut().zip(&attempts) {
+        *reachable |= attempt.end == End::Reached;
+    }
     let eval_s = started.elapsed().as_secs_f64();
     search_us.sort_unstable_by(f64::total_cmp);
     let graph = router.zip(stats).map(|(router, stats)| GraphFigures {
@@ -204,7 +229,7 @@ fn run_goals(
                     let batch: Vec<Goal> = goals.iter().skip(idx).step_by(batch_count).copied().collect();
                     let mut rollout = Rollout::new(map.clone(), config.profile.clone(), TaskConfig::default());
                     rollout.noise_share = config.noise_share;
-                    (rollout.rehearses, rollout.composes) = (config.rehearses, config.composes);
+                    (rollout.rehearses, rollout.follow) = (config.rehearses, config.follow);
                     rollout.seed = seed.wrapping_mul(1_000_003).wrapping_add(idx as u64);
                     let mut figures = Figures::default();
                     let attempts = rollout.measure(policy, router, &batch, &mut figures);

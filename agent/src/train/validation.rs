@@ -49,7 +49,7 @@ impl ValidationSet {
             for (band, goals) in [near, far].into_iter().enumerate() {
                 let mut rollout = Rollout::new(map.clone(), self.body.clone(), self.task.clone());
                 // Shorter than the task's patience, which is enough to rank weights.
-                rollout.give_up_after = 90;
+                rollout.follow.patience = 90;
                 rollout.noise_share = noise_share;
                 for end in rollout.run(policy, goals) {
                     tried[band] += 1;

@@ -8,15 +8,16 @@ use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_agent::eval::ablation::{self, Policies};
 use surefoot_agent::eval::living::{self, LivingConfig};
 use surefoot_agent::eval::report::CalibrationBin;
 use surefoot_agent::eval::suite::{self, Entry};
 use surefoot_agent::eval::variants::{self, Variant};
-use surefoot_agent::eval::{EvalConfig, EvalMap, MapName, Method, Rate, Report, evaluate};
-use surefoot_planner::{Placement, Probing};
+use surefoot_agent::eval::{EvalConfig, EvalMap, MapName, Method, Price, Rate, Report, evaluate};
+use surefoot_planner::{Attach, BuildSettings, Placement, Probing, SettingError};
 use surefoot_policy::Policy;
 use surefoot_report::plots;
-use surefoot_rollout::DEFAULT_NOISE_SHARE;
+use surefoot_rollout::{DEFAULT_NOISE_SHARE, FollowConfig};
 use surefoot_world::MapSpec;
 
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
@@ -25,10 +26,11 @@ use surefoot_world::MapSpec;
     after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map\n  surefoot eval --suite living --runs 10"
 )]
 pub struct Args {
-    /// Run a whole table instead: the paper's rows for which --models has weights, on the test maps (paper); graphs of
+    /// Run a whole table instead: the paper's rows for which --models has weights (paper); what each of our choices adds to the paper's
+    /// method, and to the others of ours (ablation); graphs of
     /// growing size on the validation maps (sweep); the 1 km map with and without graphs (big-map); or crowds, doors, lifts, platforms,
     /// floors that vanish and players (living)
-    #[arg(long, value_parser = ["paper", "sweep", "big-map", "living"], conflicts_with_all = ["method", "maps", "model", "distance"])]
+    #[arg(long, value_parser = ["paper", "ablation", "sweep", "big-map", "living"], conflicts_with_all = ["method", "model", "distance"])]
     suite: Option<String>,
     /// Folder with the models of the suite
     #[arg(long, value_name = "FOLDER", default_value = "models")]
@@ -36,9 +38,10 @@ pub struct Args {
     /// Save finished maps and seeds in this folder and reuse them; with --suite, also write the table, plots and JSON
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Maps to evaluate on: training, validation, test, seeds such as 7 or 1000,1001 or 0..4, or files (.sfmap, .glb, .gltf, .obj)
-    #[arg(long, default_value = "validation")]
-    maps: String,
+    /// Maps to evaluate on: training, validation, test, benchmark, seeds such as 7 or 1000,1001 or 0..4, or files (.sfmap, .glb, .gltf, .obj)
+    /// [default: validation; test for --suite paper]
+    #[arg(long)]
+    maps: Option<String>,
     #[command(flatten)]
     generated: Generated,
     #[command(flatten)]
@@ -60,6 +63,8 @@ pub struct Args {
     /// Seeds of goals, graphs and noise, such as 0 or 0..3; each runs one whole evaluation
     #[arg(long, default_value = "0", value_name = "SEED")]
     seed: String,
+    #[command(flatten)]
+    rules: Rules,
     /// Share of the policy's exploration noise to add to actions, 0 to 1
     #[arg(long, default_value_t = DEFAULT_NOISE_SHARE, value_name = "SHARE")]
     noise: f32,
@@ -82,6 +87,68 @@ pub struct Args {
     json: bool,
 }
 
+/// Rules of attempts, where the paper's differ from ours.
+#[derive(clap::Args)]
+struct Rules {
+    /// Follow the paper: start and goal snap to the nearest vertex, edges cost their steps, failed legs are not remembered, re-plans have no
+    /// limit, nothing is rehearsed or composed, NPCs are not told where zip lines and teleporters are, no vertices or candidates at devices,
+    /// all probes are run; the default model is general-lstm. Limits are those of --patience and --replan-after
+    #[arg(long, conflicts_with_all = ["attach", "price", "forget", "max_replans", "no_transports"])]
+    faithful: bool,
+    /// Decisions without progress that end an attempt
+    #[arg(long, default_value_t = FollowConfig::default().patience, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    patience: u32,
+    /// Decisions without coming closer to a waypoint that cause a re-plan
+    #[arg(long, default_value_t = FollowConfig::default().replan_after, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    replan_after: u32,
+    /// Most re-plans of an attempt
+    #[arg(long, default_value_t = FollowConfig::default().max_replans, value_name = "N")]
+    max_replans: u32,
+    /// Join start and goal to several near vertices, or to the nearest one
+    #[arg(long, default_value = "several", value_parser = ["several", "nearest"])]
+    attach: String,
+    /// What edges cost: what their risks are worth besides (risk), or their mean number of decisions (steps)
+    #[arg(long, default_value = "risk", value_parser = ["risk", "steps"])]
+    price: String,
+    /// Let plans use legs again that failed in the same attempt
+    #[arg(long)]
+    forget: bool,
+    /// Do not tell NPCs where zip lines and teleporters are
+    #[arg(long)]
+    no_transports: bool,
+}
+
+impl Rules {
+    fn follow(&self, composes: bool) -> FollowConfig {
+        let limits =
+            FollowConfig { patience: self.patience, replan_after: self.replan_after, ..FollowConfig::of_paper() };
+        if self.faithful {
+            return limits;
+        }
+        let attach = if self.attach == "nearest" { Attach::Nearest } else { Attach::Several };
+        FollowConfig { max_replans: self.max_replans, remembers: !self.forget, attach, composes, ..limits }
+    }
+
+    fn price(&self) -> Price {
+        if self.faithful || self.price == "steps" { Price::Steps } else { Price::Risk }
+    }
+
+    /// The policy as these rules let it sense.
+    fn apply(&self, policy: Policy) -> Policy {
+        if self.faithful || self.no_transports { policy.without_transports() } else { policy }
+    }
+
+    fn graph(&self, settings: BuildSettings) -> Result<BuildSettings, SettingError> {
+        if !self.faithful {
+            return Ok(settings);
+        }
+        let paper = BuildSettings::of_paper(settings.placement);
+        settings.with(|it| {
+            (it.probing, it.special_moves, it.threshold) = (paper.probing, paper.special_moves, paper.threshold);
+        })
+    }
+}
+
 /// Subfolder of `--out` for finished units.
 const UNITS: &str = "units";
 
@@ -89,12 +156,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = args.config()?;
     match args.suite.as_deref() {
         Some("paper") => return run_suite(args, &config),
+        Some("ablation") => return run_ablation(args, &config),
         Some("sweep") => return run_sweep(args, &config),
         Some("living") => return run_living(args, &config),
         Some(_) => return run_big_map(args, &config),
         None => {}
     }
-    let policy = load_policy(args.model.as_deref())?;
+    let model = args.model.clone().or_else(|| args.rules.faithful.then(|| args.models.join("general-lstm")));
+    let policy = args.rules.apply(load_policy(model.as_deref())?);
     let bar = progress_bar((config.maps.len() * config.seeds.len() * config.goals) as u64, "evaluating");
     let report = evaluate(&policy, &config, |done, _| bar.set_position(done as u64))?;
     bar.finish_and_clear();
@@ -104,9 +173,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 impl Args {
     /// Generated maps by seed, or levels by file.
     fn maps(&self) -> anyhow::Result<Vec<EvalMap>> {
-        let Some(files) = level_files(&self.maps) else {
+        let maps = self.maps.as_deref().unwrap_or("validation");
+        let Some(files) = level_files(maps) else {
             let kind = |spec: MapSpec| self.generated.apply(&spec).map(EvalMap::from);
-            return parse_maps(&self.maps, self.generated.size)?.into_iter().map(kind).collect();
+            return parse_maps(maps, self.generated.size)?.into_iter().map(kind).collect();
         };
         let level = |file: &Path| Ok(EvalMap::Level { name: file_name(file), map: Arc::new(load_level(file)?) });
         files.into_iter().map(level).collect()
@@ -119,7 +189,7 @@ impl Args {
         if !(0.0..=1.0).contains(&self.noise) {
             bail!("--noise is {}, allowed are 0 to 1", self.noise);
         }
-        let settings = self.graph.settings()?;
+        let settings = self.rules.graph(self.graph.settings()?)?;
         let method = if self.method == "policy" { Method::Policy } else { Method::Graph(settings) };
         Ok(EvalConfig {
             maps: self.maps()?,
@@ -129,8 +199,11 @@ impl Args {
             method,
             distance: self.distance.as_deref().map_or(Ok(1.0..f32::INFINITY), parse_distance)?,
             noise_share: self.noise,
-            rehearses: !self.no_rehearsals && !matches!(self.suite.as_deref(), Some("paper" | "sweep")),
-            composes: self.style.composes(),
+            rehearses: !self.no_rehearsals
+                && !self.rules.faithful
+                && !matches!(self.suite.as_deref(), Some("paper" | "sweep")),
+            follow: self.rules.follow(self.style.composes()),
+            price: self.rules.price(),
             keep_in: self.out.as_ref().map(|folder| folder.join(UNITS)),
             thread_count: self.threads.unwrap_or_else(core_count),
         })
@@ -145,14 +218,16 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
             eprintln!("no {}: its row is omitted", folder.display());
             return Ok(None);
         }
-        load_policy(Some(&folder)).map(Some)
+        load_policy(Some(&folder)).map(|policy| Some(args.rules.apply(policy)))
     };
-    let maps = parse_maps("test", args.generated.size)?;
+    let maps = parse_maps(args.maps.as_deref().unwrap_or("test"), args.generated.size)?;
     let mut specific = Vec::new();
     for spec in &maps {
         specific.extend(load(&format!("lstm-map-{}", spec.seed))?.map(|policy| (policy, vec![*spec])));
     }
-    let reactive = load("general-reactive")?;
+    let (reactive, recurrent) = (load("general-reactive")?, load("general-lstm")?);
+    // The paper's graphs are those of its LSTM.
+    let follower = if args.rules.faithful { &recurrent } else { &reactive };
     let mut entries = Vec::new();
     let mut push = |name, method, models: Vec<(Policy, Vec<MapSpec>)>| {
         if !models.is_empty() {
@@ -162,7 +237,7 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
     let on_all = |policy: Option<Policy>| policy.map(|policy| (policy, maps.clone())).into_iter().collect::<Vec<_>>();
     push("map-specific LSTM", Method::Policy, specific);
     push("general reactive", Method::Policy, on_all(reactive.clone()));
-    push("general LSTM", Method::Policy, on_all(load("general-lstm")?));
+    push("general LSTM", Method::Policy, on_all(recurrent.clone()));
     let rows = [
         ("unconstrained random graph", Placement::Random),
         ("distance-constrained graph", Placement::Spaced),
@@ -173,14 +248,16 @@ fn paper_entries(args: &Args) -> anyhow::Result<Vec<Entry>> {
         ("flood graph with grandchild edges", Placement::FloodGrandchildren),
     ];
     for (name, placement) in rows {
-        let settings = args.graph.settings()?.with(|it| {
+        let settings = args.rules.graph(args.graph.settings()?)?.with(|it| {
             it.probing = Probing::Exhaustive;
             it.special_moves = false;
             it.placement = placement;
         })?;
-        push(name, Method::Graph(settings), on_all(reactive.clone()));
+        push(name, Method::Graph(settings), on_all(follower.clone()));
     }
-    push("ours: frugal, with special moves", Method::Graph(args.graph.settings()?), on_all(reactive));
+    if !args.rules.faithful {
+        push("ours: frugal, with special moves", Method::Graph(args.graph.settings()?), on_all(reactive));
+    }
     Ok(entries)
 }
 
@@ -222,6 +299,27 @@ fn run_living(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
     let report = living::run(&policy, &config, |scene| {
         bar.set_message(scene.to_owned());
         bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    if let Some(folder) = &args.out {
+        write_into(folder, "results.json", &serde_json::to_string_pretty(&report)?)?;
+        write_into(folder, "table.md", &report.markdown())?;
+    }
+    if args.json {
+        return print_json(&report);
+    }
+    print!("{}", report.markdown());
+    Ok(())
+}
+
+/// What each of our choices adds.
+fn run_ablation(args: &Args, base: &EvalConfig) -> anyhow::Result<()> {
+    let load = |name: &str| load_policy(Some(&args.models.join(name)));
+    let policies = Policies { recurrent: load("general-lstm")?, reactive: load("general-reactive")? };
+    let bar = progress_bar(1, "evaluating");
+    let report = ablation::run(&policies, base, args.graph.settings()?, |done, total| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
     })?;
     bar.finish_and_clear();
     if let Some(folder) = &args.out {
@@ -401,6 +499,14 @@ fn print_table(report: &Report) -> anyhow::Result<()> {
             let bins: Vec<String> = calibration.bins.iter().map(bin).collect();
             println!("    {what}: {}; Brier score {:.3}", bins.join(", "), calibration.brier);
         }
+    }
+    if let Some(by_map) = report.by_map {
+        println!(
+            "over {} maps: {} % with its 95 % interval; standard deviation between maps {:.1} points",
+            by_map.maps,
+            by_map.percent(),
+            100.0 * by_map.between_maps
+        );
     }
     if let Some(spread) = report.spread {
         println!("spread between seeds {:.2} points", 100.0 * spread);

@@ -53,7 +53,9 @@ fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
         "training" => (0..128).collect(),
         "validation" => vec![1000, 1001, 1002, 1003],
         "test" => vec![2000, 2001, 2002, 2003],
-        seeds => parse_seeds(seeds).context("--maps takes training, validation, test, or seeds such as 7 or 0..4")?,
+        "benchmark" => (5000..5064).collect(),
+        seeds => parse_seeds(seeds)
+            .context("--maps takes training, validation, test, benchmark, or seeds such as 7 or 0..4")?,
     };
     seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect::<Result<_, _>>().context("--size")
 }
