@@ -26,6 +26,7 @@ fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfi
         price: Price::Risk,
         thread_count,
         keep_in: keep_in.map(|folder| folder.path().to_owned()),
+        record: None,
     }
 }
 

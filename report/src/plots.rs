@@ -27,27 +27,33 @@ pub struct DistanceBin {
     pub far_m: f32,
     /// Share of attempts that succeeded, in [0, 1].
     pub rate: f64,
+    /// Its 95 % interval.
+    pub interval: [f64; 2],
     /// Number of attempts.
     pub count: usize,
 }
 
 /// Plots success by straight-line distance, with one line for each named list of bins. A point is `middle_m` metres below the
-/// upper end of its bin; bins of fewer than 30 attempts are left out.
+/// upper end of its bin, with its interval as a vertical bar; bins of fewer than 30 attempts are left out.
 ///
 /// # Errors
 /// If the file cannot be written.
 pub fn success_by_distance(rows: &[(&str, Vec<DistanceBin>)], middle_m: f32, path: &Path) -> Result<(), ReportError> {
     const FEWEST: usize = 30;
-    let lines: Vec<Line<'_>> = rows
-        .iter()
-        .map(|(name, bins)| {
-            let points = bins.iter().filter(|bin| bin.count >= FEWEST);
-            (*name, points.map(|bin| (f64::from(bin.far_m - middle_m), 100.0 * bin.rate)).collect())
-        })
-        .collect();
+    let middle = |bin: &DistanceBin| f64::from(bin.far_m - middle_m);
+    let kept = |bins: &[DistanceBin]| bins.iter().copied().filter(|bin| bin.count >= FEWEST).collect::<Vec<_>>();
+    let rows: Vec<(&str, Vec<DistanceBin>)> = rows.iter().map(|(name, bins)| (*name, kept(bins))).collect();
+    let points = |bins: &[DistanceBin]| bins.iter().map(|bin| (middle(bin), 100.0 * bin.rate)).collect();
+    let lines: Vec<Line<'_>> = rows.iter().map(|(name, bins)| (*name, points(bins))).collect();
+    // Beside one another, so that those of lines that lie together can be told apart.
+    let aside = |line: usize| (line as f64 - 0.5 * rows.len() as f64) * 0.06 * f64::from(middle_m);
+    let bars = rows.iter().enumerate().map(|(line, (_, bins))| {
+        bins.iter().map(|bin| (middle(bin) + aside(line), bin.interval.map(|share| 100.0 * share))).collect()
+    });
+    let bars: Vec<Vec<Bar>> = bars.collect();
     let farthest = farthest_of(&lines).max(25.0);
     let axes = Axes { x: "straight-line distance, m", y: "success, %", x_end: farthest, y_end: 100.0 };
-    draw_lines("Success by distance of the goal", axes, SeriesLabelPosition::LowerLeft, &lines, path)
+    draw_lines("Success by distance of the goal", axes, SeriesLabelPosition::LowerLeft, &lines, &bars, path)
 }
 
 /// Plots tick times, ms, by number of NPCs, with the limit that they should stay below.
@@ -60,7 +66,7 @@ pub fn tick_times(mut lines: Vec<Line<'_>>, limit_ms: f64, path: &Path) -> Resul
     lines.push(("limit", vec![(0.0, limit_ms), (most, limit_ms)]));
     let axes = Axes { x: "NPCs", y: "ms", x_end: most, y_end: 1.1 * longest };
     let caption = "From when a tick is due until it is done, worst of the worlds";
-    draw_lines(caption, axes, SeriesLabelPosition::UpperLeft, &lines, path)
+    draw_lines(caption, axes, SeriesLabelPosition::UpperLeft, &lines, &[], path)
 }
 
 /// The name and the points (x, y) of a line.
@@ -78,11 +84,15 @@ fn farthest_of(lines: &[Line<'_>]) -> f64 {
     lines.iter().flat_map(|(_, points)| points).map(|point| point.0).fold(0.0, f64::max)
 }
 
+/// A vertical bar of a plot of lines: where it stands, and its ends.
+type Bar = (f64, [f64; 2]);
+
 fn draw_lines(
     caption: &str,
     axes: Axes,
     legend: SeriesLabelPosition,
     lines: &[Line<'_>],
+    bars: &[Vec<Bar>],
     path: &Path,
 ) -> Result<(), ReportError> {
     draw(path, |area| {
@@ -99,6 +109,10 @@ fn draw_lines(
                 .draw_series(LineSeries::new(points.iter().copied(), style).point_size(3))?
                 .label(*name)
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        }
+        for (bars, colour) in bars.iter().zip(COLOURS.iter().cycle()) {
+            let drawn = |&(x, [low, high]): &Bar| PathElement::new([(x, low), (x, high)], colour.stroke_width(1));
+            chart.draw_series(bars.iter().map(drawn))?;
         }
         chart.configure_series_labels().position(legend).background_style(WHITE).border_style(BLACK).draw()?;
         Ok(())
@@ -159,6 +173,79 @@ pub fn generalisation(groups: &[BarGroup<'_>], path: &Path) -> Result<(), Report
             .label("the paper, test maps")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 14, y)], BLACK.stroke_width(3)));
         let position = SeriesLabelPosition::LowerMiddle;
+        chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
+        Ok(())
+    })
+}
+
+/// Ranges of one row of a plot of ranges.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RangeRow<'a> {
+    /// Name of the row.
+    pub name: &'a str,
+    /// For each series: lower bound, mean and upper bound.
+    pub ranges: Vec<[f64; 3]>,
+}
+
+/// What a plot of ranges shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RangeAxes<'a> {
+    /// Caption.
+    pub title: &'a str,
+    /// Name and unit of the values.
+    pub x: &'a str,
+    /// Name of each series.
+    pub series: &'a [&'a str],
+}
+
+/// Plots a mean with its interval for each row and series, the first row on top.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn ranges(axes: RangeAxes<'_>, rows: &[RangeRow<'_>], path: &Path) -> Result<(), ReportError> {
+    const ROW_HEIGHT: u32 = 34;
+    const LABELS_WIDTH: u32 = 330;
+    let values = || rows.iter().flat_map(|row| row.ranges.iter().flatten().copied());
+    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+    if rows.is_empty() || !(low.is_finite() && high.is_finite()) {
+        return Err(ReportError::Draw(path.to_owned(), "there is nothing to draw".to_owned()));
+    }
+    let margin = 0.05 * (high - low).max(1.0);
+    let count = rows.len() as f64;
+    let size = (SIZE.0, 110 + ROW_HEIGHT * rows.len() as u32);
+    draw_sized(path, size, |area| {
+        let mut chart = ChartBuilder::on(area)
+            .caption(axes.title, ("sans-serif", 20))
+            .margin(12)
+            .x_label_area_size(40)
+            .y_label_area_size(LABELS_WIDTH)
+            .build_cartesian_2d(low - margin..high + margin, (0.0..count).step(1.0))?;
+        // A label stands in the middle of its row.
+        let label = |y: &f64| rows.get((count - y - 0.5).round() as usize).map_or("", |row| row.name).to_owned();
+        chart
+            .configure_mesh()
+            .disable_y_mesh()
+            .y_labels(rows.len() + 1)
+            .y_label_offset(-(ROW_HEIGHT as i32) / 2)
+            .y_label_formatter(&|y| label(&(y + 0.5)))
+            .x_desc(axes.x)
+            .draw()?;
+        for (idx, (name, &colour)) in axes.series.iter().zip(COLOURS.iter()).enumerate() {
+            let share = (idx as f64 + 1.0) / (axes.series.len() as f64 + 1.0);
+            let drawn = rows
+                .iter()
+                .enumerate()
+                .filter_map(|(row, it)| Some((count - row as f64 - share, *it.ranges.get(idx)?)));
+            let (bars, points): (Vec<_>, Vec<_>) = drawn
+                .map(|(y, [low, mean, high])| {
+                    let bar = PathElement::new([(low, y), (high, y)], colour.stroke_width(2));
+                    (bar, Circle::new((mean, y), 4, colour.filled()))
+                })
+                .unzip();
+            chart.draw_series(bars)?;
+            chart.draw_series(points)?.label(*name).legend(move |(x, y)| Circle::new((x + 9, y), 4, colour.filled()));
+        }
+        let position = SeriesLabelPosition::LowerLeft;
         chart.configure_series_labels().position(position).background_style(WHITE).border_style(BLACK).draw()?;
         Ok(())
     })
@@ -265,8 +352,16 @@ fn draw(
     path: &Path,
     fill: impl FnOnce(&Area<'_>) -> Result<(), Box<dyn std::error::Error>>,
 ) -> Result<(), ReportError> {
+    draw_sized(path, SIZE, fill)
+}
+
+fn draw_sized(
+    path: &Path,
+    size: (u32, u32),
+    fill: impl FnOnce(&Area<'_>) -> Result<(), Box<dyn std::error::Error>>,
+) -> Result<(), ReportError> {
     let failed = |error: &dyn std::fmt::Display| ReportError::Draw(path.to_owned(), error.to_string());
-    let area = SVGBackend::new(path, SIZE).into_drawing_area();
+    let area = SVGBackend::new(path, size).into_drawing_area();
     area.fill(&WHITE).map_err(|error| failed(&error))?;
     fill(&area).map_err(|error| failed(&error))?;
     area.present().map_err(|error| failed(&error))

@@ -6,7 +6,8 @@
 use super::config::{EvalConfig, EvalError, Method, Price};
 use super::intervals::Interval;
 use super::report;
-use super::unit::{self, Unit};
+use super::site;
+use super::unit::Unit;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -175,7 +176,7 @@ pub fn run(
         let mut surveyed = None;
         for &seed in &base.seeds {
             for ((policy, config), units) in cases.iter().zip(&mut units) {
-                units.push(unit::load_or_run(policy, config, map, seed, &mut surveyed)?);
+                units.push(site::load_or_run(policy, config, map, seed, &mut surveyed)?);
                 done += 1;
                 progress(done, total);
             }

@@ -1,14 +1,14 @@
 //! Configuration and errors of an evaluation.
 
-use serde::{Deserialize, Serialize};
-use std::fmt;
+use super::maps::{EvalMap, MapName};
+use super::record::{Record, RecordError};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 use surefoot_planner::{BuildError, BuildSettings};
 use surefoot_rollout::FollowConfig;
+use surefoot_world::CharacterProfile;
 use surefoot_world::navigable::NoGround;
-use surefoot_world::{CharacterProfile, Map, MapSpec};
 
 /// How NPCs approach goals.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,79 +25,6 @@ impl Method {
         match self {
             Method::Policy => "policy",
             Method::Graph(settings) => settings.placement.name(),
-        }
-    }
-}
-
-/// A map to evaluate on.
-#[derive(Debug, Clone)]
-pub enum EvalMap {
-    /// A map that is generated when it is needed.
-    Generated(MapSpec),
-    /// A map that was loaded or imported.
-    Level {
-        /// Name in reports.
-        name: String,
-        /// The map.
-        map: Arc<Map>,
-    },
-}
-
-/// What reports call a map: the seed that it was generated from, or the name of the level.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum MapName {
-    /// Seed of a generated map.
-    Seed(u64),
-    /// Name of a level.
-    Level(String),
-}
-
-impl From<MapSpec> for EvalMap {
-    fn from(spec: MapSpec) -> Self {
-        Self::Generated(spec)
-    }
-}
-
-impl EvalMap {
-    /// What reports call the map.
-    pub fn name(&self) -> MapName {
-        match self {
-            Self::Generated(spec) => MapName::Seed(spec.seed),
-            Self::Level { name, .. } => MapName::Level(name.clone()),
-        }
-    }
-
-    /// Seed from which goals are drawn: that of the map, or one that depends on the level's content alone.
-    pub(super) fn seed(&self) -> u64 {
-        match self {
-            Self::Generated(spec) => spec.seed,
-            Self::Level { map, .. } => u64::from_le_bytes(*map.hash().0.first_chunk().expect("a hash is longer")),
-        }
-    }
-
-    /// Text that tells the map from all others.
-    pub(super) fn identity(&self) -> String {
-        match self {
-            Self::Generated(spec) => format!("{spec:?}"),
-            Self::Level { map, .. } => map.hash().to_hex(),
-        }
-    }
-
-    /// The map; a generated one takes a while.
-    pub(super) fn load(&self) -> Arc<Map> {
-        match self {
-            Self::Generated(spec) => Arc::new(Map::generate(spec)),
-            Self::Level { map, .. } => map.clone(),
-        }
-    }
-}
-
-impl fmt::Display for MapName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Seed(seed) => seed.fmt(f),
-            Self::Level(name) => name.fmt(f),
         }
     }
 }
@@ -139,6 +66,8 @@ pub struct EvalConfig {
     pub thread_count: usize,
     /// Folder to save finished units in and to load them from; `None` to run every unit and save none.
     pub keep_in: Option<PathBuf>,
+    /// Where the attempts are recorded, or the record that is checked instead of running them; `None` to do neither.
+    pub record: Option<Arc<Record>>,
 }
 
 /// Why an evaluation cannot run.
@@ -156,6 +85,9 @@ pub enum EvalError {
     /// Intervals over maps need more of them.
     #[error("one map gives no interval: choose two maps or more")]
     TooFewMaps,
+    /// The attempts on record are not those of this evaluation.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// A finished unit cannot be saved.
     #[error("cannot read or write {path}")]
     Io {

@@ -3,7 +3,7 @@
 //! Goals of one map are no independent draws: what makes a map hard makes all its goals hard. So maps are resampled, not goals, and
 //! with several models of different training seeds the models as well.
 
-use super::config::MapName;
+use super::maps::MapName;
 use super::unit::Unit;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};

@@ -2,20 +2,26 @@
 //!
 //! An evaluation is a list of [units](mod@unit), one for each map and seed, which can be saved and resumed. A [`report`]
 //! summarises them. [`suite`] runs the rows of the paper's table, [`living`] scenes in which things move, [`variants`] many graphs on one
-//! split, [`ablation`] what each of our choices adds. [`intervals`] tells how sure all of that is.
+//! split, [`ablation`] what each of our choices adds, [`conditions`] success while one thing is varied. [`intervals`] tells how sure all of that
+//! is, and a [`record`] keeps the attempts for those who check it.
 
 pub mod ablation;
+pub mod conditions;
 mod config;
 pub mod intervals;
 pub mod living;
+mod maps;
 mod reachable;
+pub mod record;
 pub mod report;
 mod run;
+mod site;
 pub mod suite;
 pub mod unit;
 pub mod variants;
 
-pub use config::{EvalConfig, EvalError, EvalMap, MapName, Method, Price};
+pub use config::{EvalConfig, EvalError, Method, Price};
 pub use intervals::Interval;
+pub use maps::{EvalMap, MapName};
 pub use report::{Calibration, MapReport, Rate, Report, Success};
 pub use run::{evaluate, run_units};

@@ -44,6 +44,12 @@ pub(super) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &
         .collect()
 }
 
+/// Whether start and goal stand on the same ground, on which a walk leads from everywhere to everywhere.
+pub(super) fn is_on_foot(reach: &Reach, goal: &Goal) -> bool {
+    let island = |place: Vec3| reach.ground.at(place).map(|cell| cell.island);
+    island(goal.start).is_some_and(|start| island(goal.goal) == Some(start))
+}
+
 /// Islands, followed by places off the grid, and where each leads to.
 struct Nodes<'a> {
     terrain: &'a Terrain<'a>,

@@ -1,7 +1,8 @@
 //! Reports: success rates and mean figures over units.
 
-use super::config::{EvalConfig, EvalMap, MapName};
+use super::config::EvalConfig;
 use super::intervals::Interval;
+use super::maps::{EvalMap, MapName};
 use super::unit::{GraphFigures, Unit};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

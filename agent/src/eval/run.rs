@@ -2,7 +2,8 @@
 
 use super::config::{EvalConfig, EvalError};
 use super::report::{self, Report};
-use super::unit::{self, Unit};
+use super::site;
+use super::unit::Unit;
 use surefoot_policy::Policy;
 
 /// Runs an evaluation and returns its report. `progress` gets the numbers of finished and of all attempts.
@@ -28,7 +29,7 @@ pub fn run_units(
         // Made for the first unit that is not loaded.
         let mut ground = None;
         for &seed in &config.seeds {
-            units.push(unit::load_or_run(policy, config, choice, seed, &mut ground)?);
+            units.push(site::load_or_run(policy, config, choice, seed, &mut ground)?);
             progress(units.len() * config.goals, total);
         }
     }

@@ -1,7 +1,8 @@
 //! The paper's table beside our results.
 
-use super::config::{EvalConfig, EvalError, EvalMap, MapName, Method};
+use super::config::{EvalConfig, EvalError, Method};
 use super::intervals::Interval;
+use super::maps::{EvalMap, MapName};
 use super::report::{self, Rate, Success};
 use super::run::run_units;
 use super::unit::{GraphFigures, Unit};

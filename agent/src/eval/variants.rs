@@ -1,6 +1,7 @@
 //! Many variants on one split: graphs of growing size, or the 1 km map with and without graphs.
 
-use super::config::{EvalConfig, EvalError, MapName, Method};
+use super::config::{EvalConfig, EvalError, Method};
+use super::maps::MapName;
 use super::report::{self, Rate, Report};
 use super::run::run_units;
 use serde::{Deserialize, Serialize};

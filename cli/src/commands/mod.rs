@@ -34,6 +34,16 @@ fn core_count() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
+/// The processors of this machine, for what was measured on it.
+fn machine() -> String {
+    let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = cpu
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"))
+        .map(|rest| rest.trim_start_matches([' ', '\t', ':']));
+    format!("{} x {}", core_count(), model.unwrap_or(std::env::consts::ARCH))
+}
+
 /// Parses seeds such as `5`, `5,7` or `0..4`.
 fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
     let number = |text: &str| text.trim().parse::<u64>().with_context(|| format!("`{text}` is not a seed"));

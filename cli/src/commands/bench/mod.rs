@@ -11,6 +11,7 @@ mod soak;
 mod tiles;
 mod world;
 
+use super::machine;
 use crate::terminal::print_json;
 use serde::Serialize;
 use std::time::Instant;
@@ -150,15 +151,6 @@ fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
         anyhow::bail!("targets missed: {}", missed.join(", "));
     }
     Ok(())
-}
-
-fn machine() -> String {
-    let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = cpu
-        .lines()
-        .find_map(|line| line.strip_prefix("model name"))
-        .map(|rest| rest.trim_start_matches([' ', '\t', ':']));
-    format!("{} x {}", super::core_count(), model.unwrap_or(std::env::consts::ARCH))
 }
 
 /// A number of a process in `/proc/PID/status`, in the unit of that file; `pid` may be `self`. `None` if the system does not report it.

@@ -1,0 +1,220 @@
+//! Records: the attempts behind a table, one line for each unit, kept so that anyone can derive the table from them again and make parts of
+//! them again.
+
+use super::unit::{Batch, Unit};
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::sync::{Mutex, MutexGuard};
+use surefoot_policy::Policy;
+use surefoot_rollout::Attempt;
+use surefoot_world::End;
+
+/// Most bytes that a record may have when it is unpacked.
+const MAX_BYTES: u64 = 4 << 30;
+/// Probability under which a difference as large as the one seen is no longer put down to chance.
+const SIGNIFICANT: f64 = 0.01;
+
+/// A unit with the key of everything that determines its result.
+#[derive(Serialize, Deserialize)]
+struct Line {
+    key: String,
+    unit: Unit,
+}
+
+/// The units of a table: written while it is made, or read to check it.
+#[derive(Debug, Default)]
+pub struct Record {
+    units: Mutex<BTreeMap<String, Unit>>,
+    /// Share of batches to make again, and the seed of the choice; `None` while a table is made.
+    sample: Option<(f64, u64)>,
+    comparison: Mutex<Comparison>,
+    models: Mutex<BTreeSet<Model>>,
+}
+
+/// A model that a table was made with.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Model {
+    /// Name.
+    pub name: String,
+    /// Hash of the weights.
+    pub weights: String,
+}
+
+/// Attempts that were made again, beside those on record.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// Number of units that the table is made of.
+    pub units: usize,
+    /// Number of batches that were made again.
+    pub batches: usize,
+    /// Number of their attempts.
+    pub attempts: usize,
+    /// Attempts that went exactly as on record, in every field.
+    pub identical: usize,
+    /// Attempts that succeeded on record and failed now.
+    pub lost: usize,
+    /// Attempts that failed on record and succeeded now.
+    pub gained: usize,
+}
+
+impl Comparison {
+    /// Probability of a difference in success as large as this one or larger, if either outcome of attempts that differ was equally likely
+    /// (the exact test of McNemar).
+    pub fn chance(&self) -> f64 {
+        let (few, n) = (self.lost.min(self.gained), self.lost + self.gained);
+        // Sum of the binomial coefficients up to `few`, over 2^n.
+        let mut term = 0.5f64.powi(n as i32);
+        let mut sum = 0.0;
+        for idx in 0..=few {
+            sum += term;
+            term *= (n - idx) as f64 / (idx + 1) as f64;
+        }
+        (2.0 * sum).min(1.0)
+    }
+
+    /// Whether what was made again agrees with the record: the same attempts, or others by chance, as on a processor that rounds otherwise.
+    pub fn agrees(&self) -> bool {
+        self.chance() >= SIGNIFICANT
+    }
+
+    fn add(&mut self, recorded: &[Attempt], again: &[Attempt]) {
+        self.batches += 1;
+        for (recorded, again) in recorded.iter().zip(again) {
+            let [was, is] = [recorded, again].map(|it| it.end == End::Reached);
+            self.attempts += 1;
+            self.identical += usize::from(recorded == again);
+            self.lost += usize::from(was && !is);
+            self.gained += usize::from(is && !was);
+        }
+    }
+}
+
+/// Why a record cannot be read, or does not hold what a table is made of.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The file is not a record.
+    #[error("the record of attempts is damaged at line {line}")]
+    Damaged {
+        /// Number of the line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The table is made of a unit that is not on record.
+    #[error(
+        "the record has no unit {0}: other weights, maps, settings or a builder of another version made this table"
+    )]
+    Missing(String),
+}
+
+impl Record {
+    /// A record that gets the units of a table.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Reads a record to check it: `share` of its batches (0 to 1), chosen with `seed`, are made again.
+    ///
+    /// # Errors
+    /// If `file` is no record.
+    pub fn read(file: impl Read, share: f64, seed: u64) -> Result<Self, RecordError> {
+        let mut units = BTreeMap::new();
+        let lines = BufReader::new(GzDecoder::new(file).take(MAX_BYTES)).lines();
+        for (idx, line) in lines.enumerate() {
+            let damaged = |source| RecordError::Damaged { line: idx + 1, source };
+            let Line { key, unit } = serde_json::from_str(&line.map_err(damaged)?).map_err(|it| damaged(it.into()))?;
+            units.insert(key, unit);
+        }
+        Ok(Self { units: Mutex::new(units), sample: Some((share, seed)), ..Self::default() })
+    }
+
+    /// Writes all units, in the order of their keys.
+    ///
+    /// # Errors
+    /// If `file` cannot be written.
+    pub fn write(&self, file: impl Write) -> std::io::Result<()> {
+        let mut packed = GzEncoder::new(file, Compression::best());
+        for (key, unit) in self.units().iter() {
+            serde_json::to_writer(&mut packed, &Line { key: key.clone(), unit: unit.clone() })?;
+            packed.write_all(b"\n")?;
+        }
+        packed.finish()?.flush()
+    }
+
+    /// What was made again so far.
+    pub fn comparison(&self) -> Comparison {
+        self.comparison.lock().expect("nobody panics with it").clone()
+    }
+
+    /// Number of units.
+    pub fn len(&self) -> usize {
+        self.units().len()
+    }
+
+    /// Whether there are no units.
+    pub fn is_empty(&self) -> bool {
+        self.units().is_empty()
+    }
+
+    /// Whether tables are derived from this record instead of being made.
+    pub(super) fn is_checked(&self) -> bool {
+        self.sample.is_some()
+    }
+
+    /// The models that units were added of, in the order of their names.
+    pub fn models(&self) -> Vec<Model> {
+        self.models.lock().expect("nobody panics with it").iter().cloned().collect()
+    }
+
+    pub(super) fn add(&self, policy: &Policy, key: &str, unit: &Unit) {
+        let model = Model { name: policy.manifest().name.clone(), weights: policy.weights_hash().to_owned() };
+        self.models.lock().expect("nobody panics with it").insert(model);
+        self.units().insert(key.to_owned(), unit.clone());
+    }
+
+    /// The unit on record, and which of its batches are to be made again.
+    pub(super) fn look_up(&self, key: &str) -> Result<(Unit, Vec<Batch>), RecordError> {
+        let unit = self.units().get(key).cloned().ok_or_else(|| RecordError::Missing(key.to_owned()))?;
+        let (share, seed) = self.sample.unwrap_or_default();
+        let hash = blake3::hash(format!("{seed} {key}").as_bytes());
+        let mut rng = ChaCha8Rng::from_seed(*hash.as_bytes());
+        let batches = Batch::all(unit.attempts.len()).filter(|_| rng.random_bool(share)).collect();
+        self.comparison.lock().expect("nobody panics with it").units += 1;
+        Ok((unit, batches))
+    }
+
+    /// Compares a batch that was made again with the same one of a unit on record.
+    pub(super) fn compare(&self, unit: &Unit, batch: Batch, again: &[Attempt]) {
+        let recorded: Vec<Attempt> = batch.indices(unit.attempts.len()).map(|idx| unit.attempts[idx]).collect();
+        // Through the same text as those on record.
+        let text = serde_json::to_vec(again).expect("attempts are plain data");
+        let again: Vec<Attempt> = serde_json::from_slice(&text).expect("it was written as such");
+        self.comparison.lock().expect("nobody panics with it").add(&recorded, &again);
+    }
+
+    fn units(&self) -> MutexGuard<'_, BTreeMap<String, Unit>> {
+        self.units.lock().expect("nobody panics with it")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_counts_when_it_is_more_than_chance() {
+        let of = |lost, gained| Comparison { lost, gained, ..Comparison::default() };
+        assert!((of(0, 0).chance() - 1.0).abs() < 1.0e-12);
+        // Two-sided: 2 * (1 + 10) / 2^10.
+        assert!((of(1, 9).chance() - 22.0 / 1024.0).abs() < 1.0e-12);
+        assert!((of(9, 1).chance() - of(1, 9).chance()).abs() < 1.0e-12);
+        assert!(of(40, 45).agrees() && !of(60, 20).agrees() && !of(9, 0).agrees());
+    }
+}

@@ -1,0 +1,260 @@
+//! Runs units: surveys a map, builds its graph, and attempts all goals.
+
+use super::config::{EvalConfig, EvalError, Method, Price};
+use super::maps::{EvalMap, MapName};
+use super::reachable::{Terrain, is_on_foot, reachable};
+use super::unit::{Batch, GraphFigures, Unit};
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::settings::BUILDER_VERSION;
+use surefoot_planner::{BuildSettings, BuildStats, Built, Progress, Router};
+use surefoot_policy::Policy;
+use surefoot_policy::checkpoint::write_atomically;
+use surefoot_rollout::ProbeContext;
+use surefoot_rollout::attempts::Figures;
+use surefoot_rollout::graphs::build;
+use surefoot_rollout::{Attempt, Goal, Rollout};
+use surefoot_world::reach::Reach;
+use surefoot_world::{End, Map, TaskConfig, navigable};
+
+/// Number of navigable points that the goals of one map are drawn from.
+const POINTS_PER_MAP: usize = 3000;
+/// Version of unit results; incremented when a run would no longer reproduce saved units.
+const VERSION: u32 = 7;
+
+/// A map, what a character can reach on it, and the graphs of it that were built so far.
+pub struct Surveyed {
+    map: Arc<Map>,
+    reach: Reach,
+    /// By everything that determines them.
+    graphs: HashMap<String, Built>,
+}
+
+impl Surveyed {
+    /// The graph of this map with these settings; built for the first unit that needs it.
+    fn graph(&mut self, policy: &Policy, config: &EvalConfig, settings: BuildSettings) -> Result<&Built, EvalError> {
+        let key = format!("{} {} {settings:?}", policy.weights_hash(), policy.senses_transports());
+        Ok(match self.graphs.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(free) => {
+                let context =
+                    ProbeContext { map: self.map.clone(), profile: config.profile.clone(), policy: policy.clone() };
+                free.insert(build(&context, &settings, config.thread_count, &Progress::default())?)
+            }
+        })
+    }
+}
+
+/// Loads a saved unit, or runs and saves it. `surveyed` caches the map between units.
+///
+/// # Errors
+/// As for [`super::evaluate`].
+pub fn load_or_run(
+    policy: &Policy,
+    config: &EvalConfig,
+    choice: &EvalMap,
+    seed: u64,
+    surveyed: &mut Option<Surveyed>,
+) -> Result<Unit, EvalError> {
+    let key = key(policy, config, choice, seed);
+    if let Some(record) = config.record.as_deref().filter(|record| record.is_checked()) {
+        let (unit, batches) = record.look_up(&key)?;
+        if !batches.is_empty() {
+            let site = Site::new(policy, config, choice, survey(surveyed, config, choice), seed)?;
+            let again = site.attempt(&batches);
+            for (batch, (attempts, _)) in batches.into_iter().zip(again) {
+                record.compare(&unit, batch, &attempts);
+            }
+        }
+        return Ok(unit);
+    }
+    let path = config.keep_in.as_ref().map(|folder| folder.join(format!("{key}.json")));
+    let unit = match path.as_deref().and_then(|path| load(path, config.goals)) {
+        Some(unit) => unit,
+        None => {
+            let unit = Site::new(policy, config, choice, survey(surveyed, config, choice), seed)?.run();
+            if let Some(path) = &path {
+                save(path, &unit)?;
+            }
+            unit
+        }
+    };
+    if let Some(record) = &config.record {
+        record.add(policy, &key, &unit);
+    }
+    Ok(unit)
+}
+
+fn survey<'s>(surveyed: &'s mut Option<Surveyed>, config: &EvalConfig, choice: &EvalMap) -> &'s mut Surveyed {
+    surveyed.get_or_insert_with(|| {
+        let map = choice.load();
+        let reach = Reach::survey_far(&map, &config.profile, config.thread_count);
+        Surveyed { map, reach, graphs: HashMap::new() }
+    })
+}
+
+fn save(path: &Path, unit: &Unit) -> Result<(), EvalError> {
+    let bytes = serde_json::to_vec(unit).expect("a unit is plain data");
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)
+        .and_then(|()| write_atomically(path, &bytes).map_err(std::io::Error::other))
+        .map_err(|source| EvalError::Io { path: path.to_owned(), source })
+}
+
+/// File name of a unit, which depends on everything that determines its result.
+fn key(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> String {
+    let EvalConfig { goals, method, distance, noise_share, rehearses, follow, price, profile, .. } = config;
+    let map = choice.identity();
+    let text = format!(
+        "{VERSION} {} {} {map} {seed} {goals} {method:?} {distance:?} {noise_share} {rehearses} {follow:?} {price:?} {:?} {:?}{}",
+        policy.weights_hash(),
+        policy.senses_transports(),
+        TaskConfig::default(),
+        profile,
+        if *method == Method::Policy { String::new() } else { format!(" {BUILDER_VERSION}") },
+    );
+    format!("{}-{}-{seed}-{}", method.name(), choice.seed(), &blake3::hash(text.as_bytes()).to_hex()[..16])
+}
+
+/// Loads a unit; `None` if it is missing, damaged or incomplete.
+fn load(path: &Path, goal_count: usize) -> Option<Unit> {
+    let unit: Unit = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    (unit.attempts.len() == goal_count && unit.distances.len() == goal_count).then_some(unit)
+}
+
+/// Everything that the attempts of a unit need.
+struct Site<'a> {
+    policy: &'a Policy,
+    config: &'a EvalConfig,
+    name: MapName,
+    map: &'a Arc<Map>,
+    reach: &'a Reach,
+    router: Option<(Router, BuildStats)>,
+    goals: Vec<Goal>,
+    seed: u64,
+}
+
+impl<'a> Site<'a> {
+    fn new(
+        policy: &'a Policy,
+        config: &'a EvalConfig,
+        choice: &EvalMap,
+        surveyed: &'a mut Surveyed,
+        seed: u64,
+    ) -> Result<Self, EvalError> {
+        let goals = draw_goals(&surveyed.map, config, choice, seed)?;
+        let built = match config.method {
+            Method::Policy => None,
+            Method::Graph(settings) => Some(surveyed.graph(policy, config, settings.with_seed(seed))?),
+        };
+        let router = built.map(|built| {
+            let graph = match config.price {
+                Price::Risk => built.graph.clone(),
+                Price::Steps => built.graph.priced_by_steps(),
+            };
+            (Router::new(graph, DEFAULT_TABLE_LIMIT, config.thread_count), built.stats)
+        });
+        let Surveyed { map, reach, .. } = surveyed;
+        Ok(Self { policy, config, name: choice.name(), map, reach, router, goals, seed })
+    }
+
+    fn router(&self) -> Option<&Router> {
+        self.router.as_ref().map(|(router, _)| router)
+    }
+
+    fn run(&self) -> Unit {
+        let started = Instant::now();
+        let terrain = Terrain { map: self.map, profile: &self.config.profile, reach: self.reach };
+        let mut reachable = reachable(&terrain, self.router(), &self.goals);
+        let batches: Vec<Batch> = Batch::all(self.goals.len()).collect();
+        let results = self.attempt(&batches);
+        let mut attempts: Vec<Option<Attempt>> = vec![None; self.goals.len()];
+        let mut all = Figures::default();
+        for (batch, (of_batch, figures)) in batches.into_iter().zip(results) {
+            for (idx, attempt) in batch.indices(self.goals.len()).zip(of_batch) {
+                attempts[idx] = Some(attempt);
+            }
+            all.search_us.extend(figures.search_us);
+            all.motion.add(&figures.motion);
+        }
+        let attempts: Vec<Attempt> = attempts.into_iter().flatten().collect();
+        // A goal that was reached can be reached, whatever the survey says.
+        for (reachable, attempt) in reachable.iter_mut().zip(&attempts) {
+            *reachable |= attempt.end == End::Reached;
+        }
+        let eval_s = started.elapsed().as_secs_f64();
+        all.search_us.sort_unstable_by(f64::total_cmp);
+        let graph = self.router.as_ref().map(|(router, stats)| GraphFigures {
+            vertices: router.graph().vertex_count() as f64,
+            edges: router.graph().edge_count() as f64,
+            islands: f64::from(router.graph().island_count()),
+            connected: router.graph().connected_share(),
+            build_s: stats.seconds,
+            probes: stats.probes as f64,
+            candidates: stats.candidates as f64,
+            search_us_median: all.search_us[all.search_us.len() / 2],
+            eval_s,
+        });
+        Unit {
+            map: self.name.clone(),
+            seed: self.seed,
+            distances: self.goals.iter().map(Goal::distance).collect(),
+            reachable,
+            on_foot: self.goals.iter().map(|goal| is_on_foot(self.reach, goal)).collect(),
+            attempts,
+            motion: all.motion,
+            graph,
+        }
+    }
+
+    /// Attempts the goals of these batches, distributed over threads, and returns the results in the order of the batches.
+    fn attempt(&self, batches: &[Batch]) -> Vec<(Vec<Attempt>, Figures)> {
+        let next = AtomicUsize::new(0);
+        let results = Mutex::new(Vec::from_iter(batches.iter().map(|_| None)));
+        std::thread::scope(|scope| {
+            for _ in 0..self.config.thread_count.max(1) {
+                scope.spawn(|| {
+                    loop {
+                        let idx = next.fetch_add(1, Ordering::Relaxed);
+                        let Some(&batch) = batches.get(idx) else { return };
+                        let result = self.attempt_batch(batch);
+                        results.lock().expect("no rollout panics")[idx] = Some(result);
+                    }
+                });
+            }
+        });
+        results.into_inner().expect("no rollout panics").into_iter().flatten().collect()
+    }
+
+    fn attempt_batch(&self, batch: Batch) -> (Vec<Attempt>, Figures) {
+        let config = self.config;
+        let goals: Vec<Goal> = batch.indices(self.goals.len()).map(|idx| self.goals[idx]).collect();
+        let mut rollout = Rollout::new(self.map.clone(), config.profile.clone(), TaskConfig::default());
+        rollout.noise_share = config.noise_share;
+        (rollout.rehearses, rollout.follow) = (config.rehearses, config.follow);
+        rollout.seed = self.seed.wrapping_mul(1_000_003).wrapping_add(batch.idx() as u64);
+        let mut figures = Figures::default();
+        let attempts = rollout.measure(self.policy, self.router(), &goals, &mut figures);
+        (attempts, figures)
+    }
+}
+
+fn draw_goals(map: &Map, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Result<Vec<Goal>, EvalError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(choice.seed());
+    rng.set_stream(1000 + seed);
+    let points = navigable::sample_many(map, &config.profile, POINTS_PER_MAP, &mut rng)?;
+    let mut goals = Goal::draw(&points, config.distance.clone(), config.goals, &mut rng);
+    if goals.len() < config.goals {
+        return Err(EvalError::NoGoals(choice.name()));
+    }
+    goals.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
+    Ok(goals)
+}
