@@ -5,12 +5,13 @@
 // Each level is a seed of a generated map or a file. Points are drawn on the NavMesh by area, always the same ones; a pair counts as
 // connected if Detour finds a path that ends on the goal's polygon.
 
-import { execFileSync } from 'node:child_process'
 import { mkdtempSync, readFileSync, rmSync } from 'node:fs'
 import { tmpdir } from 'node:os'
 import { basename, join } from 'node:path'
 import { init, NavMeshQuery, setRandomSeed } from '@recast-navigation/core'
 import { generateSoloNavMesh } from '@recast-navigation/generators'
+import { ground } from './level.mjs'
+import { provedLinks, runner } from './surefoot.mjs'
 
 const PAIRS = 1000
 const CELL_M = 0.25
@@ -25,7 +26,7 @@ if (surefoot === undefined || levels.length === 0) {
 
 const folder = mkdtempSync(join(tmpdir(), 'contest-'))
 process.on('exit', () => rmSync(folder, { recursive: true }))
-const run = (...args) => execFileSync(surefoot, args, { encoding: 'utf8', maxBuffer: 1 << 30, stdio: ['ignore', 'pipe', 'ignore'] })
+const run = runner(surefoot)
 
 /** The solid triangles of a map, the links that its NavMesh needs, and all links of its graph. */
 function describe(level) {
@@ -36,41 +37,8 @@ function describe(level) {
   }
   const glb = join(folder, 'level.glb')
   run('map', 'export', map, '--out', glb)
-  const links = (...options) => offMesh(JSON.parse(run('graph', 'export', map, '--format', 'detour', ...options)))
+  const links = (...options) => provedLinks(JSON.parse(run('graph', 'export', map, '--format', 'detour', ...options)), CELL_M)
   return { ...ground(readFileSync(glb)), needed: links(), all: links('--all-links') }
-}
-
-/** Positions and indices of the mesh `ground`. */
-function ground(file) {
-  const jsonLength = file.readUInt32LE(12)
-  const gltf = JSON.parse(file.subarray(20, 20 + jsonLength).toString('utf8'))
-  const binary = file.subarray(20 + jsonLength + 8)
-  const [primitive] = gltf.meshes[gltf.nodes.find(({ name }) => name === 'ground').mesh].primitives
-  const read = (at, Type, width) => {
-    const accessor = gltf.accessors[at]
-    const view = gltf.bufferViews[accessor.bufferView]
-    const begin = binary.byteOffset + (view.byteOffset ?? 0) + (accessor.byteOffset ?? 0)
-    // A copy: the offset need not be a multiple of four.
-    return new Type(binary.buffer.slice(begin, begin + accessor.count * width * 4))
-  }
-  return {
-    positions: read(primitive.attributes.POSITION, Float32Array, 3),
-    indices: read(primitive.indices, Uint32Array, 1),
-  }
-}
-
-function offMesh(links) {
-  const point = (at) => {
-    const [x, y, z] = links.offMeshConVerts.slice(at, at + 3)
-    return { x, y, z }
-  }
-  return links.offMeshConRad.map((radius, link) => ({
-    startPosition: point(6 * link),
-    endPosition: point(6 * link + 3),
-    // Detour connects an end to ground within its radius.
-    radius: Math.max(radius, 4 * CELL_M),
-    bidirectional: links.offMeshConDir[link] === 1,
-  }))
 }
 
 function navMesh({ positions, indices }, offMeshConnections) {

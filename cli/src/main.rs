@@ -11,7 +11,7 @@ mod signals;
 mod terminal;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use commands::{bench, eval, export, graph, health, licenses, map, services, top, train, up};
+use commands::{bench, challenge, eval, export, graph, health, licenses, map, services, top, train, up};
 
 /// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
 #[derive(Parser)]
@@ -37,6 +37,9 @@ enum Command {
     Train(train::Args),
     /// Measure success on maps by the paper's protocol.
     Eval(eval::Args),
+    /// Compare agents and planners of any origin on the same goals.
+    #[command(subcommand)]
+    Challenge(challenge::Command),
     /// Write a model as ONNX or safetensors.
     Export(export::ExportArgs),
     /// Make a model from a safetensors file.
@@ -84,6 +87,7 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Work(args) => services::run_worker(&args),
         Command::Train(args) => train::run(args),
         Command::Eval(args) => eval::run(&args),
+        Command::Challenge(command) => challenge::run(&command),
         Command::Export(args) => export::export(&args),
         Command::Import(args) => export::import(&args),
         Command::Graph(command) => graph::run(&command),

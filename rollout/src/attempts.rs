@@ -13,7 +13,7 @@ use std::time::Instant;
 use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::{Router, Traffic};
 use surefoot_policy::Policy;
-use surefoot_world::{CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
+use surefoot_world::{Action, CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
 
 /// Most NPCs of one batch.
 const BATCH: usize = 256;
@@ -73,6 +73,17 @@ pub struct Figures {
 /// Positions of the feet of one NPC, m: the start, then the position after each decision.
 pub type Track = Vec<Vec3>;
 
+/// An attempt, and what the NPC did in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Played {
+    /// Result of the attempt.
+    pub attempt: Attempt,
+    /// Where the NPC was.
+    pub track: Track,
+    /// What it did, decision by decision.
+    pub actions: Vec<Action>,
+}
+
 impl Rollout {
     /// Prepares attempts on `map` with the default noise; attempts end early at the patience of `task`.
     pub fn new(map: Arc<Map>, profile: CharacterProfile, task: TaskConfig) -> Self {
@@ -101,7 +112,8 @@ impl Rollout {
         goals: &[Goal],
         figures: &mut Figures,
     ) -> Vec<Attempt> {
-        goals.chunks(BATCH).flat_map(|chunk| self.run_batch(policy, router, chunk, figures, &mut |_, _| {}).0).collect()
+        let run = |chunk| self.run_batch(policy, router, chunk, figures, &mut |_, _| {});
+        goals.chunks(BATCH).flat_map(run).map(|played| played.attempt).collect()
     }
 
     /// Runs all attempts together, following plans of `router`, in a world that `stir` changes before each decision, of which it gets the
@@ -113,16 +125,13 @@ impl Rollout {
         goals: &[Goal],
         mut stir: impl FnMut(&mut World, u32),
     ) -> Vec<Attempt> {
-        self.run_batch(policy, Some(router), goals, &mut Figures::default(), &mut stir).0
+        let played = self.run_batch(policy, Some(router), goals, &mut Figures::default(), &mut stir);
+        played.into_iter().map(|played| played.attempt).collect()
     }
 
-    /// Same as [`run`](Self::run), but following plans of `router`, and returns the track of each attempt.
-    pub fn track_by_plan(&self, policy: &Policy, router: &Router, goals: &[Goal]) -> Vec<(Attempt, Track)> {
-        let run = |chunk| {
-            let (attempts, tracks) =
-                self.run_batch(policy, Some(router), chunk, &mut Figures::default(), &mut |_, _| {});
-            attempts.into_iter().zip(tracks)
-        };
+    /// Same as [`measure`](Self::measure), but returns what the NPCs did besides.
+    pub fn play(&self, policy: &Policy, router: Option<&Router>, goals: &[Goal]) -> Vec<Played> {
+        let run = |chunk| self.run_batch(policy, router, chunk, &mut Figures::default(), &mut |_, _| {});
         goals.chunks(BATCH).flat_map(run).collect()
     }
 
@@ -133,7 +142,7 @@ impl Rollout {
         goals: &[Goal],
         Figures { search_us, motion }: &mut Figures,
         stir: &mut dyn FnMut(&mut World, u32),
-    ) -> (Vec<Attempt>, Vec<Track>) {
+    ) -> Vec<Played> {
         let config = WorldConfig::new(self.profile.clone(), self.task.clone(), self.solid);
         let mut worlds = [World::with_config(self.map.clone(), config)];
         stir(&mut worlds[0], 0);
@@ -177,14 +186,15 @@ impl Rollout {
             lanes.iter_mut().for_each(|lane| lane.style = walkers[lane.slot.0 as usize].style());
             let noise = lanes.iter().flat_map(|lane| walkers[lane.slot.0 as usize].noise.draw(lane.style)).collect();
             let mut stage = Stage { worlds: &mut worlds, lanes: &lanes };
-            let closed = decisions.decide(&mut stage, policy, Noise::Rows(noise));
-            for (lane, outcome) in lanes.iter().zip(closed) {
+            let closed = decisions.decide(&mut stage, policy, Noise::Rows(noise)).to_vec();
+            for ((lane, outcome), action) in lanes.iter().zip(closed).zip(decisions.actions()) {
                 let walker = &mut walkers[lane.slot.0 as usize];
+                walker.actions.push(*action);
                 walker.note_motion(&worlds[0], motion);
-                self.settle(&mut worlds[0], walker, guide.as_mut(), *outcome);
+                self.settle(&mut worlds[0], walker, guide.as_mut(), outcome);
             }
         }
-        walkers.into_iter().map(Walker::finish).unzip()
+        walkers.into_iter().map(Walker::finish).collect()
     }
 
     /// Processes one decision of one NPC.
@@ -210,6 +220,7 @@ struct Walker {
     rehearses_next: bool,
     ghost: Option<Ghost>,
     track: Track,
+    actions: Vec<Action>,
     trace: Trace,
     end: Option<End>,
 }
@@ -230,6 +241,7 @@ impl Walker {
             rehearses_next: false,
             ghost: None,
             track,
+            actions: Vec::new(),
             trace,
             end: None,
         }
@@ -259,7 +271,7 @@ impl Walker {
         self.end.is_none()
     }
 
-    fn finish(self) -> (Attempt, Track) {
+    fn finish(self) -> Played {
         let end = self.end.expect("every attempt ends");
         let failed = self.follower.as_ref().filter(|_| end != End::Reached);
         let attempt = Attempt {
@@ -272,7 +284,7 @@ impl Walker {
             length: self.track.windows(2).fold(0.0, |length, step| length + step[0].distance(step[1])),
             fault: failed.map(|follower| follower.fault(end.is_harm())),
         };
-        (attempt, self.track)
+        Played { attempt, track: self.track, actions: self.actions }
     }
 }
 

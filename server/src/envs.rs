@@ -6,9 +6,9 @@ use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::{Made, MapError, MapPool, SharedMap};
 use surefoot_net::memory::{MemoryError, Reservation};
 use surefoot_net::serving::Caller;
-use surefoot_rollout::env::{Ended, Env};
+use surefoot_rollout::env::{Ended, Env, Episodes};
 use surefoot_world::navigable::NoGround;
-use surefoot_world::{Action, CharacterProfile, Seed};
+use surefoot_world::{Action, CharacterProfile};
 
 /// An environment that was unused for this long is removed when another is created.
 const IDLE_LIMIT: Duration = Duration::from_secs(600);
@@ -65,14 +65,10 @@ pub struct EnvSettings {
     pub source: Made,
     /// Body of the NPCs.
     pub body: CharacterProfile,
-    /// Number of NPCs.
-    pub npc_count: usize,
-    /// Whether they get in each other's way and see each other.
+    /// Whether the NPCs get in each other's way and see each other.
     pub solid_npcs: bool,
-    /// Least and greatest distance of goals, m.
-    pub goal_band: (f32, f32),
-    /// Seed of starts and goals.
-    pub seed: Seed,
+    /// The NPCs' episodes.
+    pub episodes: Episodes,
 }
 
 /// Result of a step.
@@ -155,12 +151,11 @@ impl Envs {
     /// If there are too many, or its map cannot be made.
     pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
         let reserved = self.reserve()?;
-        let EnvSettings { source, body, npc_count, solid_npcs, goal_band, seed } = settings;
-        let memory = self.maps.memory().reserve(&caller.name, npc_count as u64 * NPC_BYTES)?;
+        let EnvSettings { source, body, solid_npcs, episodes } = settings;
+        let memory = self.maps.memory().reserve(&caller.name, episodes.npc_count() as u64 * NPC_BYTES)?;
         let shared = self.maps.get(&caller.name, &source).await?;
         let map = shared.map().clone();
-        let npcs = (npc_count, solid_npcs);
-        let env = tokio::task::spawn_blocking(move || Env::new(map, body, npcs, goal_band, seed.0)).await??;
+        let env = tokio::task::spawn_blocking(move || Env::new(map, body, solid_npcs, episodes)).await??;
         let observations = env.observations().to_vec();
         let kept = Kept {
             env: Mutex::new(env),

@@ -19,13 +19,14 @@ use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
-use surefoot_rollout::env::actions_of;
+use surefoot_rollout::Goal;
+use surefoot_rollout::env::{Episodes, actions_of};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{OBSERVATION_VERSION, Seen, Sight, observation_len};
 use surefoot_world::{
-    Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds, Seed, Tick,
+    Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds, Tick,
     Vec3,
 };
 use tonic::Status;
@@ -42,6 +43,8 @@ const MAX_NAME: usize = 64;
 const MAX_WAYPOINTS: usize = 4096;
 /// Most NPCs of one environment, whose observations must fit into one message.
 const MAX_ENV_NPCS: f64 = 4096.0;
+/// Greatest heading, rad: a full turn.
+const MAX_YAW: f64 = std::f64::consts::TAU;
 /// Greatest distance of goals in an environment, m: across the largest map.
 const MAX_GOAL_M: f64 = 1500.0;
 
@@ -181,15 +184,33 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
 /// If a number is out of range.
 pub fn env_settings(request: &wire::CreateEnvRequest, source: Made) -> Result<EnvSettings, FieldError> {
     let body = convert::body(request.body.as_ref())?;
+    let episodes = if request.goals.is_empty() { endless(request)? } else { Episodes::Once(env_goals(&request.goals)?) };
+    Ok(EnvSettings { source, body, solid_npcs: request.solid_npcs, episodes })
+}
+
+/// Reads endless episodes with goals at random.
+fn endless(request: &wire::CreateEnvRequest) -> Result<Episodes, FieldError> {
     let npc_count = convert::in_range(f64::from(request.npc_count), 1.0, MAX_ENV_NPCS, "npc_count")? as usize;
     let nearest = convert::in_range(f64::from(request.goal_min_m), 0.0, MAX_GOAL_M, "goal_min_m")?;
     let farthest = match request.goal_max_m {
         0.0 => MAX_GOAL_M,
         farthest => convert::in_range(f64::from(farthest), nearest, MAX_GOAL_M, "goal_max_m")?,
     };
-    let goal_band = (nearest as f32, farthest as f32);
-    let solid_npcs = request.solid_npcs;
-    Ok(EnvSettings { source, body, npc_count, solid_npcs, goal_band, seed: Seed(request.seed) })
+    Ok(Episodes::Endless { npc_count, band: (nearest as f32, farthest as f32), seed: request.seed })
+}
+
+/// Reads episodes with given starts and goals.
+fn env_goals(goals: &[wire::EnvGoal]) -> Result<Vec<Goal>, FieldError> {
+    convert::in_range(goals.len() as f64, 1.0, MAX_ENV_NPCS, "goals")?;
+    let goal = |it: &wire::EnvGoal| {
+        let yaw = convert::in_range(f64::from(it.yaw), -MAX_YAW, MAX_YAW, "goals.yaw")? as f32;
+        Ok(Goal {
+            start: convert::point(it.start.as_ref(), "goals.start")?,
+            yaw,
+            goal: convert::point(it.goal.as_ref(), "goals.goal")?,
+        })
+    };
+    goals.iter().map(goal).collect()
 }
 
 /// Reads the actions of an environment's NPCs.

@@ -76,6 +76,7 @@ const KNOW_THE_WIRE: [&str; 23] = [
     "agent/src/work/session.rs",
     "agent/src/work/world.rs",
     "agent/src/work/graph.rs",
+    "agent/src/challenge/host.rs",
     "agent/src/crowd.rs",
     "cli/src/commands/up.rs",
     "cli/src/commands/top.rs",

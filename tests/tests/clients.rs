@@ -6,7 +6,7 @@ use e2e::{
 };
 use std::time::Duration;
 use surefoot_planner_service::PlannerConfig;
-use surefoot_proto::convert::pack;
+use surefoot_proto::convert::{pack, unpack};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
@@ -223,6 +223,48 @@ async fn worlds_outlive_the_server() {
     .await;
     assert!(client.get_npc(wire::GetNpcRequest { npc_id: idler }).await.is_ok());
     worker.stop().await;
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_environment_of_given_goals_has_one_episode_for_each() {
+    let server = start_server(ServerConfig::default());
+    let mut client = EnvServiceClient::connect(server.uri.clone()).await.unwrap();
+    let drawn = wire::CreateWorldRequest { map: Some(small_map(20)), ..Default::default() };
+    let mut worlds = WorldServiceClient::connect(server.uri.clone()).await.unwrap();
+    let world_id = worlds.create_world(drawn).await.unwrap().into_inner().world.unwrap().world_id;
+    let request = wire::SampleGroundRequest { world_id, count: 2, ..Default::default() };
+    let points = worlds.sample_ground(request).await.unwrap().into_inner().points;
+    // The first NPC stands where it wants to be, the second one elsewhere.
+    let goal = |start: usize, goal: usize| wire::EnvGoal { start: Some(points[start]), yaw: 1.0, goal: Some(points[goal]) };
+    let request = wire::CreateEnvRequest {
+        map: Some(small_map(20)),
+        goals: vec![goal(0, 0), goal(0, 1)],
+        ..Default::default()
+    };
+    let created = client.create_env(request.clone()).await.unwrap().into_inner();
+    assert_eq!(created.observations.len(), 2 * OBSERVATION_LEN * 4);
+    let mut last = Vec::new();
+    for step in 0..3 {
+        let actions = Some(wire::EnvActions { actions: pack([0.0; 8]) });
+        let step_request = wire::StepEnvRequest { env_id: created.env_id, actions };
+        let results = client.step_env(step_request).await.unwrap().into_inner().results.unwrap();
+        let rewards = unpack(&results.rewards, 2, "rewards").unwrap();
+        let first = results.observations[..OBSERVATION_LEN * 4].to_vec();
+        if step == 0 {
+            assert_eq!(results.ends.len(), 1);
+            assert_eq!((results.ends[0].npc, results.ends[0].outcome()), (0, wire::Outcome::Reached));
+            assert!(rewards[0] > 0.9);
+        } else {
+            assert!(results.ends.is_empty() && rewards[0] == 0.0 && first == last, "it rests");
+        }
+        last = first;
+    }
+    let far = wire::EnvGoal { yaw: f32::NAN, ..goal(0, 1) };
+    for (goals, words) in [(vec![far], "goals.yaw"), (vec![wire::EnvGoal::default()], "goals.start")] {
+        let refusal = client.create_env(wire::CreateEnvRequest { goals, ..request.clone() }).await.unwrap_err();
+        assert!(refusal.code() == Code::InvalidArgument && refusal.message().contains(words), "{refusal}");
+    }
     server.stop().await;
 }
 

@@ -61,7 +61,7 @@ impl EvalMap {
     }
 
     /// The map; a generated one takes a while.
-    pub(super) fn load(&self) -> Arc<Map> {
+    pub(crate) fn load(&self) -> Arc<Map> {
         match self {
             Self::Generated(spec) => Arc::new(Map::generate(spec)),
             Self::Level { map, .. } => map.clone(),

@@ -19,14 +19,14 @@ const THERE_M: f32 = 0.8;
 const CELLS_EACH: usize = 4;
 
 /// A map, and what a character can reach on it.
-pub(super) struct Terrain<'a> {
+pub(crate) struct Terrain<'a> {
     pub map: &'a Map,
     pub profile: &'a CharacterProfile,
     pub reach: &'a Reach,
 }
 
 /// Whether links of the survey, proved edges and leaps beside places off the grid lead from each start to its goal.
-pub(super) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &[Goal]) -> Vec<bool> {
+pub(crate) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &[Goal]) -> Vec<bool> {
     let mut nodes = Nodes::new(terrain);
     if let Some(graph) = router.map(Router::graph) {
         let of_vertex: Vec<u32> = graph.vertices().map(|vertex| nodes.of(graph.position(vertex))).collect();
@@ -45,7 +45,7 @@ pub(super) fn reachable(terrain: &Terrain<'_>, router: Option<&Router>, goals: &
 }
 
 /// Whether start and goal stand on the same ground, on which a walk leads from everywhere to everywhere.
-pub(super) fn is_on_foot(reach: &Reach, goal: &Goal) -> bool {
+pub(crate) fn is_on_foot(reach: &Reach, goal: &Goal) -> bool {
     let island = |place: Vec3| reach.ground.at(place).map(|cell| cell.island);
     island(goal.start).is_some_and(|start| island(goal.goal) == Some(start))
 }

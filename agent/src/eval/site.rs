@@ -8,6 +8,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::Mutex;
@@ -23,7 +24,7 @@ use surefoot_rollout::attempts::Figures;
 use surefoot_rollout::graphs::build;
 use surefoot_rollout::{Attempt, Goal, Rollout};
 use surefoot_world::reach::Reach;
-use surefoot_world::{End, Map, TaskConfig, navigable};
+use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
 /// Number of navigable points that the goals of one map are drawn from.
 const POINTS_PER_MAP: usize = 3000;
@@ -150,7 +151,8 @@ impl<'a> Site<'a> {
         surveyed: &'a mut Surveyed,
         seed: u64,
     ) -> Result<Self, EvalError> {
-        let goals = draw_goals(&surveyed.map, config, choice, seed)?;
+        let EvalConfig { profile, distance, goals, .. } = config;
+        let goals = draw_goals((&surveyed.map, choice), profile, distance, *goals, seed)?;
         let built = match config.method {
             Method::Policy => None,
             Method::Graph(settings) => Some(surveyed.graph(policy, config, settings.with_seed(seed))?),
@@ -217,21 +219,7 @@ impl<'a> Site<'a> {
 
     /// Attempts the goals of these batches, distributed over threads, and returns the results in the order of the batches.
     fn attempt(&self, batches: &[Batch]) -> Vec<(Vec<Attempt>, Figures)> {
-        let next = AtomicUsize::new(0);
-        let results = Mutex::new(Vec::from_iter(batches.iter().map(|_| None)));
-        std::thread::scope(|scope| {
-            for _ in 0..self.config.thread_count.max(1) {
-                scope.spawn(|| {
-                    loop {
-                        let idx = next.fetch_add(1, Ordering::Relaxed);
-                        let Some(&batch) = batches.get(idx) else { return };
-                        let result = self.attempt_batch(batch);
-                        results.lock().expect("no rollout panics")[idx] = Some(result);
-                    }
-                });
-            }
-        });
-        results.into_inner().expect("no rollout panics").into_iter().flatten().collect()
+        map_indices(batches.len(), self.config.thread_count, |idx| self.attempt_batch(batches[idx]))
     }
 
     fn attempt_batch(&self, batch: Batch) -> (Vec<Attempt>, Figures) {
@@ -247,14 +235,46 @@ impl<'a> Site<'a> {
     }
 }
 
-fn draw_goals(map: &Map, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Result<Vec<Goal>, EvalError> {
+/// Goals of a map, the nearest first; the same for the same map, body, distances, number and seed.
+///
+/// # Errors
+/// If the map has no ground for the body, or too few goals at these distances.
+pub fn draw_goals(
+    (map, choice): (&Map, &EvalMap),
+    profile: &CharacterProfile,
+    distance: &Range<f32>,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<Goal>, EvalError> {
     let mut rng = ChaCha8Rng::seed_from_u64(choice.seed());
     rng.set_stream(1000 + seed);
-    let points = navigable::sample_many(map, &config.profile, POINTS_PER_MAP, &mut rng)?;
-    let mut goals = Goal::draw(&points, config.distance.clone(), config.goals, &mut rng);
-    if goals.len() < config.goals {
+    let points = navigable::sample_many(map, profile, POINTS_PER_MAP, &mut rng)?;
+    let mut goals = Goal::draw(&points, distance.clone(), count, &mut rng);
+    if goals.len() < count {
         return Err(EvalError::NoGoals(choice.name()));
     }
     goals.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
     Ok(goals)
+}
+
+/// Calls `map` with every index below `count`, on so many threads, each of which takes the next one when it is done. Returns the results in
+/// order.
+pub fn map_indices<T: Send>(count: usize, thread_count: usize, map: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let results = Mutex::new(Vec::from_iter((0..count).map(|_| None)));
+    std::thread::scope(|scope| {
+        for _ in 0..thread_count.max(1) {
+            scope.spawn(|| {
+                loop {
+                    let idx = next.fetch_add(1, Ordering::Relaxed);
+                    if idx >= count {
+                        return;
+                    }
+                    let result = map(idx);
+                    results.lock().expect("nobody panics with it")[idx] = Some(result);
+                }
+            });
+        }
+    });
+    results.into_inner().expect("nobody panics with it").into_iter().flatten().collect()
 }

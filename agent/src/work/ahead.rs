@@ -14,8 +14,8 @@ use tracing::warn;
 
 /// Longest download of a level.
 const LEVEL_LIMIT: Duration = Duration::from_secs(60);
-/// Share of one core that rehearsals of realtime worlds may take.
-const PACE: f64 = 0.25;
+/// Share of all cores that rehearsals of realtime worlds may take.
+const PACE: f64 = 0.3;
 /// Most seconds of rehearsals that may be saved up.
 const MAX_SAVED_S: f64 = 0.05;
 /// Seconds that a rehearsal takes, at a guess.
@@ -143,13 +143,16 @@ impl Maps {
 /// A bound on time spent: what is saved up at a steady pace may be spent.
 #[derive(Debug)]
 pub(super) struct Pace {
+    /// Seconds that may be spent for each second that passes.
+    rate: f64,
     /// Seconds saved up, and when they were last counted.
     saved: Mutex<(f64, Instant)>,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { saved: Mutex::new((MAX_SAVED_S, Instant::now())) }
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self { rate: PACE * cores as f64, saved: Mutex::new((MAX_SAVED_S, Instant::now())) }
     }
 }
 
@@ -158,7 +161,7 @@ impl Pace {
     pub fn affordable(&self) -> usize {
         let mut saved = self.saved.lock().expect(POISON);
         let now = Instant::now();
-        saved.0 = (saved.0 + PACE * now.duration_since(saved.1).as_secs_f64()).min(MAX_SAVED_S);
+        saved.0 = (saved.0 + self.rate * now.duration_since(saved.1).as_secs_f64()).min(MAX_SAVED_S);
         saved.1 = now;
         (saved.0 / REHEARSAL_S).max(0.0) as usize
     }

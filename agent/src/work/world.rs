@@ -101,8 +101,9 @@ struct Npc {
     /// The policy's memory row for the attempt.
     memory: Vec<f32>,
     noise: NoiseStream,
-    /// Whether what lies ahead is still to be rehearsed.
+    /// Whether what lies ahead is still to be rehearsed, and for how many decisions it has waited for its turn.
     rehearses_next: bool,
+    waited: u32,
     ghost: Option<Ghost>,
     /// Decisions since it lacks a plan.
     unplanned: u32,
@@ -348,6 +349,7 @@ impl WorldTask {
             // Worlds that repeat themselves in lockstep repeat their noise, whatever the ids of their NPCs are.
             noise: NoiseStream::new(self.manner.noise_share, self.seed, tick << 16 | idx as u64 & 0xffff),
             rehearses_next: false,
+            waited: 0,
             ghost: None,
             unplanned: 0,
             next_try: 0,

@@ -1,6 +1,7 @@
 //! One module per subcommand.
 
 pub mod bench;
+pub mod challenge;
 pub mod endpoint;
 pub mod eval;
 pub mod export;
@@ -8,6 +9,7 @@ pub mod graph;
 pub mod health;
 pub mod licenses;
 pub mod map;
+mod processes;
 pub mod services;
 pub mod top;
 pub mod train;

@@ -15,6 +15,8 @@ const MAP_LIMIT: Duration = Duration::from_secs(120);
 const PLAN_DECISIONS: u32 = 3;
 /// The same while the graph is on its way.
 const GRAPH_DECISIONS: u32 = 60;
+/// Decisions for which NPCs of realtime worlds stand still until it is their turn to rehearse.
+const TURN_DECISIONS: u32 = 9;
 /// Decisions after which an NPC that came to harm without a plan, in a rehearsal, tries again.
 const RETRY_DECISIONS: u32 = 12;
 
@@ -77,22 +79,23 @@ impl WorldTask {
                 .get(id)
                 .is_some_and(|npc| npc.rehearses_next && !npc.is_planning && npc.follower.waypoint().is_some())
         };
-        let mut waiting: Vec<(State, u64, Tally)> = states
-            .iter()
-            .filter(|(id, _)| is_due(id))
-            .take(affordable)
-            .map(|&(id, state)| (state, id, Tally::default()))
-            .collect();
-        let turns: BTreeSet<u64> = waiting.iter().map(|&(_, id, _)| id).collect();
+        let mut due: Vec<(u64, State)> = states.iter().filter(|(id, _)| is_due(id)).copied().collect();
+        // Those who have waited longest come first, so that everybody has a turn however many there are.
+        due.sort_by_key(|(id, _)| std::cmp::Reverse(self.npcs[id].waited));
+        due.truncate(affordable);
+        let turns: BTreeSet<u64> = due.iter().map(|(id, _)| *id).collect();
         for (id, state) in states {
             let npc = self.npc(*id);
             if turns.contains(id) {
-                (npc.rehearses_next, npc.holds) = (false, false);
-            } else if npc.rehearses_next && npc.ghost.is_none() && state.body.is_at_rest() {
-                // One that stands still does so until its turn.
-                npc.holds = true;
+                (npc.rehearses_next, npc.holds, npc.waited) = (false, false, 0);
+            } else if npc.rehearses_next && npc.ghost.is_none() {
+                npc.waited = npc.waited.saturating_add(1);
+                // One that stands still does so until its turn, but not for ever: most legs go well without.
+                npc.holds = state.body.is_at_rest() && npc.waited <= TURN_DECISIONS;
             }
         }
+        let mut waiting: Vec<(State, u64, Tally)> =
+            due.into_iter().map(|(id, state)| (state, id, Tally::default())).collect();
         while !waiting.is_empty() {
             let actors: Vec<Actor> = waiting.iter().map(|(state, id, _)| self.npc(*id).actor(state)).collect();
             let Some(rehearsal) = self.rehearsal.take() else { return Ok(()) };

@@ -2,7 +2,8 @@
 //!
 //! The flood runs on the same machine and takes its share of the cores, so ratios are upper bounds.
 
-use super::serve::{Scene, TARGET_P99_MS, connect};
+use super::serve::{Scene, TARGET_P99_MS};
+use crate::commands::processes::connect;
 use super::{Args, Figure};
 use anyhow::Context;
 use std::net::SocketAddr;

@@ -11,7 +11,7 @@ use surefoot_agent::train::Run;
 use surefoot_agent::train::TrainConfig;
 use surefoot_agent::train::replay::Batch;
 use surefoot_policy::{Manifest, Policy};
-use surefoot_rollout::env::Env;
+use surefoot_rollout::env::{Env, Episodes};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
 
@@ -73,13 +73,9 @@ fn train_decisions_per_second() -> anyhow::Result<f64> {
 fn env_steps_per_second(policy: &Policy) -> anyhow::Result<f64> {
     const NPCS: usize = 256;
     const STEPS: usize = 100;
-    let mut env = Env::new(
-        Arc::new(Map::generate(&MapSpec::new(0))),
-        CharacterProfile::default(),
-        (NPCS, false),
-        (0.0, 25.0),
-        0,
-    )?;
+    let map = Arc::new(Map::generate(&MapSpec::new(0)));
+    let episodes = Episodes::Endless { npc_count: NPCS, band: (0.0, 25.0), seed: 0 };
+    let mut env = Env::new(map, CharacterProfile::default(), false, episodes)?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut memory, mut actions) = (vec![0.0; NPCS * policy.memory_len()], Vec::new());
     let mut step = || {

@@ -154,7 +154,7 @@ fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
 }
 
 /// A number of a process in `/proc/PID/status`, in the unit of that file; `pid` may be `self`. `None` if the system does not report it.
-fn process_status(pid: &str, name: &str) -> Option<f64> {
+pub(super) fn process_status(pid: &str, name: &str) -> Option<f64> {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
     line.split_whitespace().next()?.parse().ok()

@@ -2,10 +2,9 @@
 //! stops seeking goals.
 
 use super::{Args, Figure};
+use crate::commands::processes::{Process, connect, free_address, start};
 use anyhow::{Context, bail};
-use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
@@ -16,13 +15,13 @@ use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{self as wire, WatchStatsResponse, WorldStats};
 use surefoot_report::plots;
-use surefoot_rollout::env::{Env, actions_of};
+use surefoot_rollout::env::{Env, Episodes, actions_of};
 use surefoot_server::times::TickTimes;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, Map, MapSpec};
 use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Channel;
 
 /// Number of worlds, on maps that are in none of the splits.
 const WORLDS: u64 = 8;
@@ -47,68 +46,6 @@ const SLOW_READERS: usize = 50;
 /// Number of NPCs and of timed steps of the lockstep figures.
 const ENV_NPCS: usize = 256;
 const ENV_STEPS: usize = 100;
-
-/// A service in its own process, killed on drop.
-pub(super) struct Process(Child);
-
-impl Process {
-    /// Id of the process.
-    pub fn id(&self) -> u32 {
-        self.0.id()
-    }
-
-    /// Resident memory, MiB.
-    pub fn memory_mib(&self) -> anyhow::Result<f64> {
-        let kib = super::process_status(&self.id().to_string(), "VmRSS");
-        Ok(kib.context("the system does not report VmRSS")? / 1024.0)
-    }
-
-    /// Whether the process still runs.
-    pub fn is_running(&mut self) -> bool {
-        matches!(self.0.try_wait(), Ok(None))
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // The process may have ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn start(args: &[&str]) -> anyhow::Result<Process> {
-    let program = std::env::current_exe()?;
-    let child = Command::new(program)
-        .args(args)
-        // Workers warn when the server of a scene stops, which is expected here.
-        .env("RUST_LOG", "error")
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::inherit())
-        .spawn()
-        .with_context(|| format!("cannot start surefoot {}", args[0]))?;
-    Ok(Process(child))
-}
-
-/// An address with a port that was free a moment ago.
-fn free_address() -> anyhow::Result<SocketAddr> {
-    Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?)
-}
-
-pub(super) async fn connect(uri: &str) -> anyhow::Result<Channel> {
-    let endpoint = Endpoint::from_shared(uri.to_owned())?.tcp_nodelay(true);
-    let since = Instant::now();
-    loop {
-        match endpoint.connect().await {
-            Ok(channel) => return Ok(channel),
-            Err(error) if since.elapsed() > Duration::from_secs(20) => {
-                bail!("no answer from {uri}: {error}");
-            }
-            Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
-        }
-    }
-}
 
 /// All processes of one measurement, and the crowds on its worlds.
 pub(super) struct Scene {
@@ -434,8 +371,8 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
     let actions = |step: usize| Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)) });
     let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
 
-    let mut env =
-        Env::new(Map::generate(&spec).into(), CharacterProfile::default(), (ENV_NPCS, false), (0.0, 40.0), 0)?;
+    let episodes = Episodes::Endless { npc_count: ENV_NPCS, band: (0.0, 40.0), seed: 0 };
+    let mut env = Env::new(Map::generate(&spec).into(), CharacterProfile::default(), false, episodes)?;
     let started = Instant::now();
     for step in 0..ENV_STEPS {
         let actions = actions_of(&values(step).collect::<Vec<f32>>(), |idx| idx as u64).map_err(anyhow::Error::msg)?;

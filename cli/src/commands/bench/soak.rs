@@ -2,7 +2,8 @@
 //!
 //! Beside the crowds of `serve`, clients come and go: worlds, imports, builds, edits, watchers and remote environments.
 
-use super::serve::{Process, Scene, connect};
+use super::serve::Scene;
+use crate::commands::processes::{Process, connect};
 use super::{Args, Figure};
 use anyhow::Context;
 use std::path::Path;

@@ -135,9 +135,9 @@ fn draw_tracks(
     let goal = |pair: &[Vec3]| Goal { start: pair[0], yaw: 0.0, goal: pair[1] };
     let goals: Vec<Goal> = points.chunks_exact(2).map(goal).collect();
     let rollout = Rollout::new(map.clone(), profile.clone(), TaskConfig::default());
-    let tracks = rollout.track_by_plan(policy, router, &goals);
-    for ((goal, (_, track)), colour) in goals.iter().zip(&tracks).zip(COLOURS.iter().cycle()) {
-        for step in track.windows(2) {
+    let played = rollout.play(policy, Some(router), &goals);
+    for ((goal, played), colour) in goals.iter().zip(&played).zip(COLOURS.iter().cycle()) {
+        for step in played.track.windows(2) {
             for shift in [0.0, 0.25] {
                 let aside = Vec3::new(shift, 0.0, shift);
                 picture.line(step[0] + aside, step[1] + aside, *colour, 1.0);
@@ -146,5 +146,5 @@ fn draw_tracks(
         picture.dot(goal.start, 4.0, [20, 20, 20]);
         picture.dot(goal.goal, 5.0, *colour);
     }
-    Ok(tracks.iter().filter(|(attempt, _)| attempt.end == End::Reached).count())
+    Ok(played.iter().filter(|played| played.attempt.end == End::Reached).count())
 }

@@ -1,0 +1,188 @@
+//! A plain controller that drives a body along a path, as an engine's character follows the path of a NavMesh: it turns to where it goes, slows
+//! down at corners, and jumps where the path says so. It knows its own body and the path, and senses nothing.
+
+use super::run::{Move, PathPoint};
+use surefoot_world::character::{Action, Body};
+use surefoot_world::{CharacterProfile, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
+
+/// Distance on the plane within which a point that is walked to is passed, m.
+const PASSED_M: f32 = 0.5;
+/// The same of a point where a leap begins.
+const TAKE_OFF_M: f32 = 0.35;
+/// The same of a point where a leap ends.
+const LANDED_M: f32 = 0.9;
+/// Difference in height up to which a point is passed, m.
+const LEVEL_M: f32 = 1.2;
+/// Angle up to which the body runs at full speed while it turns, rad.
+const AHEAD_RAD: f32 = 1.0;
+/// Angle up to which it faces a landing, rad.
+const FACING_RAD: f32 = 0.1;
+/// Deceleration that it counts on, on the ground and in the air, m/s2: less than the default body has.
+const BRAKE: [f32; 2] = [40.0, 18.0];
+/// Speed at which it gets to a point where it must stop or turn, m/s.
+const SLOW: f32 = 1.5;
+/// Share of a ballistic range that it relies on.
+const RELIABLE: f32 = 0.7;
+/// Speed below which a body that runs is blocked, m/s, and for how long.
+const BLOCKED: f32 = 1.5;
+const BLOCKED_TICKS: u32 = 6;
+/// Time without coming closer to the next point after which it gives up.
+const STUCK_TICKS: u32 = 8 * TICKS_PER_SECOND;
+
+/// The controller of one body on its path.
+#[derive(Debug)]
+pub struct Driver<'p> {
+    points: &'p [PathPoint],
+    /// Index of the point that it heads for.
+    next: usize,
+    /// Smallest distance to that point so far, m, and the ticks since it shrank.
+    best: f32,
+    stuck: u32,
+    /// Ticks for which the body has run without getting anywhere.
+    blocked: u32,
+    /// Jumps since the last point.
+    jumps: u32,
+    /// Whether it has turned towards the landing.
+    is_lined_up: bool,
+}
+
+impl<'p> Driver<'p> {
+    /// A controller at the start of a path.
+    pub fn new(points: &'p [PathPoint]) -> Self {
+        Self { points, next: 0, best: f32::INFINITY, stuck: 0, blocked: 0, jumps: 0, is_lined_up: false }
+    }
+
+    /// What the body does in this tick; `None` once it is at the end of the path, or stuck.
+    pub fn steer(&mut self, body: &Body, profile: &CharacterProfile) -> Option<Action> {
+        while self.has_passed(body) {
+            *self = Self { next: self.next + 1, ..Self::new(self.points) };
+        }
+        let point = *self.points.get(self.next)?;
+        let target = Vec3::from_array(point.at);
+        let distance = target.distance(body.feet);
+        self.stuck = if distance < self.best - 0.05 { 0 } else { self.stuck + 1 };
+        self.best = self.best.min(distance);
+        if self.stuck > STUCK_TICKS {
+            return None;
+        }
+        if body.ride.is_some() {
+            return Some(Action::default());
+        }
+        let leaps = point.by != Move::Walk;
+        let turn = turn_towards(body, target);
+        self.is_lined_up |= turn.abs() < FACING_RAD;
+        if leaps && body.is_grounded() && !self.is_lined_up && self.jumps == 0 {
+            return Some(Action { turn: turn_action(turn, profile), ..Action::default() });
+        }
+        let mut action = run(body, profile, target, self.final_speed(body));
+        let moved = Vec3::new(body.velocity.x, 0.0, body.velocity.z).length();
+        self.blocked = if moved < BLOCKED && body.is_grounded() { self.blocked + 1 } else { 0 };
+        if self.wants_jump(body, profile, point.by, target) {
+            action.jump = 1.0;
+            self.jumps += 1;
+            self.blocked = 0;
+        }
+        if point.by == Move::Jetpack && !body.is_grounded() && body.feet.y < target.y + LEVEL_M {
+            action.jump = 1.0;
+        }
+        Some(action)
+    }
+
+    /// Whether the body has got to the point that it heads for.
+    fn has_passed(&self, body: &Body) -> bool {
+        let Some(point) = self.points.get(self.next) else { return false };
+        let to = Vec3::from_array(point.at) - body.feet;
+        let begins_leap = self.points.get(self.next + 1).is_some_and(|next| next.by != Move::Walk);
+        let within = match point.by {
+            _ if begins_leap => TAKE_OFF_M,
+            Move::Walk => PASSED_M,
+            _ => LANDED_M,
+        };
+        let stands = body.is_grounded() || (point.by == Move::Walk && !begins_leap);
+        // The last point is held until the task says that it is reached.
+        self.next + 1 < self.points.len() && stands && to.y.abs() < LEVEL_M && flat(to).length() < within
+    }
+
+    /// Speed at which the body should get to its next point, m/s: slow where it must stop, turn sharply or take off.
+    fn final_speed(&self, body: &Body) -> f32 {
+        let (Some(point), Some(after)) = (self.points.get(self.next), self.points.get(self.next + 1)) else {
+            return SLOW;
+        };
+        if after.by != Move::Walk || point.by != Move::Walk {
+            return SLOW;
+        }
+        let at = Vec3::from_array(point.at);
+        let (here, there) = (flat(at - body.feet), flat(Vec3::from_array(after.at) - at));
+        let cosine = here.dot(there) / (here.length() * there.length()).max(f32::EPSILON);
+        SLOW + (cosine.max(0.0) * cosine.max(0.0)) * f32::from(u8::MAX)
+    }
+
+    /// A leap begins at once if its end is within reach; otherwise where the body is blocked, or where the ground ends. The second jump
+    /// is made when the first one no longer rises.
+    fn wants_jump(&self, body: &Body, profile: &CharacterProfile, by: Move, target: Vec3) -> bool {
+        let most = match by {
+            Move::Jump | Move::Jetpack => 1,
+            Move::DoubleJump => 1 + u32::from(profile.extra_jumps),
+            Move::Walk | Move::Pad | Move::ZipLine | Move::Teleporter => return false,
+        };
+        let to = target - body.feet;
+        if self.jumps == 0 {
+            let in_reach = flat(to).length() < RELIABLE * reach(profile, most);
+            let ground_ends = !body.is_grounded() && to.y > -LEVEL_M;
+            return in_reach || ground_ends || self.blocked >= BLOCKED_TICKS;
+        }
+        if body.is_grounded() {
+            // It landed somewhere on the way: the next obstacle needs another leap.
+            return self.blocked >= BLOCKED_TICKS;
+        }
+        self.jumps < most && body.air_jumps_left > 0 && body.velocity.y < 0.5 && to.y > -1.0
+    }
+}
+
+/// Horizontal range of a leap of `jumps` jumps to the same height, m.
+fn reach(profile: &CharacterProfile, jumps: u32) -> f32 {
+    profile.forward_speed * 2.0 * profile.jump_speed / profile.gravity * jumps as f32
+}
+
+/// Runs towards a point, to get there at `final_speed`, m/s, and turns towards it.
+fn run(body: &Body, profile: &CharacterProfile, target: Vec3, final_speed: f32) -> Action {
+    let to = flat(target - body.feet);
+    let distance = to.length();
+    let turn = turn_towards(body, target);
+    if distance < 1.0e-3 {
+        return Action::default();
+    }
+    let brake = BRAKE[usize::from(!body.is_grounded())];
+    // One tick's way is covered before braking begins.
+    let usable = (distance - profile.forward_speed * TICK_SECONDS).max(0.0);
+    let mut speed = (final_speed * final_speed + 2.0 * brake * usable).sqrt().min(profile.forward_speed);
+    if turn.abs() > AHEAD_RAD && body.is_grounded() {
+        speed = speed.min(SLOW);
+    }
+    let wish = to / distance * (speed / profile.forward_speed);
+    let facing = body.facing();
+    let right = Vec3::new(-facing.z, 0.0, facing.x);
+    Action {
+        forward: wish.dot(facing).clamp(-1.0, 1.0),
+        strafe: (wish.dot(right) / profile.side_speed_share.max(0.1)).clamp(-1.0, 1.0),
+        turn: turn_action(turn, profile),
+        jump: 0.0,
+    }
+}
+
+/// Angle from where the body faces to a point, rad, positive to the left.
+fn turn_towards(body: &Body, target: Vec3) -> f32 {
+    use std::f32::consts::{PI, TAU};
+    let to = target - body.feet;
+    let turn = to.x.atan2(to.z) - body.yaw;
+    (turn + PI).rem_euclid(TAU) - PI
+}
+
+/// Turns by an angle, as far as one tick allows.
+fn turn_action(turn: f32, profile: &CharacterProfile) -> f32 {
+    (turn / (profile.turn_speed * TICK_SECONDS).max(f32::EPSILON)).clamp(-1.0, 1.0)
+}
+
+fn flat(vector: Vec3) -> Vec3 {
+    Vec3::new(vector.x, 0.0, vector.z)
+}
