@@ -48,12 +48,8 @@ fn named_sets_stay_what_they_are() {
 fn what_was_recorded_happens_again() {
     let set = small();
     let settings = BuildSettings::default().with(|it| it.vertices = 60).unwrap();
-    let entry = Entry {
-        name: "ours".to_owned(),
-        policy: Policy::shipped().unwrap(),
-        graph: Some(settings),
-        thread_count: 2,
-    };
+    let entry =
+        Entry { name: "ours".to_owned(), policy: Policy::shipped().unwrap(), graph: Some(settings), thread_count: 2 };
     let by_plan = record(&entry, &set, Path::new(""), |_| {}).unwrap();
     // Through the text of a file.
     let text = serde_json::to_string(&by_plan).unwrap();
@@ -84,9 +80,8 @@ fn the_scorer_believes_nothing_but_what_happens() {
     assert_eq!((told.ends["unreachable"], idle.ends["no_progress"]), (24, 24));
     assert_eq!((walked.build_s, walked.bytes), (2.0, 10.0));
     // A path that ends elsewhere does not count, wherever it says it ends.
-    let elsewhere = |goal: &surefoot_agent::challenge::SetGoal| {
-        Approach::Path(vec![PathPoint { at: goal.start, by: Move::Walk }])
-    };
+    let elsewhere =
+        |goal: &surefoot_agent::challenge::SetGoal| Approach::Path(vec![PathPoint { at: goal.start, by: Move::Walk }]);
     let elsewhere = score(&set, Path::new(""), &run_of(&set, elsewhere), 2, |_| {}).unwrap();
     assert_eq!(elsewhere.success.all.rate, 0.0);
 }

@@ -26,8 +26,7 @@ use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{OBSERVATION_VERSION, Seen, Sight, observation_len};
 use surefoot_world::{
-    Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds, Tick,
-    Vec3,
+    Action, Chance, End, Map, NPC_STATE_VERSION, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Seconds, Tick, Vec3,
 };
 use tonic::Status;
 
@@ -184,7 +183,8 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
 /// If a number is out of range.
 pub fn env_settings(request: &wire::CreateEnvRequest, source: Made) -> Result<EnvSettings, FieldError> {
     let body = convert::body(request.body.as_ref())?;
-    let episodes = if request.goals.is_empty() { endless(request)? } else { Episodes::Once(env_goals(&request.goals)?) };
+    let episodes =
+        if request.goals.is_empty() { endless(request)? } else { Episodes::Once(env_goals(&request.goals)?) };
     Ok(EnvSettings { source, body, solid_npcs: request.solid_npcs, episodes })
 }
 

@@ -236,12 +236,10 @@ async fn an_environment_of_given_goals_has_one_episode_for_each() {
     let request = wire::SampleGroundRequest { world_id, count: 2, ..Default::default() };
     let points = worlds.sample_ground(request).await.unwrap().into_inner().points;
     // The first NPC stands where it wants to be, the second one elsewhere.
-    let goal = |start: usize, goal: usize| wire::EnvGoal { start: Some(points[start]), yaw: 1.0, goal: Some(points[goal]) };
-    let request = wire::CreateEnvRequest {
-        map: Some(small_map(20)),
-        goals: vec![goal(0, 0), goal(0, 1)],
-        ..Default::default()
-    };
+    let goal =
+        |start: usize, goal: usize| wire::EnvGoal { start: Some(points[start]), yaw: 1.0, goal: Some(points[goal]) };
+    let request =
+        wire::CreateEnvRequest { map: Some(small_map(20)), goals: vec![goal(0, 0), goal(0, 1)], ..Default::default() };
     let created = client.create_env(request.clone()).await.unwrap().into_inner();
     assert_eq!(created.observations.len(), 2 * OBSERVATION_LEN * 4);
     let mut last = Vec::new();

@@ -21,7 +21,7 @@ const FACING_RAD: f32 = 0.1;
 const BRAKE: [f32; 2] = [40.0, 18.0];
 /// Speed at which it gets to a point where it must stop or turn, m/s.
 const SLOW: f32 = 1.5;
-/// Share of a ballistic range that it relies on.
+/// Share of the top speed that it reaches on average in a leap from rest.
 const RELIABLE: f32 = 0.7;
 /// Speed below which a body that runs is blocked, m/s, and for how long.
 const BLOCKED: f32 = 1.5;
@@ -117,31 +117,39 @@ impl<'p> Driver<'p> {
         SLOW + (cosine.max(0.0) * cosine.max(0.0)) * f32::from(u8::MAX)
     }
 
-    /// A leap begins at once if its end is within reach; otherwise where the body is blocked, or where the ground ends. The second jump
+    /// A leap begins at once if it gets to its end from here; otherwise where the body is blocked, or where the ground ends. The second jump
     /// is made when the first one no longer rises.
-    fn wants_jump(&self, body: &Body, profile: &CharacterProfile, by: Move, target: Vec3) -> bool {
+    fn wants_jump(&mut self, body: &Body, profile: &CharacterProfile, by: Move, target: Vec3) -> bool {
         let most = match by {
             Move::Jump | Move::Jetpack => 1,
             Move::DoubleJump => 1 + u32::from(profile.extra_jumps),
-            Move::Walk | Move::Pad | Move::ZipLine | Move::Teleporter => return false,
+            // A NavMesh takes steps that are higher than the body's own.
+            Move::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
+            Move::Pad | Move::ZipLine | Move::Teleporter => return false,
         };
         let to = target - body.feet;
-        if self.jumps == 0 {
-            let in_reach = flat(to).length() < RELIABLE * reach(profile, most);
-            let ground_ends = !body.is_grounded() && to.y > -LEVEL_M;
-            return in_reach || ground_ends || self.blocked >= BLOCKED_TICKS;
-        }
         if body.is_grounded() {
-            // It landed somewhere on the way: the next obstacle needs another leap.
-            return self.blocked >= BLOCKED_TICKS;
+            let is_first = self.jumps == 0;
+            // It may have landed on the way: what comes next needs a leap of its own.
+            self.jumps = 0;
+            return (is_first && arrives(profile, most, to)) || self.blocked >= BLOCKED_TICKS;
+        }
+        if self.jumps == 0 {
+            return to.y > -LEVEL_M;
         }
         self.jumps < most && body.air_jumps_left > 0 && body.velocity.y < 0.5 && to.y > -1.0
     }
 }
 
-/// Horizontal range of a leap of `jumps` jumps to the same height, m.
-fn reach(profile: &CharacterProfile, jumps: u32) -> f32 {
-    profile.forward_speed * 2.0 * profile.jump_speed / profile.gravity * jumps as f32
+/// Whether a leap of `jumps` jumps is high enough when it has covered the distance on the plane, each jump made where the one before no longer
+/// rises.
+fn arrives(profile: &CharacterProfile, jumps: u32, to: Vec3) -> bool {
+    let seconds = flat(to).length() / (RELIABLE * profile.forward_speed);
+    let rising = profile.jump_speed / profile.gravity;
+    let before = (jumps - 1).min((seconds / rising) as u32);
+    let left = seconds - before as f32 * rising;
+    let height = before as f32 * 0.5 * profile.jump_speed * rising;
+    height + profile.jump_speed * left - 0.5 * profile.gravity * left * left > to.y
 }
 
 /// Runs towards a point, to get there at `final_speed`, m/s, and turns towards it.

@@ -46,12 +46,7 @@ pub enum RecordError {
 ///
 /// # Errors
 /// If a map cannot be had, or a graph cannot be built.
-pub fn record(
-    entry: &Entry,
-    set: &GoalSet,
-    folder: &Path,
-    mut progress: impl FnMut(&str),
-) -> Result<Run, RecordError> {
+pub fn record(entry: &Entry, set: &GoalSet, folder: &Path, mut progress: impl FnMut(&str)) -> Result<Run, RecordError> {
     set.check()?;
     let mut maps = Vec::with_capacity(set.maps.len());
     for of_set in &set.maps {
@@ -63,12 +58,7 @@ pub fn record(
     Ok(Run { challenge: VERSION, set: set.set.clone(), entrant: entry.name.clone(), about, maps })
 }
 
-fn map_run(
-    entry: &Entry,
-    map: &Arc<Map>,
-    body: &CharacterProfile,
-    of_set: &SetMap,
-) -> Result<MapRun, RecordError> {
+fn map_run(entry: &Entry, map: &Arc<Map>, body: &CharacterProfile, of_set: &SetMap) -> Result<MapRun, RecordError> {
     let started = Instant::now();
     let mut bytes = 0;
     let router = match entry.graph {

@@ -184,9 +184,9 @@ impl Approach {
             Self::Actions(actions) if actions.len() > MAX_DECISIONS => {
                 Err(format!("it has {} decisions, at most {MAX_DECISIONS} (300 s) are allowed", actions.len()))
             }
-            Self::Actions(actions) => actions.iter().try_for_each(|action| {
-                Action::from_array(*action).map(|_| ()).map_err(|error| error.to_string())
-            }),
+            Self::Actions(actions) => actions
+                .iter()
+                .try_for_each(|action| Action::from_array(*action).map(|_| ()).map_err(|error| error.to_string())),
         }
     }
 }

@@ -139,20 +139,19 @@ pub fn score_hosted(
     }
     let runs = set.maps.iter().zip(hosted);
     let runs: Vec<MapRun> = runs
-        .map(|(map, hosted)| MapRun { name: map.name.clone(), build_s: hosted.warm_up_s, bytes: 0, attempts: Vec::new() })
+        .map(|(map, hosted)| MapRun {
+            name: map.name.clone(),
+            build_s: hosted.warm_up_s,
+            bytes: 0,
+            attempts: Vec::new(),
+        })
         .collect();
     let score = summarise(set, entrant, &runs.iter().collect::<Vec<_>>(), &units);
     Ok(Score { metres_to_goal: None, directness: None, ..score })
 }
 
 /// All attempts on one map, with what the survey knows of the goals.
-fn unit(
-    map: &Arc<Map>,
-    body: &CharacterProfile,
-    of_set: &SetMap,
-    attempts: Vec<Attempt>,
-    thread_count: usize,
-) -> Unit {
+fn unit(map: &Arc<Map>, body: &CharacterProfile, of_set: &SetMap, attempts: Vec<Attempt>, thread_count: usize) -> Unit {
     let goals: Vec<Goal> = of_set.goals.iter().copied().map(Goal::from).collect();
     let reach = Reach::survey_far(map, body, thread_count);
     let surveyed = reachable(&Terrain { map, profile: body, reach: &reach }, None, &goals);

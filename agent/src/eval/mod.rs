@@ -23,7 +23,7 @@ pub mod variants;
 pub use config::{EvalConfig, EvalError, Method, Price};
 pub use intervals::Interval;
 pub use maps::{EvalMap, MapName};
-pub use report::{Calibration, MapReport, Rate, Report, Success};
 pub(crate) use reachable::{Terrain, is_on_foot, reachable};
+pub use report::{Calibration, MapReport, Rate, Report, Success};
 pub use run::{evaluate, run_units};
 pub(crate) use site::{draw_goals, map_indices};

@@ -1,7 +1,7 @@
 //! `surefoot challenge`.
 
-use super::map::{BodyArg, file_name, level_files, load_level};
 use super::endpoint::CredentialArgs;
+use super::map::{BodyArg, file_name, level_files, load_level};
 use super::processes::{Process, connect, free_address, start};
 use super::services::GraphArgs;
 use super::{core_count, load_policy};
@@ -10,11 +10,11 @@ use anyhow::{Context, bail};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
+use serde::Serialize;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use serde::Serialize;
 use std::time::Duration;
 use surefoot_agent::challenge::host::{Hosting, Stats, host};
 use surefoot_agent::challenge::record::{Entry, record};

@@ -3,8 +3,8 @@
 //! The flood runs on the same machine and takes its share of the cores, so ratios are upper bounds.
 
 use super::serve::{Scene, TARGET_P99_MS};
-use crate::commands::processes::connect;
 use super::{Args, Figure};
+use crate::commands::processes::connect;
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};

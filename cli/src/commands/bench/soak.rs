@@ -3,8 +3,8 @@
 //! Beside the crowds of `serve`, clients come and go: worlds, imports, builds, edits, watchers and remote environments.
 
 use super::serve::Scene;
-use crate::commands::processes::{Process, connect};
 use super::{Args, Figure};
+use crate::commands::processes::{Process, connect};
 use anyhow::Context;
 use std::path::Path;
 use std::sync::Arc;
