@@ -136,11 +136,19 @@ impl Router {
     /// # Panics
     /// If an edge names a vertex that the graph lacks.
     #[must_use]
-    pub fn forbidding(self, edges: impl IntoIterator<Item = EdgeKey>) -> Self {
-        let forbidden: Vec<EdgeKey> = edges.into_iter().collect();
+    pub fn forbidding(mut self, edges: impl IntoIterator<Item = EdgeKey>) -> Self {
+        self.forbid(edges.into_iter().collect());
+        self
+    }
+
+    /// Replaces the edges that unproved legs must not stand in for; see [`forbidding`](Self::forbidding).
+    ///
+    /// # Panics
+    /// If an edge names a vertex that the graph lacks.
+    pub fn forbid(&mut self, edges: Vec<EdgeKey>) {
         let count = self.graph.vertex_count();
-        assert!(forbidden.iter().all(|key| key.from.idx() < count && key.to.idx() < count));
-        Self { forbidden, ..self }
+        assert!(edges.iter().all(|key| key.from.idx() < count && key.to.idx() < count));
+        self.forbidden = edges;
     }
 
     /// Returns the graph.

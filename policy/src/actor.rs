@@ -86,12 +86,16 @@ impl Actor {
 
 /// Draws `count` standard normal values by the Box-Muller transform.
 pub fn gaussian(rng: &mut impl Rng, count: usize) -> Vec<f32> {
-    let mut values = Vec::with_capacity(count + 1);
-    while values.len() < count {
+    let mut values = vec![0.0; count];
+    fill_gaussian(rng, &mut values);
+    values
+}
+
+/// Fills `values` with the same values that [`gaussian`] draws, without allocating.
+pub fn fill_gaussian(rng: &mut impl Rng, values: &mut [f32]) {
+    for pair in values.chunks_mut(2) {
         let radius = (-2.0 * (1.0 - rng.random::<f32>()).ln()).sqrt();
         let (sin, cos) = (std::f32::consts::TAU * rng.random::<f32>()).sin_cos();
-        values.extend([radius * cos, radius * sin]);
+        pair.iter_mut().zip([radius * cos, radius * sin]).for_each(|(value, drawn)| *value = drawn);
     }
-    values.truncate(count);
-    values
 }

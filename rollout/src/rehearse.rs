@@ -210,7 +210,8 @@ impl Rehearsal {
     /// If `row` is shorter than an observation.
     pub fn aim(&self, npc: &Npc, goal: Vec3, row: &mut [f32]) {
         let [world] = &self.worlds;
-        let context = SenseContext { map: world.map(), profile: &world.config().profiles[0], task: world.task() };
+        let placed = world.map().placed();
+        let context = SenseContext { placed, profile: &world.config().profiles[0], task: world.task() };
         let episode = Episode::new(goal, npc.body.feet);
         row[RAY_COUNT * RAY_CHANNELS..OBSERVATION_LEN]
             .copy_from_slice(&state_vector(context, &npc.body, &episode, &npc.last));

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 11] = [
+const ALLOWED: [(&str, &str, &[&str]); 12] = [
     ("world", "surefoot-world", &[]),
     ("policy", "surefoot-policy", &["surefoot-world"]),
     ("planner", "surefoot-planner", &["surefoot-world"]),
@@ -38,6 +38,7 @@ const ALLOWED: [(&str, &str, &[&str]); 11] = [
             "surefoot-net",
         ],
     ),
+    ("capi", "surefoot-capi", &["surefoot-world", "surefoot-policy", "surefoot-planner", "surefoot-rollout"]),
     ("report", "surefoot-report", &["surefoot-world"]),
     ("studio", "surefoot-studio", &[]),
 ];
@@ -46,12 +47,13 @@ const ALLOWED: [(&str, &str, &[&str]); 11] = [
 const OUTERMOST: [&str; 2] = ["surefoot-cli", "e2e"];
 
 /// Crates that some of ours must not depend on.
-const FOREIGN: [(&str, &[&str]); 5] = [
+const FOREIGN: [(&str, &[&str]); 6] = [
     ("surefoot-world", &["burn", "tonic", "tokio", "prost", "tracing", "surefoot-policy"]),
     ("surefoot-planner", &["burn", "tonic", "tokio", "prost", "tracing", "redb"]),
     ("surefoot-policy", &["tonic", "tokio"]),
     ("surefoot-rollout", &["tonic", "tokio", "prost"]),
     ("surefoot-server", &["burn"]),
+    ("surefoot-capi", &["burn", "tonic", "tokio", "prost"]),
 ];
 
 /// Files that may use generated wire types, besides `proto`, the command line and the tests.
@@ -162,7 +164,7 @@ fn wire_types_and_statuses_are_known_at_the_rim_only() {
 
 #[test]
 fn simulation_and_search_never_await() {
-    for folder in ["world", "policy", "planner", "rollout", "report"] {
+    for folder in ["world", "policy", "planner", "rollout", "report", "capi"] {
         for (path, code) in Crate::read(folder).files() {
             assert!(!code.contains("async ") && !awaits(code), "{path} awaits");
         }
@@ -188,13 +190,27 @@ fn every_file_says_at_its_top_what_it_owns() {
     }
 }
 
+/// The crate that consists of pointers, and its modules that may contain unsafe code: docs/adr/0034-c-library.md.
+const UNSAFE: (&str, [&str; 2]) = ("capi", ["exports", "memory"]);
+
 #[test]
-fn unsafe_code_is_forbidden_everywhere() {
+fn unsafe_code_is_forbidden_everywhere_but_at_the_border_to_c() {
     let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("the manifest");
     assert!(manifest.contains("unsafe_code = \"forbid\""));
+    let (border, modules) = UNSAFE;
     for folder in ALLOWED.map(|(folder, ..)| folder).into_iter().chain(["cli", "tests"]) {
         let own = std::fs::read_to_string(root().join(folder).join("Cargo.toml")).expect("a manifest");
-        assert!(own.contains("[lints]\nworkspace = true"), "{folder} does not use the workspace's lints");
+        if folder != border {
+            assert!(own.contains("[lints]\nworkspace = true"), "{folder} does not use the workspace's lints");
+            continue;
+        }
+        assert!(own.contains("unsafe_code = \"deny\""), "{folder} denies unsafe code but where a module expects it");
+        for (path, code) in Crate::read(folder).files() {
+            let inside = path.trim_start_matches("capi/src/");
+            let may = modules.iter().any(|module| inside.starts_with(module));
+            assert!(may || !code.contains("unsafe {") && !code.contains("unsafe fn"), "{path} has unsafe code");
+            assert!(path == "capi/src/lib.rs" || !code.contains("(unsafe_code"), "{path} allows unsafe code");
+        }
     }
 }
 

@@ -93,29 +93,57 @@ pub(crate) fn observe(
 ) {
     row.fill(0.0);
     let (rays, states) = row.split_at_mut(RAY_COUNT);
-    cast_cone(cone, eye, body, others.clone(), |ray, distance| {
-        let proximity = 1.0 - distance / RAY_RANGE_M;
-        if proximity > proximities[ray] {
-            rays[ray] = proximity;
-        }
-    });
+    cast_cone(cone, eye, body, others.clone(), |ray, distance| note_ray(rays, ray, distance, proximities[ray]));
     let distance = |other: &Other| other.feet.distance(body.feet);
     let mut near: Vec<Other> = others.filter(|other| distance(other) < RANGE_M).collect();
     near.sort_by(|one, other| distance(one).total_cmp(&distance(other)));
-    let seen = near.iter().filter(|other| is_in_sight(map, movers, eye, other.middle())).take(NEAREST);
-    for (other, values) in seen.zip(states.chunks_exact_mut(VALUES)) {
-        let place = body.to_local(other.feet - body.feet) / RANGE_M;
-        let velocity = body.to_local(other.velocity - body.velocity) / SPEED;
-        values.copy_from_slice(&[
-            place.x,
-            place.y,
-            place.z,
-            velocity.x,
-            velocity.y,
-            velocity.z,
-            1.0 - distance(other) / RANGE_M,
-        ]);
+    let seen = near.iter().filter(|other| is_in_sight(map, movers, eye, other.middle()));
+    describe(body, seen.map(|other| (other.feet, other.velocity)), states);
+}
+
+/// Writes into the rays of what a body sees of others, which are zeros, that one ended on another body after `distance`, m, unless it ends on
+/// the map before, of which `proximity` tells.
+fn note_ray(rays: &mut [f32], ray: usize, distance: f32, proximity: f32) {
+    let nearer = 1.0 - distance / RAY_RANGE_M;
+    if nearer > proximity {
+        rays[ray] = nearer;
     }
+}
+
+/// Describes the first of the bodies `seen`, of which it gets the position of the feet, m, and the velocity, m/s, in `states`, which are zeros.
+fn describe(body: &Body, seen: impl Iterator<Item = (Vec3, Vec3)>, states: &mut [f32]) {
+    for ((feet, velocity), values) in seen.zip(states.chunks_exact_mut(VALUES)) {
+        let place = body.to_local(feet - body.feet) / RANGE_M;
+        let velocity = body.to_local(velocity - body.velocity) / SPEED;
+        let proximity = 1.0 - feet.distance(body.feet) / RANGE_M;
+        values.copy_from_slice(&[place.x, place.y, place.z, velocity.x, velocity.y, velocity.z, proximity]);
+    }
+}
+
+/// Writes what a body sees of others as [`observe`] does, from what its rays ended on, with distances in m, and the bodies in sight, of which it
+/// gets the position of the feet, m, and the velocity, m/s. Allocates nothing.
+pub(crate) fn observe_found(
+    body: &Body,
+    hits: impl Iterator<Item = (usize, f32)>,
+    seen: impl Iterator<Item = (Vec3, Vec3)>,
+    proximities: &[f32],
+    row: &mut [f32],
+) {
+    row.fill(0.0);
+    let (rays, states) = row.split_at_mut(RAY_COUNT);
+    hits.filter(|(_, distance)| *distance < RAY_RANGE_M)
+        .for_each(|(ray, distance)| note_ray(rays, ray, distance, proximities[ray]));
+    let mut nearest = [(RANGE_M, Vec3::ZERO, Vec3::ZERO); NEAREST];
+    for (feet, velocity) in seen {
+        let distance = feet.distance(body.feet);
+        let at = nearest.partition_point(|(nearer, ..)| *nearer <= distance);
+        if at < NEAREST && distance < RANGE_M {
+            nearest[at..].rotate_right(1);
+            nearest[at] = (distance, feet, velocity);
+        }
+    }
+    let found = nearest.into_iter().filter(|(distance, ..)| *distance < RANGE_M);
+    describe(body, found.map(|(_, feet, velocity)| (feet, velocity)), states);
 }
 
 /// Whether nothing solid lies between two places.

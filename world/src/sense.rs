@@ -21,7 +21,7 @@ pub use crate::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
 pub use crate::others::OTHERS_LEN;
 
 use crate::character::{Body, CharacterProfile, RawCharacterProfile};
-use crate::map::{DEVICE_RANGE_M, Map};
+use crate::map::{DEVICE_RANGE_M, Map, Placed};
 use crate::mesh::Surface;
 use crate::movers::Movers;
 use crate::others::{self, Other};
@@ -93,8 +93,8 @@ impl Sight {
 /// Inputs of the state vector besides the body and its episode.
 #[derive(Debug, Clone, Copy)]
 pub struct SenseContext<'a> {
-    /// The map that the body is on.
-    pub map: &'a Map,
+    /// The devices around the body.
+    pub placed: &'a Placed,
     /// The body's profile.
     pub profile: &'a CharacterProfile,
     /// Constants of the task.
@@ -119,25 +119,68 @@ pub struct LastDecision {
 pub(crate) fn observe(
     cone: &RayCone,
     context: SenseContext<'_>,
-    movers: &Movers,
+    (map, movers): (&Map, &Movers),
     others: impl Iterator<Item = Other> + Clone,
     (body, episode, last): (&Body, &Episode, &LastDecision),
     row: &mut [f32],
 ) {
+    let (rays, state, social) = parts(row);
+    cone.cast_with(map, movers, context.profile, body, |idx, distance, surface| note_ray(rays, idx, distance, surface));
+    state.copy_from_slice(&state_vector(context, body, episode, last));
+    if !social.is_empty() {
+        let eye = RayCone::eye(context.profile, body);
+        others::observe(cone, (map, movers), (eye, body), others, &rays[..RAY_COUNT], social);
+    }
+}
+
+/// What the rays of a body ended on, and the others that it sees, in a world that is not ours.
+#[derive(Debug, Clone, Copy)]
+pub struct Found<'a> {
+    /// What each ray ended on, in the order of an observation, with the distance, m; `None` if it hit nothing. Other bodies are left out.
+    pub hits: &'a [Option<(f32, Surface)>; RAY_COUNT],
+    /// Distance, m, at which each ray meets another body; infinite if it meets none.
+    pub body_hits: &'a [f32; RAY_COUNT],
+    /// Feet, m, and velocity, m/s, of the others in sight, in any order.
+    pub others: &'a [(Vec3, Vec3)],
+}
+
+/// Writes an observation like [`World::observe`](crate::World::observe), for a body that moves in a world that is not ours. Allocates nothing.
+///
+/// # Panics
+/// If `row` is neither [`OBSERVATION_LEN`] nor [`OBSERVATION_WITH_OTHERS_LEN`] long.
+pub fn observe_found(
+    context: SenseContext<'_>,
+    found: Found<'_>,
+    (body, episode, last): (&Body, &Episode, &LastDecision),
+    row: &mut [f32],
+) {
+    let (rays, state, social) = parts(row);
+    for (idx, hit) in found.hits.iter().enumerate() {
+        if let Some((distance, surface)) = hit.filter(|(distance, _)| *distance <= RAY_RANGE_M) {
+            note_ray(rays, idx, distance, surface);
+        }
+    }
+    state.copy_from_slice(&state_vector(context, body, episode, last));
+    if !social.is_empty() {
+        let hits = found.body_hits.iter().copied().enumerate();
+        others::observe_found(body, hits, found.others.iter().copied(), &rays[..RAY_COUNT], social);
+    }
+}
+
+/// The rays of an observation, which become zeros, its state vector, and what it tells of others, if it has room for that.
+fn parts(row: &mut [f32]) -> (&mut [f32], &mut [f32], &mut [f32]) {
     assert!([OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN].contains(&row.len()), "a row of an observation");
     let (own, social) = row.split_at_mut(OBSERVATION_LEN);
     let (rays, state) = own.split_at_mut(RAY_COUNT * RAY_CHANNELS);
     rays.fill(0.0);
-    cone.cast_with(context.map, movers, context.profile, body, |idx, distance, surface| {
-        rays[idx] = 1.0 - distance / RAY_RANGE_M;
-        if let Some((channel, value)) = surface_channel(surface) {
-            rays[channel * RAY_COUNT + idx] = value;
-        }
-    });
-    state.copy_from_slice(&state_vector(context, body, episode, last));
-    if !social.is_empty() {
-        let eye = RayCone::eye(context.profile, body);
-        others::observe(cone, (context.map, movers), (eye, body), others, &rays[..RAY_COUNT], social);
+    (rays, state, social)
+}
+
+/// Writes into the rays of an observation, which are zeros, that one ended on `surface` after `distance`, m.
+fn note_ray(rays: &mut [f32], idx: usize, distance: f32, surface: Surface) {
+    rays[idx] = 1.0 - distance / RAY_RANGE_M;
+    if let Some((channel, value)) = surface_channel(surface) {
+        rays[channel * RAY_COUNT + idx] = value;
     }
 }
 
@@ -192,11 +235,11 @@ pub fn state_vector(
             (local / distance.max(1.0e-3), proximity(distance))
         })
     };
-    let (pad_direction, pad_proximity) = bearing(context.map.nearest_pad(body.feet).map(|pad| pad.centre));
-    let transport = context.map.best_transport(body.feet, episode.goal);
+    let (pad_direction, pad_proximity) = bearing(context.placed.nearest_pad(body.feet).map(|pad| pad.centre));
+    let transport = context.placed.best_transport(body.feet, episode.goal);
     let (entrance_direction, entrance_proximity) = bearing(transport.map(|(entrance, _)| entrance));
     let exit_proximity = transport.map_or(0.0, |(_, exit)| proximity(exit.distance(episode.goal)));
-    let jetpack = context.map.nearest_jetpack(body.feet).map(|jetpack| jetpack.centre);
+    let jetpack = context.placed.nearest_jetpack(body.feet).map(|jetpack| jetpack.centre);
     let (jetpack_direction, jetpack_proximity) = bearing(jetpack);
     let flag = |on: bool| if on { 1.0 } else { 0.0 };
     let [forward, strafe, turn, jump] = last.action;

@@ -480,9 +480,9 @@ impl World {
             return false;
         };
         let profile = &self.config.profiles[usize::from(npc.profile.0)];
-        let context = SenseContext { map: &self.map, profile, task: &self.config.task };
+        let context = SenseContext { placed: self.map.placed(), profile, task: &self.config.task };
         let own = (&npc.body, episode, &npc.last);
-        sense::observe(&self.cone, context, &self.movers, self.others(slot), own, row);
+        sense::observe(&self.cone, context, (&self.map, &self.movers), self.others(slot), own, row);
         true
     }
 

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
-use surefoot_world::sense::{OTHERS_LEN, RAY_COUNT, RAY_SIDE, Seen, mirror_observation};
+use surefoot_world::sense::{
+    Found, OTHERS_LEN, RAY_COUNT, RAY_SIDE, RayCone, Seen, SenseContext, mirror_observation, observe_found,
+};
 use surefoot_world::{
     Action, CharacterProfile, Map, NpcSlot, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Player, PlayerContact,
     TaskConfig, Vec3, World, WorldConfig,
@@ -127,5 +129,46 @@ fn the_mirror_image_of_an_observation_is_that_of_the_mirrored_place() {
     mirror_observation(&mut right);
     for (one, other) in left[OBSERVATION_LEN..].iter().zip(&right[OBSERVATION_LEN..]) {
         assert!((one - other).abs() < 1.0e-4, "{one} and {other}");
+    }
+}
+
+#[test]
+fn a_body_of_another_world_sees_the_same_from_what_its_rays_found() {
+    let mut world = world(true);
+    let slot = looker(&mut world);
+    for (x, z, yaw) in [(-0.7, 6.0, 0.4), (0.6, 3.0, 1.0), (2.0, 5.0, 2.0), (-3.0, 4.0, 0.0), (-2.0, 8.0, 0.0)] {
+        let other = world.spawn(EYE + Vec3::new(x, 0.0, z), yaw);
+        world.decide(other, Action { forward: 1.0, ..Action::default() });
+    }
+    (0..4).for_each(|_| world.tick());
+    let mut expected = vec![0.0; OBSERVATION_WITH_OTHERS_LEN];
+    world.observe(slot, &mut expected);
+
+    let npc = world.npc(slot).unwrap();
+    let profile = world.profile_of(npc);
+    let mut hits = [None; RAY_COUNT];
+    RayCone::default().cast(world.map(), profile, &npc.body, |idx, distance, surface| {
+        hits[idx] = Some((distance, surface));
+    });
+    let body_hits: [f32; RAY_COUNT] = std::array::from_fn(|idx| match expected[OBSERVATION_LEN + idx] {
+        0.0 => f32::INFINITY,
+        proximity => (1.0 - proximity) * 30.0,
+    });
+    // All others are in sight, and the farthest is not among the four that are described.
+    let others: Vec<(Vec3, Vec3)> = world
+        .npcs()
+        .filter(|(other, _)| *other != slot)
+        .map(|(_, other)| (other.body.feet, other.body.velocity))
+        .collect();
+    let mut row = vec![f32::NAN; OBSERVATION_WITH_OTHERS_LEN];
+    let context = SenseContext { placed: world.map().placed(), profile, task: world.task() };
+    let found = Found { hits: &hits, body_hits: &body_hits, others: &others };
+    observe_found(context, found, (&npc.body, &npc.episode.unwrap(), &npc.last), &mut row);
+    let bodies = OBSERVATION_LEN..OBSERVATION_LEN + RAY_COUNT;
+    assert_eq!(row[..bodies.start], expected[..bodies.start]);
+    assert_eq!(row[bodies.end..], expected[bodies.end..]);
+    assert!(expected[bodies.end + 6..].iter().step_by(VALUES).all(|proximity| *proximity > 0.0), "four are described");
+    for (one, other) in row[bodies.clone()].iter().zip(&expected[bodies]) {
+        assert!((one - other).abs() < 1.0e-6, "{one} instead of {other}");
     }
 }

@@ -175,10 +175,20 @@ fn forward(gates: &FlexTensor, recurrent: &FlexTensor, shape: Shape, start: Star
 
 /// Computes one row of one step: activates its gates in place and writes its new states.
 fn step_row(gates: &mut [f32], products: &[f32], before: &[f32], keep: f32, cell: &mut [f32], hidden: &mut [f32]) {
-    let size = before.len();
     for (gate, product) in gates.iter_mut().zip(products) {
         *gate += product;
     }
+    for (cell, before) in cell.iter_mut().zip(before) {
+        *cell = before * keep;
+    }
+    let size = before.len();
+    activate(gates, &mut cell[..size], &mut hidden[..size]);
+}
+
+/// Activates one row of gates in place, and computes the states after the step: `cell` holds the one before, as far as it is kept.
+#[inline(always)]
+pub(crate) fn activate(gates: &mut [f32], cell: &mut [f32], hidden: &mut [f32]) {
+    let size = cell.len();
     let (open, candidate) = gates.split_at_mut(3 * size);
     for gate in open.iter_mut() {
         *gate = sigmoid(*gate);
@@ -189,7 +199,7 @@ fn step_row(gates: &mut [f32], products: &[f32], before: &[f32], keep: f32, cell
     let (input, rest) = open.split_at(size);
     let (forget, output) = rest.split_at(size);
     for idx in 0..size {
-        cell[idx] = forget[idx] * (before[idx] * keep) + input[idx] * candidate[idx];
+        cell[idx] = forget[idx] * cell[idx] + input[idx] * candidate[idx];
         hidden[idx] = output[idx] * tanh(cell[idx]);
     }
 }
@@ -275,7 +285,7 @@ fn recurrent_gradient(run: &Run, gate_gradient: &FlexTensor) -> FlexTensor {
 
 /// e^x with a relative error below 2e-7, `x` clamped to [-80, 80]: 2^n times a polynomial for 2^f, f in [-1/2, 1/2].
 #[inline]
-fn exp(x: f32) -> f32 {
+pub(crate) fn exp(x: f32) -> f32 {
     /// Adding and then subtracting 1.5 * 2^23 rounds to an integer.
     const ROUND: f32 = 12_582_912.0;
     /// Coefficients of the Taylor series of 2^f from degree 1 on: powers of ln 2 over factorials.
@@ -302,6 +312,6 @@ fn sigmoid(x: f32) -> f32 {
 }
 
 #[inline]
-fn tanh(x: f32) -> f32 {
+pub(crate) fn tanh(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }

@@ -13,13 +13,13 @@ use std::collections::BTreeMap;
 
 /// One parameter as a shape and its values in row-major order.
 #[derive(Debug, Clone, PartialEq)]
-struct Weights {
-    shape: Vec<usize>,
-    values: Vec<f32>,
+pub(crate) struct Weights {
+    pub shape: Vec<usize>,
+    pub values: Vec<f32>,
 }
 
 /// All parameters of an actor by path, such as `trunk.rays.weight`; matrices are `[input, output]`.
-fn named_weights(actor: &Actor) -> BTreeMap<String, Weights> {
+pub(crate) fn named_weights(actor: &Actor) -> BTreeMap<String, Weights> {
     let mut names = Names::default();
     actor.visit(&mut names);
     names.found

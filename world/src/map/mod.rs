@@ -19,8 +19,8 @@ pub(crate) mod zones;
 use crate::Vec3;
 use crate::mesh::{Mesh, Surface, Triangle};
 pub use features::{
-    Building, CATCH_HEIGHT_M, Cave, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau, Pool, Ravine,
-    Teleporter, ZipLine,
+    Building, CATCH_HEIGHT_M, Cave, DEVICE_RANGE_M, DISC_RADIUS_M, Jetpack, Liquid, Outline, Pad, Placed, Plateau,
+    Pool, Ravine, Teleporter, ZipLine,
 };
 pub use mover::{Mover, MoverError, MoverKind, MoverStop};
 pub use piece::{Piece, PieceError, PieceShape};
@@ -256,49 +256,18 @@ impl Map {
 
     /// The pad nearest to `point` within [`DEVICE_RANGE_M`].
     pub fn nearest_pad(&self, point: Vec3) -> Option<&Pad> {
-        nearest(&self.placed.pads, |pad| pad.centre.distance_squared(point))
+        self.placed.nearest_pad(point)
     }
 
     /// The jetpack nearest to `point` within [`DEVICE_RANGE_M`].
     pub fn nearest_jetpack(&self, point: Vec3) -> Option<&Jetpack> {
-        nearest(&self.placed.jetpacks, |jetpack| jetpack.centre.distance_squared(point))
+        self.placed.nearest_jetpack(point)
     }
 
-    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`: the smallest sum of the
-    /// distances to the entrance and from the exit, among entrances within [`DEVICE_RANGE_M`].
+    /// Entrance and exit of the zip line or teleporter that brings `goal` nearest to `point`; see [`Placed::best_transport`].
     pub fn best_transport(&self, point: Vec3, goal: Vec3) -> Option<(Vec3, Vec3)> {
-        let lines = self.placed.zip_lines.iter().map(|line| (line.from, line.to));
-        let teleporters = self.placed.teleporters.iter().flat_map(|teleporter| {
-            let back = teleporter.two_way.then_some((teleporter.to, teleporter.from));
-            std::iter::once((teleporter.from, teleporter.to)).chain(back)
-        });
-        let mut best: Option<(f32, (Vec3, Vec3))> = None;
-        for (entrance, exit) in lines.chain(teleporters) {
-            let squared = entrance.distance_squared(point);
-            if squared > DEVICE_RANGE_M * DEVICE_RANGE_M {
-                continue;
-            }
-            let sum = squared.sqrt() + exit.distance(goal);
-            if best.is_none_or(|(least, _)| sum < least) {
-                best = Some((sum, (entrance, exit)));
-            }
-        }
-        best.map(|(_, ends)| ends)
+        self.placed.best_transport(point, goal)
     }
-}
-
-/// Range within which an NPC senses devices, m.
-pub const DEVICE_RANGE_M: f32 = 50.0;
-
-fn nearest<T>(devices: &[T], squared: impl Fn(&T) -> f32) -> Option<&T> {
-    let mut best = (DEVICE_RANGE_M * DEVICE_RANGE_M, None);
-    for device in devices {
-        let distance = squared(device);
-        if distance < best.0 {
-            best = (distance, Some(device));
-        }
-    }
-    best.1
 }
 
 fn catches(centre: Vec3, feet: Vec3) -> bool {

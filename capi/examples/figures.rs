@@ -1,0 +1,197 @@
+//! Speed of the C functions on this machine: medians, beside the same work by the crates that the services use.
+//!
+//!     cargo run --release -p surefoot-capi --example figures -- LEVEL GRAPH
+#![expect(unsafe_code, reason = "calls C functions")]
+
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::ffi::CString;
+use std::hint::black_box;
+use std::ptr::{null, null_mut};
+use std::time::Instant;
+use surefoot::abi::{Action, Hit, Leg, Outcome, Query, RAY_COUNT, Ray, State, Vec3};
+use surefoot::exports::*;
+use surefoot_planner::Router;
+use surefoot_planner::export::import_json;
+use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_policy::Policy as BurnPolicy;
+
+/// Median duration of a call of `run`, us, over many calls.
+fn median_us(mut run: impl FnMut()) -> f64 {
+    (0..200).for_each(|_| run());
+    let mut times: Vec<f64> = (0..4000)
+        .map(|_| {
+            let started = Instant::now();
+            run();
+            started.elapsed().as_secs_f64() * 1.0e6
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn print(name: &str, us: f64, target: Option<f64>, reference: Option<(&str, f64)>) {
+    let target = target.map_or(String::new(), |target| format!(", target {target}"));
+    let reference =
+        reference.map_or(String::new(), |(name, other)| format!(", {name} {other:.2} us ({:.2} x)", other / us));
+    println!("{name:<40} {us:>8.2} us{target}{reference}");
+}
+
+fn ok(status: i32) {
+    assert_eq!(status, 0, "a call that succeeds");
+}
+
+fn handle<T>(make: impl FnOnce(*mut *mut T) -> i32) -> *mut T {
+    let mut handle = null_mut();
+    ok(make(&mut handle));
+    handle
+}
+
+/// Decisions of many agents: the network alone, and with what is around it.
+fn decisions(name: &str) {
+    let text = CString::new(name).expect("a name");
+    let policy = handle(|out| unsafe { sf_policy_shipped(text.as_ptr(), out, null_mut()) });
+    let burn = BurnPolicy::shipped_named(name).expect("a shipped policy").expect("sound weights");
+    for count in [1usize, 64] {
+        let agents = handle(|out| unsafe { sf_agents_create(policy, null(), count as u32, out, null_mut()) });
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let states: Vec<State> = (0..count).map(|_| state(&mut rng)).collect();
+        let hits: Vec<Hit> = (0..count * RAY_COUNT)
+            .map(|_| Hit {
+                distance: rng.random_range(0.5..40.0),
+                body_distance: 0.0,
+                surface: 1 + i32::from(rng.random::<f32>() < 0.05),
+            })
+            .collect();
+        for (idx, state) in (0..).zip(&states) {
+            let goal = Vec3 { x: rng.random_range(0.0..99.0), ..state.feet };
+            ok(unsafe { sf_agents_set_goal(agents, idx, state.feet, goal, null_mut()) });
+        }
+        let mut rays = vec![Ray::default(); count * RAY_COUNT];
+        let mut actions = vec![Action::default(); count];
+        let observe =
+            || ok(unsafe { sf_agents_observe(agents, null(), states.as_ptr(), hits.as_ptr(), count, null_mut()) });
+        let observe_us = median_us(observe);
+        let rays_us = median_us(|| {
+            ok(unsafe { sf_agents_rays(agents, states.as_ptr(), count, rays.as_mut_ptr(), rays.len(), null_mut()) })
+        });
+        // Agents decide once for each observation.
+        let both_us = median_us(|| {
+            observe();
+            ok(unsafe { sf_agents_decide(agents, null(), count, 0.5, actions.as_mut_ptr(), null_mut()) });
+        });
+        let mut rows = Vec::new();
+        for idx in 0..count as u32 {
+            let (mut row, mut len) = ([0.0; 461], 0);
+            ok(unsafe { sf_agents_observation(agents, idx, row.as_mut_ptr(), row.len(), &mut len, null_mut()) });
+            rows.extend_from_slice(&row[..len]);
+        }
+        let (mut memory, mut decided) = (vec![0.0; count * burn.memory_len()], Vec::new());
+        let burn_us =
+            median_us(|| burn.act_with_noise(black_box(&rows), &mut memory, vec![0.5; 4 * count], &mut decided));
+        let each = count as f64;
+        let target = if count == 1 { 50.0 } else { 5.0 };
+        let decide_us = (both_us - observe_us) / each;
+        print(&format!("{name}: decide, {count}, each"), decide_us, Some(target), Some(("burn", burn_us / each)));
+        print(&format!("{name}: observe, {count}, each"), observe_us / each, None, None);
+        print(&format!("{name}: rays, {count}, each"), rays_us / each, None, None);
+        unsafe { sf_agents_destroy(agents) };
+    }
+    unsafe { sf_policy_destroy(policy) };
+}
+
+fn state(rng: &mut ChaCha8Rng) -> State {
+    let mut draw = || Vec3 { x: rng.random_range(-5.0..5.0), y: 0.0, z: rng.random_range(-5.0..5.0) };
+    State {
+        struct_size: size_of::<State>() as u32,
+        flags: 1,
+        feet: draw(),
+        velocity: draw(),
+        yaw: draw().x,
+        breath_used: 0.0,
+        jetpack_seconds: 0.0,
+        other_count: 0,
+        others: null(),
+    }
+}
+
+/// Plans between random places.
+fn plans(path: &str) {
+    let text = std::fs::read_to_string(path).expect("a graph");
+    let router = Router::new(import_json(&text).expect("a graph"), DEFAULT_TABLE_LIMIT, 1);
+    let path = CString::new(path).expect("a path");
+    let graph = handle(|out| unsafe { sf_graph_load(path.as_ptr(), out, null_mut()) });
+    let vertices: Vec<Vec3> = router.graph().vertices().map(|vertex| router.graph().position(vertex).into()).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let mut place = || {
+        let at = vertices[rng.random_range(0..vertices.len())];
+        Vec3 { x: at.x + 2.0, ..at }
+    };
+    let queries: Vec<(Vec3, Vec3)> = (0..1000).map(|_| (place(), place())).collect();
+    let (mut legs, mut count) = (vec![Leg::default(); 1024], 0);
+    let mut next = (0..1000).cycle();
+    let ours = median_us(|| {
+        let (start, goal) = queries[next.next().expect("a cycle")];
+        let query = Query {
+            struct_size: size_of::<Query>() as u32,
+            without: 0,
+            start,
+            goal,
+            caution: 1.0,
+            avoid_count: 0,
+            avoid: null(),
+        };
+        ok(unsafe {
+            sf_graph_find_path(graph, &query, legs.as_mut_ptr(), legs.len(), &mut count, null_mut(), null_mut())
+        });
+    });
+    let vector = |at: Vec3| surefoot_world::Vec3::new(at.x, at.y, at.z);
+    let theirs = median_us(|| {
+        let (start, goal) = queries[next.next().expect("a cycle")];
+        black_box(router.find_path(&surefoot_planner::Query::new(vector(start), vector(goal))));
+    });
+    print(&format!("plan, {} vertices", vertices.len()), ours, Some(5.0), Some(("planner", theirs)));
+    unsafe { sf_graph_destroy(graph) };
+}
+
+/// Rollbacks of one NPC.
+fn rollbacks(level: &str, graph: &str) {
+    let text = std::fs::read_to_string(graph).expect("a graph");
+    let graph = import_json(&text).expect("a graph");
+    let places: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex).into()).collect();
+    let level = CString::new(level).expect("a path");
+    let map = handle(|out| unsafe { sf_map_load(level.as_ptr(), out, null_mut()) });
+    let world = handle(|out| unsafe { sf_world_create(map, null(), out, null_mut()) });
+    let snapshot = handle(|out| unsafe { sf_snapshot_create(out, null_mut()) });
+    let mut npc = 0;
+    ok(unsafe { sf_world_spawn(world, places[0], 0.0, &mut npc, null_mut()) });
+    ok(unsafe { sf_world_set_goal(world, npc, places[1], null_mut()) });
+    let action = Action { forward: 1.0, strafe: 0.0, turn: 0.2, jump: -1.0 };
+    let mut outcome = Outcome::default();
+    let again = |step: &mut dyn FnMut() -> i32| {
+        median_us(|| {
+            ok(unsafe { sf_world_save(world, snapshot, null_mut()) });
+            ok(step());
+            ok(unsafe { sf_world_restore(world, snapshot, null_mut()) });
+        })
+    };
+    ok(unsafe { sf_world_decide(world, npc, action, null_mut()) });
+    let tick = again(&mut || unsafe { sf_world_tick(world, null_mut(), null_mut()) });
+    print("save, tick, restore", tick, Some(20.0), None);
+    let decision = again(&mut || unsafe { sf_world_step(world, &npc, &action, &mut outcome, 1, null_mut()) });
+    print("save, ten ticks, restore", decision, Some(20.0), None);
+    unsafe {
+        sf_snapshot_destroy(snapshot);
+        sf_world_destroy(world);
+        sf_map_destroy(map);
+    }
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [level, graph] = &arguments[..] else { panic!("usage: figures LEVEL GRAPH") };
+    decisions("general-reactive");
+    decisions("general-lstm");
+    plans(graph);
+    rollbacks(level, graph);
+}

@@ -1,0 +1,71 @@
+//! Checks of what callers give: numbers become values of the simulation, or errors that name them.
+
+use crate::abi::{Action, Body, Vec3};
+use crate::error::Fault;
+use surefoot_world as world;
+use surefoot_world::mesh::Surface;
+
+/// Largest coordinate, m, or speed, m/s.
+const MOST: f32 = 1.0e6;
+
+impl Vec3 {
+    /// The vector, all of whose values must be finite and within reason; `name` names it in errors.
+    pub fn checked(self, name: impl std::fmt::Display) -> Result<world::Vec3, Fault> {
+        let Self { x, y, z } = self;
+        if [x, y, z].iter().all(|value| value.abs() <= MOST) {
+            return Ok(world::Vec3::new(x, y, z));
+        }
+        Err(Fault::argument(format!("{name} is ({x}, {y}, {z}): all three must be finite, and at most a million")))
+    }
+}
+
+impl TryFrom<Action> for world::Action {
+    type Error = Fault;
+
+    fn try_from(Action { forward, strafe, turn, jump }: Action) -> Result<Self, Fault> {
+        Self::from_array([forward, strafe, turn, jump]).map_err(|error| Fault::argument(error.to_string()))
+    }
+}
+
+/// The surface of that number; `None` for 0, which is none.
+pub fn surface(number: i32) -> Result<Option<Surface>, Fault> {
+    if number == 0 {
+        return Ok(None);
+    }
+    let surface = usize::try_from(number.wrapping_sub(1)).ok().and_then(|idx| Surface::ALL.get(idx));
+    let unknown = || Fault::argument(format!("surface is {number}: it must be one of sf_surface, 0 to 7"));
+    surface.copied().map(Some).ok_or_else(unknown)
+}
+
+impl Body {
+    /// The profile, all of whose values must be in range.
+    pub fn profile(&self) -> Result<world::CharacterProfile, Fault> {
+        let count = |name: &str, value: u32, most: u8| {
+            u8::try_from(value)
+                .ok()
+                .filter(|value| *value <= most)
+                .ok_or_else(|| Fault::argument(format!("body.{name} is {value}, but must be 0 to {most}")))
+        };
+        let raw = world::RawCharacterProfile {
+            height: self.height,
+            radius: self.radius,
+            forward_speed: self.forward_speed,
+            side_speed_share: self.side_speed_share,
+            turn_speed: self.turn_speed,
+            jump_speed: self.jump_speed,
+            gravity: self.gravity,
+            extra_jumps: count("extra_jumps", self.extra_jumps, u8::MAX)?,
+            max_slope: self.max_slope,
+            step_height: self.step_height,
+            ground_acceleration: self.ground_acceleration,
+            air_acceleration: self.air_acceleration,
+            coyote_ticks: count("coyote_ticks", self.coyote_ticks, u8::MAX - 1)?,
+            uses_zip_lines: self.uses_zip_lines != 0,
+            zip_line_speed: self.zip_line_speed,
+            uses_jetpacks: self.uses_jetpacks != 0,
+            jetpack_acceleration: self.jetpack_acceleration,
+            jetpack_climb_speed: self.jetpack_climb_speed,
+        };
+        raw.try_into().map_err(|error: world::ProfileError| Fault::argument(error.to_string()))
+    }
+}

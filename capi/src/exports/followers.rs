@@ -1,0 +1,59 @@
+//! Followers.
+
+use super::graphs::{Shared, view};
+use super::{Handle, destroy, export};
+use crate::abi;
+use crate::followers::Follower;
+use crate::graphs::{Graph, abilities, caution as checked_caution};
+use crate::memory::{fill, hand_out, lock, reference, write_growing};
+use std::sync::Mutex;
+
+destroy!(sf_follower_destroy Handle<Follower>);
+
+export! {
+    fn sf_follower_create(goal: abi::Vec3, follower: *mut *mut Handle<Follower>) {
+        hand_out(follower, "follower", Mutex::new(Follower::new(goal.checked("goal")?)))
+    }
+
+    fn sf_follower_advance(follower: *mut Handle<Follower>, feet: abi::Vec3, reached: i32, step: *mut abi::Step) {
+        let feet = feet.checked("feet")?;
+        let found = lock(reference(follower, "follower")?, "follower")?.advance(feet, reached != 0);
+        write_growing(step, "step", found)
+    }
+
+    fn sf_follower_plan(
+        follower: *mut Handle<Follower>,
+        graph: *const Shared<Graph>,
+        feet: abi::Vec3,
+        caution: f32,
+        without: u32,
+        step: *mut abi::Step,
+    ) {
+        let (feet, caution, without) = (feet.checked("feet")?, checked_caution(caution)?, abilities(without)?);
+        let graph = view(graph)?;
+        let found = lock(reference(follower, "follower")?, "follower")?.plan(&graph, feet, caution, without)?;
+        write_growing(step, "step", found)
+    }
+
+    fn sf_follower_note_death(follower: *mut Handle<Follower>) {
+        lock(reference(follower, "follower")?, "follower")?.note_harm();
+        Ok(())
+    }
+
+    fn sf_follower_legs(follower: *const Handle<Follower>, legs: *mut abi::Leg, capacity: usize, count: *mut usize) {
+        let found = lock(reference(follower, "follower")?, "follower")?.legs()?;
+        fill(legs, capacity, count, "legs", &found)
+    }
+
+    fn sf_follower_take_traversals(
+        follower: *mut Handle<Follower>,
+        traversals: *mut abi::Traversal,
+        capacity: usize,
+        count: *mut usize,
+    ) {
+        let mut follower = lock(reference(follower, "follower")?, "follower")?;
+        fill(traversals, capacity, count, "traversals", follower.traversals())?;
+        follower.forget_traversals();
+        Ok(())
+    }
+}

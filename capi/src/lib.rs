@@ -1,0 +1,25 @@
+//! libsurefoot: policies, plans and worlds as a C library. `include/surefoot.h` is its documentation.
+//!
+//! [`exports`] has one function for each of the header: it converts pointers ([`memory`]) and numbers ([`checks`]), calls what [`agents`], [`graphs`],
+//! [`followers`] and [`worlds`] do in safe Rust, and returns a status ([`error`]). [`abi`] has the structs that both sides know.
+//!
+//! This crate has no state besides its handles, starts no thread that outlives a call, and writes nothing. No panic leaves it.
+
+#![warn(clippy::undocumented_unsafe_blocks)]
+
+pub mod abi;
+mod agents;
+mod checks;
+mod error;
+#[expect(unsafe_code, reason = "exported symbols, and arguments that are pointers: docs/adr/0034-c-library.md")]
+pub mod exports;
+mod followers;
+mod graphs;
+#[expect(unsafe_code, reason = "pointers become references here and nowhere else: docs/adr/0034-c-library.md")]
+mod memory;
+mod worlds;
+
+pub use agents::{Agents, Policy};
+pub use followers::Follower;
+pub use graphs::Graph;
+pub use worlds::{Map, Snapshot, World};

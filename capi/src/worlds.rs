@@ -1,0 +1,250 @@
+//! Worlds: our simulation inside a game, to be stepped, saved and restored.
+
+use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
+use crate::error::{Fault, Status, chain};
+use std::sync::Arc;
+use surefoot_world::exchange::{self, ImportOptions};
+use surefoot_world::mesh::Surface;
+use surefoot_world::sense::{RAY_RANGE_M, RayCone, observation_len};
+use surefoot_world::{Action, CharacterProfile, End, Npc, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, WorldState};
+
+/// Most NPCs of a world.
+const MAX_NPCS: usize = 65_536;
+
+/// `sf_map`: a level.
+#[derive(Debug)]
+pub struct Map {
+    map: Arc<surefoot_world::Map>,
+    /// Where the level's origin lies on the map, m.
+    pub origin: Vec3,
+}
+
+impl Map {
+    /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, as its first bytes tell.
+    pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
+        let options = ImportOptions::default();
+        let starts = |magic: &[u8]| bytes.starts_with(magic);
+        let is_text_gltf = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+        if starts(b"SFMAP") {
+            let map = exchange::decode(bytes).map_err(|error| Fault::file(chain(&error)))?;
+            return Ok(Self { map: Arc::new(map), origin: Vec3::ZERO });
+        }
+        let imported = if starts(b"glTF") || is_text_gltf {
+            exchange::import_gltf(bytes, None, &options)
+        } else {
+            exchange::import_obj(bytes, None, &options)
+        };
+        let imported = imported.map_err(|error| Fault::file(chain(&error)))?;
+        Ok(Self { map: Arc::new(imported.map), origin: imported.origin })
+    }
+
+    /// Devices of the level.
+    pub fn devices(&self) -> Vec<abi::Device> {
+        let device = |surface: Surface, from: Vec3, to: Vec3, two_way: bool| abi::Device {
+            kind: abi::surface_number(surface),
+            two_way: two_way.into(),
+            from: from.into(),
+            to: to.into(),
+        };
+        let placed = self.map.placed();
+        let mut devices: Vec<abi::Device> =
+            placed.pads.iter().map(|pad| device(Surface::Pad, pad.centre, pad.centre, false)).collect();
+        devices.extend(placed.zip_lines.iter().map(|line| device(Surface::ZipLine, line.from, line.to, false)));
+        let teleporters = placed.teleporters.iter();
+        devices.extend(teleporters.map(|it| device(Surface::Teleporter, it.from, it.to, it.two_way)));
+        devices.extend(placed.jetpacks.iter().map(|it| device(Surface::Jetpack, it.centre, it.centre, false)));
+        devices
+    }
+
+    /// The map's extent, m.
+    pub fn extent(&self) -> Vec3 {
+        self.map.extent()
+    }
+}
+
+/// `sf_snapshot`: the state of a world at one moment.
+#[derive(Debug, Default)]
+pub struct Snapshot {
+    state: Option<WorldState>,
+}
+
+/// `sf_world`: a map with NPCs on it.
+#[derive(Debug)]
+pub struct World {
+    world: surefoot_world::World,
+    cone: RayCone,
+}
+
+impl World {
+    /// A world on a map, for NPCs of one body.
+    pub fn new(map: &Map, profile: CharacterProfile) -> Self {
+        let world = surefoot_world::World::new(Arc::clone(&map.map), profile, TaskConfig::default());
+        Self { world, cone: RayCone::default() }
+    }
+
+    fn npc(&self, npc: u32) -> Result<(NpcSlot, &Npc), Fault> {
+        let missing = || Fault::new(Status::NotFound, format!("the world has no NPC {npc}"));
+        self.world.npc(NpcSlot(npc)).map(|state| (NpcSlot(npc), state)).ok_or_else(missing)
+    }
+
+    /// Adds an NPC and returns its number.
+    pub fn spawn(&mut self, feet: Vec3, yaw: f32) -> Result<u32, Fault> {
+        if !yaw.is_finite() {
+            return Err(Fault::argument(format!("yaw is {yaw}, but must be finite")));
+        }
+        if self.world.npcs().count() >= MAX_NPCS {
+            return Err(Fault::new(Status::BadState, format!("the world has {MAX_NPCS} NPCs: despawn some first")));
+        }
+        Ok(self.world.spawn(feet, yaw).0)
+    }
+
+    /// Removes an NPC.
+    pub fn despawn(&mut self, npc: u32) -> Result<(), Fault> {
+        let (slot, _) = self.npc(npc)?;
+        self.world.despawn(slot);
+        Ok(())
+    }
+
+    /// Gives an NPC a goal, m.
+    pub fn set_goal(&mut self, npc: u32, goal: Vec3) -> Result<(), Fault> {
+        let (slot, _) = self.npc(npc)?;
+        self.world.set_goal(slot, goal);
+        Ok(())
+    }
+
+    /// Begins a decision.
+    pub fn decide(&mut self, npc: u32, action: Action) -> Result<(), Fault> {
+        let (slot, _) = self.npc(npc)?;
+        self.world.decide(slot, action);
+        Ok(())
+    }
+
+    /// Moves everything by one tick.
+    pub fn tick(&mut self) {
+        self.world.tick();
+    }
+
+    /// Ends a decision.
+    pub fn close_decision(&mut self, npc: u32) -> Result<abi::Outcome, Fault> {
+        let (slot, state) = self.npc(npc)?;
+        if state.episode.is_none() {
+            let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
+            return Err(Fault::new(Status::BadState, message));
+        }
+        let outcome = self.world.close_decision(slot).expect("an NPC with a goal");
+        Ok(abi::Outcome { reward: outcome.reward, end: end_number(outcome.end) })
+    }
+
+    /// Runs a whole decision of some NPCs; all others keep their action.
+    pub fn step(&mut self, npcs: &[u32], actions: &[Action], outcomes: &mut [abi::Outcome]) -> Result<(), Fault> {
+        for &npc in npcs {
+            if self.npc(npc)?.1.episode.is_none() {
+                let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
+                return Err(Fault::new(Status::BadState, message));
+            }
+        }
+        for (&npc, action) in npcs.iter().zip(actions) {
+            self.decide(npc, *action)?;
+        }
+        (0..TICKS_PER_DECISION).for_each(|_| self.world.tick());
+        for (&npc, outcome) in npcs.iter().zip(outcomes) {
+            *outcome = self.close_decision(npc)?;
+        }
+        Ok(())
+    }
+
+    /// The state of an NPC, as an agent observes it.
+    pub fn state(&self, npc: u32) -> Result<abi::State, Fault> {
+        let (_, npc) = self.npc(npc)?;
+        let (body, profile, task) = (&npc.body, self.world.profile_of(npc), self.world.task());
+        let flag = |on: bool, flag: u32| if on { flag } else { 0 };
+        Ok(abi::State {
+            struct_size: 0,
+            flags: flag(body.is_grounded(), GROUNDED)
+                | flag(body.can_jump(profile), CAN_JUMP)
+                | flag(body.ride.is_some(), RIDES),
+            feet: body.feet.into(),
+            velocity: body.velocity.into(),
+            yaw: body.yaw,
+            breath_used: (npc.last.ticks_in_water as f32 / task.drown_ticks as f32).min(1.0),
+            jetpack_seconds: body.fuel,
+            other_count: 0,
+            others: std::ptr::null(),
+        })
+    }
+
+    /// What the rays of an NPC hit.
+    pub fn look(&self, npc: u32, hits: &mut [abi::Hit]) -> Result<(), Fault> {
+        let (_, npc) = self.npc(npc)?;
+        hits.fill(abi::Hit::default());
+        self.cone.cast(self.world.map(), self.world.profile_of(npc), &npc.body, |idx, distance, surface| {
+            hits[idx] = abi::Hit { distance, body_distance: 0.0, surface: abi::surface_number(surface) };
+        });
+        Ok(())
+    }
+
+    /// Casts rays at the map.
+    pub fn cast(&self, rays: &[abi::Ray], hits: &mut [abi::Hit]) -> Result<(), Fault> {
+        for (idx, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+            let origin = ray.origin.checked(format_args!("rays[{idx}].origin"))?;
+            let direction = ray.direction.checked(format_args!("rays[{idx}].direction"))?;
+            let Some(direction) = direction.try_normalize() else {
+                return Err(Fault::argument(format!("rays[{idx}].direction has no length")));
+            };
+            let found = self.world.map().mesh().cast_ray(origin, direction, RAY_RANGE_M);
+            *hit = found.map_or(abi::Hit::default(), |found| abi::Hit {
+                distance: found.distance,
+                body_distance: 0.0,
+                surface: abi::surface_number(found.surface),
+            });
+        }
+        Ok(())
+    }
+
+    /// The observation of an NPC, as a policy that does not see others has it.
+    pub fn observation(&self, npc: u32) -> Result<Vec<f32>, Fault> {
+        let (slot, state) = self.npc(npc)?;
+        if state.episode.is_none() {
+            let message = format!("NPC {npc} has no goal: call sf_world_set_goal first");
+            return Err(Fault::new(Status::BadState, message));
+        }
+        let mut row = vec![0.0; observation_len(false)];
+        self.world.observe(slot, &mut row);
+        Ok(row)
+    }
+
+    /// Saves the world into a snapshot, over what it holds.
+    pub fn save(&self, snapshot: &mut Snapshot) {
+        snapshot.state = Some(self.world.save());
+    }
+
+    /// Restores a snapshot of this world, or of another with the same map and body.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), Fault> {
+        let empty = || Fault::new(Status::BadState, "the snapshot is empty: call sf_world_save first");
+        let state = snapshot.state.clone().ok_or_else(empty)?;
+        if !state.fits(self.world.config().profiles.len(), self.world.map()) {
+            return Err(Fault::argument("the snapshot is of a world on another map: restore it there"));
+        }
+        self.world.restore(state);
+        Ok(())
+    }
+
+    /// Ticks so far.
+    pub fn current_tick(&self) -> u64 {
+        self.world.current_tick()
+    }
+}
+
+fn end_number(end: Option<End>) -> i32 {
+    match end {
+        None => 0,
+        Some(End::Reached) => 1,
+        Some(End::Fell) => 2,
+        Some(End::Burnt) => 3,
+        Some(End::Drowned) => 4,
+        Some(End::NoProgress) => 5,
+        Some(End::Unreachable) => 6,
+    }
+}
+
+const _: () = assert!(RAY_COUNT == 64);

@@ -1,0 +1,77 @@
+//! Worlds through the C functions: a rollback repeats itself to the bit.
+#![expect(unsafe_code, reason = "calls C functions")]
+
+mod stage;
+
+use stage::{at, fails, handle, map, ok, state, world};
+use std::ptr::{null, null_mut};
+use surefoot::abi::{Action, Outcome, State, Vec3};
+use surefoot::exports::*;
+use surefoot::{Snapshot, World};
+
+fn state_of(world: *const Handle<World>, npc: u32) -> State {
+    let mut state = state();
+    ok(|error| unsafe { sf_world_state(world, npc, &mut state, error) });
+    state
+}
+
+#[test]
+fn what_follows_a_rollback_is_what_followed_before() {
+    let world = world(&map());
+    let snapshot: *mut Handle<Snapshot> = handle(|out, error| unsafe { sf_snapshot_create(out, error) });
+    fails(6, "the snapshot is empty", |error| unsafe { sf_world_restore(world, snapshot, error) });
+    let mut npc = 9;
+    let (start, goal) = (Vec3 { x: 50.0, y: 60.0, z: 50.0 }, at(80.0, 80.0));
+    ok(|error| unsafe { sf_world_spawn(world, start, 0.0, &mut npc, error) });
+    ok(|error| unsafe { sf_world_set_goal(world, npc, goal, error) });
+    let run = || {
+        let mut seen = Vec::new();
+        for round in 0..30 {
+            let turn = (round % 3) as f32 - 1.0;
+            let action = Action { forward: 1.0, strafe: 0.0, turn, jump: if round % 4 == 0 { 1.0 } else { -1.0 } };
+            let mut outcome = Outcome::default();
+            ok(|error| unsafe { sf_world_step(world, &npc, &action, &mut outcome, 1, error) });
+            let state = state_of(world, npc);
+            seen.push((state.feet.x.to_bits(), state.feet.y.to_bits(), state.yaw.to_bits(), outcome.end));
+        }
+        seen
+    };
+    run();
+    ok(|error| unsafe { sf_world_save(world, snapshot, error) });
+    let first = run();
+    ok(|error| unsafe { sf_world_restore(world, snapshot, error) });
+    assert_eq!(first, run());
+    assert_ne!(first.first(), first.last(), "it moves");
+    unsafe {
+        sf_snapshot_destroy(snapshot);
+        sf_world_destroy(world);
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_call_is_said() {
+    let world = world(&map());
+    let mut npc = 0;
+    ok(|error| unsafe { sf_world_spawn(world, at(9.0, 9.0), 0.0, &mut npc, error) });
+    let (action, mut outcome) = (Action::default(), Outcome::default());
+    fails(6, "NPC 0 has no goal", |error| unsafe { sf_world_step(world, &npc, &action, &mut outcome, 1, error) });
+    fails(6, "NPC 0 has no goal", |error| unsafe { sf_world_close_decision(world, npc, &mut outcome, error) });
+    fails(3, "no NPC 5", |error| unsafe { sf_world_set_goal(world, 5, at(0.0, 0.0), error) });
+    fails(1, "yaw is inf", |error| unsafe { sf_world_spawn(world, at(9.0, 9.0), f32::INFINITY, &mut npc, error) });
+    fails(1, "npc is NULL", |error| unsafe { sf_world_spawn(world, at(9.0, 9.0), 0.0, null_mut(), error) });
+    fails(1, "action[2] is NaN", |error| unsafe {
+        sf_world_decide(world, npc, Action { turn: f32::NAN, ..action }, error)
+    });
+    fails(2, "an NPC has 64 rays", |error| unsafe { sf_world_look(world, npc, null_mut(), 0, error) });
+    let load = |bytes: &[u8], error| unsafe {
+        let mut map = null_mut();
+        let status = sf_map_load_memory(bytes.as_ptr().cast(), bytes.len(), &mut map, error);
+        sf_map_destroy(map);
+        status
+    };
+    fails(4, "cut off", |error| load(&surefoot_world::exchange::encode(&map())[..100], error));
+    fails(4, "", |error| load(b"glTF and so on", error));
+    fails(4, "", |error| load(b"", error));
+    fails(1, "bytes is NULL", |error| unsafe { sf_map_load_memory(null(), 3, &mut null_mut(), error) });
+    unsafe { sf_world_destroy(world) };
+}
