@@ -60,7 +60,23 @@ enum Command {
     Map(map::Command),
 }
 
+/// Exit code of programs that a closed pipe ends: 128 + SIGPIPE.
+const PIPE_CLOSED: i32 = 141;
+
+/// Lets the program end quietly when whoever reads its output has seen enough, as `head` does: printing panics then.
+fn end_quietly_with_the_reader() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let said = panic.payload().downcast_ref::<String>();
+        if said.is_some_and(|it| it.starts_with("failed printing to std") && it.contains("Broken pipe")) {
+            std::process::exit(PIPE_CLOSED);
+        }
+        usual(panic);
+    }));
+}
+
 fn main() -> std::process::ExitCode {
+    end_quietly_with_the_reader();
     match run() {
         Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) => {

@@ -23,6 +23,20 @@ fn addresses_that_the_page_could_not_be_allowed_to_call_are_refused() {
 }
 
 #[test]
+fn a_reader_that_has_seen_enough_ends_the_program_quietly() {
+    // Nobody reads what it prints once it has made the map.
+    let mut child = Command::new(env!("CARGO_BIN_EXE_surefoot"))
+        .args(["map", "show", "7"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command runs");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("the command ends");
+    assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stderr).as_ref()), (Some(141), ""));
+}
+
+#[test]
 fn eval_prints_the_agreed_document() {
     let report = json(&surefoot(&[
         "eval",
