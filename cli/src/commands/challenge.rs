@@ -25,7 +25,7 @@ use surefoot_world::exchange;
 /// File of a set in its folder.
 const SET_FILE: &str = "set.json";
 /// Most bytes of a run, unpacked.
-const MAX_RUN_BYTES: u64 = 4 << 30;
+const MAX_RUN_BYTES: u64 = 1 << 30;
 
 /// Compare agents and planners of any origin on the same goals: docs/challenge.md is the protocol.
 #[derive(clap::Subcommand)]
