@@ -205,6 +205,8 @@ pub struct RangeAxes<'a> {
 pub fn ranges(axes: RangeAxes<'_>, rows: &[RangeRow<'_>], path: &Path) -> Result<(), ReportError> {
     const ROW_HEIGHT: u32 = 34;
     const LABELS_WIDTH: u32 = 330;
+    /// Empty rows at the bottom, so that the legend covers nothing.
+    const LEGEND_ROWS: u32 = 2;
     let values = || rows.iter().flat_map(|row| row.ranges.iter().flatten().copied());
     let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
     if rows.is_empty() || !(low.is_finite() && high.is_finite()) {
@@ -212,20 +214,20 @@ pub fn ranges(axes: RangeAxes<'_>, rows: &[RangeRow<'_>], path: &Path) -> Result
     }
     let margin = 0.05 * (high - low).max(1.0);
     let count = rows.len() as f64;
-    let size = (SIZE.0, 110 + ROW_HEIGHT * rows.len() as u32);
+    let size = (SIZE.0, 110 + ROW_HEIGHT * (rows.len() as u32 + LEGEND_ROWS));
     draw_sized(path, size, |area| {
         let mut chart = ChartBuilder::on(area)
             .caption(axes.title, ("sans-serif", 20))
             .margin(12)
             .x_label_area_size(40)
             .y_label_area_size(LABELS_WIDTH)
-            .build_cartesian_2d(low - margin..high + margin, (0.0..count).step(1.0))?;
+            .build_cartesian_2d(low - margin..high + margin, (-f64::from(LEGEND_ROWS)..count).step(1.0))?;
         // A label stands in the middle of its row.
         let label = |y: &f64| rows.get((count - y - 0.5).round() as usize).map_or("", |row| row.name).to_owned();
         chart
             .configure_mesh()
             .disable_y_mesh()
-            .y_labels(rows.len() + 1)
+            .y_labels(rows.len() + LEGEND_ROWS as usize + 1)
             .y_label_offset(-(ROW_HEIGHT as i32) / 2)
             .y_label_formatter(&|y| label(&(y + 0.5)))
             .x_desc(axes.x)

@@ -474,7 +474,10 @@ fn import(args: &ImportArgs) -> anyhow::Result<()> {
         &ImportOptions { scale: args.scale, up, keep_sides: args.keep_sides },
     )?;
     let size = imported.map.size();
+    let [x, y, z] = imported.origin.to_array();
     println!("map of {} x {} x {} m, hash {}", size.width, size.height, size.depth, imported.map.hash());
+    // Plans and graphs are in the map's frame, which begins at 0.
+    println!("the level's origin lies at {x} {y} {z} on it");
     write(&args.out, &exchange::encode(&imported.map))
 }
 
