@@ -1,0 +1,50 @@
+// The resource SurefootGraph: a proved graph of a level, its plans, and its edges, which open and close.
+#pragma once
+
+#include "engine.hpp"
+
+namespace surefoot {
+
+class SurefootGraph final : public engine::Instance {
+public:
+    static void register_class();
+    ~SurefootGraph() override { sf_graph_destroy(graph_); }
+
+    std::string get_file() const { return file_; }
+    // Forgets the graph of another file; the new one is loaded when it is first used.
+    void set_file(const std::string& file);
+    sf_vec3 get_origin() const { return origin_; }
+    void set_origin(sf_vec3 origin) { origin_ = origin; }
+
+    // Reads the file, unless that has been done. False, and an error in the log, if it cannot be read.
+    bool load();
+    // Sets `origin` from the level that the graph was proved on: .glb, .gltf or .obj.
+    bool align_to(const std::string& level);
+    engine::Dictionary find_path(sf_vec3 start, sf_vec3 goal, double caution, int64_t without);
+    bool set_edge_open(int64_t from, int64_t to, bool is_open);
+    bool set_edge_price(int64_t from, int64_t to, double factor);
+    engine::PackedVector3Array get_vertices();
+    engine::Array get_edges();
+
+    // For agents: the graph, null if it cannot be read, and places of the scene on its map.
+    sf_graph* loaded() { return load() ? graph_ : nullptr; }
+    sf_vec3 to_map(sf_vec3 place) const;
+    sf_vec3 from_map(sf_vec3 place) const;
+
+    // A leg as scripts see it.
+    engine::Dictionary describe(const sf_leg& leg) const;
+
+private:
+    std::vector<sf_vec3> vertices();
+
+    std::string file_;
+    sf_vec3 origin_{};
+    sf_graph* graph_ = nullptr;
+    // Whether reading the file failed, which is said once.
+    bool is_unreadable_ = false;
+};
+
+// Contents of a file of the project, or elsewhere. False, and an error that begins with `what`, if it cannot be read.
+bool read_file(const std::string& what, const std::string& path, std::vector<uint8_t>& bytes);
+
+}  // namespace surefoot

@@ -1,0 +1,149 @@
+extends SceneTree
+## Calls what scripts can call, rightly and wrongly: results are what they should be, and mistakes are errors that say what to change. Prints each
+## mistake before it is made; the check of this folder compares the errors that follow.
+##
+##     godot --headless --path PROJECT --script tests/calls.gd -- GRAPH LEVEL
+
+var _failures := 0
+
+
+func _initialize() -> void:
+	var arguments := OS.get_cmdline_user_args()
+	await process_frame
+	_use_graph(arguments[0], arguments[1])
+	_misuse_graphs(arguments[0])
+	_use_agents()
+	_misuse_agents()
+	print("%d failures" % _failures)
+	quit(0 if _failures == 0 else 1)
+
+
+func _expect(holds: bool, what: String) -> void:
+	if not holds:
+		_failures += 1
+		print("FAILED: " + what)
+
+
+func _graph_of(file: String) -> SurefootGraph:
+	var graph := SurefootGraph.new()
+	graph.file = file
+	return graph
+
+
+func _use_graph(file: String, level: String) -> void:
+	var graph := _graph_of(file)
+	_expect(graph.load(), "a graph is read")
+	_expect(graph.align_to(level), "a level is read")
+	_expect(graph.origin != Vector3.ZERO, "the example's level has its origin in its middle")
+	var vertices := graph.get_vertices()
+	var edges := graph.get_edges()
+	_expect(vertices.size() > 10 and edges.size() > 10, "a graph has vertices and edges")
+	_expect(vertices[edges[0]["to"]] == edges[0]["waypoint"], "edges name vertices")
+	_close_an_edge(graph, vertices)
+	# What a scene saves is what it loads.
+	var path := "user://graph.tres"
+	_expect(ResourceSaver.save(graph, path) == OK, "graphs are saved")
+	var restored: SurefootGraph = load(path)
+	_expect(restored.file == file and restored.origin == graph.origin, "graphs are restored")
+
+
+func _close_an_edge(graph: SurefootGraph, vertices: PackedVector3Array) -> void:
+	for goal in vertices:
+		var path := graph.find_path(vertices[0], goal)
+		for leg: Dictionary in path["legs"]:
+			if path["found"] and leg["from"] >= 0 and leg["to"] >= 0:
+				var from: int = leg["from"]
+				var to: int = leg["to"]
+				_expect(graph.set_edge_open(from, to, false), "an edge is closed")
+				for other: Dictionary in graph.find_path(vertices[0], goal)["legs"]:
+					_expect(other["from"] != from or other["to"] != to, "plans avoid a closed edge")
+				_expect(graph.set_edge_open(from, to, true) and graph.set_edge_price(from, to, 2.0), "an edge is opened")
+				return
+	_expect(false, "a path has an edge")
+
+
+func _misuse_graphs(file: String) -> void:
+	print("MISTAKE no file is set")
+	_expect(not SurefootGraph.new().load(), "no file")
+	print("MISTAKE a missing file")
+	_expect(not _graph_of("res://missing.json").load(), "a missing file")
+	print("MISTAKE a file that is no graph")
+	_expect(not _graph_of("res://project.godot").load(), "no graph")
+	print("MISTAKE a missing level")
+	_expect(not _graph_of(file).align_to("res://missing.glb"), "a missing level")
+	print("MISTAKE an edge that does not exist")
+	_expect(not _graph_of(file).set_edge_open(0, 100000, false), "no such edge")
+	print("MISTAKE a negative vertex")
+	_expect(not _graph_of(file).set_edge_open(-1, 0, false), "a negative vertex")
+	print("MISTAKE a price of 0")
+	_expect(not _graph_of(file).set_edge_price(0, 1, 0.0), "a price of 0")
+	print("MISTAKE a goal that is not finite")
+	_expect(_graph_of(file).find_path(Vector3.ZERO, Vector3(NAN, 0, 0)).is_empty(), "not finite")
+	print("MISTAKE abilities that nobody has")
+	_expect(_graph_of(file).find_path(Vector3.ZERO, Vector3.ONE, 1.0, 1 << 20).is_empty(), "no such ability")
+	print("MISTAKE arguments of other types")
+	var untyped: Variant = _graph_of(file)
+	_expect(untyped.callv("find_path", ["here", "there"]) == null, "other types")
+
+
+func _character(prepare := Callable()) -> CharacterBody3D:
+	var character: CharacterBody3D = load("res://character.tscn").instantiate()
+	if prepare.is_valid():
+		prepare.call(character)
+	root.add_child(character)
+	return character
+
+
+func _use_agents() -> void:
+	var character := _character()
+	var agent: SurefootAgent3D = character.get_node("Agent")
+	_expect(not agent.is_navigating() and agent.get_plan().is_empty(), "an agent begins without a goal")
+	_expect(agent.set_goal(Vector3(5, 0, 0)) and agent.is_navigating() and agent.get_goal() == Vector3(5, 0, 0), "it takes one")
+	agent.stop()
+	_expect(not agent.is_navigating() and agent.get_action()["forward"] == 0.0, "it stops")
+	# Leaving the scene and coming back begins anew.
+	agent.set_goal(Vector3(5, 0, 0))
+	root.remove_child(character)
+	_expect(not agent.is_navigating(), "an agent outside the scene goes nowhere")
+	root.add_child(character)
+	_expect(agent.set_goal(Vector3(5, 0, 0)), "an agent that is back takes goals")
+	character.free()
+
+
+func _misuse_agents() -> void:
+	print("MISTAKE a goal before the agent is in a scene")
+	var outside := SurefootAgent3D.new()
+	_expect(not outside.set_goal(Vector3.ONE), "not in a scene")
+	print("MISTAKE a parent that is no character")
+	root.add_child(outside)
+	outside.free()
+	print("MISTAKE a character without a capsule")
+	_character(func(character: Node) -> void: character.get_node("Shape").free()).free()
+	print("MISTAKE a policy that does not exist")
+	_character(func(character: Node) -> void: character.get_node("Agent").policy = "general-genius").free()
+	print("MISTAKE a policy's folder that does not exist")
+	_character(func(character: Node) -> void: character.get_node("Agent").policy = "res://no/model").free()
+	print("MISTAKE a body out of range")
+	_character(func(character: Node) -> void: character.get_node("Agent").gravity = -1.0).free()
+	print("MISTAKE another resource as graph")
+	var character := _character()
+	var agent: SurefootAgent3D = character.get_node("Agent")
+	agent.set("graph", Gradient.new())
+	_expect(agent.graph == null, "another resource")
+	print("MISTAKE a graph that cannot be read")
+	agent.graph = _graph_of("res://missing.json")
+	_expect(not agent.set_goal(Vector3.ONE) and not agent.is_navigating(), "an unreadable graph")
+	agent.graph = null
+	print("MISTAKE a goal of an agent that is not finite")
+	_expect(not agent.set_goal(Vector3(INF, 0, 0)) and not agent.is_navigating(), "not finite")
+	character.free()
+	_leave_teleporter_open()
+
+
+func _leave_teleporter_open() -> void:
+	print("MISTAKE a teleporter that leads nowhere")
+	var teleporter := Node3D.new()
+	teleporter.add_to_group("surefoot_teleporter")
+	root.add_child(teleporter)
+	_character().free()
+	teleporter.free()

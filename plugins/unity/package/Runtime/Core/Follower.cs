@@ -1,0 +1,61 @@
+using System;
+
+namespace Surefoot
+{
+    /// <summary>
+    /// An attempt at a goal by plan: waypoint by waypoint, another plan where there is no progress for 50 decisions, without the legs that
+    /// failed. It neither senses nor moves anything; <see cref="Attempt"/> joins it with an agent.
+    /// </summary>
+    public sealed unsafe class Follower : IDisposable
+    {
+        private readonly FollowerHandle handle;
+
+        /// <summary>Begins an attempt at a goal, without a plan.</summary>
+        public Follower(Vec3 goal)
+        {
+            Library.RequireLoaded();
+            NativeError error;
+            Native.Check(NativeMethods.sf_follower_create(goal, out handle, &error), &error);
+        }
+
+        /// <summary>
+        /// Tells, once for every decision, where the feet are and whether they came within <see cref="Agents.ReachedWithin"/> of the waypoint
+        /// meanwhile.
+        /// </summary>
+        public FollowStep Advance(Vec3 feet, bool reached)
+        {
+            NativeError error;
+            FollowStep step = new FollowStep { StructSize = (uint)sizeof(FollowStep) };
+            Native.Check(NativeMethods.sf_follower_advance(handle, feet, reached ? 1 : 0, &step, &error), &error);
+            return step;
+        }
+
+        /// <summary>Plans from where the feet are, without the legs that have failed, and follows that plan.</summary>
+        public FollowStep PlanFrom(Graph graph, Vec3 feet, float caution = 1, Abilities without = Abilities.None)
+        {
+            Native.CheckGiven(nameof(graph), graph);
+            NativeError error;
+            FollowStep step = new FollowStep { StructSize = (uint)sizeof(FollowStep) };
+            Native.Check(NativeMethods.sf_follower_plan(handle, graph.Handle, feet, caution, (uint)without, &step, &error), &error);
+            return step;
+        }
+
+        /// <summary>Tells that the NPC died, which ends the attempt.</summary>
+        public void NoteDeath()
+        {
+            NativeError error;
+            Native.Check(NativeMethods.sf_follower_note_death(handle, &error), &error);
+        }
+
+        /// <summary>The legs of the plan that is followed.</summary>
+        public Leg[] Legs() =>
+            Native.All<Leg>((items, capacity, count, error) => NativeMethods.sf_follower_legs(handle, (Leg*)items, capacity, count, error));
+
+        /// <summary>Takes how the NPC got along edges since the last call, for <see cref="Graph.NoteTraversals"/>.</summary>
+        public Traversal[] TakeTraversals() =>
+            Native.All<Traversal>((items, capacity, count, error) =>
+                NativeMethods.sf_follower_take_traversals(handle, (Traversal*)items, capacity, count, error));
+
+        public void Dispose() => handle.Dispose();
+    }
+}

@@ -1,0 +1,100 @@
+#pragma once
+
+#include "CoreMinimal.h"
+#include "Subsystems/WorldSubsystem.h"
+#include "SurefootAdapter.h"
+#include "SurefootSubsystem.generated.h"
+
+class USurefootAgentComponent;
+
+/** Kinds of devices that agents sense. */
+UENUM(BlueprintType)
+enum class ESurefootDeviceKind : uint8
+{
+    JumpPad,
+    /** Its entrance is at the upper end. */
+    ZipLine,
+    Teleporter,
+    Jetpack,
+};
+
+/** A device of the level, on the ground. What it does to characters is up to the game. */
+USTRUCT(BlueprintType)
+struct SUREFOOT_API FSurefootDevice
+{
+    GENERATED_BODY()
+
+    UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
+    ESurefootDeviceKind Kind = ESurefootDeviceKind::JumpPad;
+
+    UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
+    FVector From = FVector::ZeroVector;
+
+    /** Where a zip line or teleporter leads. */
+    UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
+    FVector To = FVector::ZeroVector;
+
+    /** Whether a teleporter leads back as well. */
+    UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Surefoot")
+    bool bTwoWay = false;
+};
+
+/**
+ * Decides for all agents of a world, six times a second, with one batch of rays.
+ *
+ * Rays pass through pawns. What else they hit is ground, unless its component has one of the tags SurefootWater, SurefootLava (whatever
+ * kills), SurefootPad, SurefootZipLine, SurefootTeleporter and SurefootJetpack.
+ */
+UCLASS()
+class SUREFOOT_API USurefootSubsystem : public UTickableWorldSubsystem
+{
+    GENERATED_BODY()
+
+public:
+    /** Most agents at once. Fixed, since agents share what is made for so many at first. */
+    static constexpr uint32 MaxAgents = 256;
+
+    /**
+     * Reads a file of `surefoot graph export --format json`; attempts that begin later follow its plans. `MapCorner` is what the console
+     * command Surefoot.MapCorner prints for the level that the graph was proved on, and zeros for one of `surefoot map export`.
+     */
+    UFUNCTION(BlueprintCallable, Category = "Surefoot")
+    bool LoadGraph(const FString& File, const FVector& MapCorner);
+
+    /** Replaces the devices of the level; to be called after LoadGraph. */
+    UFUNCTION(BlueprintCallable, Category = "Surefoot")
+    bool SetDevices(const TArray<FSurefootDevice>& Devices);
+
+    /** Takes an agent in, and returns its number; unset, and in the log why, if there is no room. */
+    TOptional<uint32> Join(USurefootAgentComponent& Agent);
+    void Leave(USurefootAgentComponent& Agent, uint32 Number);
+
+    const sf_body& GetBody() const { return Body; }
+    surefoot::Agents* GetAgents() { return Agents.Get(); }
+    /** The graph that was loaded last; null without one. */
+    const surefoot::Graph* GetGraph() const { return Graphs.IsEmpty() ? nullptr : Graphs.Last().Get(); }
+
+    virtual void Initialize(FSubsystemCollectionBase& Collection) override;
+    virtual void Tick(float DeltaTime) override;
+    virtual TStatId GetStatId() const override;
+    virtual bool DoesSupportWorldType(const EWorldType::Type WorldType) const override;
+
+private:
+    void Decide();
+
+    /** Agents in the order of their numbers; null where a number is free. */
+    UPROPERTY()
+    TArray<TObjectPtr<USurefootAgentComponent>> Members;
+
+    sf_body Body{};
+    TUniquePtr<surefoot::Agents> Agents;
+    /** Graphs outlive the attempts that follow their plans: all that were loaded stay until the world ends. */
+    TArray<TUniquePtr<surefoot::Graph>> Graphs;
+    double SecondsLeft = 0.0;
+
+    // One element for each agent that decides, kept to spare allocations.
+    TArray<uint32> Ids;
+    TArray<USurefootAgentComponent*> Deciding;
+    TArray<surefoot::Character> Characters;
+    TArray<surefoot::Controls> Controls;
+};
