@@ -8,6 +8,7 @@ import assert from 'node:assert/strict'
 import { readFileSync, writeFileSync } from 'node:fs'
 import { join } from 'node:path'
 import { init } from '@recast-navigation/core'
+import { ground } from './level.mjs'
 import { agentOf, Baked } from './navmesh.mjs'
 import { PathFinder } from './paths.mjs'
 import { provedLinks, runner } from './surefoot.mjs'
@@ -48,11 +49,19 @@ function connected(places, leads) {
   return pairs.filter(([from, to]) => leads(from, to)).length / pairs.length
 }
 
+/** The tops of the platforms on the axes of the map: importing moves a level to where maps begin. */
+function tops({ positions }) {
+  const least = [0, 1, 2].map((axis) => positions.filter((_, at) => at % 3 === axis).reduce((low, value) => Math.min(low, value)))
+  const from = [0, 1, 2].map((axis) => Math.min(...PLATFORMS.map((platform) => platform[axis])))
+  return PLATFORMS.map((platform) => platform.map((value, at) => value + least[at % 3] - from[at % 3]))
+}
+
 await init()
-const level = boxes(...PLATFORMS.map(([x, y, z, ...high]) => [[x, y, z], high]))
-const [source, map] = ['level.obj', 'level.sfmap'].map((name) => join(folder, name))
-writeFileSync(source, obj(level))
+const [source, map, glb] = ['level.obj', 'level.sfmap', 'level.glb'].map((name) => join(folder, name))
+writeFileSync(source, obj(boxes(...PLATFORMS.map(([x, y, z, ...high]) => [[x, y, z], high]))))
 run('map', 'import', source, '--out', map)
+run('map', 'export', map, '--out', glb)
+const level = ground(readFileSync(glb))
 
 const places = exported('json', map).file.nodes.map(({ x, y, z }) => [x, y, z])
 const { file, summary } = exported('detour', map)
@@ -68,4 +77,4 @@ assert.deepEqual(shares, [without, linked], 'what Detour connects is what the ex
 assert.ok(without < 0.3 && linked > 2 * without, 'the links add something')
 
 assert.deepEqual(exported('landmass', map).summary, summary)
-writeFileSync(join(folder, 'search.json'), JSON.stringify({ platforms: PLATFORMS, places, connected: summary.connected }))
+writeFileSync(join(folder, 'search.json'), JSON.stringify({ platforms: tops(level), places, connected: summary.connected }))

@@ -169,16 +169,13 @@ impl Gauge<'_> {
             }
         }
         let mut arrived = vec![false; runners.len()];
-        let mut is_over = arrived.clone();
         while !probes.are_done() {
             runners.iter_mut().for_each(|runner| runner.seen = TickEvents::default());
+            // All have begun before the first one ends, so that no slot is used twice.
             let ended = probes.decide(Some(&mut |worlds: &[World]| {
-                let running = runners.iter_mut().zip(&is_over).filter(|(_, is_over)| !**is_over);
-                running.for_each(|(runner, _)| runner.note(&worlds[0]));
+                runners.iter_mut().for_each(|runner| runner.note(&worlds[0]));
             }));
-            for (idx, outcome) in ended {
-                (is_over[idx], arrived[idx]) = (true, outcome.reached);
-            }
+            ended.into_iter().for_each(|(idx, outcome)| arrived[idx] = outcome.reached);
         }
         let mut runs = runners.into_iter().zip(arrived);
         let tracks_of = |edge: &&Edge| {
@@ -394,7 +391,7 @@ fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
             found.extend(flight.land(track, now.feet, tick, picked));
         }
     }
-    // Goals count as reached in flight; a body stands at them.
+    // A goal may be reached in flight: a body stands where it is.
     found.extend(open.and_then(|flight| flight.land(track, goal, track.len() - 1, pickup)));
     found
 }

@@ -54,7 +54,13 @@ fn measured<'g>(
     edges.into_iter().zip(shapes).collect()
 }
 
-/// Index of the platform on which a body stands.
+/// Where the level begins on the map: importing moves it there.
+fn origin(context: &ProbeContext) -> Vec3 {
+    let corners = context.map.mesh().triangles().iter().flat_map(|triangle| triangle.corners());
+    corners.reduce(Vec3::min).expect("a level has triangles")
+}
+
+/// Index of the platform on which a body stands at a place of the level.
 fn platform_at(at: Vec3) -> Option<usize> {
     // Bodies stand with less than half of their width beyond a ledge.
     const OVER_M: f32 = 0.35;
@@ -72,11 +78,13 @@ fn leaps_begin_and_end_where_bodies_stand_and_a_plain_controller_repeats_them() 
     let measured = measured(&context, &graph, &reach, 2);
     let found: Vec<&Shape> = measured.iter().filter_map(|(_, shape)| shape.as_ref()).collect();
     assert!(found.len() >= 6 && 4 * found.len() >= 3 * measured.len(), "{} of {}", found.len(), measured.len());
+    let from_map =
+        PLATFORMS.map(|[x, y, z, ..]| Vec3::new(x, y, z)).into_iter().reduce(Vec3::min).unwrap() - origin(&context);
     let passages = || found.iter().flat_map(|shape| &shape.passages);
     for passage in passages() {
         assert!(!passage.leaps.is_empty(), "{passage:?}");
         for leap in &passage.leaps {
-            let (from, to) = (platform_at(leap.take_off), platform_at(leap.landing));
+            let (from, to) = (platform_at(leap.take_off + from_map), platform_at(leap.landing + from_map));
             assert!(from.is_some() && to.is_some(), "{leap:?}");
             assert!(leap.apex.y >= leap.take_off.y.max(leap.landing.y) && leap.seconds > 0.1, "{leap:?}");
             assert_eq!(leap.ability == Ability::DoubleJump, leap.second_jump.is_some());
