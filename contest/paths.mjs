@@ -78,17 +78,17 @@ export class PathFinder {
     return [closestPoint.x, closestPoint.y, closestPoint.z]
   }
 
-  /** The corners of the last path, and the moves along the links that begin at them. */
+  /** The corners of the last path, and the links that begin at them. */
   #cornersOf(count) {
     const [at, flags, refs] = ['at', 'flags', 'refs'].map((name) => this.#corners[name].getHeapView())
     return Array.from({ length: count }, (_, corner) => {
       const isLink = (flags[corner] & Detour.DT_STRAIGHTPATH_OFFMESH_CONNECTION) !== 0
-      return { at: [...at.subarray(3 * corner, 3 * corner + 3)], move: isLink ? this.#moveOf(refs[corner]) : undefined }
+      return { at: [...at.subarray(3 * corner, 3 * corner + 3)], link: isLink ? this.#linkOf(refs[corner]) : undefined }
     })
   }
 
-  #moveOf(ref) {
-    return this.links[this.navMesh.getOffMeshConnectionByRef(ref).userId()].by
+  #linkOf(ref) {
+    return this.links[this.navMesh.getOffMeshConnectionByRef(ref).userId()]
   }
 
   free() {
@@ -104,10 +104,15 @@ function sized(array, length) {
 }
 
 /**
- * The points of a path in the challenge's format. A corner where a link begins has the `move` along it: the point after it is reached by that
- * move, all others on foot.
+ * The points of a path in the challenge's format. A corner where a link begins has the `link`. If that has `steps`, they follow the corner:
+ * Detour moves the ends of links onto the NavMesh, and leaps begin where they begin. Otherwise the next corner is reached by the link's move.
  */
 export function pathPoints(corners) {
   const millimetres = (value) => Math.round(value * 1000) / 1000
-  return corners.map(({ at }, corner) => ({ at: at.map(millimetres), by: corners[corner - 1]?.move ?? 'walk' }))
+  const points = corners.flatMap(({ at, link }, corner) => {
+    const before = corners[corner - 1]?.link
+    const by = before === undefined || before.steps !== undefined ? 'walk' : before.by
+    return [{ at, by }, ...(link?.steps ?? [])]
+  })
+  return points.map(({ at, by }) => ({ at: at.map(millimetres), by }))
 }

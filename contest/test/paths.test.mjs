@@ -18,13 +18,31 @@ const TABLE = [
 before(() => init())
 
 test('the point after the start of a link is reached by the move along it, the others on foot', () => {
-  const corners = [{ at: [0, 0, 0] }, { at: [1, 0, 0], move: 'jump' }, { at: [5.00049, 2, 0], move: 'pad' }, { at: [6, 9, 0] }, { at: [7, 9, 0] }]
+  const corners = [{ at: [0, 0, 0] }, { at: [1, 0, 0], link: { by: 'jump' } }, { at: [5.00049, 2, 0], link: { by: 'pad' } }, { at: [6, 9, 0] }, { at: [7, 9, 0] }]
   const path = pathPoints(corners)
   assert.deepEqual(
     path.map(({ by }) => by),
     ['walk', 'walk', 'jump', 'pad', 'walk'],
   )
   assert.deepEqual(path[2].at, [5, 2, 0])
+})
+
+test('the steps of a link follow the corner where it begins', () => {
+  const steps = [
+    { at: [1.4, 0, 0], by: 'walk' },
+    { at: [5, 2, 0], by: 'jump' },
+  ]
+  const path = pathPoints([{ at: [0, 0, 0] }, { at: [1, 0, 0], link: { by: 'jump', steps } }, { at: [5.5, 2, 0] }])
+  assert.deepEqual(
+    path.map(({ at: [x], by }) => [x, by]),
+    [
+      [0, 'walk'],
+      [1, 'walk'],
+      [1.4, 'walk'],
+      [5, 'jump'],
+      [5.5, 'walk'],
+    ],
+  )
 })
 
 test('a path over a link has its two ends as points', () => {
@@ -66,6 +84,8 @@ test('links of a graph become connections with the moves of the challenge', () =
     offMeshConDir: [0, 1],
     offMeshConAreas: [1, 3],
     offMeshConSeconds: [4, 0.1],
+    offMeshConDriven: [1, 0],
+    offMeshConLeaps: [[{ ability: 'drop', take_off: [0, 0, 0], landing: [11, 0, 0] }], [{ ability: 'double_jump', take_off: [1, 1, 1.5], landing: [2, 2, 2] }]],
     legend: [
       { ability: 'drop', area: 1, flag: 64 },
       { ability: 'double_jump', area: 3, flag: 2 },
@@ -75,6 +95,15 @@ test('links of a graph become connections with the moves of the challenge', () =
   assert.deepEqual([drop.by, drop.bidirectional, drop.radius, drop.endPosition], ['walk', false, 1, { x: 11, y: 0, z: 0 }])
   assert.deepEqual([jump.by, jump.bidirectional, jump.radius], ['double_jump', true, 2])
   assert.equal(price(drop, 11), 4)
+  assert.deepEqual(
+    jump.steps.map(({ at, by }) => [at[2], by]),
+    [
+      [1, 'walk'],
+      [1.5, 'walk'],
+      [2, 'double_jump'],
+    ],
+  )
+  assert.ok(jump.seconds > 60, 'what no controller gets through is dear')
 })
 
 test('links that cost more lead through areas of their own, and are taken only where they pay', () => {

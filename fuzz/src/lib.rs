@@ -10,7 +10,6 @@ use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
-use surefoot_planner::links::NavMesh;
 use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
@@ -345,12 +344,10 @@ pub fn cache_entry(bytes: &[u8]) {
 pub fn graph_json(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Some(graph) = accepted(import_json(text)) else { return };
-    let islands = vec![None; graph.vertex_count()];
-    let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
     for format in Format::ALL {
-        assert!(!export(&graph, format, nav_mesh, None).is_empty());
+        assert!(!export(&graph, format).is_empty());
     }
-    let again = import_json(&export(&graph, Format::Json, nav_mesh, None)).expect("just written");
+    let again = import_json(&export(&graph, Format::Json)).expect("just written");
     assert_eq!(again.to_data(), graph.to_data());
     graph_answers(graph);
 }

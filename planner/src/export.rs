@@ -1,13 +1,11 @@
-//! Export of graphs to other programs: GraphML and DOT for graph tools, node-link JSON for networkx, and off-mesh links in
-//! the fields of Detour's `dtNavMeshCreateParams`, so that proved links join the islands of a NavMesh.
+//! Export of graphs to other programs: GraphML and DOT for graph tools, and node-link JSON for networkx. Links for the NavMeshes of engines:
+//! [`assets`](crate::assets).
 
 use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
-use crate::links::{NavMesh, expected_seconds};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::fmt::Write;
-use surefoot_world::{Ability, DECISION_SECONDS, Vec3};
+use surefoot_world::{DECISION_SECONDS, Vec3};
 
 /// File format of an exported graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,13 +16,11 @@ pub enum Format {
     Dot,
     /// Node-link JSON as networkx reads and writes it, with all data that [`import_json`] needs.
     Json,
-    /// Off-mesh connections as JSON, in the fields of Detour.
-    Detour,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Format; 4] = [Format::GraphMl, Format::Dot, Format::Json, Format::Detour];
+    pub const ALL: [Format; 3] = [Format::GraphMl, Format::Dot, Format::Json];
 
     /// Returns the name that commands use.
     pub fn name(self) -> &'static str {
@@ -32,28 +28,16 @@ impl Format {
             Format::GraphMl => "graphml",
             Format::Dot => "dot",
             Format::Json => "json",
-            Format::Detour => "detour",
         }
     }
 }
 
 /// Writes `graph` in `format`.
-///
-/// [`Format::Detour`] exports the edges that are worth a link at `max_detour` ([`NavMesh::links`]); without `max_detour`, all
-/// edges that `nav_mesh` cannot take by itself ([`NavMesh::needs_link`]).
-pub fn export(graph: &NavGraph, format: Format, nav_mesh: NavMesh<'_>, max_detour: Option<f64>) -> String {
+pub fn export(graph: &NavGraph, format: Format) -> String {
     match format {
         Format::GraphMl => graphml(graph),
         Format::Dot => dot(graph),
         Format::Json => serde_json::to_string_pretty(&NodeLink::of(graph)).expect("a graph is plain data") + "\n",
-        Format::Detour => {
-            let links = match max_detour {
-                Some(max_detour) => nav_mesh.links(graph, max_detour),
-                None => graph.edges().filter(|edge| nav_mesh.needs_link(graph, edge)).collect(),
-            };
-            let links = OffMeshLinks::of(graph, &links, nav_mesh.radius);
-            serde_json::to_string_pretty(&links).expect("links are plain data") + "\n"
-        }
     }
 }
 
@@ -233,93 +217,4 @@ fn dot(graph: &NavGraph) -> String {
 
 fn line(text: &mut String, arguments: std::fmt::Arguments<'_>) {
     writeln!(text, "{arguments}").expect("writing to a String does not fail");
-}
-
-/// Off-mesh connections in the fields of `dtNavMeshCreateParams`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct OffMeshLinks {
-    /// Number of links.
-    off_mesh_con_count: usize,
-    /// Start and end of each link: count x 6 coordinates, m.
-    off_mesh_con_verts: Vec<f32>,
-    /// Radius of the ends of each link, m.
-    off_mesh_con_rad: Vec<f32>,
-    /// Direction of each link: 0 from start to end only, 1 (`DT_OFFMESH_CON_BIDIR`) both ways.
-    off_mesh_con_dir: Vec<u8>,
-    /// Area of each link; every ability has an area of its own.
-    off_mesh_con_areas: Vec<u8>,
-    /// Flags of each link: one bit for each ability, from bit 0; bit 6 for drops.
-    off_mesh_con_flags: Vec<u16>,
-    /// Index of each link's edge in the graph's JSON export.
-    #[serde(rename = "offMeshConUserID")]
-    off_mesh_con_user_id: Vec<u32>,
-    /// Cost of each link in seconds, as [`expected_seconds`] returns it. Detour has no such field; area costs can be derived
-    /// from it.
-    off_mesh_con_seconds: Vec<f32>,
-    /// Estimated chance of success of each link, 0 to 1.
-    off_mesh_con_chance: Vec<f32>,
-    /// Area and flag of each ability.
-    legend: Vec<AbilityKey>,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct AbilityKey {
-    ability: String,
-    area: u8,
-    flag: u16,
-}
-
-/// Area of the first ability; the others follow. Recast reserves 0 and 63.
-const FIRST_AREA: u8 = 1;
-
-impl OffMeshLinks {
-    /// Creates the links of `edges`, with ends of this radius, m.
-    fn of(graph: &NavGraph, edges: &[&Edge], radius: f32) -> Self {
-        let kept: BTreeMap<EdgeKey, &Edge> = edges.iter().map(|edge| (edge.key, *edge)).collect();
-        let area = |ability: Ability| FIRST_AREA + ability as u8;
-        let flag = |ability: Ability| if ability == Ability::Walk { 1 << 6 } else { 1 << (ability as u16 - 1) };
-        let mut links = Self {
-            off_mesh_con_count: 0,
-            off_mesh_con_verts: Vec::new(),
-            off_mesh_con_rad: Vec::new(),
-            off_mesh_con_dir: Vec::new(),
-            off_mesh_con_areas: Vec::new(),
-            off_mesh_con_flags: Vec::new(),
-            off_mesh_con_user_id: Vec::new(),
-            off_mesh_con_seconds: Vec::new(),
-            off_mesh_con_chance: Vec::new(),
-            legend: Ability::ALL
-                .iter()
-                .map(|&ability| AbilityKey {
-                    ability: if ability == Ability::Walk { "drop" } else { ability.name() }.to_owned(),
-                    area: area(ability),
-                    flag: flag(ability),
-                })
-                .collect(),
-        };
-        for (user_id, edge) in (0u32..).zip(graph.edges()).filter(|(_, edge)| kept.contains_key(&edge.key)) {
-            let ability = edge.evidence.ability;
-            let back = kept.get(&edge.key.reversed()).filter(|back| back.evidence.ability == ability);
-            // A bidirectional link is written once, from its lower vertex.
-            if back.is_some() && edge.key.from > edge.key.to {
-                continue;
-            }
-            links.off_mesh_con_count += 1;
-            links.off_mesh_con_verts.extend(graph.position(edge.key.from).to_array());
-            links.off_mesh_con_verts.extend(graph.position(edge.key.to).to_array());
-            links.off_mesh_con_rad.push(radius);
-            links.off_mesh_con_dir.push(u8::from(back.is_some()));
-            links.off_mesh_con_areas.push(area(ability));
-            links.off_mesh_con_flags.push(flag(ability));
-            links.off_mesh_con_user_id.push(user_id);
-            // A bidirectional link has the worse value of its two directions.
-            let worst = |value: fn(&Edge) -> f64, pick: fn(f64, f64) -> f64| {
-                back.map_or(value(edge), |back| pick(value(edge), value(back))) as f32
-            };
-            links.off_mesh_con_seconds.push(worst(expected_seconds, f64::max));
-            links.off_mesh_con_chance.push(worst(|edge| edge.evidence.chance().get(), f64::min));
-        }
-        links
-    }
 }

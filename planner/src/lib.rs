@@ -5,11 +5,12 @@
 //! edges, [`prove`] probes them through a [`probe::ProbeExecutor`], guided by a predictor, and [`graph`] keeps the proved
 //! edges with their [`evidence`]. [`build`] runs the stages, of which an [`interim`] graph shows the result so far, [`update`] repeats only what a changed map requires, and
 //! [`search`] answers queries with a [`plan`], around [`traffic`] if there is any. Designers contribute [`edits`], NPCs contribute [`live`] evidence;
-//! [`store`] defines the trait for persistence.
+//! [`assets`] turns proved links into files for engines, and [`store`] defines the trait for persistence.
 //!
 //! This crate uses no files, sockets, clocks, async runtime, neural networks or wire formats.
 
 mod adjacency;
+pub mod assets;
 mod attach;
 pub mod build;
 pub mod candidates;

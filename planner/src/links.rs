@@ -6,9 +6,9 @@
 //! lead to the same place nearly as fast.
 
 use crate::graph::{Edge, NavGraph};
-use crate::ids::VertexId;
+use crate::ids::{EdgeKey, VertexId};
 use std::cmp::{Ordering, Reverse};
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 use surefoot_world::{Ability, DECISION_SECONDS, Vec3};
 
 /// A NavMesh: its connectivity and the properties of its agents.
@@ -43,22 +43,30 @@ impl NavMesh<'_> {
         from.is_none() || from != to || edge.evidence.ability != Ability::Walk || is_drop
     }
 
-    /// Selects the edges that are worth a link, in ascending order of their keys. `max_detour`, above 1, is the greatest ratio of
-    /// another route's duration to an edge's at which the edge is left out; smaller values keep more links.
+    /// Selects the edges that are worth a link, in ascending order of their keys, at their [`expected_seconds`]. `max_detour`, above 1, is the
+    /// greatest ratio of another route's duration to an edge's at which the edge is left out; smaller values keep more links.
     pub fn links<'g>(&self, graph: &'g NavGraph, max_detour: f64) -> Vec<&'g Edge> {
+        let needed = graph.edges().filter(|edge| self.needs_link(graph, edge));
+        let candidates: Vec<(EdgeKey, f64)> = needed.map(|edge| (edge.key, expected_seconds(edge))).collect();
+        let kept = self.spanner(graph, &candidates, max_detour);
+        graph.edges().filter(|edge| kept.contains(&edge.key)).collect()
+    }
+
+    /// Selects those of `candidates`, edges with their durations in seconds, that the NavMesh with the others does not replace within
+    /// `max_detour` times their duration.
+    pub fn spanner(&self, graph: &NavGraph, candidates: &[(EdgeKey, f64)], max_detour: f64) -> BTreeSet<EdgeKey> {
         let mut routes = self.on_foot(graph);
-        let (mut candidates, walks): (Vec<&Edge>, Vec<&Edge>) =
-            graph.edges().partition(|edge| self.needs_link(graph, edge));
-        walks.iter().for_each(|edge| routes.add(edge.key.from, edge.key.to, expected_seconds(edge)));
-        candidates.sort_by(|a, b| expected_seconds(a).total_cmp(&expected_seconds(b)).then(a.key.cmp(&b.key)));
-        let mut kept = Vec::new();
-        for edge in candidates {
-            if !routes.reaches(edge.key.from, edge.key.to, max_detour * expected_seconds(edge)) {
-                routes.add(edge.key.from, edge.key.to, expected_seconds(edge));
-                kept.push(edge);
+        let walks = graph.edges().filter(|edge| !self.needs_link(graph, edge));
+        walks.for_each(|edge| routes.add(edge.key.from, edge.key.to, expected_seconds(edge)));
+        let mut candidates = candidates.to_vec();
+        candidates.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        let mut kept = BTreeSet::new();
+        for (key, seconds) in candidates {
+            if !routes.reaches(key.from, key.to, max_detour * seconds) {
+                routes.add(key.from, key.to, seconds);
+                kept.insert(key);
             }
         }
-        kept.sort_by_key(|edge| edge.key);
         kept
     }
 

@@ -61,7 +61,7 @@ impl ProbeContext {
     }
 
     /// A world in which movers stand where edges are proved, and `held` at its stop.
-    fn world_for(&self, held: Option<(u16, u8)>) -> World {
+    pub(crate) fn world_for(&self, held: Option<(u16, u8)>) -> World {
         let mut world = World::new(self.map.clone(), self.profile.clone(), TaskConfig::default());
         if !self.map.movers().is_empty() {
             world.set_movers(needs::states_for_proof(&self.map, held));
@@ -185,10 +185,10 @@ fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride) -> Outcome {
 }
 
 /// Sees the worlds after each tick.
-type Watcher<'a> = dyn FnMut(&[World]) + 'a;
+pub(crate) type Watcher<'a> = dyn FnMut(&[World]) + 'a;
 
 /// Trials that run together on one world.
-struct Probes<'a> {
+pub(crate) struct Probes<'a> {
     policy: &'a Policy,
     seed: u64,
     worlds: [World; 1],
@@ -200,7 +200,7 @@ struct Probes<'a> {
 
 impl<'a> Probes<'a> {
     /// Prepares trials of which this mover is held at that stop.
-    fn new(context: &'a ProbeContext, seed: u64, held: Option<(u16, u8)>) -> Self {
+    pub(crate) fn new(context: &'a ProbeContext, seed: u64, held: Option<(u16, u8)>) -> Self {
         let policy = &context.policy;
         Self {
             policy,
@@ -221,15 +221,28 @@ impl<'a> Probes<'a> {
     }
 
     fn start(&mut self, trial_idx: usize, trial: &Trial) {
+        let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
+        self.start_in_style(trial_idx, trial, style);
+    }
+
+    /// Starts a trial whose body moves in this style, and returns its slot in the world.
+    pub(crate) fn start_in_style(&mut self, trial_idx: usize, trial: &Trial, style: Style) -> NpcSlot {
         let wait = self.wait_for(trial);
-        let started = Running::start(&mut self.worlds[0], trial_idx, trial, self.seed, wait);
-        self.decisions.begin(Lane::of(started.slot).row_idx);
+        let started = Running::start(&mut self.worlds[0], trial_idx, (trial, style), self.seed, wait);
+        let slot = started.slot;
+        self.decisions.begin(Lane::of(slot).row_idx);
         self.running.push(started);
+        slot
+    }
+
+    /// Whether no trial is running.
+    pub(crate) fn are_done(&self) -> bool {
+        self.running.is_empty()
     }
 
     /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
     /// each tick if somebody watches.
-    fn decide(&mut self, mut watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
+    pub(crate) fn decide(&mut self, mut watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
         let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot).in_style(probe.style)).collect();
         let noise = self.running.iter_mut().flat_map(Running::noise).collect();
         let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
@@ -277,7 +290,7 @@ struct Running {
 }
 
 impl Running {
-    fn start(world: &mut World, trial_idx: usize, trial: &Trial, seed: u64, wait: u32) -> Self {
+    fn start(world: &mut World, trial_idx: usize, (trial, style): (&Trial, Style), seed: u64, wait: u32) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(trial.stream);
         let slot = world.spawn(trial.start, random_yaw(&mut rng));
@@ -288,7 +301,6 @@ impl Running {
         let mut outcome = Outcome::begin(trial.start);
         outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
         let give_up_after = Self::head_for(world, slot, first);
-        let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
         Self { slot, trial_idx, style, keep_track: trial.keep_track, next, give_up_after, rng, outcome, wait }
     }
 

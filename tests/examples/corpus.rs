@@ -19,7 +19,6 @@ use surefoot_planner::BuildStats;
 use surefoot_planner::edits::{Edit, Layer};
 use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export};
-use surefoot_planner::links::NavMesh;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{BuildSettings, Built, EdgeKey, NavGraph, Query, Router, store as cache};
 use surefoot_planner_service::wire as planner_wire;
@@ -131,8 +130,7 @@ fn world_messages() -> Vec<(&'static str, Vec<u8>)> {
 
 fn graph_json() -> Vec<u8> {
     let graph = graph();
-    let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &vec![None; graph.vertex_count()] };
-    export(&graph, Format::Json, nav_mesh, None).into_bytes()
+    export(&graph, Format::Json).into_bytes()
 }
 
 fn layer() -> Layer {

@@ -12,7 +12,6 @@ use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export, import_json};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::links::NavMesh;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
 use surefoot_planner::{
     BuildSettings, Built, Edge, EdgeKey, Leg, LegKey, NavGraph, Need, Needs, NoPath, Placement, Plan, Probing,
@@ -296,9 +295,7 @@ proptest! {
         let back = cache::decode_entry(&cache::encode_entry(&built)).unwrap();
         prop_assert_eq!(back.graph.to_data(), built.graph.to_data());
         prop_assert_eq!(back.stats, built.stats);
-        let islands = vec![None; built.graph.vertex_count()];
-        let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &islands };
-        let text = export(&built.graph, Format::Json, nav_mesh, None);
+        let text = export(&built.graph, Format::Json);
         prop_assert_eq!(import_json(&text).unwrap().to_data(), built.graph.to_data());
     }
 

@@ -4,16 +4,16 @@
 //! drives, or the actions of an agent, which are done again. In both cases [`score`] moves the body in our physics and sees for itself where it gets.
 //! `docs/challenge.md` is the protocol.
 
-pub mod drive;
 pub mod host;
 pub mod record;
 mod run;
 mod score;
 mod set;
 
-pub use run::{Approach, MapRun, Move, PathPoint, Run, RunError};
+pub use run::{Approach, MapRun, Run, RunError};
 pub use score::{MapScore, Score, ScoreError, score, score_hosted};
 pub use set::{GoalSet, SETS, SetError, SetGoal, SetMap};
+pub use surefoot_rollout::drive::{Move, PathPoint};
 
 /// Version of sets, protocol and scorer. Scores of different versions are not compared.
 pub const VERSION: u32 = 1;

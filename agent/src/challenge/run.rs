@@ -3,6 +3,7 @@
 use super::VERSION;
 use super::set::GoalSet;
 use serde::{Deserialize, Serialize};
+use surefoot_rollout::drive::PathPoint;
 use surefoot_world::character::{ACTION_LEN, Action};
 
 /// Most points of a path.
@@ -53,38 +54,6 @@ pub enum Approach {
     Actions(Vec<[f32; ACTION_LEN]>),
     /// The entrant says that the goal cannot be reached.
     Unreachable,
-}
-
-/// A point of a path.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PathPoint {
-    /// Position of the feet, m.
-    pub at: [f32; 3],
-    /// How the body gets there from the point before.
-    #[serde(default)]
-    pub by: Move,
-}
-
-/// How a body gets from one point of a path to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Move {
-    /// Walks, slides or drops off an edge.
-    #[default]
-    Walk,
-    /// Jumps.
-    Jump,
-    /// Jumps, and again in the air.
-    DoubleJump,
-    /// Walks on a pad that stands at the point before, and steers in the air.
-    Pad,
-    /// Walks into a zip line at the point before, and rides it.
-    ZipLine,
-    /// Walks into a teleporter at the point before.
-    Teleporter,
-    /// Takes a jetpack at the point before, and flies.
-    Jetpack,
 }
 
 /// Why a run cannot be scored.

@@ -1,8 +1,7 @@
 //! The scorer: does again, or drives, what a run says, and sees where the body gets.
 
-use super::drive::Driver;
 use super::host::Hosted;
-use super::run::{Approach, MAX_DECISIONS, MapRun, PathPoint, Run, RunError};
+use super::run::{Approach, MAX_DECISIONS, MapRun, Run, RunError};
 use super::set::{GoalSet, SetError, SetGoal, SetMap};
 use super::{VERSION, set};
 use crate::eval::report::{self, Rate, Success};
@@ -12,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use surefoot_rollout::drive::{Driver, PathPoint};
 use surefoot_rollout::{Attempt, Goal, Motion};
 use surefoot_world::character::{ACTION_LEN, Action};
 use surefoot_world::reach::Reach;

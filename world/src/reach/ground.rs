@@ -5,6 +5,8 @@ use crate::float::hypot;
 use crate::map::Map;
 use crate::mesh::Surface;
 use crate::{Vec3, navigable, parallel};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
 
 /// Spacing of the grid, m.
 pub const SPACING_M: f32 = 1.25;
@@ -132,6 +134,35 @@ impl Ground {
     /// Whether a cell can walk to its neighbour `NEIGHBOURS[neighbour]`.
     pub fn walks_to(&self, cell_idx: usize, neighbour: usize) -> bool {
         self.walkable[cell_idx] & (1 << neighbour) != 0
+    }
+
+    /// Whether a walk of at most `metres` from place to place leads from one point to another; false if one is at no place.
+    pub fn walks_within(&self, from: Vec3, to: Vec3, metres: f32) -> bool {
+        let (Some(start), Some(goal)) = (self.index_at(from), self.index_at(to)) else { return false };
+        if self.cells[start].island != self.cells[goal].island {
+            return false;
+        }
+        // Lengths are not negative, so that their bits are ordered as they are.
+        let mut best: BTreeMap<usize, f32> = BTreeMap::from([(start, 0.0)]);
+        let mut open = BinaryHeap::from([Reverse((0u32, start))]);
+        while let Some(Reverse((bits, cell))) = open.pop() {
+            let walked = f32::from_bits(bits);
+            if cell == goal {
+                return true;
+            }
+            if best.get(&cell).is_some_and(|&least| walked > least) {
+                continue;
+            }
+            for next in (0..NEIGHBOURS.len()).filter_map(|neighbour| self.neighbour(cell, neighbour)) {
+                let then = walked + self.cells[cell].feet.distance(self.cells[next].feet);
+                let is_hopeful = then + self.cells[next].feet.distance(self.cells[goal].feet) <= metres;
+                if is_hopeful && best.get(&next).is_none_or(|&least| then < least) {
+                    best.insert(next, then);
+                    open.push(Reverse((then.to_bits(), next)));
+                }
+            }
+        }
+        false
     }
 
     fn join_on_foot(&mut self, map: &Map, profile: &CharacterProfile, thread_count: usize) {

@@ -1,38 +1,62 @@
 //! `surefoot graph export`.
 
-use super::Target;
+use super::{Loaded, Target};
 use crate::commands::core_count;
-use anyhow::Context;
+use crate::terminal::{print_json, progress_bar};
+use anyhow::{Context, bail};
+use serde::Serialize;
 use std::path::PathBuf;
+use surefoot_planner::assets::{AssetFormat, Connected, LinkSet, ShapedEdge};
 use surefoot_planner::export::{Format, export};
 use surefoot_planner::links::{DEFAULT_MAX_DETOUR, NavMesh};
+use surefoot_rollout::shape;
 use surefoot_world::reach::Reach;
 
 /// Write a graph for other programs.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot graph export 2000 --format graphml --out map.graphml\n  surefoot graph export 2000 --format json > map.json   # networkx.node_link_graph(json.load(f), edges=\"edges\")\n  surefoot graph export 2000 --format detour --out links.json"
+    after_help = "Examples:\n  surefoot graph export 2000 --format graphml --out map.graphml\n  surefoot graph export 2000 --format json > map.json   # networkx.node_link_graph(json.load(f), edges=\"edges\")\n  surefoot graph export 2000 --format detour --out links.json\n  surefoot graph export level.glb --format godot --out links.tscn"
 )]
 pub struct Args {
     #[command(flatten)]
     target: Target,
-    /// Format: graphml, dot, json (node-link, for networkx and `graph diff`) or detour (off-mesh links)
-    #[arg(long, value_name = "NAME", value_parser = parse_format)]
-    format: Format,
-    /// With detour: omit links that other links, or the NavMesh alone, replace in at most RATIO times their time
+    /// Format of the graph: graphml, dot or json (node-link, for networkx and `graph diff`); or of links for a NavMesh: detour, godot, unity,
+    /// unreal, landmass or links (JSON with all that is known)
+    #[arg(long, value_name = "NAME", value_parser = Output::parse)]
+    format: Output,
+    /// Omit links that other links, or the NavMesh alone, replace in at most RATIO times their time
     #[arg(long, value_name = "RATIO", default_value_t = DEFAULT_MAX_DETOUR, value_parser = parse_ratio)]
     max_detour: f64,
-    /// With detour: write every edge that needs more than walking
+    /// Write a link wherever more than walking is needed
     #[arg(long, conflicts_with = "max_detour")]
     all_links: bool,
+    /// Omit links of which a plain scripted controller gets through a smaller share of its tries, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = parse_share)]
+    min_driven: f32,
     /// File to write; default: standard output
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// With --out and links: print what they connect as one JSON document
+    #[arg(long, requires = "out")]
+    json: bool,
 }
 
-fn parse_format(name: &str) -> Result<Format, String> {
-    let names = Format::ALL.map(Format::name).join(", ");
-    Format::ALL.into_iter().find(|format| format.name() == name).ok_or_else(|| format!("known are {names}"))
+/// What is written.
+#[derive(Debug, Clone, Copy)]
+enum Output {
+    Graph(Format),
+    Links(AssetFormat),
+}
+
+impl Output {
+    fn parse(name: &str) -> Result<Self, String> {
+        let graph = Format::ALL.map(|format| (format.name(), Self::Graph(format)));
+        let links = AssetFormat::ALL.map(|format| (format.name(), Self::Links(format)));
+        let all: Vec<(&str, Self)> = graph.into_iter().chain(links).collect();
+        let names: Vec<&str> = all.iter().map(|(name, _)| *name).collect();
+        let found = all.iter().find(|(known, _)| *known == name).map(|(_, output)| *output);
+        found.ok_or_else(|| format!("known are {}", names.join(", ")))
+    }
 }
 
 fn parse_ratio(text: &str) -> Result<f64, String> {
@@ -40,20 +64,83 @@ fn parse_ratio(text: &str) -> Result<f64, String> {
     ratio.ok_or_else(|| "must be a number above 1".to_owned())
 }
 
+fn parse_share(text: &str) -> Result<f32, String> {
+    let share = text.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "must be a number from 0 to 1".to_owned())
+}
+
+/// What links connect, as it is printed.
+#[derive(Serialize)]
+struct Summary {
+    links: usize,
+    /// Edges that need a link, but along which no run arrived again, or no controller often enough.
+    left_out: usize,
+    /// Shares of the ordered pairs of vertices between which the NavMesh leads, without and with the links.
+    connected: Connected,
+}
+
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = args.target.load(None)?;
-    let (graph, profile) = (&loaded.graph, loaded.context.profile);
-    // Only off-mesh links depend on what is connected on foot.
-    let survey = (args.format == Format::Detour).then(|| Reach::survey(&loaded.context.map, &profile, core_count()));
-    let island = |vertex| Some(survey.as_ref()?.ground.at(graph.position(vertex))?.island);
-    let islands: Vec<Option<u32>> = graph.vertices().map(island).collect();
-    let nav_mesh = NavMesh { radius: profile.radius, speed: profile.forward_speed, islands: &islands };
-    let text = export(graph, args.format, nav_mesh, (!args.all_links).then_some(args.max_detour));
-    match &args.out {
-        Some(path) => std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display())),
-        None => {
-            print!("{text}");
-            Ok(())
+    match args.format {
+        Output::Graph(_) if args.json => bail!("--json is for links: a graph has no summary of what they connect"),
+        Output::Graph(format) => args.write(&export(&loaded.graph, format)),
+        Output::Links(format) => {
+            let (set, summary) = links(args, &loaded);
+            args.write(&format.write(&set))?;
+            args.report(&summary)
         }
     }
+}
+
+impl Args {
+    fn write(&self, text: &str) -> anyhow::Result<()> {
+        match &self.out {
+            Some(path) => std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display())),
+            None => {
+                print!("{text}");
+                Ok(())
+            }
+        }
+    }
+
+    /// Says what the links connect, beside the file on stderr if that goes to stdout.
+    fn report(&self, summary: &Summary) -> anyhow::Result<()> {
+        if self.json {
+            return print_json(summary);
+        }
+        let Summary { links, left_out, connected } = summary;
+        let percent = |share: f64| 100.0 * share;
+        let text = format!(
+            "{links} links ({left_out} edges left out): {:.1} % of pairs of vertices are connected, {:.1} % without links",
+            percent(connected.with),
+            percent(connected.without)
+        );
+        if self.out.is_some() {
+            println!("{text}")
+        } else {
+            eprintln!("{text}")
+        }
+        Ok(())
+    }
+}
+
+/// Measures the edges that the NavMesh cannot walk, and makes links of those that pay.
+fn links(args: &Args, loaded: &Loaded) -> (LinkSet, Summary) {
+    let (graph, context) = (&loaded.graph, &loaded.context);
+    let reach = Reach::survey(&context.map, &context.profile, core_count());
+    let island_at = |at| Some(reach.ground.at(at)?.island);
+    let islands: Vec<Option<u32>> = graph.vertices().map(|vertex| island_at(graph.position(vertex))).collect();
+    let profile = &context.profile;
+    let nav_mesh = NavMesh { radius: profile.radius, speed: profile.forward_speed, islands: &islands };
+    let needed: Vec<_> = graph.edges().filter(|edge| nav_mesh.needs_link(graph, edge)).collect();
+    let bar = progress_bar(needed.len() as u64, "measuring leaps");
+    let shapes = shape::measure(context, (graph, &reach.ground), &needed, core_count(), &|| bar.inc(1));
+    bar.finish_and_clear();
+    let shaped = needed.iter().zip(shapes).filter_map(|(&edge, shape)| Some(ShapedEdge { edge, shape: shape? }));
+    let shaped: Vec<ShapedEdge<'_>> = shaped.filter(|it| it.shape.driven() >= args.min_driven).collect();
+    let max_detour = (!args.all_links).then_some(args.max_detour);
+    let set = LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at);
+    let left_out = needed.len() - shaped.len();
+    let summary = Summary { links: set.links.len(), left_out, connected: set.connected };
+    (set, summary)
 }

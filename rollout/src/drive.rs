@@ -1,9 +1,55 @@
 //! A plain controller that drives a body along a path, as an engine's character follows the path of a NavMesh: it turns to where it goes, slows
 //! down at corners, and jumps where the path says so. It knows its own body and the path, and senses nothing.
 
-use super::run::{Move, PathPoint};
+use serde::{Deserialize, Serialize};
 use surefoot_world::character::{Action, Body};
-use surefoot_world::{CharacterProfile, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
+use surefoot_world::{Ability, CharacterProfile, TICK_SECONDS, TICKS_PER_SECOND, Vec3};
+
+/// A point of a path.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PathPoint {
+    /// Position of the feet, m.
+    pub at: [f32; 3],
+    /// How the body gets there from the point before.
+    #[serde(default)]
+    pub by: Move,
+}
+
+/// How a body gets from one point of a path to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Move {
+    /// Walks, slides or drops off an edge.
+    #[default]
+    Walk,
+    /// Jumps.
+    Jump,
+    /// Jumps, and again in the air.
+    DoubleJump,
+    /// Walks on a pad that stands at the point before, and steers in the air.
+    Pad,
+    /// Walks into a zip line at the point before, and rides it.
+    ZipLine,
+    /// Walks into a teleporter at the point before.
+    Teleporter,
+    /// Takes a jetpack at the point before, and flies.
+    Jetpack,
+}
+
+impl From<Ability> for Move {
+    fn from(ability: Ability) -> Self {
+        match ability {
+            Ability::Walk => Self::Walk,
+            Ability::Jump => Self::Jump,
+            Ability::DoubleJump => Self::DoubleJump,
+            Ability::Pad => Self::Pad,
+            Ability::ZipLine => Self::ZipLine,
+            Ability::Teleporter => Self::Teleporter,
+            Ability::Jetpack => Self::Jetpack,
+        }
+    }
+}
 
 /// Distance on the plane within which a point that is walked to is passed, m.
 const PASSED_M: f32 = 0.5;
@@ -11,6 +57,8 @@ const PASSED_M: f32 = 0.5;
 const TAKE_OFF_M: f32 = 0.35;
 /// The same of a point where a leap ends.
 const LANDED_M: f32 = 0.9;
+/// Distance from the centre of a pad up to which it throws bodies, with what they cover in a few ticks, m.
+const DEVICE_M: f32 = 2.5;
 /// Difference in height up to which a point is passed, m.
 const LEVEL_M: f32 = 1.2;
 /// Angle up to which the body runs at full speed while it turns, rad.
@@ -88,11 +136,20 @@ impl<'p> Driver<'p> {
         Some(action)
     }
 
+    /// Whether the controller heads for the end of the path.
+    pub fn is_on_last_point(&self) -> bool {
+        self.next + 1 >= self.points.len()
+    }
+
     /// Whether the body has got to the point that it heads for.
     fn has_passed(&self, body: &Body) -> bool {
         let Some(point) = self.points.get(self.next) else { return false };
         let to = Vec3::from_array(point.at) - body.feet;
-        let begins_leap = self.points.get(self.next + 1).is_some_and(|next| next.by != Move::Walk);
+        let after = self.points.get(self.next + 1).map_or(Move::Walk, |next| next.by);
+        if was_taken(after, body, flat(to).length()) {
+            return true;
+        }
+        let begins_leap = after != Move::Walk;
         let within = match point.by {
             _ if begins_leap => TAKE_OFF_M,
             Move::Walk => PASSED_M,
@@ -125,9 +182,15 @@ impl<'p> Driver<'p> {
             Move::DoubleJump => 1 + u32::from(profile.extra_jumps),
             // A NavMesh takes steps that are higher than the body's own.
             Move::Walk => return body.is_grounded() && self.blocked >= BLOCKED_TICKS,
-            Move::Pad | Move::ZipLine | Move::Teleporter => return false,
+            // What a pad's throw lacks, a jump in the air may add.
+            Move::Pad => 1 + u32::from(profile.extra_jumps),
+            Move::ZipLine | Move::Teleporter => return false,
         };
         let to = target - body.feet;
+        if by == Move::Pad {
+            let is_falling = !body.is_grounded() && body.velocity.y < 0.5;
+            return is_falling && self.jumps < most && body.air_jumps_left > 0 && to.y > -1.0;
+        }
         if body.is_grounded() {
             let is_first = self.jumps == 0;
             // It may have landed on the way: what comes next needs a leap of its own.
@@ -138,6 +201,16 @@ impl<'p> Driver<'p> {
             return to.y > -LEVEL_M;
         }
         self.jumps < most && body.air_jumps_left > 0 && body.velocity.y < 0.5 && to.y > -1.0
+    }
+}
+
+/// Whether a device has taken the body that was on its way to it and still is `distance` metres away on the plane: devices do so at their rims.
+fn was_taken(by: Move, body: &Body, distance: f32) -> bool {
+    match by {
+        Move::Pad => !body.is_grounded() && body.velocity.y > SLOW && distance < DEVICE_M,
+        Move::ZipLine => body.ride.is_some(),
+        Move::Teleporter => body.teleport_locked,
+        _ => false,
     }
 }
 
@@ -182,7 +255,7 @@ fn run(body: &Body, profile: &CharacterProfile, target: Vec3, final_speed: f32) 
 fn turn_towards(body: &Body, target: Vec3) -> f32 {
     use std::f32::consts::{PI, TAU};
     let to = target - body.feet;
-    let turn = to.x.atan2(to.z) - body.yaw;
+    let turn = libm::atan2f(to.x, to.z) - body.yaw;
     (turn + PI).rem_euclid(TAU) - PI
 }
 

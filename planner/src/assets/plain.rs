@@ -1,0 +1,49 @@
+//! All that is known of the links, as JSON on our axes: docs/links.md has the schema.
+
+use super::{About, Axes, Connected, LinkSet, VERSION};
+use serde::{Deserialize, Serialize};
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct PlainLinks {
+    version: u32,
+    axes: String,
+    agent: Agent,
+    connected: Connected,
+    links: Vec<PlainLink>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Agent {
+    /// m.
+    radius: f32,
+    /// m/s.
+    speed: f32,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct PlainLink {
+    start: [f32; 3],
+    end: [f32; 3],
+    bidirectional: bool,
+    #[serde(flatten)]
+    about: About,
+}
+
+impl PlainLinks {
+    pub(super) fn of(set: &LinkSet) -> Self {
+        let axes = Axes::Ours;
+        let links = set.links.iter().map(|link| PlainLink {
+            start: axes.point(link.passage.start),
+            end: axes.point(link.passage.end),
+            bidirectional: false,
+            about: About::of(link, axes),
+        });
+        Self {
+            version: VERSION,
+            axes: axes.words().to_owned(),
+            agent: Agent { radius: set.radius, speed: set.speed },
+            connected: set.connected,
+            links: links.collect(),
+        }
+    }
+}

@@ -1,0 +1,438 @@
+//! Measures the shapes of edges: runs the policy along each of them a few times more, and notes where the body leaves the ground by a special
+//! move, how high it gets, and where it stands again.
+//!
+//! Of the runs that arrive, the one is kept that a [plain controller](crate::drive) repeats most reliably, with the share of its tries that
+//! did: who follows links by script rather than by our policy knows what to expect. The same graph gives the same shapes on any number of
+//! threads.
+
+use crate::drive::{Driver, Move, PathPoint};
+use crate::probe::{ProbeContext, Probes};
+use crate::style::Style;
+use std::cmp::Ordering::Equal;
+use std::f32::consts::TAU;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use surefoot_planner::assets::{Leap, Passage, Shape};
+use surefoot_planner::needs::Berths;
+use surefoot_planner::probe::Trial;
+use surefoot_planner::{Edge, NavGraph};
+use surefoot_world::character::{Body, MoveScratch, TickEvents, is_clear};
+use surefoot_world::float::hypot;
+use surefoot_world::map::Zone;
+use surefoot_world::mesh::Surface;
+use surefoot_world::navigable::DOWN;
+use surefoot_world::reach::ground::Ground;
+use surefoot_world::{
+    Ability, CharacterProfile, DECISION_SECONDS, Map, NpcSlot, TICK_SECONDS, TICKS_PER_SECOND, Vec3, World,
+};
+
+/// Runs along each edge: the first ones composed, as NPCs move that rehearse, the others as freely as the policy wants.
+const COMPOSED_RUNS: u32 = 3;
+const FREE_RUNS: u32 = 3;
+/// Number of the first random stream of these runs: probes of builds have smaller ones.
+const FIRST_STREAM: u64 = 1 << 14;
+/// Edges of a thread that are run together.
+const CHUNK: usize = 32;
+/// Tries of the plain controller along each run.
+const DRIVES: usize = 8;
+/// Distance from the start of a passage at which the plain controller begins, m.
+const AROUND_M: f32 = 1.0;
+/// Distance to the end of a passage on the plane, and in height, at which the plain controller has arrived, m.
+const ARRIVED_M: f32 = 0.9;
+const LEVEL_M: f32 = 1.2;
+/// Descent without ground that is no drop but a step or a bump, m.
+const BUMP_M: f32 = 0.6;
+/// A leap is needless where a walk is at most this many times as long, and this much longer, m.
+const WALK_RATIO: f32 = 1.5;
+const WALK_MORE_M: f32 = 2.0;
+
+/// Measures the shape of each edge of `graph` on `thread_count` threads, in order; `None` where no run arrived again. `ground` is the
+/// survey's, and says what a NavMesh walks. `finished` is called after each edge.
+pub fn measure(
+    context: &ProbeContext,
+    (graph, ground): (&NavGraph, &Ground),
+    edges: &[&Edge],
+    thread_count: usize,
+    finished: &(dyn Fn() + Sync),
+) -> Vec<Option<Shape>> {
+    let berths = Berths::of(&context.map, &context.profile);
+    let held = |idx: usize| held(&berths, graph, edges[idx]);
+    let mut order: Vec<usize> = (0..edges.len()).collect();
+    order.sort_by_key(|&idx| held(idx));
+    let alike = order.chunk_by(|&one, &other| held(one) == held(other));
+    let chunks: Vec<&[usize]> = alike.flat_map(|alike| alike.chunks(CHUNK)).collect();
+    let next = AtomicUsize::new(0);
+    let shapes: Mutex<Vec<Option<Shape>>> = Mutex::new(vec![None; edges.len()]);
+    std::thread::scope(|scope| {
+        for _ in 0..thread_count.clamp(1, chunks.len().max(1)) {
+            scope.spawn(|| {
+                loop {
+                    let Some(chunk) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
+                    let of_chunk: Vec<&Edge> = chunk.iter().map(|&idx| edges[idx]).collect();
+                    let gauge = Gauge { context, graph, ground, held: held(chunk[0]) };
+                    let measured = gauge.measure(&of_chunk, finished);
+                    let mut shapes = shapes.lock().expect("no measurement panics");
+                    chunk.iter().zip(measured).for_each(|(&idx, shape)| shapes[idx] = shape);
+                }
+            });
+        }
+    });
+    shapes.into_inner().expect("no measurement panics")
+}
+
+/// The mover that is held at a stop for runs along an edge, of which an end is a berth.
+fn held(berths: &Berths, graph: &NavGraph, edge: &Edge) -> Option<(u16, u8)> {
+    let berth = |vertex| berths.at(graph.position(vertex));
+    berth(edge.key.from).or_else(|| berth(edge.key.to))
+}
+
+/// The body after a tick.
+#[derive(Debug, Clone, Copy)]
+struct Moment {
+    feet: Vec3,
+    stands: bool,
+    /// Horizontal speed, m/s.
+    speed: f32,
+    fuel: f32,
+    /// What happened in the tick.
+    events: TickEvents,
+}
+
+impl Moment {
+    fn of(body: &Body, events: TickEvents) -> Self {
+        let speed = hypot(body.velocity.x, body.velocity.z);
+        Self { feet: body.feet, stands: body.is_grounded(), speed, fuel: body.fuel, events }
+    }
+}
+
+/// One run along an edge that is under way.
+struct Runner {
+    slot: NpcSlot,
+    /// Events of the decision so far.
+    seen: TickEvents,
+    track: Vec<Moment>,
+}
+
+impl Runner {
+    fn note(&mut self, world: &World) {
+        let Some(npc) = world.npc(self.slot) else { return };
+        let (now, before) = (npc.events, self.seen);
+        let events = TickEvents {
+            jumped: now.jumped && !before.jumped,
+            double_jumped: now.double_jumped && !before.double_jumped,
+            padded: now.padded && !before.padded,
+            zipped: now.zipped && !before.zipped,
+            teleported: now.teleported && !before.teleported,
+            thrust: now.thrust && !before.thrust,
+        };
+        self.seen = now;
+        self.track.push(Moment::of(&npc.body, events));
+    }
+}
+
+/// Measures edges for which the same mover is held.
+struct Gauge<'a> {
+    context: &'a ProbeContext,
+    graph: &'a NavGraph,
+    ground: &'a Ground,
+    held: Option<(u16, u8)>,
+}
+
+impl Gauge<'_> {
+    fn measure(&self, edges: &[&Edge], finished: &(dyn Fn() + Sync)) -> Vec<Option<Shape>> {
+        let mut world = self.context.world_for(self.held);
+        let tracks = self.run(edges);
+        let shapes = edges.iter().zip(tracks).map(|(edge, tracks)| {
+            let shape = match edge.evidence.needs.ride {
+                Some(_) => Some(self.whole(edge)),
+                None => self.best(&mut world, edge, &tracks),
+            };
+            finished();
+            shape
+        });
+        shapes.collect()
+    }
+
+    /// Runs the policy along each edge, and returns the tracks of the runs that arrived.
+    fn run(&self, edges: &[&Edge]) -> Vec<Vec<Vec<Moment>>> {
+        let mut probes = Probes::new(self.context, 0, self.held);
+        let runs_each = (COMPOSED_RUNS + FREE_RUNS) as usize;
+        let mut runners = Vec::with_capacity(edges.len() * runs_each);
+        for edge in edges.iter().filter(|edge| edge.evidence.needs.ride.is_none()) {
+            for attempt in 0..runs_each as u32 {
+                let trial = self.trial(edge, attempt);
+                let composed = attempt < COMPOSED_RUNS;
+                let style = if composed { Style::for_leg(edge.evidence.ability) } else { Style::Free };
+                let slot = probes.start_in_style(runners.len(), &trial, style);
+                let start = Moment { stands: true, ..Moment::of(&Body::at(trial.start, 0.0), TickEvents::default()) };
+                runners.push(Runner { slot, seen: TickEvents::default(), track: vec![start] });
+            }
+        }
+        let mut arrived = vec![false; runners.len()];
+        while !probes.are_done() {
+            runners.iter_mut().for_each(|runner| runner.seen = TickEvents::default());
+            // All have begun before the first one ends, so that no slot is used twice.
+            let ended = probes.decide(Some(&mut |worlds: &[World]| {
+                runners.iter_mut().for_each(|runner| runner.note(&worlds[0]));
+            }));
+            ended.into_iter().for_each(|(idx, outcome)| arrived[idx] = outcome.reached);
+        }
+        let mut runs = runners.into_iter().zip(arrived);
+        let tracks_of = |edge: &&Edge| {
+            let count = if edge.evidence.needs.ride.is_none() { runs_each } else { 0 };
+            runs.by_ref().take(count).filter_map(|(runner, arrived)| arrived.then_some(runner.track)).collect()
+        };
+        edges.iter().map(tracks_of).collect()
+    }
+
+    fn trial(&self, edge: &Edge, attempt: u32) -> Trial {
+        let (from, to) = (edge.key.from, edge.key.to);
+        Trial {
+            start: self.graph.position(from),
+            via: None,
+            goal: self.graph.position(to),
+            stream: u64::from(from.0) << 40 | u64::from(to.0) << 16 | (FIRST_STREAM + u64::from(attempt)),
+            on_foot: false,
+            keep_track: false,
+            held: self.held,
+            ride: None,
+        }
+    }
+
+    /// The shape of an edge that is one ride: it begins and ends where the edge does.
+    fn whole(&self, edge: &Edge) -> Shape {
+        let (start, end) = (self.graph.position(edge.key.from), self.graph.position(edge.key.to));
+        let seconds = edge.evidence.decisions_mean().0 as f32 * DECISION_SECONDS;
+        Shape { passages: vec![Passage { start, end, leaps: Vec::new(), seconds, driven: 0.0 }] }
+    }
+
+    /// The shape that the plain controller repeats most reliably, with the fewest leaps, in the least time.
+    fn best(&self, world: &mut World, edge: &Edge, tracks: &[Vec<Moment>]) -> Option<Shape> {
+        let goal = self.graph.position(edge.key.to);
+        let shapes = tracks.iter().map(|track| {
+            let mut shape = Shape { passages: self.passages(track, goal) };
+            shape.passages.iter_mut().for_each(|passage| passage.driven = self.drive(world, passage));
+            shape
+        });
+        shapes.min_by(|one, other| {
+            let leaps = |shape: &Shape| shape.passages.iter().map(|passage| passage.leaps.len()).sum::<usize>();
+            let seconds = |shape: &Shape| shape.passages.iter().map(|passage| passage.seconds).sum::<f32>();
+            let by_reliability = other.driven().total_cmp(&one.driven());
+            let by_leaps = leaps(one).cmp(&leaps(other));
+            [by_reliability, by_leaps, seconds(one).total_cmp(&seconds(other))]
+                .into_iter()
+                .find(|order| *order != Equal)
+                .unwrap_or(Equal)
+        })
+    }
+
+    /// What of a run the NavMesh does not walk: its leaps, each with what lies between the survey's islands around it.
+    fn passages(&self, track: &[Moment], goal: Vec3) -> Vec<Passage> {
+        let map = &self.context.map;
+        let leaps = leaps(map, track, goal).into_iter().filter(|timed| !self.is_needless(&timed.leap));
+        let mut passages: Vec<Passage> = Vec::new();
+        let (mut here, mut tick) = (track[0].feet, 0);
+        for Timed { leap, pickup, begin, end } in leaps {
+            let (entry, entered) = pickup.unwrap_or((leap.take_off, begin));
+            if self.is_walked(here, entry) {
+                passages.push(Passage::begin(entry));
+                tick = entered;
+            } else if passages.is_empty() {
+                passages.push(Passage::begin(here));
+            }
+            let passage = passages.last_mut().expect("one has begun");
+            passage.seconds += (end - tick) as f32 * TICK_SECONDS;
+            passage.end = leap.landing;
+            (here, tick) = (leap.landing, end);
+            passage.leaps.push(leap);
+        }
+        if !self.is_walked(here, goal) {
+            let seconds = (track.len() - 1 - tick.min(track.len() - 1)) as f32 * TICK_SECONDS;
+            match passages.last_mut() {
+                Some(passage) => (passage.end, passage.seconds) = (goal, passage.seconds + seconds),
+                None => passages.push(Passage { end: goal, seconds, ..Passage::begin(here) }),
+            }
+        }
+        passages
+    }
+
+    /// Whether the NavMesh walks from one place to another.
+    fn is_walked(&self, from: Vec3, to: Vec3) -> bool {
+        let island = |at| self.ground.at(at).map(|cell| cell.island);
+        from == to || (island(from).is_some() && island(from) == island(to))
+    }
+
+    /// Whether a leap goes where a short walk leads as well.
+    fn is_needless(&self, leap: &Leap) -> bool {
+        let is_plain = matches!(leap.ability, Ability::Walk | Ability::Jump | Ability::DoubleJump);
+        let metres = WALK_RATIO * leap.take_off.distance(leap.landing) + WALK_MORE_M;
+        is_plain && self.ground.walks_within(leap.take_off, leap.landing, metres)
+    }
+
+    /// The share of its tries, from places around the start, in which the plain controller takes a passage; in [0, 1].
+    fn drive(&self, world: &mut World, passage: &Passage) -> f32 {
+        let points = path_along(passage);
+        let limit = ((2.0 * passage.seconds + 4.0) * TICKS_PER_SECOND as f32) as u32;
+        let starts = self.starts(passage.start);
+        let mut arrived = 0;
+        for (begun, (start, yaw)) in starts.iter().enumerate() {
+            // What fails twice at once is not worth more tries.
+            if begun == 2 && arrived == 0 {
+                return 0.0;
+            }
+            arrived += u32::from(drive_once(world, &self.context.profile, &points, (*start, *yaw), limit));
+        }
+        arrived as f32 / starts.len() as f32
+    }
+
+    /// Places around the start of a passage, all headings mixed; the start itself where the body cannot stand.
+    fn starts(&self, centre: Vec3) -> Vec<(Vec3, f32)> {
+        let mut scratch = MoveScratch::default();
+        let around = (0..DRIVES).map(|idx| {
+            let angle = idx as f32 / DRIVES as f32 * TAU;
+            let (sin, cos) = libm::sincosf(angle);
+            let place = self.stand(centre + Vec3::new(sin, 0.0, cos) * AROUND_M, &mut scratch);
+            // A third of a turn further each time: from behind, from the side, from ahead.
+            (place.unwrap_or(centre), angle * 3.0 % TAU - TAU / 2.0)
+        });
+        around.collect()
+    }
+
+    /// The ground near `place` on which the body can stand, clear of liquids and devices.
+    fn stand(&self, place: Vec3, scratch: &mut MoveScratch) -> Option<Vec3> {
+        let (map, profile): (&Map, _) = (&self.context.map, &self.context.profile);
+        let hit = map.mesh().cast_ray(place + Vec3::Y, DOWN, 1.5)?;
+        let feet = place + Vec3::Y * (1.0 - hit.distance + 0.1);
+        let is_free = map.liquid_at(feet, -0.1).is_none() && map.device_at(feet).is_none();
+        (hit.surface == Surface::Ground && is_free && is_clear(map.mesh(), profile, feet, 0.03, scratch))
+            .then_some(feet)
+    }
+}
+
+/// The path along a passage as a plain controller gets it.
+fn path_along(passage: &Passage) -> Vec<PathPoint> {
+    let mut points = vec![PathPoint { at: passage.start.to_array(), by: Move::Walk }];
+    for leap in &passage.leaps {
+        if points.last().is_some_and(|last| last.at != leap.take_off.to_array()) {
+            points.push(PathPoint { at: leap.take_off.to_array(), by: Move::Walk });
+        }
+        points.push(PathPoint { at: leap.landing.to_array(), by: leap.ability.into() });
+    }
+    if points.last().is_some_and(|last| last.at != passage.end.to_array()) {
+        points.push(PathPoint { at: passage.end.to_array(), by: Move::Walk });
+    }
+    points
+}
+
+/// Whether the plain controller gets from a start, with a heading, to stand at the end of a path within `limit` ticks.
+fn drive_once(
+    world: &mut World,
+    profile: &CharacterProfile,
+    points: &[PathPoint],
+    (start, yaw): (Vec3, f32),
+    limit: u32,
+) -> bool {
+    let end = Vec3::from_array(points.last().expect("a path has an end").at);
+    let slot = world.spawn(start, yaw);
+    world.set_goal(slot, end);
+    let mut driver = Driver::new(points);
+    let mut has_arrived = false;
+    for _ in 0..limit {
+        let npc = world.npc(slot).expect("just spawned");
+        let offset = end - npc.body.feet;
+        has_arrived = driver.is_on_last_point()
+            && npc.body.is_grounded()
+            && offset.y.abs() < LEVEL_M
+            && hypot(offset.x, offset.z) < ARRIVED_M;
+        if has_arrived || npc.harm.is_some() {
+            break;
+        }
+        let Some(action) = driver.steer(&npc.body, profile) else { break };
+        world.decide(slot, action);
+        world.tick();
+    }
+    world.despawn(slot);
+    has_arrived
+}
+
+/// A leap with when it begins and ends, in ticks of its run, and where and when the jetpack that it takes was picked up.
+struct Timed {
+    leap: Leap,
+    pickup: Option<(Vec3, usize)>,
+    begin: usize,
+    end: usize,
+}
+
+/// The leaps of a run towards `goal`: what it does between one place where the body stands and the next, unless that is a mere bump. A device
+/// begins a leap of its own.
+fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
+    let mut found = Vec::new();
+    let mut open: Option<Flight> = None;
+    let mut pickup = None;
+    for tick in 1..track.len() {
+        let (before, now) = (track[tick - 1], track[tick]);
+        if now.fuel > before.fuel {
+            pickup = centre_of(map, before.feet).map(|centre| (centre, tick));
+        }
+        let enters = now.events.padded || now.events.zipped || now.events.teleported;
+        if enters {
+            let centre = centre_of(map, before.feet).unwrap_or(before.feet);
+            found.extend(open.take().and_then(|flight| flight.land(track, centre, tick - 1, None)));
+            open = Some(Flight::begin(centre, tick - 1, before.speed));
+        }
+        if !now.stands || enters {
+            let flight = open.get_or_insert_with(|| Flight::begin(before.feet, tick - 1, before.speed));
+            flight.events.merge(now.events);
+            if now.events.double_jumped {
+                flight.second_jump.get_or_insert(tick);
+            }
+        } else if let Some(flight) = open.take() {
+            let picked = if flight.events.thrust { pickup.take() } else { None };
+            found.extend(flight.land(track, now.feet, tick, picked));
+        }
+    }
+    // A goal may be reached in flight: a body stands where it is.
+    found.extend(open.and_then(|flight| flight.land(track, goal, track.len() - 1, pickup)));
+    found
+}
+
+/// The centre of the device at a place.
+fn centre_of(map: &Map, feet: Vec3) -> Option<Vec3> {
+    map.device_at(feet).and_then(|zone: Zone| map.device_centre(zone))
+}
+
+/// A leap that has not landed yet.
+struct Flight {
+    take_off: Vec3,
+    begin: usize,
+    speed: f32,
+    events: TickEvents,
+    second_jump: Option<usize>,
+}
+
+impl Flight {
+    fn begin(take_off: Vec3, begin: usize, speed: f32) -> Self {
+        Self { take_off, begin, speed, events: TickEvents::default(), second_jump: None }
+    }
+
+    /// The leap that ends at `landing`; `None` if it was a bump.
+    fn land(self, track: &[Moment], landing: Vec3, end: usize, pickup: Option<(Vec3, usize)>) -> Option<Timed> {
+        let ability = Ability::used(self.events);
+        if ability == Ability::Walk && self.take_off.y - landing.y < BUMP_M {
+            return None;
+        }
+        let seconds = |ticks: usize| ticks as f32 * TICK_SECONDS;
+        let passed = track[self.begin..=end].iter().map(|moment| moment.feet).chain([self.take_off, landing]);
+        let apex = passed.max_by(|one, other| one.y.total_cmp(&other.y)).expect("not empty");
+        let leap = Leap {
+            ability,
+            take_off: self.take_off,
+            apex,
+            landing,
+            seconds: seconds(end - self.begin),
+            speed: self.speed,
+            second_jump: self.second_jump.map(|tick| seconds(tick - self.begin)),
+        };
+        Some(Timed { leap, pickup, begin: self.begin, end })
+    }
+}
