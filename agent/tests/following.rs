@@ -138,6 +138,8 @@ fn config(method: Method) -> EvalConfig {
         price: Price::Risk,
         thread_count: 2,
         keep_in: None,
+        game: None,
+        graph: None,
         record: None,
     }
 }

@@ -26,6 +26,8 @@ fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfi
         price: Price::Risk,
         thread_count,
         keep_in: keep_in.map(|folder| folder.path().to_owned()),
+        game: None,
+        graph: None,
         record: None,
     }
 }

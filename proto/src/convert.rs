@@ -290,6 +290,19 @@ pub fn outcome(end: Option<End>) -> wire::Outcome {
     }
 }
 
+/// Converts an outcome from the wire; `None` if it is unspecified or unknown.
+pub fn end(value: i32) -> Option<End> {
+    match wire::Outcome::try_from(value) {
+        Ok(wire::Outcome::Reached) => Some(End::Reached),
+        Ok(wire::Outcome::Fell) => Some(End::Fell),
+        Ok(wire::Outcome::Burnt) => Some(End::Burnt),
+        Ok(wire::Outcome::Drowned) => Some(End::Drowned),
+        Ok(wire::Outcome::NoProgress) => Some(End::NoProgress),
+        Ok(wire::Outcome::Unreachable) => Some(End::Unreachable),
+        Ok(wire::Outcome::Unspecified) | Err(_) => None,
+    }
+}
+
 /// Converts an ability to the wire.
 pub fn ability_to_wire(ability: Ability) -> wire::Ability {
     match ability {
@@ -324,6 +337,21 @@ pub fn pack(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
     let (chunks, _) = bytes.as_chunks_mut::<4>();
     chunks.iter_mut().zip(values).for_each(|(chunk, value)| *chunk = value.to_le_bytes());
     bytes
+}
+
+/// Packs points as little-endian floats, three each.
+pub fn pack_points(points: impl IntoIterator<Item = Vec3>) -> Vec<u8> {
+    pack(points.into_iter().flat_map(|point| point.to_array()))
+}
+
+/// Unpacks little-endian floats as points, three each.
+///
+/// # Errors
+/// If `bytes` are not exactly `count` points, or one is not finite. `field` is the path of the array in the error.
+pub fn unpack_points(bytes: &[u8], count: usize, field: &'static str) -> Result<Vec<Vec3>, FieldError> {
+    let values = unpack(bytes, 3 * count, field)?;
+    let points: Vec<Vec3> = values.as_chunks::<3>().0.iter().copied().map(Vec3::from_array).collect();
+    if points.iter().all(|point| point.is_finite()) { Ok(points) } else { Err(FieldError::NotFinite(field)) }
 }
 
 /// Unpacks little-endian floats.

@@ -349,18 +349,16 @@ impl Guide<'_> {
 
     /// Plans from `feet`, m, and returns the first waypoint, m.
     fn plan(&mut self, follower: &mut Follower, feet: Vec3) -> Vec3 {
-        loop {
-            let query = follower.query(feet);
+        let Self { router, traffic, search_us, .. } = self;
+        follower.plan(feet, |query| {
             let started = Instant::now();
-            let plan = match &mut self.traffic {
-                Some(traffic) => self.router.find_path_in(traffic, &query, &EdgeCosts::new()),
-                None => self.router.find_path(&query),
+            let plan = match traffic {
+                Some(traffic) => router.find_path_in(traffic, query, &EdgeCosts::new()),
+                None => router.find_path(query),
             };
-            self.search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
-            if !follower.reconsiders(&plan) {
-                return follower.take_plan(plan);
-            }
-        }
+            search_us.push(started.elapsed().as_secs_f64() * 1.0e6);
+            plan
+        })
     }
 
     /// Lets all NPCs look at the movers, and call those that they want; those whose way is barred plan anew.

@@ -1,14 +1,16 @@
-//! An environment: a world whose actions the caller chooses, such as a remote trainer, or somebody whose agent is scored.
+//! An environment: NPCs whose actions the caller chooses, such as a remote trainer, or somebody whose agent is scored; in our world, or in any
+//! other physics that implements [`Physics`].
 
 use crate::decision::{DecisionLoop, Lane, Stage};
 use crate::goals::{Goal, goal_in_band, random_point, random_yaw};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use surefoot_world::character::{ACTION_LEN, Action, MoveScratch};
 use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::sense::observation_len;
-use surefoot_world::{CharacterProfile, End, Map, NpcSlot, TaskConfig, Vec3, World, WorldConfig};
+use surefoot_world::{Ability, CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
 
 /// Number of places from which starts and goals are drawn.
 const PLACES: usize = 1000;
@@ -41,19 +43,123 @@ impl Episodes {
     }
 }
 
-/// A world that the caller steps, one decision of all NPCs at a time.
+/// The physics of an environment: our world, or a game. NPCs count from 0.
+pub trait Physics: Send + std::fmt::Debug {
+    /// Number of values of an observation.
+    fn observation_len(&self) -> usize;
+
+    /// Puts an NPC there, at rest and unharmed, without an episode; `feet` is in m, `yaw` in rad.
+    fn place(&mut self, npc_idx: usize, feet: Vec3, yaw: f32);
+
+    /// Starts an episode towards `goal`, m; the body keeps its motion.
+    fn set_goal(&mut self, npc_idx: usize, goal: Vec3);
+
+    /// Ends the episode of an NPC, which comes to rest.
+    fn clear_goal(&mut self, npc_idx: usize);
+
+    /// Runs ten ticks, in which these NPCs, ascending, carry out their actions and all others rest. Returns how the decisions of these
+    /// NPCs went, in order. All of them have episodes.
+    fn advance(&mut self, npcs: &[usize], actions: &[Action]) -> Vec<DecisionOutcome>;
+
+    /// Writes the observation of an NPC, which has an episode.
+    fn observe(&mut self, npc_idx: usize, row: &mut [f32]);
+
+    /// Where an NPC is.
+    fn stand(&self, npc_idx: usize) -> Standing;
+}
+
+/// Where an NPC is, and what it did last.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Standing {
+    /// Position of the feet, m.
+    pub feet: Vec3,
+    /// The most demanding ability of its last decision.
+    pub ability: Ability,
+    /// Whether it came to harm.
+    pub is_harmed: bool,
+}
+
+/// A world of ours.
 #[derive(Debug)]
-pub struct Env {
+struct Ours {
     worlds: [World; 1],
     lanes: Vec<Lane>,
     decisions: DecisionLoop,
+    observation_len: usize,
+}
+
+impl Ours {
+    fn new(map: Arc<Map>, profile: CharacterProfile, solid_npcs: bool, npc_count: usize) -> Self {
+        let observation_len = observation_len(solid_npcs);
+        let mut world = World::with_config(map, WorldConfig::new(profile, TaskConfig::default(), solid_npcs));
+        let lanes = (0..npc_count).map(|_| Lane::of(world.spawn(Vec3::ZERO, 0.0))).collect();
+        Self { worlds: [world], lanes, decisions: DecisionLoop::of_lens(observation_len, 0), observation_len }
+    }
+}
+
+impl Physics for Ours {
+    fn observation_len(&self) -> usize {
+        self.observation_len
+    }
+
+    fn place(&mut self, npc_idx: usize, feet: Vec3, yaw: f32) {
+        self.worlds[0].teleport(self.lanes[npc_idx].slot, feet, yaw);
+    }
+
+    fn set_goal(&mut self, npc_idx: usize, goal: Vec3) {
+        self.worlds[0].set_goal(self.lanes[npc_idx].slot, goal);
+    }
+
+    fn clear_goal(&mut self, npc_idx: usize) {
+        self.worlds[0].clear_goal(self.lanes[npc_idx].slot);
+    }
+
+    fn advance(&mut self, npcs: &[usize], actions: &[Action]) -> Vec<DecisionOutcome> {
+        let lanes: Vec<Lane> = npcs.iter().map(|npc_idx| self.lanes[*npc_idx]).collect();
+        self.decisions.advance(&mut Stage { worlds: &mut self.worlds, lanes: &lanes }, actions).to_vec()
+    }
+
+    fn observe(&mut self, npc_idx: usize, row: &mut [f32]) {
+        self.worlds[0].observe(self.lanes[npc_idx].slot, row);
+    }
+
+    fn stand(&self, npc_idx: usize) -> Standing {
+        let npc = self.worlds[0].npc(self.lanes[npc_idx].slot).expect("an NPC in every lane");
+        Standing { feet: npc.body.feet, ability: Ability::used(npc.events), is_harmed: npc.harm.is_some() }
+    }
+}
+
+/// NPCs that the caller steps, one decision of all of them at a time.
+#[derive(Debug)]
+pub struct Env {
+    physics: Box<dyn Physics>,
     draw: Option<Draw>,
     /// Whether each NPC rests, since its only episode has ended.
     rests: Vec<bool>,
-    /// Number of values of an observation.
-    observation_len: usize,
     observations: Vec<f32>,
     rewards: Vec<f32>,
+    /// The most demanding ability that each NPC used in the last step.
+    abilities: Vec<Ability>,
+    routes: Vec<Rest>,
+}
+
+/// What is left of a route.
+#[derive(Debug, Clone, Default)]
+struct Rest {
+    /// Places after the one for which the NPC heads, m.
+    waypoints: VecDeque<Vec3>,
+    passed: u32,
+}
+
+/// Places for which an NPC heads one after another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Route {
+    /// Index of the NPC.
+    pub npc_idx: usize,
+    /// Where the feet are put first, m, and the heading, rad; `None` if the NPC goes on from where it is.
+    pub start: Option<(Vec3, f32)>,
+    /// The places, m, at least one.
+    pub waypoints: Vec<Vec3>,
 }
 
 /// Where endless episodes come from.
@@ -66,19 +172,18 @@ struct Draw {
 }
 
 impl Draw {
-    fn new(map: &Map, profile: &CharacterProfile, band: (f32, f32), seed: u64) -> Result<Self, NoGround> {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut scratch = MoveScratch::default();
-        let places = (0..PLACES).map(|_| navigable::sample(map, profile, &mut rng, &mut scratch));
-        Ok(Self { places: places.collect::<Result<Vec<_>, _>>()?, band, rng })
-    }
-
     fn goal(&mut self) -> Goal {
         let Self { places, band, rng } = self;
         let start = random_point(places, rng);
         let yaw = random_yaw(rng);
         Goal { start, yaw, goal: goal_in_band(places, start, *band, GOAL_DRAWS, rng) }
     }
+}
+
+/// Draws places to stand on a map.
+fn places_on(map: &Map, profile: &CharacterProfile, rng: &mut ChaCha8Rng) -> Result<Vec<Vec3>, NoGround> {
+    let mut scratch = MoveScratch::default();
+    (0..PLACES).map(|_| navigable::sample(map, profile, rng, &mut scratch)).collect()
 }
 
 /// An episode that ended.
@@ -103,38 +208,45 @@ impl Env {
         solid_npcs: bool,
         episodes: Episodes,
     ) -> Result<Self, NoGround> {
+        let physics = Ours::new(map.clone(), profile.clone(), solid_npcs, episodes.npc_count());
+        Self::of(Box::new(physics), episodes, |rng| places_on(&map, &profile, rng))
+    }
+
+    /// Starts these episodes in any physics that has as many NPCs. `places` draws at least one place to stand, m, for endless episodes.
+    ///
+    /// # Errors
+    /// That of `places`.
+    pub fn of<E>(
+        physics: Box<dyn Physics>,
+        episodes: Episodes,
+        places: impl FnOnce(&mut ChaCha8Rng) -> Result<Vec<Vec3>, E>,
+    ) -> Result<Self, E> {
         let npc_count = episodes.npc_count();
         let (mut draw, goals) = match episodes {
-            Episodes::Endless { band, seed, .. } => (Some(Draw::new(&map, &profile, band, seed)?), Vec::new()),
+            Episodes::Endless { band, seed, .. } => {
+                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                (Some(Draw { places: places(&mut rng)?, band, rng }), Vec::new())
+            }
             Episodes::Once(goals) => (None, goals),
         };
-        let observation_len = observation_len(solid_npcs);
-        let config = WorldConfig::new(profile, TaskConfig::default(), solid_npcs);
-        let mut worlds = [World::with_config(map, config)];
-        let mut lanes = Vec::with_capacity(npc_count);
-        for npc_idx in 0..npc_count {
-            let slot = worlds[0].spawn(Vec3::ZERO, 0.0);
-            lanes.push(Lane::of(slot));
-            let goal = draw.as_mut().map_or_else(|| goals[npc_idx], Draw::goal);
-            begin(&mut worlds[0], slot, &goal);
-        }
+        let goals = (0..npc_count).map(|idx| draw.as_mut().map_or_else(|| goals[idx], Draw::goal)).collect::<Vec<_>>();
         let mut env = Self {
-            worlds,
-            lanes,
-            decisions: DecisionLoop::of_lens(observation_len, 0),
             draw,
             rests: vec![false; npc_count],
-            observation_len,
-            observations: vec![0.0; npc_count * observation_len],
+            observations: vec![0.0; npc_count * physics.observation_len()],
+            physics,
             rewards: vec![0.0; npc_count],
+            abilities: vec![Ability::Walk; npc_count],
+            routes: vec![Rest::default(); npc_count],
         };
+        goals.iter().enumerate().for_each(|(npc_idx, goal)| env.begin(npc_idx, goal));
         (0..npc_count).for_each(|npc_idx| env.observe(npc_idx));
         Ok(env)
     }
 
     /// Number of NPCs.
     pub fn npc_count(&self) -> usize {
-        self.lanes.len()
+        self.rests.len()
     }
 
     /// Current observations of the NPCs, one after another: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values each, or
@@ -148,54 +260,98 @@ impl Env {
         &self.rewards
     }
 
-    /// Runs one decision of every NPC and returns the episodes that ended. With endless episodes their NPCs are at a new start; others rest
-    /// from then on, whatever their actions are.
+    /// Feet of the NPCs, m.
+    pub fn positions(&self) -> impl Iterator<Item = Vec3> {
+        (0..self.npc_count()).map(|npc_idx| self.physics.stand(npc_idx).feet)
+    }
+
+    /// The most demanding ability that each NPC used in the last step.
+    pub fn abilities(&self) -> &[Ability] {
+        &self.abilities
+    }
+
+    /// How many places of its route each NPC has passed. The last one is not passed: the episode ends there.
+    pub fn passed(&self) -> impl Iterator<Item = u32> {
+        self.routes.iter().map(|route| route.passed)
+    }
+
+    /// Gives an NPC a route instead of its goal, and wakes it if it rests. One that came to harm rests on if the route has no start.
+    ///
+    /// # Panics
+    /// If there is no such NPC, or the route has no places.
+    pub fn redirect(&mut self, Route { npc_idx, start, waypoints }: &Route) {
+        let (first, rest) = waypoints.split_first().expect("a route has places");
+        match *start {
+            Some((start, yaw)) => self.begin(*npc_idx, &Goal { start, yaw, goal: *first }),
+            None if self.physics.stand(*npc_idx).is_harmed => return,
+            None => self.physics.set_goal(*npc_idx, *first),
+        }
+        self.rests[*npc_idx] = false;
+        self.routes[*npc_idx] = Rest { waypoints: rest.iter().copied().collect(), passed: 0 };
+        self.observe(*npc_idx);
+    }
+
+    /// Runs one decision of every NPC and returns the episodes that ended. An NPC that reaches a place of its route heads for the next
+    /// one. With endless episodes NPCs whose episode ended are at a new start; others rest from then on, whatever their actions are.
     ///
     /// # Panics
     /// If the numbers of actions and NPCs differ.
     pub fn step(&mut self, actions: &[Action]) -> Vec<Ended> {
-        assert_eq!(actions.len(), self.lanes.len(), "one action for each NPC");
-        let awake: Vec<usize> = (0..self.lanes.len()).filter(|npc_idx| !self.rests[*npc_idx]).collect();
-        let lanes: Vec<Lane> = awake.iter().map(|npc_idx| self.lanes[*npc_idx]).collect();
+        assert_eq!(actions.len(), self.npc_count(), "one action for each NPC");
+        let awake: Vec<usize> = (0..self.npc_count()).filter(|npc_idx| !self.rests[*npc_idx]).collect();
         let actions: Vec<Action> = awake.iter().map(|npc_idx| actions[*npc_idx]).collect();
-        let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
-        let outcomes = self.decisions.advance(&mut stage, &actions).to_vec();
-        let mut ended = Vec::new();
+        let outcomes = self.physics.advance(&awake, &actions);
         self.rewards.fill(0.0);
-        for (npc_idx, outcome) in awake.into_iter().zip(outcomes) {
-            self.rewards[npc_idx] = outcome.reward;
-            self.observe(npc_idx);
-            let Some(end) = outcome.end else { continue };
-            ended.push(Ended { npc_idx, end, final_observation: self.row(npc_idx).to_vec() });
-            let (world, slot) = (&mut self.worlds[0], self.lanes[npc_idx].slot);
-            match &mut self.draw {
-                Some(draw) => {
-                    begin(world, slot, &draw.goal());
-                    self.observe(npc_idx);
-                }
-                None => {
-                    world.clear_goal(slot);
-                    self.rests[npc_idx] = true;
-                }
-            }
+        self.abilities.fill(Ability::Walk);
+        awake.into_iter().zip(outcomes).filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome)).collect()
+    }
+
+    /// Processes the decision of one NPC, and returns its episode if it ended.
+    fn settle(&mut self, npc_idx: usize, outcome: DecisionOutcome) -> Option<Ended> {
+        self.rewards[npc_idx] = outcome.reward;
+        self.abilities[npc_idx] = self.physics.stand(npc_idx).ability;
+        let next = (outcome.end == Some(End::Reached)).then(|| self.routes[npc_idx].pass()).flatten();
+        if let Some(next) = next {
+            self.physics.set_goal(npc_idx, next);
         }
-        ended
+        self.observe(npc_idx);
+        let end = outcome.end.filter(|_| next.is_none())?;
+        let ended = Ended { npc_idx, end, final_observation: self.row(npc_idx).to_vec() };
+        self.routes[npc_idx].waypoints.clear();
+        if let Some(goal) = self.draw.as_mut().map(Draw::goal) {
+            self.begin(npc_idx, &goal);
+            self.observe(npc_idx);
+        } else {
+            self.physics.clear_goal(npc_idx);
+            self.rests[npc_idx] = true;
+        }
+        Some(ended)
+    }
+
+    /// Starts an episode of an NPC.
+    fn begin(&mut self, npc_idx: usize, &Goal { start, yaw, goal }: &Goal) {
+        self.physics.place(npc_idx, start, yaw);
+        self.physics.set_goal(npc_idx, goal);
     }
 
     fn row(&self, npc_idx: usize) -> &[f32] {
-        &self.observations[npc_idx * self.observation_len..][..self.observation_len]
+        let len = self.physics.observation_len();
+        &self.observations[npc_idx * len..][..len]
     }
 
     fn observe(&mut self, npc_idx: usize) {
-        let row = &mut self.observations[npc_idx * self.observation_len..][..self.observation_len];
-        self.worlds[0].observe(self.lanes[npc_idx].slot, row);
+        let len = self.physics.observation_len();
+        self.physics.observe(npc_idx, &mut self.observations[npc_idx * len..][..len]);
     }
 }
 
-/// Starts an episode of an NPC.
-fn begin(world: &mut World, slot: NpcSlot, &Goal { start, yaw, goal }: &Goal) {
-    world.teleport(slot, start, yaw);
-    world.set_goal(slot, goal);
+impl Rest {
+    /// Passes the place for which the NPC heads, if another one comes after it, and returns that.
+    fn pass(&mut self) -> Option<Vec3> {
+        let next = self.waypoints.pop_front()?;
+        self.passed += 1;
+        Some(next)
+    }
 }
 
 /// Converts values to actions, [`ACTION_LEN`] values each.

@@ -447,6 +447,21 @@ impl Follower {
         reconsiders
     }
 
+    /// Plans from `feet`, m, with `search`, starts to follow the plan, and returns its first waypoint, m.
+    pub fn plan(&mut self, feet: Vec3, mut search: impl FnMut(&Query) -> Plan) -> Vec3 {
+        loop {
+            let plan = search(&self.query(feet));
+            if !self.reconsiders(&plan) {
+                return self.take_plan(plan);
+            }
+        }
+    }
+
+    /// The waypoints from the current one on, m; none without a plan.
+    pub fn waypoints_ahead(&self) -> &[Vec3] {
+        self.plan.as_ref().map_or(&[], |plan| &plan.waypoints[self.leg..])
+    }
+
     /// Starts to follow a plan and returns its first waypoint, m.
     pub fn take_plan(&mut self, plan: Plan) -> Vec3 {
         let first = plan.waypoints[0];

@@ -4,6 +4,7 @@ use crate::probe::{InProcess, ProbeContext};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::edits::MapTerrain;
+use surefoot_planner::probe::ProbeExecutor;
 use surefoot_planner::update::{Update, Updated};
 use surefoot_planner::{BuildError, BuildSettings, Builder, Built, GraphId, NavGraph, Progress};
 use surefoot_world::Map;
@@ -58,6 +59,22 @@ pub fn finish(
 pub fn terrain(context: &ProbeContext, settings: BuildSettings, thread_count: usize) -> MapTerrain {
     let executor = Box::new(InProcess { context: context.clone(), thread_count });
     MapTerrain { site: context.site(), settings, thread_count, executor, progress: Arc::default() }
+}
+
+/// Builds a graph with probes that `executor` runs, on `thread_count` threads besides.
+///
+/// # Errors
+/// Same as [`build`], also if `executor` gave up.
+pub fn build_by(
+    executor: &dyn ProbeExecutor,
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    thread_count: usize,
+    progress: &Progress,
+) -> Result<Built, BuildError> {
+    let started = Instant::now();
+    let clock = || started.elapsed().as_secs_f64();
+    Builder { site: &context.site(), settings, executor, thread_count, clock: &clock, progress }.build()
 }
 
 fn with_builder<T>(

@@ -4,7 +4,7 @@
 //! depend on the other episodes, on their order or on the number of threads.
 
 use crate::decision::{DEFAULT_NOISE_SHARE, DecisionLoop, Lane, Noise, Stage};
-use crate::goals::random_yaw;
+use crate::goals::{Goal, random_yaw};
 use crate::style::Style;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -243,8 +243,9 @@ impl<'a> Probes<'a> {
     /// Runs one decision of all running trials and returns the index and the outcome of each trial that ended; shows the world after
     /// each tick if somebody watches.
     pub(crate) fn decide(&mut self, mut watch: Option<&mut Watcher<'_>>) -> Vec<(usize, Outcome)> {
-        let lanes: Vec<Lane> = self.running.iter().map(|probe| Lane::of(probe.slot).in_style(probe.style)).collect();
-        let noise = self.running.iter_mut().flat_map(Running::noise).collect();
+        let lanes: Vec<Lane> =
+            self.running.iter().map(|probe| Lane::of(probe.slot).in_style(probe.course.style)).collect();
+        let noise = self.running.iter_mut().flat_map(|probe| probe.course.noise()).collect();
         let mut stage = Stage { worlds: &mut self.worlds, lanes: &lanes };
         let noise = Noise::Rows(noise);
         let Self { reliance, running, .. } = self;
@@ -267,63 +268,33 @@ impl<'a> Probes<'a> {
                 return true;
             }
             world.despawn(probe.slot);
-            finished.push((probe.trial_idx, probe.outcome.clone()));
+            finished.push((probe.trial_idx, probe.course.outcome.clone()));
             false
         });
         finished
     }
 }
 
-/// One running trial.
+/// One running trial in a world of ours.
 struct Running {
     slot: NpcSlot,
     trial_idx: usize,
-    style: Style,
-    keep_track: bool,
-    /// Where the probe goes after the place that it heads for now.
-    next: Option<Vec3>,
-    give_up_after: u32,
-    rng: ChaCha8Rng,
-    outcome: Outcome,
-    /// Decisions for which NPCs wait before they begin.
-    wait: u32,
+    course: Course,
 }
 
 impl Running {
     fn start(world: &mut World, trial_idx: usize, (trial, style): (&Trial, Style), seed: u64, wait: u32) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(trial.stream);
-        let slot = world.spawn(trial.start, random_yaw(&mut rng));
-        let (first, next) = match trial.via {
-            Some(via) => (via, Some(trial.goal)),
-            None => (trial.goal, None),
-        };
-        let mut outcome = Outcome::begin(trial.start);
-        outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
-        let give_up_after = Self::head_for(world, slot, first);
-        Self { slot, trial_idx, style, keep_track: trial.keep_track, next, give_up_after, rng, outcome, wait }
-    }
-
-    /// Sets the goal and returns after how many decisions without progress towards it the probe has failed.
-    fn head_for(world: &mut World, slot: NpcSlot, goal: Vec3) -> u32 {
+        let (course, Goal { start, yaw, goal }) = Course::begin(trial, seed, wait, &world.config().profiles[0]);
+        let course = Course { style, ..course };
+        let slot = world.spawn(start, yaw);
         world.set_goal(slot, goal);
-        let profile = &world.config().profiles[0];
-        let jumps = 1.0 + f32::from(profile.extra_jumps);
-        let reach = jumps * profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity);
-        let feet = world.npc(slot).expect("a trial has an NPC").body.feet;
-        if goal.y - feet.y > reach { GIVE_UP_CLIMB_AFTER } else { GIVE_UP_AFTER }
-    }
-
-    /// Noise that is added to the next action, in units of the policy's standard deviation.
-    fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
-        let share = DEFAULT_NOISE_SHARE * self.style.noise_share();
-        gaussian(&mut self.rng, ACTION_LEN).into_iter().map(move |value| value * share)
+        Self { slot, trial_idx, course }
     }
 
     /// Records what the body relies on in this tick.
     fn note_needs(&mut self, world: &World, reliance: &Reliance) {
         let Some(npc) = world.npc(self.slot) else { return };
-        let needs = &mut self.outcome.needs;
+        let needs = &mut self.course.outcome.needs;
         reliance.of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| {
             needs.add(Need { mover, stops });
         });
@@ -333,26 +304,120 @@ impl Running {
     fn note(&mut self, world: &mut World, closed: DecisionOutcome) -> bool {
         let npc = world.npc(self.slot).expect("a trial has an NPC");
         let episode = npc.episode.expect("a trial has an episode");
-        let outcome = &mut self.outcome;
-        outcome.ability = outcome.ability.max(Ability::used(npc.events));
-        outcome.bounds = [outcome.bounds[0].min(npc.body.feet), outcome.bounds[1].max(npc.body.feet)];
-        if self.keep_track {
-            outcome.track.push(npc.body.is_grounded().then_some(npc.body.feet));
+        let noted = Noted {
+            feet: npc.body.feet,
+            is_grounded: npc.body.is_grounded(),
+            ability: Ability::used(npc.events),
+            end: closed.end,
+            stalled: episode.stalled_decisions,
+            decisions: episode.decisions,
+        };
+        match self.course.note(&noted, &world.config().profiles[0]) {
+            Next::Same => true,
+            Next::Head(goal) => {
+                world.set_goal(self.slot, goal);
+                true
+            }
+            Next::Over => false,
         }
-        let gave_up = (episode.stalled_decisions >= self.give_up_after).then_some(End::NoProgress);
-        let Some(end) = closed.end.or(gave_up) else { return true };
+    }
+}
+
+/// A trial that runs, in whatever world.
+#[derive(Debug)]
+pub struct Course {
+    /// How the NPC moves.
+    pub style: Style,
+    /// The outcome so far.
+    pub outcome: Outcome,
+    keep_track: bool,
+    /// Where the probe goes after the place that it heads for now.
+    next: Option<Vec3>,
+    give_up_after: u32,
+    rng: ChaCha8Rng,
+    /// Decisions for which NPCs wait before they begin.
+    wait: u32,
+}
+
+/// What a decision of a trial came to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noted {
+    /// Position of the feet, m.
+    pub feet: Vec3,
+    /// Whether the body stands on the ground.
+    pub is_grounded: bool,
+    /// The most demanding ability that it used.
+    pub ability: Ability,
+    /// How the way to the place that it headed for ended, if it did.
+    pub end: Option<End>,
+    /// Decisions without a new best distance from that place.
+    pub stalled: u32,
+    /// Decisions since it headed for that place.
+    pub decisions: u32,
+}
+
+/// What follows a decision of a trial.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Next {
+    /// The NPC goes on.
+    Same,
+    /// It heads for this place from now on, m.
+    Head(Vec3),
+    /// The trial is over.
+    Over,
+}
+
+impl Course {
+    /// Begins a trial with the random stream that it names under `seed`, after `wait` decisions. Returns also where the NPC starts, and
+    /// for which place it heads first.
+    pub fn begin(trial: &Trial, seed: u64, wait: u32, profile: &CharacterProfile) -> (Self, Goal) {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(trial.stream);
+        let yaw = random_yaw(&mut rng);
+        let (goal, next) = trial.via.map_or((trial.goal, None), |via| (via, Some(trial.goal)));
+        let mut outcome = Outcome::begin(trial.start);
+        outcome.track.extend(trial.keep_track.then_some(Some(trial.start)));
+        let style = if trial.on_foot { Style::for_leg(Ability::Walk) } else { Style::Free };
+        let give_up_after = patience(trial.start, goal, profile);
+        let course = Self { style, outcome, keep_track: trial.keep_track, next, give_up_after, rng, wait };
+        (course, Goal { start: trial.start, yaw, goal })
+    }
+
+    /// Noise that is added to the next action, in units of the policy's standard deviation.
+    pub fn noise(&mut self) -> impl Iterator<Item = f32> + use<> {
+        let share = DEFAULT_NOISE_SHARE * self.style.noise_share();
+        gaussian(&mut self.rng, ACTION_LEN).into_iter().map(move |value| value * share)
+    }
+
+    /// Records one decision.
+    pub fn note(&mut self, noted: &Noted, profile: &CharacterProfile) -> Next {
+        let outcome = &mut self.outcome;
+        outcome.ability = outcome.ability.max(noted.ability);
+        outcome.bounds = [outcome.bounds[0].min(noted.feet), outcome.bounds[1].max(noted.feet)];
+        if self.keep_track {
+            outcome.track.push(noted.is_grounded.then_some(noted.feet));
+        }
+        let gave_up = (noted.stalled >= self.give_up_after).then_some(End::NoProgress);
+        let Some(end) = noted.end.or(gave_up) else { return Next::Same };
         outcome.reached = end == End::Reached;
         outcome.died = end.is_harm();
-        outcome.decisions = episode.decisions + self.wait;
-        let Some(next) = self.next.take() else { return false };
-        let feet = npc.body.feet;
-        let approach = std::mem::replace(outcome, Outcome::begin(feet));
+        outcome.decisions = noted.decisions + self.wait;
+        let Some(next) = self.next.take() else { return Next::Over };
+        let approach = std::mem::replace(outcome, Outcome::begin(noted.feet));
         self.wait = 0;
         let goes_on = approach.reached;
         outcome.approach = Some(Box::new(approach));
-        if goes_on {
-            self.give_up_after = Self::head_for(world, self.slot, next);
+        if !goes_on {
+            return Next::Over;
         }
-        goes_on
+        self.give_up_after = patience(noted.feet, next, profile);
+        Next::Head(next)
     }
+}
+
+/// After how many decisions without progress from `feet` towards `goal`, m, a probe has failed.
+fn patience(feet: Vec3, goal: Vec3, profile: &CharacterProfile) -> u32 {
+    let jumps = 1.0 + f32::from(profile.extra_jumps);
+    let reach = jumps * profile.jump_speed * profile.jump_speed / (2.0 * profile.gravity);
+    if goal.y - feet.y > reach { GIVE_UP_CLIMB_AFTER } else { GIVE_UP_AFTER }
 }

@@ -6,9 +6,10 @@
 //! free to move as the policy does. docs/adr/0026-composed-motion.md says what that changes.
 
 use std::f32::consts::{PI, TAU};
-use surefoot_world::character::Body;
+use surefoot_world::character::{Body, Ride, Support, TickEvents};
 use surefoot_world::float::hypot;
-use surefoot_world::{Ability, Action, CharacterProfile, DECISION_SECONDS, Npc, Vec3};
+use surefoot_world::sense::{LastDecision, RAY_CHANNELS, RAY_COUNT};
+use surefoot_world::{Ability, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
 
 /// Angle between facing and motion up to which a composed body does not turn, rad, and what is left of it after a turn.
 const SLACK: f32 = 0.15;
@@ -79,6 +80,30 @@ impl Style {
         let right = if body.is_grounded() { right * SIDEWAYS } else { right };
         let strafe = if profile.side_speed_share > 0.0 { right / profile.side_speed_share } else { 0.0 };
         Action { forward: forward.clamp(-1.0, 1.0), strafe: strafe.clamp(-1.0, 1.0), turn: turn / most, jump }
+    }
+}
+
+/// An NPC of which only the observation is known, as if it stood at the origin with the heading 0: all of it that [`Style::shape`] needs.
+///
+/// # Panics
+/// If `row` is no observation.
+pub fn npc_of(row: &[f32]) -> Npc {
+    let state = &row[RAY_COUNT * RAY_CHANNELS..];
+    // Observations have x to the right, which is -x at the heading 0.
+    let vector = |at: usize, scale: f32| Vec3::new(-state[at], state[at + 1], state[at + 2]) * scale;
+    let mut body = Body::at(Vec3::ZERO, 0.0);
+    body.velocity = vector(6, 12.0);
+    body.support = if state[16] > 0.5 { Support::Ground } else { Support::Air };
+    body.ride = (state[34] > 0.5).then_some(Ride { line_idx: 0, distance: 0.0 });
+    let goal = vector(1, 50.0 * state[0]);
+    Npc {
+        profile: ProfileIdx::default(),
+        body,
+        action: Action::default(),
+        episode: Some(Episode::new(goal, body.feet)),
+        last: LastDecision::default(),
+        events: TickEvents::default(),
+        harm: None,
     }
 }
 

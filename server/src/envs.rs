@@ -6,14 +6,14 @@ use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::{Made, MapError, MapPool, SharedMap};
 use surefoot_net::memory::{MemoryError, Reservation};
 use surefoot_net::serving::Caller;
-use surefoot_rollout::env::{Ended, Env, Episodes};
+use surefoot_rollout::env::{Ended, Env, Episodes, Route};
 use surefoot_world::navigable::NoGround;
-use surefoot_world::{Action, CharacterProfile};
+use surefoot_world::{Ability, Action, CharacterProfile, Vec3};
 
 /// An environment that was unused for this long is removed when another is created.
 const IDLE_LIMIT: Duration = Duration::from_secs(600);
-/// Bytes of an NPC: its state, its observation, and a copy of that for whoever steps it.
-const NPC_BYTES: u64 = 4096;
+/// Bytes of an NPC: its state, its observation, a copy of that for whoever steps it, and a route of the greatest length.
+const NPC_BYTES: u64 = 8192;
 const POISON: &str = "no holder of this lock panics";
 
 /// Why an environment cannot be created, stepped or closed.
@@ -43,6 +43,9 @@ pub enum EnvError {
     /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] NoGround),
+    /// The game cannot make it.
+    #[error("the game makes no environment: {0}")]
+    Host(String),
     /// A background task ended without a result.
     #[error("the environment failed: {0}")]
     Lost(#[from] tokio::task::JoinError),
@@ -58,17 +61,44 @@ impl std::fmt::Display for EnvId {
     }
 }
 
+/// A game that makes environments in its own physics.
+pub trait Host: Send + Sync + std::fmt::Debug {
+    /// Makes an environment of the level that the game runs. Called on a thread that may block.
+    ///
+    /// # Errors
+    /// Says in a sentence why the game cannot.
+    fn open(&self, body: &CharacterProfile, solid_npcs: bool, episodes: Episodes) -> Result<Env, String>;
+}
+
+/// Where environments run.
+#[derive(Debug, Clone)]
+pub enum Grounds {
+    /// In our worlds, on these maps.
+    Maps(MapPool),
+    /// In a game.
+    Game(Arc<dyn Host>),
+}
+
 /// Settings of a new environment.
 #[derive(Debug, Clone)]
 pub struct EnvSettings {
-    /// Source of the map.
-    pub source: Made,
+    /// Source of the map; `None` for a game's own level.
+    pub source: Option<Made>,
     /// Body of the NPCs.
     pub body: CharacterProfile,
     /// Whether the NPCs get in each other's way and see each other.
     pub solid_npcs: bool,
     /// The NPCs' episodes.
     pub episodes: Episodes,
+}
+
+/// What an environment is like before its first step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FirstState {
+    /// The observation of each NPC.
+    pub observations: Vec<f32>,
+    /// Feet of the NPCs, m.
+    pub positions: Vec<Vec3>,
 }
 
 /// Result of a step.
@@ -80,6 +110,12 @@ pub struct StepResults {
     pub rewards: Vec<f32>,
     /// Episodes that ended in this step.
     pub ended: Vec<Ended>,
+    /// Feet of the NPCs, m.
+    pub positions: Vec<Vec3>,
+    /// The most demanding ability that each NPC used.
+    pub abilities: Vec<Ability>,
+    /// How many places of its route each NPC has passed.
+    pub passed: Vec<u32>,
 }
 
 /// An environment and the time of its last use.
@@ -88,7 +124,7 @@ struct Kept {
     env: Mutex<Env>,
     used: Mutex<Instant>,
     owner: Arc<str>,
-    _memory: (Arc<SharedMap>, Reservation),
+    _memory: Option<(Arc<SharedMap>, Reservation)>,
 }
 
 impl Kept {
@@ -105,7 +141,7 @@ impl Kept {
 #[derive(Debug, Clone)]
 pub struct Envs {
     limit: usize,
-    maps: MapPool,
+    grounds: Grounds,
     inner: Arc<Mutex<Inner>>,
 }
 
@@ -118,9 +154,9 @@ struct Inner {
 }
 
 impl Envs {
-    /// At most `limit` environments at a time, on maps of `maps`.
-    pub fn new(limit: usize, maps: MapPool) -> Self {
-        Self { limit, maps, inner: Arc::default() }
+    /// At most `limit` environments at a time.
+    pub fn new(limit: usize, grounds: Grounds) -> Self {
+        Self { limit, grounds, inner: Arc::default() }
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
@@ -145,25 +181,44 @@ impl Envs {
         Ok(kept.lock(id)?.npc_count())
     }
 
-    /// Creates an environment; returns its id and the first observations of its NPCs.
+    /// Creates an environment; returns its id and its first state.
     ///
     /// # Errors
     /// If there are too many, or its map cannot be made.
-    pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, Vec<f32>), EnvError> {
+    pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, FirstState), EnvError> {
         let reserved = self.reserve()?;
-        let EnvSettings { source, body, solid_npcs, episodes } = settings;
-        let memory = self.maps.memory().reserve(&caller.name, episodes.npc_count() as u64 * NPC_BYTES)?;
-        let shared = self.maps.get(&caller.name, &source).await?;
-        let map = shared.map().clone();
-        let env = tokio::task::spawn_blocking(move || Env::new(map, body, solid_npcs, episodes)).await??;
-        let observations = env.observations().to_vec();
+        let (env, memory) = self.make(caller, settings).await?;
+        let first = FirstState { observations: env.observations().to_vec(), positions: env.positions().collect() };
         let kept = Kept {
             env: Mutex::new(env),
             used: Mutex::new(Instant::now()),
             owner: caller.name.clone(),
-            _memory: (shared, memory),
+            _memory: memory,
         };
-        Ok((reserved.fill(kept), observations))
+        Ok((reserved.fill(kept), first))
+    }
+
+    /// Makes an environment, with the memory that is reserved for it here.
+    async fn make(
+        &self,
+        caller: &Caller,
+        EnvSettings { source, body, solid_npcs, episodes }: EnvSettings,
+    ) -> Result<(Env, Option<(Arc<SharedMap>, Reservation)>), EnvError> {
+        match (&self.grounds, source) {
+            (Grounds::Maps(maps), Some(source)) => {
+                let memory = maps.memory().reserve(&caller.name, episodes.npc_count() as u64 * NPC_BYTES)?;
+                let shared = maps.get(&caller.name, &source).await?;
+                let map = shared.map().clone();
+                let env = tokio::task::spawn_blocking(move || Env::new(map, body, solid_npcs, episodes)).await??;
+                Ok((env, Some((shared, memory))))
+            }
+            (Grounds::Maps(_), None) => Err(EnvError::Host("no map was chosen".to_owned())),
+            (Grounds::Game(host), _) => {
+                let host = host.clone();
+                let opened = tokio::task::spawn_blocking(move || host.open(&body, solid_npcs, episodes)).await?;
+                Ok((opened.map_err(EnvError::Host)?, None))
+            }
+        }
     }
 
     /// Reserves a place for a new environment, after removing idle ones.
@@ -177,20 +232,32 @@ impl Envs {
         Ok(Reserved { envs: self.clone() })
     }
 
-    /// Steps every NPC by one decision; `actions` holds one action for each NPC.
+    /// Steps every NPC by one decision; `actions` holds one action for each NPC. The routes begin where it ends.
     ///
     /// # Errors
     /// If there is no such environment, it is somebody else's, or it is being stepped.
     ///
     /// # Panics
-    /// If there is not one action for each NPC.
-    pub async fn step(&self, caller: &Caller, id: EnvId, actions: Vec<Action>) -> Result<StepResults, EnvError> {
+    /// If there is not one action for each NPC, or a route is of an NPC that does not exist.
+    pub async fn step(
+        &self,
+        caller: &Caller,
+        id: EnvId,
+        (actions, routes): (Vec<Action>, Vec<Route>),
+    ) -> Result<StepResults, EnvError> {
         let kept = self.find(caller, id)?;
         let task = tokio::task::spawn_blocking(move || {
             let mut env = kept.lock(id)?;
             let ended = env.step(&actions);
-            let (observations, rewards) = (env.observations().to_vec(), env.rewards().to_vec());
-            Ok(StepResults { observations, rewards, ended })
+            routes.iter().for_each(|route| env.redirect(route));
+            Ok(StepResults {
+                observations: env.observations().to_vec(),
+                rewards: env.rewards().to_vec(),
+                ended,
+                positions: env.positions().collect(),
+                abilities: env.abilities().to_vec(),
+                passed: env.passed().collect(),
+            })
         });
         task.await?
     }

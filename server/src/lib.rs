@@ -28,4 +28,4 @@ pub mod worlds;
 
 pub use config::ServerConfig;
 pub use ids::{NpcId, WorldId};
-pub use serve::{ServerError, serve};
+pub use serve::{ServerError, serve, serve_game};

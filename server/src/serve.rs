@@ -1,14 +1,16 @@
 //! The lifecycle of a server: restore worlds, serve, save worlds.
 
 use crate::config::ServerConfig;
-use crate::envs::Envs;
+use crate::envs::{Envs, Grounds, Host};
 use crate::grpc::WorldApi;
 use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
 use crate::worlds::Worlds;
+use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::idempotency::AnswerCache;
-use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
+use surefoot_net::levels::LevelStore;
+use surefoot_net::serving::{Endpoint, Limits, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 use surefoot_proto::world::v1::world_service_server::{SERVICE_NAME as WORLD_SERVICE, WorldServiceServer};
@@ -68,15 +70,8 @@ async fn restore(worlds: Worlds, ready: watch::Sender<bool>, shutdown: Shutdown)
 
 fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBuilder {
     let limits = endpoint.limits();
-    let envs = EnvApi {
-        envs: Envs::new(worlds.config().max_envs, worlds.maps().clone()),
-        levels: worlds.levels().clone(),
-        shutdown: shutdown.clone(),
-        created: AnswerCache::default(),
-    };
-    let envs = EnvServiceServer::new(envs)
-        .max_decoding_message_size(limits.max_message_bytes)
-        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let envs = Envs::new(worlds.config().max_envs, Grounds::Maps(worlds.maps().clone()));
+    let envs = env_service(limits, envs, Some(worlds.levels().clone()), shutdown);
     let maps = MapServiceServer::new(worlds.levels().clone())
         .max_decoding_message_size(limits.max_import_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
@@ -86,6 +81,33 @@ fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBu
     let mut routes = tonic::service::Routes::builder();
     routes.add_service(with_grpc_web(worlds)).add_service(with_grpc_web(envs)).add_service(with_grpc_web(maps));
     routes
+}
+
+fn env_service(
+    limits: Limits,
+    envs: Envs,
+    levels: Option<LevelStore>,
+    shutdown: &Shutdown,
+) -> EnvServiceServer<EnvApi> {
+    EnvServiceServer::new(EnvApi { envs, levels, shutdown: shutdown.clone(), created: AnswerCache::default() })
+        .max_decoding_message_size(limits.max_message_bytes)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES)
+}
+
+/// Serves environments of a game on `endpoint` until `shutdown`, at most `limit` at a time.
+///
+/// # Errors
+/// If the transport fails.
+pub async fn serve_game(
+    endpoint: Endpoint,
+    host: Arc<dyn Host>,
+    limit: usize,
+    shutdown: Shutdown,
+) -> Result<(), ServeError> {
+    let envs = env_service(endpoint.limits(), Envs::new(limit, Grounds::Game(host)), None, &shutdown);
+    let mut routes = tonic::service::Routes::builder();
+    routes.add_service(with_grpc_web(envs));
+    endpoint.serve(routes, &[ENV_SERVICE], || async { String::new() }, shutdown).await
 }
 
 /// Why a server ends without having been stopped.

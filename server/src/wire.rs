@@ -20,7 +20,7 @@ use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_rollout::Goal;
-use surefoot_rollout::env::{Episodes, actions_of};
+use surefoot_rollout::env::{Episodes, Route, actions_of};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::map::{Liquid, Outline};
 use surefoot_world::mesh::Surface;
@@ -42,6 +42,8 @@ const MAX_NAME: usize = 64;
 const MAX_WAYPOINTS: usize = 4096;
 /// Most NPCs of one environment, whose observations must fit into one message.
 const MAX_ENV_NPCS: f64 = 4096.0;
+/// Most places of a route in an environment.
+const MAX_ROUTE: usize = 256;
 /// Greatest heading, rad: a full turn.
 const MAX_YAW: f64 = std::f64::consts::TAU;
 /// Greatest distance of goals in an environment, m: across the largest map.
@@ -177,11 +179,11 @@ pub fn hello(first: Option<wire::WorkRequest>) -> Result<Hello, Status> {
     Ok(Hello { name: hello.name, policy: hello.policy, capacity: hello.capacity, sees_others })
 }
 
-/// Reads the settings of a new environment on the map of `source`.
+/// Reads the settings of a new environment on the map of `source`, or on a game's own level.
 ///
 /// # Errors
 /// If a number is out of range.
-pub fn env_settings(request: &wire::CreateEnvRequest, source: Made) -> Result<EnvSettings, FieldError> {
+pub fn env_settings(request: &wire::CreateEnvRequest, source: Option<Made>) -> Result<EnvSettings, FieldError> {
     let body = convert::body(request.body.as_ref())?;
     let episodes =
         if request.goals.is_empty() { endless(request)? } else { Episodes::Once(env_goals(&request.goals)?) };
@@ -213,14 +215,38 @@ fn env_goals(goals: &[wire::EnvGoal]) -> Result<Vec<Goal>, FieldError> {
     goals.iter().map(goal).collect()
 }
 
-/// Reads the actions of an environment's NPCs.
+/// Reads the actions and the routes of an environment's NPCs.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, or a value is not finite.
-pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<Vec<Action>, Status> {
-    let bytes = actions.ok_or(FieldError::Missing("actions"))?.actions;
-    let values = convert::unpack(&bytes, npc_count * ACTION_LEN, "actions.actions")?;
-    actions_of(&values, |idx| idx as u64).map_err(|message| status::invalid("actions.actions", message))
+/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, a value is not finite, or a route is out of range.
+pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<(Vec<Action>, Vec<Route>), Status> {
+    let wire::EnvActions { actions, routes } = actions.ok_or(FieldError::Missing("actions"))?;
+    let values = convert::unpack(&actions, npc_count * ACTION_LEN, "actions.actions")?;
+    let actions =
+        actions_of(&values, |idx| idx as u64).map_err(|message| status::invalid("actions.actions", message))?;
+    Ok((actions, env_routes(&routes, npc_count)?))
+}
+
+fn env_routes(routes: &[wire::EnvRoute], npc_count: usize) -> Result<Vec<Route>, FieldError> {
+    at_most(npc_count, routes.len(), "actions.routes", "routes")?;
+    let route = |it: &wire::EnvRoute| {
+        let most = npc_count.saturating_sub(1) as f64;
+        let npc_idx = convert::in_range(f64::from(it.npc), 0.0, most, "actions.routes.npc")? as usize;
+        if it.waypoints.is_empty() {
+            return Err(FieldError::Missing("actions.routes.waypoints"));
+        }
+        at_most(MAX_ROUTE, it.waypoints.len(), "actions.routes.waypoints", "places")?;
+        let place = |place| convert::point(Some(place), "actions.routes.waypoints");
+        let yaw = convert::in_range(f64::from(it.yaw), -MAX_YAW, MAX_YAW, "actions.routes.yaw")? as f32;
+        let start = it.start.as_ref().map(|start| convert::point(Some(start), "actions.routes.start")).transpose()?;
+        let waypoints = it.waypoints.iter().map(place).collect::<Result<_, FieldError>>()?;
+        Ok(Route { npc_idx, start: start.map(|start| (start, yaw)), waypoints })
+    };
+    routes.iter().map(route).collect()
+}
+
+fn at_most(limit: usize, found: usize, field: &'static str, what: &'static str) -> Result<(), FieldError> {
+    if found <= limit { Ok(()) } else { Err(FieldError::Count { field, what, found, limit }) }
 }
 
 // --- onto the wire ---
@@ -530,6 +556,9 @@ pub fn results_to_wire(results: StepResults) -> wire::EnvResults {
         ends: ends.collect(),
         observations: convert::pack(results.observations),
         rewards: convert::pack(results.rewards),
+        positions: convert::pack_points(results.positions),
+        abilities: results.abilities.into_iter().map(|ability| convert::ability_to_wire(ability) as u8).collect(),
+        passed: results.passed,
     }
 }
 

@@ -199,8 +199,10 @@ async fn environments_take_bodies_and_imported_levels() {
         let request = wire::CreateEnvRequest { map_hash: map_hash.clone(), npc_count: 2, body, ..Default::default() };
         let created = client.create_env(request).await.unwrap().into_inner();
         assert_eq!(created.observations.len(), 2 * OBSERVATION_LEN * 4);
-        let steps =
-            wire::StepEnvRequest { env_id: created.env_id, actions: Some(wire::EnvActions { actions: vec![0; 32] }) };
+        let steps = wire::StepEnvRequest {
+            env_id: created.env_id,
+            actions: Some(wire::EnvActions { actions: vec![0; 32], ..Default::default() }),
+        };
         client.step_env(steps).await.unwrap();
         created.observations
     };

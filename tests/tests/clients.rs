@@ -244,7 +244,7 @@ async fn an_environment_of_given_goals_has_one_episode_for_each() {
     assert_eq!(created.observations.len(), 2 * OBSERVATION_LEN * 4);
     let mut last = Vec::new();
     for step in 0..3 {
-        let actions = Some(wire::EnvActions { actions: pack([0.0; 8]) });
+        let actions = Some(wire::EnvActions { actions: pack([0.0; 8]), ..Default::default() });
         let step_request = wire::StepEnvRequest { env_id: created.env_id, actions };
         let results = client.step_env(step_request).await.unwrap().into_inner().results.unwrap();
         let rewards = unpack(&results.rewards, 2, "rewards").unwrap();
@@ -288,7 +288,7 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
 
     let actions = |step: usize| {
         let values = (0..NPCS * 4).map(move |idx| ((idx * 5 + step) as f32 * 0.7).sin());
-        Some(wire::EnvActions { actions: pack(values) })
+        Some(wire::EnvActions { actions: pack(values), ..Default::default() })
     };
     let (requests, stream) = tokio::sync::mpsc::channel(1);
     let requests_in = tokio_stream::wrappers::ReceiverStream::new(stream);
@@ -319,9 +319,13 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
     for (request, code, words) in [
         (step(99, actions(0)), Code::NotFound, "environment 99"),
         (step(one.env_id, None), Code::InvalidArgument, "actions is missing"),
-        (step(one.env_id, Some(wire::EnvActions { actions: vec![0; 7] })), Code::InvalidArgument, "7 bytes"),
         (
-            step(one.env_id, Some(wire::EnvActions { actions: pack([f32::NAN; NPCS * 4]) })),
+            step(one.env_id, Some(wire::EnvActions { actions: vec![0; 7], ..Default::default() })),
+            Code::InvalidArgument,
+            "7 bytes",
+        ),
+        (
+            step(one.env_id, Some(wire::EnvActions { actions: pack([f32::NAN; NPCS * 4]), ..Default::default() })),
             Code::InvalidArgument,
             "npc 0: action[0] is NaN",
         ),

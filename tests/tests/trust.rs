@@ -669,7 +669,7 @@ async fn a_lack_of_progress_has_no_reward_of_its_own() {
     let request =
         wire::CreateEnvRequest { map: Some(small_map(1000)), npc_count: 1, goal_min_m: 20.0, ..Default::default() };
     let env_id = client.create_env(request).await.unwrap().into_inner().env_id;
-    let stand_still = Some(wire::EnvActions { actions: vec![0; 16] });
+    let stand_still = Some(wire::EnvActions { actions: vec![0; 16], ..Default::default() });
     for _ in 0..1000 {
         let request = wire::StepEnvRequest { env_id, actions: stand_still.clone() };
         let results = client.step_env(request).await.unwrap().into_inner().results.unwrap();

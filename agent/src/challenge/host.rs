@@ -209,14 +209,7 @@ impl<'s> Hall<'s> {
     }
 
     fn note(&mut self, npc_id: u64, ended: &wire::AttemptEnded) {
-        let end = match ended.outcome() {
-            wire::Outcome::Reached => End::Reached,
-            wire::Outcome::Fell => End::Fell,
-            wire::Outcome::Burnt => End::Burnt,
-            wire::Outcome::Drowned => End::Drowned,
-            wire::Outcome::Unreachable => End::Unreachable,
-            wire::Outcome::NoProgress | wire::Outcome::Unspecified => End::NoProgress,
-        };
+        let end = convert::end(ended.outcome).unwrap_or(End::NoProgress);
         if let Some(idx) = self.under_way.remove(&npc_id) {
             self.ends.insert(idx, attempt(end, ended.seconds));
         }

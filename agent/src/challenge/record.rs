@@ -3,7 +3,7 @@
 use super::VERSION;
 use super::run::{Approach, MAX_DECISIONS, MapRun, Run};
 use super::set::{GoalSet, SetMap};
-use crate::eval::map_indices;
+use crate::parallel::map_indices;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;

@@ -2,10 +2,12 @@
 
 use super::maps::{EvalMap, MapName};
 use super::record::{Record, RecordError};
+use crate::game::probes::InGameError;
+use crate::game::{Game, GameError};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
-use surefoot_planner::{BuildError, BuildSettings};
+use surefoot_planner::{BuildError, BuildSettings, NavGraph};
 use surefoot_rollout::FollowConfig;
 use surefoot_world::CharacterProfile;
 use surefoot_world::navigable::NoGround;
@@ -60,6 +62,10 @@ pub struct EvalConfig {
     pub rehearses: bool,
     /// Rules of following plans; their patience holds for NPCs that head straight for goals as well.
     pub follow: FollowConfig,
+    /// The game in whose physics edges are proved and goals attempted; `None` for worlds of ours.
+    pub game: Option<Game>,
+    /// A graph to follow instead of one that is built.
+    pub graph: Option<Arc<NavGraph>>,
     /// What edges cost.
     pub price: Price,
     /// Number of threads.
@@ -68,6 +74,15 @@ pub struct EvalConfig {
     pub keep_in: Option<PathBuf>,
     /// Where the attempts are recorded, or the record that is checked instead of running them; `None` to do neither.
     pub record: Option<Arc<Record>>,
+}
+
+impl From<InGameError> for EvalError {
+    fn from(error: InGameError) -> Self {
+        match error {
+            InGameError::Game(error) => Self::Game(error),
+            InGameError::Build(error) => Self::Build(error),
+        }
+    }
 }
 
 /// Why an evaluation cannot run.
@@ -79,6 +94,9 @@ pub enum EvalError {
     /// A graph cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
+    /// A game is of no use.
+    #[error(transparent)]
+    Game(#[from] GameError),
     /// A map has too few pairs of points at the configured distance.
     #[error("map {0} has no goals at that distance")]
     NoGoals(MapName),

@@ -26,4 +26,4 @@ pub use maps::{EvalMap, MapName};
 pub(crate) use reachable::{Terrain, is_on_foot, reachable};
 pub use report::{Calibration, MapReport, Rate, Report, Success};
 pub use run::{evaluate, run_units};
-pub(crate) use site::{draw_goals, map_indices};
+pub(crate) use site::draw_goals;

@@ -4,6 +4,9 @@ use super::config::{EvalConfig, EvalError, Method, Price};
 use super::maps::{EvalMap, MapName};
 use super::reachable::{Terrain, is_on_foot, reachable};
 use super::unit::{Batch, GraphFigures, Unit};
+use crate::game::attempts::{Rules, attempt};
+use crate::game::{Game, Level, probes};
+use crate::parallel::map_indices;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::HashMap;
@@ -11,12 +14,10 @@ use std::collections::hash_map::Entry;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::settings::BUILDER_VERSION;
-use surefoot_planner::{BuildSettings, BuildStats, Built, Progress, Router};
+use surefoot_planner::{BuildSettings, BuildStats, Built, NavGraph, Progress, Router};
 use surefoot_policy::Policy;
 use surefoot_policy::checkpoint::write_atomically;
 use surefoot_rollout::ProbeContext;
@@ -48,7 +49,11 @@ impl Surveyed {
             Entry::Vacant(free) => {
                 let context =
                     ProbeContext { map: self.map.clone(), profile: config.profile.clone(), policy: policy.clone() };
-                free.insert(build(&context, &settings, config.thread_count, &Progress::default())?)
+                let (threads, progress) = (config.thread_count, Progress::default());
+                free.insert(match &config.game {
+                    Some(game) => probes::build(game, &context, &settings, threads, &progress)?,
+                    None => build(&context, &settings, threads, &progress)?,
+                })
             }
         })
     }
@@ -70,7 +75,7 @@ pub fn load_or_run(
         let (unit, batches) = record.look_up(&key)?;
         if !batches.is_empty() {
             let site = Site::new(policy, config, choice, survey(surveyed, config, choice), seed)?;
-            let again = site.attempt(&batches);
+            let again = site.attempt(&batches)?;
             for (batch, (attempts, _)) in batches.into_iter().zip(again) {
                 record.compare(&unit, batch, &attempts);
             }
@@ -81,7 +86,7 @@ pub fn load_or_run(
     let unit = match path.as_deref().and_then(|path| load(path, config.goals)) {
         Some(unit) => unit,
         None => {
-            let unit = Site::new(policy, config, choice, survey(surveyed, config, choice), seed)?.run();
+            let unit = Site::new(policy, config, choice, survey(surveyed, config, choice), seed)?.run()?;
             if let Some(path) = &path {
                 save(path, &unit)?;
             }
@@ -155,11 +160,14 @@ impl<'a> Site<'a> {
         let goals = draw_goals((&surveyed.map, choice), profile, distance, *goals, seed)?;
         let built = match config.method {
             Method::Policy => None,
-            Method::Graph(settings) => Some(surveyed.graph(policy, config, settings.with_seed(seed))?),
+            Method::Graph(settings) => Some(match &config.graph {
+                Some(graph) => Built { graph: NavGraph::clone(graph), stats: BuildStats::default() },
+                None => surveyed.graph(policy, config, settings.with_seed(seed))?.clone(),
+            }),
         };
         let router = built.map(|built| {
             let graph = match config.price {
-                Price::Risk => built.graph.clone(),
+                Price::Risk => built.graph,
                 Price::Steps => built.graph.priced_by_steps(),
             };
             (Router::new(graph, DEFAULT_TABLE_LIMIT, config.thread_count), built.stats)
@@ -172,12 +180,12 @@ impl<'a> Site<'a> {
         self.router.as_ref().map(|(router, _)| router)
     }
 
-    fn run(&self) -> Unit {
+    fn run(&self) -> Result<Unit, EvalError> {
         let started = Instant::now();
         let terrain = Terrain { map: self.map, profile: &self.config.profile, reach: self.reach };
         let mut reachable = reachable(&terrain, self.router(), &self.goals);
         let batches: Vec<Batch> = Batch::all(self.goals.len()).collect();
-        let results = self.attempt(&batches);
+        let results = self.attempt(&batches)?;
         let mut attempts: Vec<Option<Attempt>> = vec![None; self.goals.len()];
         let mut all = Figures::default();
         for (batch, (of_batch, figures)) in batches.into_iter().zip(results) {
@@ -205,7 +213,7 @@ impl<'a> Site<'a> {
             search_us_median: all.search_us[all.search_us.len() / 2],
             eval_s,
         });
-        Unit {
+        Ok(Unit {
             map: self.name.clone(),
             seed: self.seed,
             distances: self.goals.iter().map(Goal::distance).collect(),
@@ -214,24 +222,48 @@ impl<'a> Site<'a> {
             attempts,
             motion: all.motion,
             graph,
-        }
+        })
     }
 
     /// Attempts the goals of these batches, distributed over threads, and returns the results in the order of the batches.
-    fn attempt(&self, batches: &[Batch]) -> Vec<(Vec<Attempt>, Figures)> {
-        map_indices(batches.len(), self.config.thread_count, |idx| self.attempt_batch(batches[idx]))
+    fn attempt(&self, batches: &[Batch]) -> Result<Vec<(Vec<Attempt>, Figures)>, EvalError> {
+        let results = map_indices(batches.len(), self.config.thread_count, |idx| {
+            let batch = batches[idx];
+            match &self.config.game {
+                Some(game) => self.attempt_in(game, batch),
+                None => Ok(self.attempt_here(batch)),
+            }
+        });
+        results.into_iter().collect()
     }
 
-    fn attempt_batch(&self, batch: Batch) -> (Vec<Attempt>, Figures) {
+    fn goals_of(&self, batch: Batch) -> Vec<Goal> {
+        batch.indices(self.goals.len()).map(|idx| self.goals[idx]).collect()
+    }
+
+    /// Seed of the noise of a batch.
+    fn seed_of(&self, batch: Batch) -> u64 {
+        self.seed.wrapping_mul(1_000_003).wrapping_add(batch.idx() as u64)
+    }
+
+    fn attempt_here(&self, batch: Batch) -> (Vec<Attempt>, Figures) {
         let config = self.config;
-        let goals: Vec<Goal> = batch.indices(self.goals.len()).map(|idx| self.goals[idx]).collect();
         let mut rollout = Rollout::new(self.map.clone(), config.profile.clone(), TaskConfig::default());
         rollout.noise_share = config.noise_share;
         (rollout.rehearses, rollout.follow) = (config.rehearses, config.follow);
-        rollout.seed = self.seed.wrapping_mul(1_000_003).wrapping_add(batch.idx() as u64);
+        rollout.seed = self.seed_of(batch);
         let mut figures = Figures::default();
-        let attempts = rollout.measure(self.policy, self.router(), &goals, &mut figures);
+        let attempts = rollout.measure(self.policy, self.router(), &self.goals_of(batch), &mut figures);
         (attempts, figures)
+    }
+
+    /// Attempts the goals of a batch in a game, where nothing is rehearsed, and motion is not measured.
+    fn attempt_in(&self, game: &Game, batch: Batch) -> Result<(Vec<Attempt>, Figures), EvalError> {
+        let EvalConfig { profile, follow, noise_share, .. } = self.config;
+        let level = Level { map: self.map.clone(), body: profile.clone() };
+        let rules = Rules { follow: *follow, noise_share: *noise_share, seed: self.seed_of(batch) };
+        let (attempts, search_us) = attempt(game, &level, self.policy, self.router(), (&self.goals_of(batch), rules))?;
+        Ok((attempts, Figures { search_us, ..Figures::default() }))
     }
 }
 
@@ -255,26 +287,4 @@ pub fn draw_goals(
     }
     goals.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
     Ok(goals)
-}
-
-/// Calls `map` with every index below `count`, on so many threads, each of which takes the next one when it is done. Returns the results in
-/// order.
-pub fn map_indices<T: Send>(count: usize, thread_count: usize, map: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let next = AtomicUsize::new(0);
-    let results = Mutex::new(Vec::from_iter((0..count).map(|_| None)));
-    std::thread::scope(|scope| {
-        for _ in 0..thread_count.max(1) {
-            scope.spawn(|| {
-                loop {
-                    let idx = next.fetch_add(1, Ordering::Relaxed);
-                    if idx >= count {
-                        return;
-                    }
-                    let result = map(idx);
-                    results.lock().expect("nobody panics with it")[idx] = Some(result);
-                }
-            });
-        }
-    });
-    results.into_inner().expect("nobody panics with it").into_iter().flatten().collect()
 }

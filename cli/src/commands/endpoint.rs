@@ -93,7 +93,7 @@ impl EndpointArgs {
 }
 
 /// The credentials that a client presents to services, and the services that it trusts.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 #[command(next_help_heading = "Credentials")]
 pub struct CredentialArgs {
     /// Secret of a token; the variable or --token-file keeps it out of the process list

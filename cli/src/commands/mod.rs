@@ -5,6 +5,7 @@ pub mod challenge;
 pub mod endpoint;
 pub mod eval;
 pub mod export;
+mod game;
 pub mod graph;
 pub mod health;
 pub mod licenses;

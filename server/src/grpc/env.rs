@@ -1,6 +1,6 @@
 //! `EnvService`: decode, call, encode.
 
-use crate::envs::{EnvId, Envs};
+use crate::envs::{EnvId, Envs, FirstState};
 use crate::wire::{env_actions, env_settings, results_to_wire};
 use std::pin::Pin;
 use surefoot_net::idempotency::AnswerCache;
@@ -24,12 +24,12 @@ const QUEUE: usize = 2;
 pub struct EnvApi {
     /// All environments of the server.
     pub envs: Envs,
-    /// Maps that clients imported.
-    pub levels: LevelStore,
+    /// Maps that clients imported; `None` for a game, which runs its own level whatever map is chosen.
+    pub levels: Option<LevelStore>,
     /// Signal that ends open streams.
     pub shutdown: Shutdown,
-    /// Ids and first observations of recently created environments, for repeated calls.
-    pub created: AnswerCache<(EnvId, Vec<f32>)>,
+    /// Ids and first states of recently created environments, for repeated calls.
+    pub created: AnswerCache<(EnvId, FirstState)>,
 }
 
 impl EnvApi {
@@ -54,17 +54,21 @@ impl EnvService for EnvApi {
     ) -> Result<Response<wire::CreateEnvResponse>, Status> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
-        let source = levels::source(&self.levels, request.map.as_ref(), &request.map_hash)?;
+        let source = match &self.levels {
+            Some(levels) => Some(levels::source(levels, request.map.as_ref(), &request.map_hash)?),
+            None => None,
+        };
         let settings = env_settings(&request, source)?;
         let (envs, owner) = (self.envs.clone(), caller.clone());
         let create = async move { Ok(envs.create(&owner, settings).await?) };
-        let (env_id, observations) = self.created.once(&caller.name, &request.request_id, &request, create).await?;
+        let (env_id, first) = self.created.once(&caller.name, &request.request_id, &request, create).await?;
         Ok(Response::new(wire::CreateEnvResponse {
             env_id: env_id.0,
             observation_len: observation_len(request.solid_npcs) as u32,
             observation_version: OBSERVATION_VERSION,
             action_len: ACTION_LEN as u32,
-            observations: convert::pack(observations),
+            observations: convert::pack(first.observations),
+            positions: convert::pack_points(first.positions),
         }))
     }
 

@@ -115,7 +115,7 @@ impl From<EnvError> for Status {
             EnvError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             EnvError::TooMany(_) => status::quota(Reason::TooManyEnvs, "server", message),
             EnvError::Busy(_) => status::failure(Reason::StepInProgress, message),
-            EnvError::NoGround(_) => status::failure(Reason::NoGround, message),
+            EnvError::NoGround(_) | EnvError::Host(_) => status::failure(Reason::NoGround, message),
             EnvError::Lost(_) | EnvError::Failed(_) => status::failure(Reason::Internal, message),
         }
     }

@@ -368,7 +368,9 @@ async fn lockstep() -> anyhow::Result<Vec<Figure>> {
     let env_id = client.create_env(request).await?.into_inner().env_id;
     // Actions that change from step to step.
     let values = |step: usize| (0..ENV_NPCS * ACTION_LEN).map(move |idx| ((idx * 7 + step * 13) as f32 * 0.37).sin());
-    let actions = |step: usize| Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)) });
+    let actions = |step: usize| {
+        Some(wire::EnvActions { actions: surefoot_proto::convert::pack(values(step)), ..Default::default() })
+    };
     let rate = |started: Instant| (ENV_NPCS * ENV_STEPS) as f64 / started.elapsed().as_secs_f64();
 
     let episodes = Episodes::Endless { npc_count: ENV_NPCS, band: (0.0, 40.0), seed: 0 };

@@ -238,7 +238,7 @@ async fn environments(channel: &Channel, idx: u64) -> Result<(), Status> {
     let env_id = client.create_env(request).await?.into_inner().env_id;
     let actions = surefoot_proto::convert::pack(vec![0.5; NPCS as usize * ACTION_LEN]);
     for _ in 0..50 {
-        let actions = Some(wire::EnvActions { actions: actions.clone() });
+        let actions = Some(wire::EnvActions { actions: actions.clone(), ..Default::default() });
         client.step_env(wire::StepEnvRequest { env_id, actions }).await?;
     }
     client.close_env(wire::CloseEnvRequest { env_id }).await.map(drop)

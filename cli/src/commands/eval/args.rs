@@ -1,5 +1,6 @@
 //! Arguments of `surefoot eval`, and the configuration that they stand for.
 
+use crate::commands::game::WorldArgs;
 use crate::commands::map::{BodyArg, Generated, file_name, level_files, load_level};
 use crate::commands::services::{GraphArgs, StyleArg};
 use crate::commands::{core_count, parse_maps, parse_seeds};
@@ -8,7 +9,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, living};
-use surefoot_planner::{Attach, BuildSettings, SettingError};
+use surefoot_planner::export::import_json;
+use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
 use surefoot_policy::Policy;
 use surefoot_rollout::{DEFAULT_NOISE_SHARE, FollowConfig};
 use surefoot_world::MapSpec;
@@ -19,7 +21,7 @@ const UNITS: &str = "units";
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out docs/results/kinds\n  surefoot eval --check docs/results/kinds"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out docs/results/kinds\n  surefoot eval --check docs/results/kinds"
 )]
 pub struct Args {
     /// Run a whole table instead: the paper's rows for which --models has weights (paper); what each of our choices adds to the paper's
@@ -89,9 +91,14 @@ pub struct Args {
     /// Number of threads; default: one per core
     #[arg(long, value_name = "N")]
     pub(super) threads: Option<usize>,
+    /// Follow plans on this graph, which `surefoot graph export --format json` wrote, instead of building one
+    #[arg(long = "graph", value_name = "FILE", conflicts_with_all = ["suite", "out", "check"])]
+    pub(super) graph_file: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) world: WorldArgs,
 }
 
 /// Rules of attempts, where the paper's differ from ours.
@@ -175,6 +182,13 @@ impl Args {
         if !(0.0..=1.0).contains(&self.noise) {
             bail!("--noise is {}, allowed are 0 to 1", self.noise);
         }
+        let (game, graph) = (self.world.connect()?, self.graph_file.as_deref().map(read_graph).transpose()?);
+        if game.is_some() && (self.suite.is_some() || self.out.is_some()) {
+            bail!("--world cannot be combined with --suite or --out: what a game does is not on record");
+        }
+        if graph.is_some() && self.method == "policy" {
+            bail!("--graph has no use with --method policy");
+        }
         let settings = self.rules.graph(self.graph.settings()?)?;
         let method = if self.method == "policy" { Method::Policy } else { Method::Graph(settings) };
         Ok(EvalConfig {
@@ -190,11 +204,18 @@ impl Args {
                 && !matches!(self.suite.as_deref(), Some("paper" | "sweep")),
             follow: self.rules.follow(self.style.composes()),
             price: self.rules.price(),
+            game,
+            graph,
             keep_in: self.out.as_ref().map(|folder| folder.join(UNITS)),
             record: None,
             thread_count: self.threads.unwrap_or_else(core_count),
         })
     }
+}
+
+fn read_graph(path: &Path) -> anyhow::Result<Arc<NavGraph>> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(Arc::new(import_json(&text).with_context(|| format!("{} is not a graph", path.display()))?))
 }
 
 fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {

@@ -5,6 +5,7 @@ mod export;
 mod reach;
 mod show;
 
+use super::game::WorldArgs;
 use super::map::{BodyArg, Source};
 use super::services::{CacheArgs, GraphArgs};
 use super::{core_count, load_policy};
@@ -13,9 +14,10 @@ use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use surefoot_agent::game::{Game, probes};
 use surefoot_planner::edits::{Unapplied, apply_layers};
 use surefoot_planner::store::{GraphStore, LevelId};
-use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress};
+use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress};
 use surefoot_planner_service::store::DiskStore;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
@@ -62,6 +64,8 @@ pub struct Target {
     model: Option<PathBuf>,
     #[command(flatten)]
     body: BodyArg,
+    #[command(flatten)]
+    world: WorldArgs,
     /// Ignore the edits of the level
     #[arg(long)]
     without_edits: bool,
@@ -78,6 +82,14 @@ struct Loaded {
     unapplied: Vec<Unapplied>,
     /// Candidates that were probed again after a change of the map; `None` unless the graph was updated.
     retried: Option<u64>,
+}
+
+impl Loaded {
+    /// A graph without edits.
+    fn of(context: ProbeContext, id: GraphId, built: Built, cached: bool, retried: Option<u64>) -> Self {
+        let Built { graph, stats } = built;
+        Self { context, id, graph, stats, cached, unapplied: Vec::new(), retried }
+    }
 }
 
 impl Target {
@@ -111,6 +123,13 @@ impl Target {
         let context = self.context()?;
         let store = self.cache.open()?;
         let id = graphs::id_of(&context, &settings);
+        if let Some(game) = self.world.connect()? {
+            if changed_from.is_some() {
+                bail!("--changed-from cannot be combined with --world: edges are proved anew in a game");
+            }
+            let (built, cached) = (build_in(&game, &context, &settings)?, false);
+            return self.edited(store, Loaded::of(context, id, built, cached, None), settings);
+        }
         let mut retried = None;
         let (built, cached) = match (store.get(&id)?, changed_from) {
             (Some(built), _) => (built, true),
@@ -130,16 +149,20 @@ impl Target {
         if !cached {
             store.put(&id, &built)?;
         }
-        let Built { mut graph, stats } = built;
-        let mut unapplied = Vec::new();
+        self.edited(store, Loaded::of(context, id, built, cached, retried), settings)
+    }
+
+    /// Applies the level's edits.
+    fn edited(&self, store: DiskStore, mut loaded: Loaded, settings: BuildSettings) -> anyhow::Result<Loaded> {
+        let context = &loaded.context;
         let layers = if self.without_edits { Vec::new() } else { store.layers(&self.level(&context.map))?.whole()? };
         if !layers.is_empty() {
-            let terrain = graphs::terrain(&context, settings, core_count());
+            let terrain = graphs::terrain(context, settings, core_count());
             let edited =
-                apply_layers(&graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;
-            (graph, unapplied) = (edited.graph, edited.unapplied);
+                apply_layers(&loaded.graph, &layers, settings.threshold, &terrain).context("nobody cancels an edit")?;
+            (loaded.graph, loaded.unapplied) = (edited.graph, edited.unapplied);
         }
-        Ok(Loaded { context, id, graph, stats, cached, unapplied, retried })
+        Ok(loaded)
     }
 }
 
@@ -153,12 +176,19 @@ fn get_or_build(store: &DiskStore, context: &ProbeContext, settings: &BuildSetti
     Ok((built, false))
 }
 
+/// Builds a graph whose edges are proved in a game. It is not cached, since nothing tells games apart.
+fn build_in(game: &Game, context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
+    with_bar(|progress| probes::build(game, context, settings, core_count(), progress))
+}
+
 fn build_with_bar(context: &ProbeContext, settings: &BuildSettings) -> anyhow::Result<Built> {
     with_bar(|progress| graphs::build(context, settings, core_count(), progress))
 }
 
 /// Runs a build and shows its progress.
-fn with_bar<T: Send>(work: impl FnOnce(&Progress) -> Result<T, BuildError> + Send) -> anyhow::Result<T> {
+fn with_bar<T: Send, E: std::error::Error + Send + Sync + 'static>(
+    work: impl FnOnce(&Progress) -> Result<T, E> + Send,
+) -> anyhow::Result<T> {
     let progress = Progress::default();
     let bar = progress_bar(0, "probing");
     let result = std::thread::scope(|scope| {
