@@ -10,7 +10,6 @@ use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::export::{Format, export};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
-use surefoot_planner::links::NavMesh;
 use surefoot_planner::{Edge, EdgeKey, NavGraph};
 use surefoot_world::exchange::encode;
 use surefoot_world::map::MapSize;
@@ -119,8 +118,7 @@ pub fn graph_text() -> String {
     }
     let data = GraphData { vertices: (0..8).map(place).collect(), edges, legs: LegModel::default() };
     let graph = NavGraph::check(data).expect("a sound graph");
-    let nav_mesh = NavMesh { radius: 0.3, speed: 11.0, islands: &[None; 8] };
-    export(&graph, Format::Json, nav_mesh, None)
+    export(&graph, Format::Json)
 }
 
 /// That graph.
