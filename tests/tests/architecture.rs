@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 12] = [
+const ALLOWED: [(&str, &str, &[&str]); 13] = [
     ("world", "surefoot-world", &[]),
     ("policy", "surefoot-policy", &["surefoot-world"]),
     ("planner", "surefoot-planner", &["surefoot-world"]),
@@ -39,6 +39,7 @@ const ALLOWED: [(&str, &str, &[&str]); 12] = [
         ],
     ),
     ("capi", "surefoot-capi", &["surefoot-world", "surefoot-policy", "surefoot-planner", "surefoot-rollout"]),
+    ("game", "surefoot-game", &["surefoot-world", "surefoot-rollout", "surefoot-net", "surefoot-server"]),
     ("report", "surefoot-report", &["surefoot-world"]),
     ("studio", "surefoot-studio", &[]),
 ];
@@ -57,7 +58,7 @@ const FOREIGN: [(&str, &[&str]); 6] = [
 ];
 
 /// Files that may use generated wire types, besides `proto`, the command line and the tests.
-const KNOW_THE_WIRE: [&str; 24] = [
+const KNOW_THE_WIRE: [&str; 25] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
     "server/src/wire/living.rs",
@@ -79,6 +80,7 @@ const KNOW_THE_WIRE: [&str; 24] = [
     "agent/src/work/world.rs",
     "agent/src/work/graph.rs",
     "agent/src/challenge/host.rs",
+    "agent/src/game/link.rs",
     "agent/src/crowd.rs",
     "cli/src/commands/up.rs",
     "cli/src/commands/top.rs",

@@ -1,0 +1,87 @@
+//! Serving the environments of a game.
+
+use crate::physics::{GamePhysics, GameWorld};
+use std::fmt;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use surefoot_net::serving::{Endpoint, EndpointConfig, ServeError, Shutdown};
+use surefoot_rollout::env::{Env, Episodes};
+use surefoot_server::envs::Host;
+use surefoot_server::serve_game;
+use surefoot_world::map::Placed;
+use surefoot_world::{CharacterProfile, Vec3};
+
+/// A level of a game, which makes worlds for environments. Each is stepped by one thread at a time.
+pub trait Level: Send + Sync + 'static {
+    /// Makes a world of `count` characters with this body.
+    ///
+    /// # Errors
+    /// Says in a sentence why the game cannot, such as that it has no such character.
+    fn open(&self, body: &CharacterProfile, count: usize) -> Result<Box<dyn GameWorld>, String>;
+
+    /// Pads, zip lines, teleporters and jetpacks that NPCs sense from afar; none unless a game says otherwise.
+    fn devices(&self) -> Placed {
+        Placed::default()
+    }
+
+    /// Places to stand, m, for starts and goals at random, drawn with `seed`. Needed by training alone.
+    ///
+    /// # Errors
+    /// Says in a sentence why there are none.
+    fn places(&self, _body: &CharacterProfile, _seed: u64) -> Result<Vec<Vec3>, String> {
+        Err("it knows no places for goals at random: give goals".to_owned())
+    }
+}
+
+struct Hosted<L>(L);
+
+impl<L> fmt::Debug for Hosted<L> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Hosted").finish_non_exhaustive()
+    }
+}
+
+impl<L: Level> Host for Hosted<L> {
+    fn open(&self, body: &CharacterProfile, solid_npcs: bool, episodes: Episodes) -> Result<Env, String> {
+        if solid_npcs {
+            return Err("its characters do not get in each other's way: leave solid_npcs out".to_owned());
+        }
+        let seed = match &episodes {
+            Episodes::Endless { seed, .. } => *seed,
+            Episodes::Once(_) => 0,
+        };
+        let npc_count = episodes.npc_count();
+        let world = self.0.open(body, npc_count)?;
+        let physics = GamePhysics::new(world, body.clone(), self.0.devices(), npc_count);
+        Env::of(Box::new(physics), episodes, |_| {
+            let places = self.0.places(body, seed)?;
+            if places.is_empty() { Err("it has no places to stand".to_owned()) } else { Ok(places) }
+        })
+    }
+}
+
+/// Serves environments on a level at `address` until `shutdown`, at most `limit` at a time.
+///
+/// # Errors
+/// If the address is taken, or other machines could reach it, which takes the protection of an [`Endpoint`] of its own.
+pub async fn serve<L: Level>(
+    level: L,
+    address: SocketAddr,
+    limit: usize,
+    shutdown: Shutdown,
+) -> Result<(), ServeError> {
+    let endpoint = Endpoint::open(address, EndpointConfig::default())?;
+    serve_game(endpoint, Arc::new(Hosted(level)), limit, shutdown).await
+}
+
+/// Serves environments on a level at `address` until the process ends, at most `limit` at a time, on threads of its own.
+///
+/// # Errors
+/// As [`serve`].
+///
+/// # Panics
+/// If no threads can be started.
+pub fn serve_blocking<L: Level>(level: L, address: SocketAddr, limit: usize) -> Result<(), ServeError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().expect("threads can be started");
+    runtime.block_on(serve(level, address, limit, Shutdown::default()))
+}
