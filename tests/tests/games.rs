@@ -95,7 +95,7 @@ async fn npcs_pass_the_places_of_their_routes_and_say_where_they_are_and_what_th
     for passed in 1..=2 {
         let results = step(&mut client, env_id, still, Vec::new()).await.unwrap();
         assert!(results.passed == [passed, 0] && results.ends.is_empty(), "{:?}", results.passed);
-        assert_eq!(unpack_points(&results.positions, 2, "positions").unwrap()[0].distance(one) < 0.5, true);
+        assert!(unpack_points(&results.positions, 2, "positions").unwrap()[0].distance(one) < 0.5);
     }
     // The last place ends the episode, and the NPC rests.
     step(&mut client, env_id, still, vec![route(0, &[one], None)]).await.unwrap();

@@ -221,7 +221,7 @@ impl<'s> Hall<'s> {
         let stats = stats.next().await.transpose()?.and_then(|it| it.stats).unwrap_or_default();
         Ok(Stats {
             ticks_late: stats.ticks_late + stats.ticks_dropped,
-            ticks: stats.tick_histogram.iter().map(|count| u64::from(*count)).sum(),
+            ticks: stats.tick_histogram.iter().sum(),
             answered: stats.decisions_answered,
             missed: stats.decisions_missed,
         })

@@ -80,9 +80,11 @@ struct Summary {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if matches!(args.format, Output::Graph(_)) && args.json {
+        bail!("--json is for links: it says what they connect");
+    }
     let loaded = args.target.load(None)?;
     match args.format {
-        Output::Graph(_) if args.json => bail!("--json is for links: a graph has no summary of what they connect"),
         Output::Graph(format) => args.write(&export(&loaded.graph, format)),
         Output::Links(format) => {
             let (set, summary) = links(args, &loaded);
