@@ -79,7 +79,10 @@ pub async fn host(
             worlds.push(Hall::open(&mut client, set, map, hosting).await?);
         }
         for world in &mut worlds {
-            world.warm_up(&mut client, hosting).await?;
+            world.begin_warm_up(&mut client, hosting.warm_up).await?;
+        }
+        for world in &mut worlds {
+            world.end_warm_up(hosting.limit).await?;
         }
         // All begin before the first one is waited for.
         for world in &mut worlds {
@@ -115,6 +118,8 @@ struct Hall<'s> {
     /// Goals that are under way, by NPC.
     under_way: BTreeMap<u64, usize>,
     ends: BTreeMap<usize, Attempt>,
+    /// When the attempts before began.
+    opened: Instant,
     warm_up_s: f64,
 }
 
@@ -145,20 +150,21 @@ impl<'s> Hall<'s> {
         // The stream has begun: no event is missed from here on.
         events.next().await.transpose()?;
         let (under_way, ends) = Default::default();
-        Ok(Self { map, world_id, events, under_way, ends, warm_up_s: 0.0 })
+        Ok(Self { map, world_id, events, under_way, ends, opened: Instant::now(), warm_up_s: 0.0 })
     }
 
-    /// Attempts some of the goals, near and far ones, and forgets how they ended.
-    async fn warm_up(&mut self, client: &mut WorldServiceClient<Link>, hosting: Hosting) -> Result<(), Status> {
-        let count = hosting.warm_up.min(self.map.goals.len());
-        if count == 0 {
-            return Ok(());
-        }
-        let started = Instant::now();
+    /// Begins attempts at so many of the goals, near and far ones.
+    async fn begin_warm_up(&mut self, client: &mut WorldServiceClient<Link>, count: usize) -> Result<(), Status> {
+        let count = count.min(self.map.goals.len());
         let some: Vec<usize> = (0..count).map(|idx| idx * self.map.goals.len() / count).collect();
-        self.send(client, &some).await?;
-        self.await_ends(started + hosting.limit).await?;
-        self.warm_up_s = started.elapsed().as_secs_f64();
+        self.opened = Instant::now();
+        self.send(client, &some).await
+    }
+
+    /// Waits until they have ended, and forgets how.
+    async fn end_warm_up(&mut self, limit: Duration) -> Result<(), Status> {
+        self.await_ends(self.opened + limit).await?;
+        self.warm_up_s = self.opened.elapsed().as_secs_f64();
         self.ends.clear();
         Ok(())
     }
