@@ -5,8 +5,7 @@ use rand::{RngExt, SeedableRng};
 use std::sync::atomic::AtomicBool;
 use surefoot_agent::train::CollectorConfig;
 use surefoot_agent::train::SacConfig;
-use surefoot_agent::train::{Processor, Run};
-use surefoot_agent::train::{TrainConfig, TrainError, run};
+use surefoot_agent::train::{Launch, Processor, Run, TrainConfig, TrainError, run};
 use surefoot_policy::ActorConfig;
 use surefoot_policy::checkpoint::module_bytes;
 
@@ -69,14 +68,14 @@ fn a_resumed_run_continues_bit_for_bit() {
     for config in [tiny(), tiny_recurrent(), tiny_social()] {
         let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let stop = AtomicBool::new(false);
-        run(TrainConfig { total_updates: 24, ..config.clone() }, folders[0].path(), false, &stop, |_| {}).unwrap();
+        run(TrainConfig { total_updates: 24, ..config.clone() }, Launch::here(folders[0].path(), false), &stop, |_| {}).unwrap();
 
         // The same run, stopped half-way and resumed from its files.
-        run(config, folders[1].path(), false, &stop, |_| {}).unwrap();
+        run(config, Launch::here(folders[1].path(), false), &stop, |_| {}).unwrap();
         let path = folders[1].path().join("config.json");
         let text = std::fs::read_to_string(&path).unwrap().replace("\"total_updates\": 12", "\"total_updates\": 24");
         std::fs::write(&path, text).unwrap();
-        run(tiny(), folders[1].path(), true, &stop, |_| {}).unwrap();
+        run(tiny(), Launch::here(folders[1].path(), true), &stop, |_| {}).unwrap();
         assert_eq!(decisions(&folders[0]), decisions(&folders[1]));
     }
 }
@@ -85,10 +84,10 @@ fn a_resumed_run_continues_bit_for_bit() {
 fn a_recurrent_run_may_start_from_a_reactive_one() {
     let (first, second) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let stop = AtomicBool::new(false);
-    run(tiny(), first.path(), false, &stop, |_| {}).unwrap();
+    run(tiny(), Launch::here(first.path(), false), &stop, |_| {}).unwrap();
     let start_from = Some(first.path().join("last"));
     let config = TrainConfig { start_from, total_updates: 0, ..tiny_recurrent() };
-    run(config.clone(), second.path(), false, &stop, |_| {}).unwrap();
+    run(config.clone(), Launch::here(second.path(), false), &stop, |_| {}).unwrap();
     for (before, after) in decisions(&first).into_iter().zip(decisions(&second)) {
         assert!((f32::from_bits(before) - f32::from_bits(after)).abs() < 1.0e-4, "the LSTM has no influence yet");
     }
@@ -120,7 +119,7 @@ fn a_run_ends_early_when_validation_no_longer_improves() {
     let config =
         TrainConfig { total_updates: 10_000, stop_after: std::num::NonZeroU64::new(30), validate_every: 1, ..tiny() };
     let mut last = String::new();
-    run(config, folder.path(), false, &AtomicBool::new(false), |line| last = line.to_owned()).unwrap();
+    run(config, Launch::here(folder.path(), false), &AtomicBool::new(false), |line| last = line.to_owned()).unwrap();
     let updates: u64 = last.split_whitespace().nth(3).unwrap().parse().unwrap();
     assert!((30..10_000).contains(&updates), "{last}");
 }
@@ -129,14 +128,14 @@ fn a_run_ends_early_when_validation_no_longer_improves() {
 fn a_run_is_not_overwritten_and_damaged_state_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(true);
-    run(tiny(), folder.path(), false, &stop, |_| {}).unwrap();
-    assert!(matches!(run(tiny(), folder.path(), false, &stop, |_| {}), Err(TrainError::Exists(_))));
+    run(tiny(), Launch::here(folder.path(), false), &stop, |_| {}).unwrap();
+    assert!(matches!(run(tiny(), Launch::here(folder.path(), false), &stop, |_| {}), Err(TrainError::Exists(_))));
     let state = folder.path().join("state.bin");
     let mut bytes = std::fs::read(&state).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&state, &bytes).unwrap();
-    assert!(matches!(run(tiny(), folder.path(), true, &stop, |_| {}), Err(TrainError::Damaged { .. })));
+    assert!(matches!(run(tiny(), Launch::here(folder.path(), true), &stop, |_| {}), Err(TrainError::Damaged { .. })));
     let events = std::fs::read_dir(folder.path().join("tensorboard")).unwrap().count();
     assert!(events >= 1, "an event file was written");
 }
@@ -170,7 +169,7 @@ fn equal_seeds_train_equal_networks() {
 fn a_state_that_was_made_up_is_refused_or_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(true);
-    run(TrainConfig { total_updates: 4, ..tiny() }, folder.path(), false, &AtomicBool::new(false), |_| {}).unwrap();
+    run(TrainConfig { total_updates: 4, ..tiny() }, Launch::here(folder.path(), false), &AtomicBool::new(false), |_| {}).unwrap();
     let path = folder.path().join("state.bin");
     let bytes = std::fs::read(&path).unwrap();
     let body = &bytes[..bytes.len() - 4];
@@ -189,7 +188,7 @@ fn a_state_that_was_made_up_is_refused_or_resumes() {
         }
         let checksum = crc32c::crc32c(&made_up).to_le_bytes();
         std::fs::write(&path, [&made_up[..], &checksum].concat()).unwrap();
-        match run(tiny(), folder.path(), true, &stop, |_| {}) {
+        match run(tiny(), Launch::here(folder.path(), true), &stop, |_| {}) {
             Ok(()) => resumed += 1,
             Err(error) => {
                 assert!(error.to_string().len() > 10, "{error}");
@@ -203,10 +202,10 @@ fn a_state_that_was_made_up_is_refused_or_resumes() {
 #[test]
 fn a_run_whose_configuration_was_changed_to_other_lanes_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    run(TrainConfig { total_updates: 4, ..tiny() }, folder.path(), false, &AtomicBool::new(false), |_| {}).unwrap();
+    run(TrainConfig { total_updates: 4, ..tiny() }, Launch::here(folder.path(), false), &AtomicBool::new(false), |_| {}).unwrap();
     let path = folder.path().join("config.json");
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("\"npcs_per_world\": 4", "\"npcs_per_world\": 5")).unwrap();
-    let refusal = run(tiny(), folder.path(), true, &AtomicBool::new(true), |_| {}).unwrap_err();
+    let refusal = run(tiny(), Launch::here(folder.path(), true), &AtomicBool::new(true), |_| {}).unwrap_err();
     assert!(refusal.to_string().contains("other lanes"), "{refusal}");
 }

@@ -2,7 +2,7 @@
 
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use surefoot_agent::train::replay::{Batch, MEMORY_STRIDE, Replay, RowKind, Sampling, Step};
+use surefoot_agent::train::replay::{self, Batch, MEMORY_STRIDE, Replay, RowKind, Sampling, Step};
 use surefoot_policy::config::RAY_LEN;
 use surefoot_world::OBSERVATION_LEN;
 
@@ -21,6 +21,7 @@ fn replay(kinds: &[(RowKind, f32)]) -> Replay {
             is_fresh: vec![false],
             rewards: vec![reward],
             kinds: vec![kind],
+            version: 0,
         });
     }
     replay
@@ -30,7 +31,7 @@ fn replay(kinds: &[(RowKind, f32)]) -> Replay {
 fn samples(replay: &Replay, n_step: usize) -> Vec<(u32, f32, f32, u32)> {
     let sampling = Sampling { batch: 200, burn_in: 0, learn: 1, n_step, discount: DISCOUNT, mirror: false };
     let mut batch = Batch::default();
-    replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
+    replay::sample(std::slice::from_ref(replay), sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
     let step = |rows: &[f32], row: usize| rows[row * OBSERVATION_LEN + RAY_LEN] as u32;
     (0..200)
         .map(|idx| {
@@ -98,11 +99,12 @@ fn packed_observations_are_unpacked_to_within_their_resolution() {
             is_fresh: vec![false],
             rewards: vec![0.0],
             kinds: vec![RowKind::Continues],
+            version: 0,
         });
     }
     let mut batch = Batch::default();
     let sampling = Sampling { batch: 1, burn_in: 0, learn: 1, n_step: 1, discount: 0.9, mirror: false };
-    replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
+    replay::sample(std::slice::from_ref(&replay), sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
     for (packed, original) in batch.observations.iter().zip(&observation) {
         assert!((packed - original).abs() < 2.0e-5);
     }
@@ -123,6 +125,7 @@ fn remembering(steps: usize, capacity: usize) -> Replay {
             rewards: vec![1.0; 2],
             // The second lane is truncated at every eleventh step.
             kinds: vec![RowKind::Continues, if number % 11 == 10 { RowKind::Boundary } else { RowKind::Continues }],
+            version: 0,
         });
     }
     replay
@@ -134,7 +137,7 @@ fn sequences_start_at_stored_memories_and_include_each_steps_successor() {
     // More steps than the capacity, so that the oldest are overwritten.
     let replay = remembering(230, 2 * 160);
     let mut batch = Batch::default();
-    replay.sample(sampling, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
+    replay::sample(std::slice::from_ref(&replay), sampling, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
     let step = |row: usize| batch.observations[row * OBSERVATION_LEN + RAY_LEN] as u64;
     let (mut lanes, mut boundaries) = ([0, 0], 0);
     for sequence in 0..64 {

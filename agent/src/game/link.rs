@@ -1,7 +1,7 @@
 //! Connections to games: a blocking client of the environments that they serve.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use surefoot_net::client::{Credentials, Link, LinkError};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::convert::{self, FieldError};
@@ -172,6 +172,7 @@ impl Game {
             waiting: Some(stream),
             responses: None,
             state: EnvState::default(),
+            encode_time: Duration::ZERO,
         };
         env.state = first?;
         Ok(env)
@@ -254,6 +255,8 @@ pub struct GameEnv {
     waiting: Option<mpsc::Receiver<wire::StreamEnvRequest>>,
     responses: Option<Streaming<wire::StreamEnvResponse>>,
     state: EnvState,
+    /// Time in which messages were packed and read.
+    encode_time: Duration,
 }
 
 impl GameEnv {
@@ -265,6 +268,11 @@ impl GameEnv {
     /// What the environment said last.
     pub fn state(&self) -> &EnvState {
         &self.state
+    }
+
+    /// Returns and resets the time in which messages were packed and read.
+    pub fn take_encode_time(&mut self) -> Duration {
+        std::mem::take(&mut self.encode_time)
     }
 
     /// Steps all NPCs by one decision; the routes begin where it ends. Routes are cut after 256 places: the episode then ends there, as
@@ -289,11 +297,13 @@ impl GameEnv {
     /// If there is not one action for each NPC.
     pub fn send(&mut self, actions: &[Action], routes: &[Route]) -> Result<(), GameError> {
         assert_eq!(actions.len(), self.npc_count(), "one action for each NPC");
+        let started = Instant::now();
         let actions = wire::EnvActions {
             actions: convert::pack(actions.iter().flat_map(|action| action.to_array())),
             routes: routes.iter().map(route_to_wire).collect(),
         };
         let request = wire::StreamEnvRequest { env_id: self.env_id, actions: Some(actions) };
+        self.encode_time += started.elapsed();
         // A stream that has ended says why when its results are read.
         let _ = self.game.runtime.block_on(self.requests.send(request));
         let Some(stream) = self.waiting.take() else { return Ok(()) };
@@ -319,8 +329,10 @@ impl GameEnv {
             Ok(None) => return Err(gone("it ended the stream of steps".to_owned())),
             Ok(Some(message)) => message.map_err(|status| self.game.failed(&status))?,
         };
+        let started = Instant::now();
         let results = message.results.ok_or_else(|| self.game.breach("results is missing".to_owned()))?;
         self.state = state(results, self.npc_count()).map_err(|wrong| self.game.breach(wrong))?;
+        self.encode_time += started.elapsed();
         Ok(&self.state)
     }
 }

@@ -31,18 +31,29 @@ pub(super) struct Arena {
 }
 
 impl Arena {
-    /// Makes the map of `seed` and an empty world on it. A few small maps have no ground; the map of the next seed then takes their place.
+    /// Makes the map of `seed` and an empty world on it, as [`on_some_map`](Self::on_some_map).
+    ///
+    /// # Panics
+    /// As [`on_some_map`](Self::on_some_map).
+    pub fn new(seed: u64, config: &CollectorConfig) -> (Self, World) {
+        let (arena, map, body) = Self::on_some_map(seed, config);
+        let world = WorldConfig::new(body, TaskConfig::default(), config.solid_npcs);
+        (arena, World::with_config(map, world))
+    }
+
+    /// Makes the map of `seed`, and chooses the body of its NPCs. A few small maps have no ground; the map of the next seed then takes their
+    /// place.
     ///
     /// # Panics
     /// If there is no map with ground, which the configuration's check rules out unless a file has changed since.
-    pub fn new(seed: u64, config: &CollectorConfig) -> (Self, World) {
+    pub fn on_some_map(seed: u64, config: &CollectorConfig) -> (Self, Arc<Map>, CharacterProfile) {
         let tried = (seed..seed.saturating_add(SEEDS_TRIED)).find_map(|tried| Self::on_map_of(tried, config));
-        let (arena, world) = tried.expect("training maps have ground");
-        (Self { seed, ..arena }, world)
+        let (arena, map, body) = tried.expect("training maps have ground");
+        (Self { seed, ..arena }, map, body)
     }
 
     /// The arena on the map of exactly this seed; `None` if it has no ground.
-    fn on_map_of(seed: u64, config: &CollectorConfig) -> Option<(Self, World)> {
+    fn on_map_of(seed: u64, config: &CollectorConfig) -> Option<(Self, Arc<Map>, CharacterProfile)> {
         let map = Arc::new(config.map(seed).expect("checked before training"));
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(2);
@@ -55,9 +66,7 @@ impl Arena {
         let usual = || sample(&config.body, &mut rng).ok().map(|points| (config.body.clone(), points));
         let (profile, points) = fits.or_else(usual)?;
         let surveyed = (config.reachable_share > 0.0).then(|| Surveyed::new(&map, &profile, config.reachable_share));
-        let arena = Self { seed, points, failures: Vec::new(), surveyed };
-        let world = WorldConfig::new(profile, TaskConfig::default(), config.solid_npcs);
-        Some((arena, World::with_config(map, world)))
+        Some((Self { seed, points, failures: Vec::new(), surveyed }, map, profile))
     }
 
     /// A random navigable point.

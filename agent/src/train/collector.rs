@@ -26,6 +26,16 @@ pub struct CollectorStats {
     pub reward: f64,
 }
 
+impl CollectorStats {
+    /// Adds what happened elsewhere.
+    pub(super) fn add(&mut self, other: Self) {
+        self.decisions += other.decisions;
+        self.episodes += other.episodes;
+        self.reached += other.reached;
+        self.reward += other.reward;
+    }
+}
+
 /// What follows a boundary row: the last observation of a truncated episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum AfterBoundary {
@@ -142,8 +152,8 @@ impl Collector {
         std::mem::take(&mut self.stats)
     }
 
-    /// Collects `step_count` decisions of every NPC with `policy`, step by step.
-    pub fn collect(&mut self, policy: &Policy, step_count: usize) -> Vec<Step> {
+    /// Collects `step_count` decisions of every NPC with `policy`, step by step; `version` is the number of updates behind it.
+    pub fn collect(&mut self, policy: &Policy, version: u64, step_count: usize) -> Vec<Step> {
         self.rounds += 1;
         let is_due = self.rounds.is_multiple_of(self.config.rounds_per_map);
         let replaced = is_due.then(|| (self.rounds / self.config.rounds_per_map) as usize % self.arenas.len());
@@ -154,7 +164,7 @@ impl Collector {
                 let lanes = self.lanes_on(world_idx);
                 self.boundaries[lanes].fill(Some(AfterBoundary::Respawn));
             }
-            steps.push(self.step(policy));
+            steps.push(Step { version, ..self.step(policy) });
             if let Some(world_idx) = replaced {
                 // The old map's attempts have just ended in boundary rows, so none continues on the new map.
                 self.replace_map(world_idx);
@@ -185,7 +195,7 @@ impl Collector {
         self.stats.decisions += self.lanes.len() as u64;
         self.total_decisions += self.lanes.len() as u64;
         let actions = actions.iter().map(|action| action.to_array()).collect();
-        Step { observations, memory, is_fresh, actions, rewards, kinds }
+        Step { observations, memory, is_fresh, actions, rewards, kinds, version: 0 }
     }
 
     /// The policy's actions, or random ones at the start of a run.

@@ -16,6 +16,9 @@ use surefoot_world::{CharacterProfile, Map, MapSpec, RawMapSpec, SpecError, navi
 /// Name of the configuration file in a run's folder.
 pub(super) const CONFIG_FILE: &str = "config.json";
 
+/// Most NPCs of an environment.
+const MAX_NPCS: usize = 4096;
+
 /// Processor that the learner computes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -97,6 +100,15 @@ pub struct TrainConfig {
     pub sac: SacConfig,
     /// Configuration of the collector.
     pub collector: CollectorConfig,
+    /// Addresses of the worlds in which NPCs collect experience: servers of ours, or games. None: they do so in this process.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub worlds: Vec<String>,
+    /// Environments at a time in each of `worlds`, with `collector.npcs_per_world` NPCs each: while one moves, another decides.
+    #[serde(default = "two")]
+    pub envs_per_world: usize,
+    /// Greatest age of the weights that chose an action, in updates; from older decisions nothing is learned. Only where there are `worlds`.
+    #[serde(default = "usual_staleness")]
+    pub max_staleness: u64,
 }
 
 impl Default for TrainConfig {
@@ -123,6 +135,9 @@ impl Default for TrainConfig {
             start_from: None,
             sac: SacConfig::default(),
             collector: CollectorConfig::default(),
+            worlds: Vec::new(),
+            envs_per_world: two(),
+            max_staleness: usual_staleness(),
         }
     }
 }
@@ -137,6 +152,14 @@ fn usual_height() -> u32 {
 
 fn one() -> usize {
     1
+}
+
+fn two() -> usize {
+    2
+}
+
+fn usual_staleness() -> u64 {
+    2_000
 }
 
 impl TrainConfig {
@@ -195,6 +218,7 @@ impl TrainConfig {
             ("sac.network.ray_features", self.sac.network.ray_features),
             ("collector.world_count", self.collector.world_count),
             ("collector.npcs_per_world", self.collector.npcs_per_world),
+            ("envs_per_world", self.envs_per_world),
         ] {
             if value == 0 {
                 return refuse(field, "must be at least 1");
@@ -214,7 +238,27 @@ impl TrainConfig {
                 return refuse(field, "must be 0 to 1");
             }
         }
+        self.check_worlds()?;
         self.check_maps()
+    }
+
+    /// Checks what NPCs in worlds elsewhere cannot do.
+    fn check_worlds(&self) -> Result<(), TrainError> {
+        let refuse = |field, problem| Err(TrainError::Config { field, problem });
+        let level_count = self.collector.levels.len();
+        if self.worlds.is_empty() {
+            return Ok(());
+        }
+        if self.sac.network.sees_others || self.collector.solid_npcs {
+            return refuse("sac.network.sees_others and collector.solid_npcs", "NPCs in worlds elsewhere do not meet");
+        }
+        if level_count > 1 && level_count != self.worlds.len() {
+            return refuse("collector.levels", "name one level for all worlds, or one for each");
+        }
+        if self.collector.npcs_per_world > MAX_NPCS {
+            return refuse("collector.npcs_per_world", "must be at most 4096 in worlds elsewhere");
+        }
+        Ok(())
     }
 
     /// Checks that there are maps, and places on them for the body.

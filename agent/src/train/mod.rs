@@ -2,7 +2,8 @@
 //!
 //! Start at [`run`](mod@run). A run is a sequence of rounds. In each, the [`collector`] and the [`learner`] work concurrently, on
 //! one thread each, and meet at a barrier, where the collected steps go into the [`replay`] buffer. So a run is a pure function
-//! of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes exactly. [`losses`] follows the
+//! of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes exactly. Experience may come from [`worlds`]
+//! elsewhere instead, at their own pace; such a run resumes without its running attempts. [`losses`] follows the
 //! paper's equations; docs/training-and-models.md lists where we differ from them, and why.
 
 mod adam;
@@ -18,13 +19,15 @@ pub mod losses;
 pub mod replay;
 mod rng;
 pub mod run;
+mod source;
 mod squash;
 mod state;
 mod tensorboard;
 mod validation;
+pub mod worlds;
 
 pub use config::{CollectorConfig, Processor, SacConfig, TrainConfig};
 pub use error::TrainError;
 pub use learner::Learner;
-pub use run::{Run, run};
+pub use run::{Launch, Run, run};
 pub use squash::sample_squashed;

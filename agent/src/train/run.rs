@@ -2,19 +2,22 @@
 //!
 //! [`run`] is the loop, [`Run::round`] one iteration: collect, sample, update, store.
 
-use super::collector::Collector;
 use super::config::{CONFIG_FILE, TrainConfig};
 use super::error::TrainError;
 use super::learner::{Learner, UpdateStats};
 use super::log::Log;
-use super::replay::{Batch, Replay, Sampling};
+use super::replay::{self, Batch, Census, Replay, Sampling, census};
+use super::source::Source;
 use super::validation::ValidationSet;
+use super::worlds::{Collected, Connect};
+use crate::game::GameError;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use surefoot_policy::checkpoint::write_atomically;
 use surefoot_policy::{Actor, Manifest, Policy};
 use surefoot_rollout::DEFAULT_NOISE_SHARE;
@@ -27,13 +30,42 @@ const LOG_EVERY: u64 = 50;
 /// A run between two rounds.
 pub struct Run {
     pub(super) config: TrainConfig,
-    pub(super) collector: Collector,
+    pub(super) source: Source,
     pub(super) learner: Learner,
-    pub(super) replay: Replay,
+    /// One buffer for each environment of the source.
+    pub(super) buffers: Vec<Replay>,
     pub(super) rounds: u64,
     pub(super) best: Best,
     /// Wall time of all rounds, h.
     pub(super) hours: f64,
+    pub(super) connect: Connect,
+    /// Time spent on updates since it was last logged.
+    pub(super) learned: Duration,
+}
+
+/// Where a run is, and how it reaches worlds.
+pub struct Launch<'a> {
+    /// Folder of the run.
+    pub folder: &'a Path,
+    /// Whether to continue the run in the folder.
+    pub resume: bool,
+    /// Addresses of the worlds of a run that is continued, if they are others than before.
+    pub worlds: Vec<String>,
+    /// Connects to worlds.
+    pub connect: Connect,
+}
+
+impl<'a> Launch<'a> {
+    /// A run whose worlds are in this process.
+    pub fn here(folder: &'a Path, resume: bool) -> Self {
+        Self { folder, resume, worlds: Vec::new(), connect: nowhere() }
+    }
+}
+
+/// Reaches no worlds.
+fn nowhere() -> Connect {
+    let reason = "this run was made without connections".to_owned();
+    Arc::new(move |uri| Err(GameError::Unreachable { uri: uri.into(), reason: reason.clone() }))
 }
 
 /// The best validation so far.
@@ -47,31 +79,38 @@ pub(super) struct Best {
 }
 
 impl Run {
-    /// Creates a new run.
+    /// Creates a new run whose worlds are in this process.
     ///
     /// # Errors
     /// If the configuration is invalid, or the model to start from cannot be used.
     pub fn new(config: TrainConfig) -> Result<Self, TrainError> {
+        Self::create(config, nowhere())
+    }
+
+    /// Creates a new run, which reaches its worlds by `connect`.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn create(config: TrainConfig, connect: Connect) -> Result<Self, TrainError> {
         config.validate()?;
         let stream = |number: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
             rng.set_stream(number);
             rng
         };
-        let collector = Collector::new(config.collector.clone(), &config.sac.network, stream(10));
-        let replay = Replay::new(collector.lane_count(), config.replay_capacity);
         let mut learner = Learner::on(config.processor.device()?, config.sac.clone(), stream(11));
         if let Some(folder) = &config.start_from {
             learner.start_from(folder)?;
         }
+        let source = Source::new(&config, stream(10), policy(&config, &learner), &connect);
+        let buffers = source.buffers(config.replay_capacity);
         let best = Best { score: -1.0, updates: 0, validated: 0 };
-        Ok(Self { collector, learner, replay, rounds: 0, best, hours: 0.0, config })
+        Ok(Self { source, learner, buffers, rounds: 0, best, hours: 0.0, connect, learned: Duration::ZERO, config })
     }
 
     /// The current policy.
     pub fn policy(&self) -> Policy {
-        let manifest = Manifest::new(&self.config.name, self.config.sac.network, &[], serde_json::Value::Null);
-        Policy::new(self.learner.actor(), manifest)
+        policy(&self.config, &self.learner)
     }
 
     /// The current policy network.
@@ -86,29 +125,47 @@ impl Run {
 
     /// Number of decisions collected so far.
     pub fn decisions(&self) -> u64 {
-        self.collector.total_decisions()
+        self.source.total_decisions()
     }
 
     /// Runs one round: the collector acts with the actor of the last barrier, while the learner learns from rows stored
-    /// before it. The results do not depend on how the two threads interleave.
+    /// before it. The results do not depend on how the two threads interleave, unless the worlds are elsewhere.
     pub fn round(&mut self) -> Vec<UpdateStats> {
-        let policy = self.policy();
+        self.round_until(&AtomicBool::new(false))
+    }
+
+    /// Runs one round, which collects less if `stop` is set meanwhile.
+    fn round_until(&mut self, stop: &AtomicBool) -> Vec<UpdateStats> {
+        let acting = (self.policy(), self.updates());
         let update_count = if self.is_warm() { self.config.updates_per_round } else { 0 };
-        let Self { config, collector, learner, replay, .. } = self;
-        let (steps, stats) = std::thread::scope(|scope| {
-            let collecting = scope.spawn(|| collector.collect(&policy, config.steps_per_round));
-            let stats = learn(learner, replay, config.sampling(), update_count);
+        let Self { config, source, learner, buffers, learned, .. } = self;
+        let (collected, stats) = std::thread::scope(|scope| {
+            let collecting = scope.spawn(|| source.collect(acting, config.steps_per_round, stop));
+            let started = Instant::now();
+            let stats = learn(learner, buffers, config.sampling(), update_count);
+            *learned += started.elapsed();
             (collecting.join().expect("the collector does not panic"), stats)
         });
-        steps.iter().for_each(|step| replay.push_step(step));
+        for (buffer_idx, collected) in collected {
+            match collected {
+                Collected::Step(step) => buffers[buffer_idx].push_step(&step),
+                Collected::Closed => buffers[buffer_idx].close(),
+            }
+        }
         self.rounds += 1;
         stats
     }
 
+    /// What is in the replay buffers.
+    pub fn census(&self) -> Census {
+        census(&self.buffers)
+    }
+
     /// Whether enough rows are stored to learn from.
     fn is_warm(&self) -> bool {
-        let rows = (self.config.batch * self.config.learn).max(self.collector.lane_count());
-        self.replay.len() >= WARM_UP * rows && self.replay.can_sample(self.config.sampling())
+        let rows = (self.config.batch * self.config.learn).max(self.source.lane_count());
+        let stored: usize = self.buffers.iter().map(Replay::len).sum();
+        stored >= WARM_UP * rows && replay::can_sample(&self.buffers, self.config.sampling())
     }
 
     fn is_over(&self) -> bool {
@@ -119,8 +176,15 @@ impl Run {
     /// Validates the policy, and saves the weights in `best` if they are the best so far.
     fn validate(&mut self, set: &ValidationSet, folder: &Path, log: &mut Log<'_>) -> Result<(), TrainError> {
         let policy = self.policy();
-        let greedy = set.measure(&policy, 0.0);
-        let validation = set.measure(&policy, DEFAULT_NOISE_SHARE);
+        let worlds = Some((self.config.worlds.as_slice(), &self.connect)).filter(|(worlds, _)| !worlds.is_empty());
+        let measure = |noise_share| set.measure(&policy, noise_share, worlds);
+        let (greedy, validation) = match measure(0.0).and_then(|greedy| Ok((greedy, measure(DEFAULT_NOISE_SHARE)?))) {
+            Ok(both) => both,
+            Err(error) => {
+                log.line(&format!("no validation at {} updates: {error}", self.updates()));
+                return Ok(());
+            }
+        };
         log.validation(self.updates(), validation, greedy)?;
         self.best.validated = self.updates();
         if validation.score() > self.best.score {
@@ -131,40 +195,52 @@ impl Run {
     }
 }
 
+/// The policy of a learner.
+pub(super) fn policy(config: &TrainConfig, learner: &Learner) -> Policy {
+    let manifest = Manifest::new(&config.name, config.sac.network, &[], serde_json::Value::Null);
+    Policy::new(learner.actor(), manifest)
+}
+
 /// Samples batches and updates the learner with them.
-fn learn(learner: &mut Learner, replay: &Replay, sampling: Sampling, update_count: usize) -> Vec<UpdateStats> {
+fn learn(learner: &mut Learner, buffers: &[Replay], sampling: Sampling, update_count: usize) -> Vec<UpdateStats> {
     let mut batch = Batch::default();
     let mut stats = Vec::with_capacity(update_count);
     for _ in 0..update_count {
-        replay.sample(sampling, learner.rng(), &mut batch);
+        replay::sample(buffers, sampling, learner.rng(), &mut batch);
         stats.push(learner.update(&batch));
     }
     stats
 }
 
-/// Trains in `folder` until the configured number of updates, until validation no longer improves, or until `stop` is set.
+/// Trains in a folder until the configured number of updates, until validation no longer improves, or until `stop` is set.
 ///
-/// With `resume`, continues the run in `folder` and ignores `config`; otherwise starts a new run. Log lines go to `report`.
+/// A run that is continued ignores `config`. Log lines go to `report`.
 ///
 /// # Errors
-/// If the configuration is invalid, files cannot be read or written, `folder` already contains another run, or a checkpoint
+/// If the configuration is invalid, files cannot be read or written, the folder already contains another run, or a checkpoint
 /// does not fit.
 pub fn run(
     config: TrainConfig,
-    folder: &Path,
-    resume: bool,
+    launch: Launch<'_>,
     stop: &AtomicBool,
     mut report: impl FnMut(&str),
 ) -> Result<(), TrainError> {
-    let mut run = if resume { Run::load(folder)? } else { start(config, folder)? };
+    let folder = launch.folder;
+    let mut run = if launch.resume { Run::load(launch)? } else { start(config, launch)? };
     let validation_set = ValidationSet::new(&run.config);
     let mut log = Log::create(folder, run.updates(), &mut report)?;
+    let mut logged = Instant::now();
     while !run.is_over() && !stop.load(Ordering::Relaxed) {
         let started = Instant::now();
-        log.note_updates(&run.round());
+        log.note_updates(&run.round_until(stop));
         if run.rounds.is_multiple_of(LOG_EVERY) {
-            let stats = run.collector.take_stats();
+            let stats = run.source.take_stats();
             log.progress(run.updates(), run.decisions(), stats)?;
+            let elapsed = std::mem::replace(&mut logged, Instant::now()).elapsed();
+            let learn = std::mem::take(&mut run.learned).as_secs_f64() / elapsed.as_secs_f64();
+            if let Source::Elsewhere(worlds) = &mut run.source {
+                log.traffic(run.learner.updates(), learn, worlds.take_traffic())?;
+            }
         }
         run.hours += started.elapsed().as_secs_f64() / 3600.0;
         if run.rounds.is_multiple_of(run.config.validate_every) {
@@ -180,13 +256,13 @@ pub fn run(
 }
 
 /// Starts a new run in a folder without one.
-fn start(config: TrainConfig, folder: &Path) -> Result<Run, TrainError> {
+fn start(config: TrainConfig, Launch { folder, connect, .. }: Launch<'_>) -> Result<Run, TrainError> {
     if folder.join(CONFIG_FILE).exists() {
         return Err(TrainError::Exists(folder.to_owned()));
     }
     std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     let text = serde_json::to_vec_pretty(&config).expect("a config is plain data");
-    let run = Run::new(config)?;
+    let run = Run::create(config, connect)?;
     write_atomically(&folder.join(CONFIG_FILE), &text)?;
     Ok(run)
 }

@@ -1,14 +1,15 @@
 //! The files of a run: its whole state, which resumes exactly, and its weights.
 
-use super::collector::{Collector, CollectorState};
 use super::config::{CONFIG_FILE, TrainConfig};
 use super::error::TrainError;
 use super::learner::{CRITICS_FILE, Learner, LearnerState};
 use super::replay::Replay;
-use super::run::{Best, Run};
+use super::run::{Best, Launch, Run, policy};
+use super::source::{Source, SourceState};
 use super::validation::Validation;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use surefoot_policy::Manifest;
 use surefoot_policy::checkpoint::{self, module_bytes, write_atomically};
 
@@ -17,9 +18,9 @@ const STATE_FILE: &str = "state.bin";
 
 #[derive(Serialize, Deserialize)]
 struct RunState {
-    collector: CollectorState,
+    source: SourceState,
     learner: LearnerState,
-    replay: Replay,
+    buffers: Vec<Replay>,
     rounds: u64,
     best: Best,
     hours: f64,
@@ -31,17 +32,17 @@ impl Run {
         // Borrows what `RunState` owns, so that a gigabyte of replay is not copied.
         #[derive(Serialize)]
         struct Saved<'a> {
-            collector: CollectorState,
+            source: SourceState,
             learner: LearnerState,
-            replay: &'a Replay,
+            buffers: &'a [Replay],
             rounds: u64,
             best: Best,
             hours: f64,
         }
         let state = Saved {
-            collector: self.collector.save(),
+            source: self.source.save(),
             learner: self.learner.save()?,
-            replay: &self.replay,
+            buffers: &self.buffers,
             rounds: self.rounds,
             best: self.best,
             hours: self.hours,
@@ -58,7 +59,7 @@ impl Run {
         let training = serde_json::json!({
             "config": self.config,
             "updates": self.updates(),
-            "decisions": self.collector.total_decisions(),
+            "decisions": self.decisions(),
             "hours": self.hours,
             "validation": validation,
         });
@@ -68,18 +69,24 @@ impl Run {
         Ok(checkpoint::save(folder, &manifest, &weights)?)
     }
 
-    /// Loads the run in `folder`.
-    pub(super) fn load(folder: &Path) -> Result<Self, TrainError> {
+    /// Loads the run of a folder. In worlds elsewhere NPCs begin anew: what they were doing when it was saved is over.
+    ///
+    /// # Errors
+    /// If a file cannot be read, is damaged, or does not fit the others.
+    pub fn load(Launch { folder, worlds, connect, .. }: Launch<'_>) -> Result<Self, TrainError> {
         let read = |path: PathBuf| {
             std::fs::read(&path).map(|bytes| (path.clone(), bytes)).map_err(|source| TrainError::Io { path, source })
         };
         let (path, bytes) = read(folder.join(CONFIG_FILE))?;
-        let config: TrainConfig =
+        let mut config: TrainConfig =
             serde_json::from_slice(&bytes).map_err(|error| TrainError::Damaged { path, reason: error.to_string() })?;
+        if !worlds.is_empty() {
+            config.worlds = worlds;
+        }
         config.validate()?;
         if !folder.join(STATE_FILE).exists() {
             // It was killed before its first checkpoint.
-            return Self::new(config);
+            return Self::create(config, connect);
         }
         let (path, bytes) = read(folder.join(STATE_FILE))?;
         let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
@@ -89,18 +96,32 @@ impl Run {
         }
         let state: RunState = postcard::from_bytes(body).map_err(|error| damaged(&error.to_string()))?;
         let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
-        let network = &config.sac.network;
-        let collector = Collector::restore(config.collector.clone(), network, state.collector).ok_or_else(foreign)?;
-        if !state.replay.fits(collector.lane_count(), config.replay_capacity, network) {
+        let learner = Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?;
+        let source = Source::restore(&config, state.source, policy(&config, &learner), &connect).ok_or_else(foreign)?;
+        let lane_count = source.lane_count() / source.buffer_count();
+        let fits = |buffer: &Replay| buffer.fits(lane_count, config.replay_capacity, &config.sac.network);
+        let is_here = matches!(source, Source::Here(_));
+        if !state.buffers.iter().all(fits) || is_here && state.buffers.len() != 1 {
             return Err(foreign());
         }
+        let mut buffers = state.buffers;
+        if !is_here {
+            // Worlds may have come or gone since.
+            buffers.iter_mut().for_each(Replay::close);
+            let made = source.buffers(config.replay_capacity).into_iter();
+            buffers.truncate(source.buffer_count());
+            let known = buffers.len();
+            buffers.extend(made.skip(known));
+        }
         Ok(Self {
-            collector,
-            learner: Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?,
-            replay: state.replay,
+            source,
+            learner,
+            buffers,
             rounds: state.rounds,
             best: state.best,
             hours: state.hours,
+            connect,
+            learned: Duration::ZERO,
             config,
         })
     }

@@ -1,12 +1,15 @@
 //! Validation: fixed goals on maps outside the training set, to select the best weights.
 
 use super::config::TrainConfig;
+use super::worlds::Connect;
+use crate::game::attempts::{Rules, attempt};
+use crate::game::{GameError, Level};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use surefoot_policy::Policy;
-use surefoot_rollout::{Goal, Rollout};
+use surefoot_rollout::{Attempt, FollowConfig, Goal, Rollout};
 use surefoot_world::{CharacterProfile, End, Map, TaskConfig, navigable};
 
 /// Success of a policy on validation maps.
@@ -42,23 +45,47 @@ impl ValidationSet {
         Self { maps, body: config.collector.body.clone(), task: TaskConfig::default() }
     }
 
-    pub fn measure(&self, policy: &Policy, noise_share: f32) -> Validation {
+    /// Sends NPCs to the goals; in `worlds`, if there are any.
+    ///
+    /// # Errors
+    /// If a world is of no use.
+    pub fn measure(
+        &self,
+        policy: &Policy,
+        noise_share: f32,
+        worlds: Option<(&[String], &Connect)>,
+    ) -> Result<Validation, GameError> {
         let mut reached = [0usize; 2];
         let mut tried = [0usize; 2];
-        for (map, near, far) in &self.maps {
+        for (map_idx, (map, near, far)) in self.maps.iter().enumerate() {
             for (band, goals) in [near, far].into_iter().enumerate() {
-                let mut rollout = Rollout::new(map.clone(), self.body.clone(), self.task.clone());
-                // Shorter than the task's patience, which is enough to rank weights.
-                rollout.follow.patience = 90;
-                rollout.noise_share = noise_share;
-                for end in rollout.run(policy, goals) {
-                    tried[band] += 1;
-                    reached[band] += usize::from(end.end == End::Reached);
-                }
+                let ends = match worlds {
+                    None => self.run_here(map, policy, noise_share, goals),
+                    Some((uris, connect)) => {
+                        let level = Level { map: map.clone(), body: self.body.clone() };
+                        let game = connect(&uris[map_idx % uris.len()])?;
+                        let rules = Rules { follow: self.follow(), noise_share, seed: 0 };
+                        attempt(&game, &level, policy, None, (goals, rules))?.0
+                    }
+                };
+                tried[band] += ends.len();
+                reached[band] += ends.iter().filter(|attempt| attempt.end == End::Reached).count();
             }
         }
         let share = |band: usize| reached[band] as f64 / tried[band].max(1) as f64;
-        Validation { near: share(0), far: share(1) }
+        Ok(Validation { near: share(0), far: share(1) })
+    }
+
+    fn follow(&self) -> FollowConfig {
+        // Shorter than the task's patience, which is enough to rank weights.
+        FollowConfig { patience: 90, ..FollowConfig::default() }
+    }
+
+    fn run_here(&self, map: &Arc<Map>, policy: &Policy, noise_share: f32, goals: &[Goal]) -> Vec<Attempt> {
+        let mut rollout = Rollout::new(map.clone(), self.body.clone(), self.task.clone());
+        rollout.follow = self.follow();
+        rollout.noise_share = noise_share;
+        rollout.run(policy, goals)
     }
 }
 

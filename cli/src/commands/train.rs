@@ -1,5 +1,6 @@
 //! `surefoot train`.
 
+use super::endpoint::CredentialArgs;
 use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
 use super::parse_seeds;
 use anyhow::Context;
@@ -7,21 +8,22 @@ use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use surefoot_agent::train::Processor;
-use surefoot_agent::train::{self, TrainConfig};
+use surefoot_agent::game::Game;
+use surefoot_agent::train::worlds::Connect;
+use surefoot_agent::train::{self, Launch, Processor, TrainConfig};
 use surefoot_world::exchange;
 use surefoot_world::map::{Features, MapKind, MoverDensities};
 
 /// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  tensorboard --logdir runs"
+    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  surefoot train runs/game --from models/general-reactive --maps level.glb --worlds http://10.0.0.7:7700,http://10.0.0.8:7700\n  tensorboard --logdir runs"
 )]
 pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
     folder: PathBuf,
     /// Continue the run in the folder
-    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features", "movers", "kind", "body", "name", "processor"])]
+    #[arg(long, conflicts_with_all = ["config", "updates", "seed", "recurrent", "from", "maps", "size", "height", "features", "movers", "kind", "body", "name", "processor", "npcs", "envs"])]
     resume: bool,
     /// Use this configuration (the config.json of another run) instead of the defaults
     #[arg(long, value_name = "FILE")]
@@ -66,6 +68,18 @@ pub struct Args {
     /// Seed of weights, noise, maps and goals
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
+    /// Let NPCs collect experience in the worlds at these addresses instead of this process: servers of ours, or games, which run the level
+    /// of --maps; one level is for all of them, several are one for each. With --resume: the addresses from now on
+    #[arg(long, visible_alias = "world", value_name = "URI,...", value_delimiter = ',', env = "SUREFOOT_WORLDS")]
+    worlds: Vec<String>,
+    /// Environments at a time in each world
+    #[arg(long, value_name = "N", requires = "worlds")]
+    envs: Option<usize>,
+    /// NPCs on each map, or in each environment of --worlds
+    #[arg(long, value_name = "N")]
+    npcs: Option<usize>,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -83,6 +97,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         config.sac.decay_updates = NonZeroU64::new(updates);
         config.stop_after = NonZeroU64::new(updates / 5);
     }
+    config.envs_per_world = args.envs.unwrap_or(config.envs_per_world);
     config.seed = args.seed.unwrap_or(config.seed);
     config.start_from = args.from.or(config.start_from);
     config.name = args.name.unwrap_or(config.name);
@@ -101,12 +116,25 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some((seeds, None)) => config.train_on(parse_seeds(seeds).context("--maps")?),
         None => {}
     }
+    config.collector.npcs_per_world = args.npcs.unwrap_or(config.collector.npcs_per_world);
+    if !args.worlds.is_empty() && config.start_from.is_some() && args.config.is_none() {
+        // Weights that know what to do need no random actions first.
+        config.collector.random_decisions = 0;
+    }
+    config.worlds.clone_from(&args.worlds);
     if let Some(processor) = &args.processor {
         config.processor = if processor == "cuda" { Processor::Cuda } else { Processor::Cpu };
     }
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signal(stop.clone())?;
-    train::run(config, &args.folder, args.resume, &stop, |line| println!("{line}"))?;
+    let credentials = args.credentials.credentials()?;
+    let connect: Connect = Arc::new(move |uri| Game::connect(uri, &credentials));
+    if !args.resume {
+        // A wrong address is told before anything is written.
+        config.worlds.iter().try_for_each(|uri| connect(uri).map(drop))?;
+    }
+    let launch = Launch { folder: &args.folder, resume: args.resume, worlds: args.worlds, connect };
+    train::run(config, launch, &stop, |line| println!("{line}"))?;
     Ok(())
 }
 

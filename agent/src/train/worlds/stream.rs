@@ -1,0 +1,168 @@
+//! One environment: observe, ask the brain, step the world, hand the rows to the learner.
+
+use super::brain::{Answer, Brain};
+use super::lanes::{Lanes, Settled};
+use super::{Connect, Meters, Place};
+use crate::game::{GameError, Level};
+use crate::train::arena::Arena;
+use crate::train::collector::CollectorStats;
+use crate::train::config::CollectorConfig;
+use crate::train::replay::Step;
+use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, SeedableRng};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::time::Duration;
+
+/// First and longest wait before a world that went away is tried again.
+const RETRY: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(10));
+/// Interval at which a stream that waits looks whether it should stop.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What a stream hands to the learner.
+pub(super) enum Arrival {
+    /// Rows, and what they were like.
+    Step(Step, CollectorStats),
+    /// All running attempts are over: the world went away, or the stream goes on on another map.
+    Closed {
+        /// Whether the world went away.
+        is_lost: bool,
+    },
+}
+
+/// One environment, which a thread steps.
+pub(super) struct Stream {
+    pub idx: usize,
+    pub place: Place,
+    pub config: CollectorConfig,
+    /// Values that each NPC remembers.
+    pub memory_len: usize,
+    /// Steps after which it goes on on another map, where maps are generated.
+    pub steps_per_map: u64,
+    pub seed: u64,
+    pub connect: Connect,
+    pub brain: Brain,
+    pub arrivals: SyncSender<(usize, Arrival)>,
+    pub meters: Arc<Meters>,
+    pub stopping: Arc<AtomicBool>,
+}
+
+/// What ends the steps of an environment.
+enum Over {
+    /// It is time for another map.
+    Map,
+    /// The run is over.
+    Run,
+    /// The world is of no use.
+    World(GameError),
+}
+
+impl From<GameError> for Over {
+    fn from(error: GameError) -> Self {
+        Self::World(error)
+    }
+}
+
+impl Stream {
+    /// Runs environments until the run is over.
+    pub fn run(self) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(1000 + self.idx as u64);
+        let mut wait = RETRY.0;
+        loop {
+            let mut step_count = 0;
+            let over = self.run_env(&mut rng, &mut step_count).expect_err("steps go on until something ends them");
+            if step_count > 0 {
+                wait = RETRY.0;
+            }
+            let is_lost = match over {
+                Over::Run => return,
+                Over::Map => false,
+                Over::World(error) => {
+                    tracing::warn!(stream = self.idx, "{error}; trying again in {:.2} s", wait.as_secs_f32());
+                    true
+                }
+            };
+            if self.send(Arrival::Closed { is_lost }).is_break() || is_lost && self.pause(wait).is_break() {
+                return;
+            }
+            wait = if is_lost { (2 * wait).min(RETRY.1) } else { RETRY.0 };
+        }
+    }
+
+    /// Runs one environment.
+    fn run_env(&self, rng: &mut ChaCha8Rng, step_count: &mut u64) -> Result<std::convert::Infallible, Over> {
+        let drawn = self.config.map_seeds[rng.random_range(0..self.config.map_seeds.len())];
+        let (arena, map, body) = Arena::on_some_map(self.place.level.unwrap_or(drawn), &self.config);
+        let game = (self.connect)(&self.place.uri)?;
+        let (mut lanes, goals) = Lanes::new(arena, &self.config, ChaCha8Rng::seed_from_u64(rng.random()));
+        let mut env = game.open(&Level { map, body }, &goals)?;
+        let _live = Live::new(&self.meters);
+        let mut is_fresh = vec![true; goals.len()];
+        let mut memory = vec![0.0; goals.len() * self.memory_len];
+        let does_rotate = self.place.level.is_none() && self.config.map_seeds.len() > 1;
+        while !does_rotate || *step_count < self.steps_per_map {
+            let observations = env.state().observations.clone();
+            let Answer { actions, memory: after, version } =
+                self.brain.decide(observations.clone(), memory.clone()).ok_or(Over::Run)?;
+            let state = env.step(&actions, &lanes.routes())?;
+            let Settled { kinds, rewards, fresh, stats } = lanes.settle(state);
+            let step = Step {
+                observations,
+                memory: std::mem::replace(&mut memory, after),
+                is_fresh: std::mem::replace(&mut is_fresh, vec![false; goals.len()]),
+                actions: actions.iter().map(|action| action.to_array()).collect(),
+                rewards,
+                kinds,
+                version,
+            };
+            for npc_idx in fresh {
+                is_fresh[npc_idx] = true;
+                memory[npc_idx * self.memory_len..][..self.memory_len].fill(0.0);
+            }
+            Meters::add(&self.meters.encode_us, env.take_encode_time());
+            *step_count += 1;
+            if self.send(Arrival::Step(step, stats)).is_break() {
+                return Err(Over::Run);
+            }
+        }
+        Err(Over::Map)
+    }
+
+    /// Hands something to the learner, when that has taken what came before; `Break` when the run is over.
+    fn send(&self, arrival: Arrival) -> ControlFlow<()> {
+        self.arrivals.send((self.idx, arrival)).map_or(ControlFlow::Break(()), ControlFlow::Continue)
+    }
+
+    /// Waits; `Break` when the run is over.
+    fn pause(&self, time: Duration) -> ControlFlow<()> {
+        let mut left = time;
+        while !left.is_zero() {
+            if self.stopping.load(Ordering::Relaxed) {
+                return ControlFlow::Break(());
+            }
+            let part = left.min(LOOK);
+            std::thread::sleep(part);
+            left -= part;
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Counts a connected stream while it lives.
+struct Live<'a>(&'a Meters);
+
+impl<'a> Live<'a> {
+    fn new(meters: &'a Meters) -> Self {
+        meters.live.fetch_add(1, Ordering::Relaxed);
+        Self(meters)
+    }
+}
+
+impl Drop for Live<'_> {
+    fn drop(&mut self) {
+        self.0.live.fetch_sub(1, Ordering::Relaxed);
+    }
+}
