@@ -8,6 +8,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "surefoot/world/v1/env.proto",
         "surefoot/world/v1/maps.proto",
         "surefoot/planner/v1/planner.proto",
+        "surefoot/learn/v1/learn.proto",
     ];
     for file in files.iter().chain(&[
         "surefoot/world/v1/map.proto",

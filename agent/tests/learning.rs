@@ -68,7 +68,8 @@ fn a_resumed_run_continues_bit_for_bit() {
     for config in [tiny(), tiny_recurrent(), tiny_social()] {
         let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let stop = AtomicBool::new(false);
-        run(TrainConfig { total_updates: 24, ..config.clone() }, Launch::here(folders[0].path(), false), &stop, |_| {}).unwrap();
+        run(TrainConfig { total_updates: 24, ..config.clone() }, Launch::here(folders[0].path(), false), &stop, |_| {})
+            .unwrap();
 
         // The same run, stopped half-way and resumed from its files.
         run(config, Launch::here(folders[1].path(), false), &stop, |_| {}).unwrap();
@@ -169,7 +170,13 @@ fn equal_seeds_train_equal_networks() {
 fn a_state_that_was_made_up_is_refused_or_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let stop = AtomicBool::new(true);
-    run(TrainConfig { total_updates: 4, ..tiny() }, Launch::here(folder.path(), false), &AtomicBool::new(false), |_| {}).unwrap();
+    run(
+        TrainConfig { total_updates: 4, ..tiny() },
+        Launch::here(folder.path(), false),
+        &AtomicBool::new(false),
+        |_| {},
+    )
+    .unwrap();
     let path = folder.path().join("state.bin");
     let bytes = std::fs::read(&path).unwrap();
     let body = &bytes[..bytes.len() - 4];
@@ -202,7 +209,13 @@ fn a_state_that_was_made_up_is_refused_or_resumes() {
 #[test]
 fn a_run_whose_configuration_was_changed_to_other_lanes_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    run(TrainConfig { total_updates: 4, ..tiny() }, Launch::here(folder.path(), false), &AtomicBool::new(false), |_| {}).unwrap();
+    run(
+        TrainConfig { total_updates: 4, ..tiny() },
+        Launch::here(folder.path(), false),
+        &AtomicBool::new(false),
+        |_| {},
+    )
+    .unwrap();
     let path = folder.path().join("config.json");
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("\"npcs_per_world\": 4", "\"npcs_per_world\": 5")).unwrap();

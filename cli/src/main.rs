@@ -11,7 +11,7 @@ mod signals;
 mod terminal;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use commands::{bench, challenge, eval, export, graph, health, licenses, map, services, top, train, up};
+use commands::{act, bench, challenge, eval, export, graph, health, licenses, map, services, top, train, up};
 
 /// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
 #[derive(Parser)]
@@ -35,6 +35,8 @@ enum Command {
     Work(services::WorkArgs),
     /// Train a reactive or recurrent SAC agent.
     Train(train::Args),
+    /// Feed a learner that runs elsewhere.
+    Act(act::Args),
     /// Measure success on maps by the paper's protocol.
     Eval(eval::Args),
     /// Compare agents and planners of any origin on the same goals.
@@ -102,6 +104,7 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Plan(args) => services::plan(&args),
         Command::Work(args) => services::run_worker(&args),
         Command::Train(args) => train::run(args),
+        Command::Act(args) => act::run(args),
         Command::Eval(args) => eval::run(&args),
         Command::Challenge(command) => challenge::run(&command),
         Command::Export(args) => export::export(&args),

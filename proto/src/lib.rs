@@ -25,5 +25,13 @@ pub mod planner {
     }
 }
 
-/// File descriptors of both packages, for gRPC reflection.
+/// Generated code of `surefoot.learn.v1`.
+pub mod learn {
+    #[expect(missing_docs, clippy::all, reason = "generated code")]
+    pub mod v1 {
+        tonic::include_proto!("surefoot.learn.v1");
+    }
+}
+
+/// File descriptors of all packages, for gRPC reflection.
 pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));

@@ -18,6 +18,8 @@ pub(super) const CONFIG_FILE: &str = "config.json";
 
 /// Most NPCs of an environment.
 const MAX_NPCS: usize = 4096;
+/// Most actors of a run.
+const MAX_ACTORS: usize = 1024;
 
 /// Processor that the learner computes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -106,7 +108,11 @@ pub struct TrainConfig {
     /// Environments at a time in each of `worlds`, with `collector.npcs_per_world` NPCs each: while one moves, another decides.
     #[serde(default = "two")]
     pub envs_per_world: usize,
-    /// Greatest age of the weights that chose an action, in updates; from older decisions nothing is learned. Only where there are `worlds`.
+    /// Number of actors that feed the run instead, each with `collector.world_count` times `collector.npcs_per_world` NPCs; 0: none do.
+    #[serde(default)]
+    pub actors: usize,
+    /// Greatest age of the weights that chose an action, in updates; from older decisions nothing is learned. Only where there are `worlds`
+    /// or `actors`.
     #[serde(default = "usual_staleness")]
     pub max_staleness: u64,
 }
@@ -137,6 +143,7 @@ impl Default for TrainConfig {
             collector: CollectorConfig::default(),
             worlds: Vec::new(),
             envs_per_world: two(),
+            actors: 0,
             max_staleness: usual_staleness(),
         }
     }
@@ -246,17 +253,23 @@ impl TrainConfig {
     fn check_worlds(&self) -> Result<(), TrainError> {
         let refuse = |field, problem| Err(TrainError::Config { field, problem });
         let level_count = self.collector.levels.len();
-        if self.worlds.is_empty() {
+        if self.is_here() {
             return Ok(());
         }
-        if self.sac.network.sees_others || self.collector.solid_npcs {
-            return refuse("sac.network.sees_others and collector.solid_npcs", "NPCs in worlds elsewhere do not meet");
+        if self.actors > 0 && !self.worlds.is_empty() {
+            return refuse("actors and worlds", "cannot both feed a run: set one of them");
         }
-        if level_count > 1 && level_count != self.worlds.len() {
+        if self.sac.network.sees_others || self.collector.solid_npcs {
+            return refuse("sac.network.sees_others and collector.solid_npcs", "NPCs elsewhere do not meet");
+        }
+        if self.actors == 0 && level_count > 1 && level_count != self.worlds.len() {
             return refuse("collector.levels", "name one level for all worlds, or one for each");
         }
         if self.collector.npcs_per_world > MAX_NPCS {
             return refuse("collector.npcs_per_world", "must be at most 4096 in worlds elsewhere");
+        }
+        if self.actors > MAX_ACTORS {
+            return refuse("actors", "must be at most 1024");
         }
         Ok(())
     }
@@ -276,6 +289,11 @@ impl TrainConfig {
             }
         }
         Ok(())
+    }
+
+    /// Whether NPCs collect experience in this process.
+    pub fn is_here(&self) -> bool {
+        self.worlds.is_empty() && self.actors == 0
     }
 
     /// How batches are drawn.

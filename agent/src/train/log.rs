@@ -2,10 +2,10 @@
 
 use super::collector::CollectorStats;
 use super::error::TrainError;
+use super::inflow::Traffic;
 use super::learner::UpdateStats;
 use super::tensorboard::EventWriter;
 use super::validation::Validation;
-use super::worlds::Traffic;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -82,18 +82,23 @@ impl<'a> Log<'a> {
         Ok(())
     }
 
-    /// Logs what the worlds of the run did, and how the time was spent.
+    /// Logs what the sources of the run did, and how the time was spent.
     pub fn traffic(&mut self, updates: u64, learn: f64, traffic: Traffic) -> Result<(), TrainError> {
-        let Traffic { act, encode, wait, live, stale, lost } = traffic;
+        let Traffic { act, encode, wait, live, stale, lost, repeated } = traffic;
         self.line(&format!(
-            "worlds: {live} environments | stale {stale} decisions, lost {lost} environments | act {:.0} % encode {:.0} % wait {:.0} % learn {:.0} %",
+            "sources: {live} connected, {lost} lost | {stale} stale decisions, {repeated} repeated steps | act {:.0} % encode {:.0} % wait {:.0} % learn {:.0} %",
             100.0 * act,
             100.0 * encode,
             100.0 * wait,
             100.0 * learn,
         ));
         let shares = [("act", act), ("encode", encode), ("wait", wait), ("learn", learn)];
-        let counts = [("worlds/environments", live), ("worlds/stale", stale), ("worlds/lost", lost)];
+        let counts = [
+            ("sources/connected", live),
+            ("sources/lost", lost),
+            ("sources/stale", stale),
+            ("sources/repeated", repeated),
+        ];
         let shares = shares.map(|(name, share)| (format!("time/{name}"), share as f32));
         let counts = counts.map(|(name, count)| (name.to_owned(), count as f32));
         let values: Vec<_> = shares.iter().chain(&counts).map(|(name, value)| (name.as_str(), *value)).collect();

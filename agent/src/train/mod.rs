@@ -2,10 +2,11 @@
 //!
 //! Start at [`run`](mod@run). A run is a sequence of rounds. In each, the [`collector`] and the [`learner`] work concurrently, on
 //! one thread each, and meet at a barrier, where the collected steps go into the [`replay`] buffer. So a run is a pure function
-//! of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes exactly. Experience may come from [`worlds`]
-//! elsewhere instead, at their own pace; such a run resumes without its running attempts. [`losses`] follows the
+//! of its configuration ([`config`]), and a checkpoint taken at a barrier (`state`) resumes exactly. Experience may come from
+//! [`worlds`] or [`actors`] elsewhere instead, at their own pace; such a run resumes without its running attempts. [`losses`] follows the
 //! paper's equations; docs/training-and-models.md lists where we differ from them, and why.
 
+pub mod actors;
 mod adam;
 mod arena;
 mod batch;
@@ -13,6 +14,7 @@ pub mod collector;
 pub mod config;
 pub mod critic;
 mod error;
+pub mod inflow;
 pub mod learner;
 mod log;
 pub mod losses;
@@ -31,3 +33,4 @@ pub use error::TrainError;
 pub use learner::Learner;
 pub use run::{Launch, Run, run};
 pub use squash::sample_squashed;
+pub use state::census_of;

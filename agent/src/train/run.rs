@@ -2,14 +2,16 @@
 //!
 //! [`run`] is the loop, [`Run::round`] one iteration: collect, sample, update, store.
 
+use super::actors::Listener;
 use super::config::{CONFIG_FILE, TrainConfig};
 use super::error::TrainError;
+use super::inflow::Collected;
 use super::learner::{Learner, UpdateStats};
 use super::log::Log;
 use super::replay::{self, Batch, Census, Replay, Sampling, census};
-use super::source::Source;
+use super::source::{Source, Ties};
 use super::validation::ValidationSet;
-use super::worlds::{Collected, Connect};
+use super::worlds::Connect;
 use crate::game::GameError;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -26,6 +28,8 @@ use surefoot_rollout::DEFAULT_NOISE_SHARE;
 const WARM_UP: usize = 40;
 /// Rounds between two progress lines of the log.
 const LOG_EVERY: u64 = 50;
+/// Longest time between two progress lines of a run whose experience comes from elsewhere, at any pace.
+const LOG_INTERVAL: Duration = Duration::from_secs(20);
 
 /// A run between two rounds.
 pub struct Run {
@@ -53,12 +57,14 @@ pub struct Launch<'a> {
     pub worlds: Vec<String>,
     /// Connects to worlds.
     pub connect: Connect,
+    /// Where actors connect, for a run that has some.
+    pub listener: Option<Listener>,
 }
 
 impl<'a> Launch<'a> {
     /// A run whose worlds are in this process.
     pub fn here(folder: &'a Path, resume: bool) -> Self {
-        Self { folder, resume, worlds: Vec::new(), connect: nowhere() }
+        Self { folder, resume, worlds: Vec::new(), connect: nowhere(), listener: None }
     }
 }
 
@@ -84,14 +90,14 @@ impl Run {
     /// # Errors
     /// If the configuration is invalid, or the model to start from cannot be used.
     pub fn new(config: TrainConfig) -> Result<Self, TrainError> {
-        Self::create(config, nowhere())
+        Self::create(config, Ties { connect: nowhere(), listener: None })
     }
 
-    /// Creates a new run, which reaches its worlds by `connect`.
+    /// Creates a new run.
     ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub fn create(config: TrainConfig, connect: Connect) -> Result<Self, TrainError> {
+    pub(super) fn create(config: TrainConfig, ties: Ties) -> Result<Self, TrainError> {
         config.validate()?;
         let stream = |number: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
@@ -102,7 +108,8 @@ impl Run {
         if let Some(folder) = &config.start_from {
             learner.start_from(folder)?;
         }
-        let source = Source::new(&config, stream(10), policy(&config, &learner), &connect);
+        let connect = ties.connect.clone();
+        let source = Source::new(&config, stream(10), policy(&config, &learner), ties)?;
         let buffers = source.buffers(config.replay_capacity);
         let best = Best { score: -1.0, updates: 0, validated: 0 };
         Ok(Self { source, learner, buffers, rounds: 0, best, hours: 0.0, connect, learned: Duration::ZERO, config })
@@ -233,13 +240,14 @@ pub fn run(
     while !run.is_over() && !stop.load(Ordering::Relaxed) {
         let started = Instant::now();
         log.note_updates(&run.round_until(stop));
-        if run.rounds.is_multiple_of(LOG_EVERY) {
+        let is_due = run.rounds.is_multiple_of(LOG_EVERY) || !run.config.is_here() && logged.elapsed() > LOG_INTERVAL;
+        if is_due {
             let stats = run.source.take_stats();
             log.progress(run.updates(), run.decisions(), stats)?;
             let elapsed = std::mem::replace(&mut logged, Instant::now()).elapsed();
             let learn = std::mem::take(&mut run.learned).as_secs_f64() / elapsed.as_secs_f64();
-            if let Source::Elsewhere(worlds) = &mut run.source {
-                log.traffic(run.learner.updates(), learn, worlds.take_traffic())?;
+            if let Source::Elsewhere(inflow) = &mut run.source {
+                log.traffic(run.learner.updates(), learn, inflow.take_traffic())?;
             }
         }
         run.hours += started.elapsed().as_secs_f64() / 3600.0;
@@ -256,13 +264,13 @@ pub fn run(
 }
 
 /// Starts a new run in a folder without one.
-fn start(config: TrainConfig, Launch { folder, connect, .. }: Launch<'_>) -> Result<Run, TrainError> {
+fn start(config: TrainConfig, Launch { folder, connect, listener, .. }: Launch<'_>) -> Result<Run, TrainError> {
     if folder.join(CONFIG_FILE).exists() {
         return Err(TrainError::Exists(folder.to_owned()));
     }
-    std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     let text = serde_json::to_vec_pretty(&config).expect("a config is plain data");
-    let run = Run::create(config, connect)?;
+    let run = Run::create(config, Ties { connect, listener })?;
+    std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
     write_atomically(&folder.join(CONFIG_FILE), &text)?;
     Ok(run)
 }

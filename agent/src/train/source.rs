@@ -1,68 +1,99 @@
 //! Where the experience of a run comes from.
 
+use super::actors::{self, Listener};
 use super::collector::{Collector, CollectorState, CollectorStats};
 use super::config::TrainConfig;
+use super::error::TrainError;
+use super::inflow::{Collected, Inflow, InflowState};
 use super::replay::{Replay, Step};
-use super::worlds::{Collected, Connect, Worlds, WorldsState};
+use super::worlds::{self, Connect};
 use rand::rngs::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use surefoot_policy::Policy;
+
+/// What a run needs of the world outside.
+pub(super) struct Ties {
+    /// Connects to worlds.
+    pub connect: Connect,
+    /// Where actors connect.
+    pub listener: Option<Listener>,
+}
 
 /// A source of experience. Its steps come from one or several environments, each with a replay buffer of its own.
 #[derive(Debug)]
 pub(super) enum Source {
     /// Worlds of this process, step by step: a pure function of the configuration.
     Here(Box<Collector>),
-    /// Worlds elsewhere, as they come.
-    Elsewhere(Worlds),
+    /// Worlds or actors elsewhere, as they come.
+    Elsewhere(Inflow),
 }
 
 /// A source as plain data.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum SourceState {
     Here(Box<CollectorState>),
-    Elsewhere(WorldsState),
+    Elsewhere(InflowState),
 }
 
 impl Source {
     /// The source that `config` asks for; `policy` is that of the run at its beginning.
-    pub fn new(config: &TrainConfig, rng: ChaCha8Rng, policy: Policy, connect: &Connect) -> Self {
-        if config.worlds.is_empty() {
-            Self::Here(Box::new(Collector::new(config.collector.clone(), &config.sac.network, rng)))
-        } else {
-            Self::Elsewhere(Worlds::start(config, Arc::new(policy), connect, None))
+    ///
+    /// # Errors
+    /// If actors are to feed the run, but cannot connect.
+    pub fn new(config: &TrainConfig, rng: ChaCha8Rng, policy: Policy, ties: Ties) -> Result<Self, TrainError> {
+        if config.is_here() {
+            let collector = Collector::new(config.collector.clone(), &config.sac.network, rng);
+            return Ok(Self::Here(Box::new(collector)));
         }
+        Self::elsewhere(config, policy, ties, InflowState::default())
+    }
+
+    fn elsewhere(config: &TrainConfig, policy: Policy, ties: Ties, state: InflowState) -> Result<Self, TrainError> {
+        let inflow = match ties.listener {
+            _ if config.actors == 0 => worlds::start(config, policy, &ties.connect, state),
+            Some(listener) => actors::listen(config, policy, listener, state),
+            None => {
+                let problem = "is above 0, but there is no address at which actors connect: give --listen";
+                return Err(TrainError::Config { field: "actors", problem });
+            }
+        };
+        Ok(Self::Elsewhere(inflow))
     }
 
     /// Restores a source; `None` if this cannot be the state of one with this configuration.
-    pub fn restore(config: &TrainConfig, state: SourceState, policy: Policy, connect: &Connect) -> Option<Self> {
-        match state {
-            SourceState::Here(state) if config.worlds.is_empty() => {
-                let collector = Collector::restore(config.collector.clone(), &config.sac.network, *state)?;
-                Some(Self::Here(Box::new(collector)))
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn restore(
+        config: &TrainConfig,
+        state: SourceState,
+        policy: Policy,
+        ties: Ties,
+    ) -> Result<Option<Self>, TrainError> {
+        Ok(match state {
+            SourceState::Here(state) if config.is_here() => {
+                let collector = Collector::restore(config.collector.clone(), &config.sac.network, *state);
+                collector.map(|collector| Self::Here(Box::new(collector)))
             }
-            SourceState::Elsewhere(state) if !config.worlds.is_empty() => {
-                Some(Self::Elsewhere(Worlds::start(config, Arc::new(policy), connect, Some(state))))
-            }
+            SourceState::Elsewhere(state) if !config.is_here() => Some(Self::elsewhere(config, policy, ties, state)?),
             _ => None,
-        }
+        })
     }
 
     /// The whole state; of worlds elsewhere, what remains of it.
     pub fn save(&self) -> SourceState {
         match self {
             Self::Here(collector) => SourceState::Here(Box::new(collector.save())),
-            Self::Elsewhere(worlds) => SourceState::Elsewhere(worlds.save()),
+            Self::Elsewhere(inflow) => SourceState::Elsewhere(inflow.save()),
         }
     }
 
-    /// Number of environments whose NPCs decide together.
+    /// Number of environments or actors whose NPCs decide together.
     pub fn buffer_count(&self) -> usize {
         match self {
             Self::Here(_) => 1,
-            Self::Elsewhere(worlds) => worlds.stream_count(),
+            Self::Elsewhere(inflow) => inflow.source_count(),
         }
     }
 
@@ -70,7 +101,7 @@ impl Source {
     pub fn lane_count(&self) -> usize {
         match self {
             Self::Here(collector) => collector.lane_count(),
-            Self::Elsewhere(worlds) => worlds.lane_count(),
+            Self::Elsewhere(inflow) => inflow.lane_count(),
         }
     }
 
@@ -84,7 +115,7 @@ impl Source {
     pub fn total_decisions(&self) -> u64 {
         match self {
             Self::Here(collector) => collector.total_decisions(),
-            Self::Elsewhere(worlds) => worlds.total_decisions(),
+            Self::Elsewhere(inflow) => inflow.total_decisions(),
         }
     }
 
@@ -92,7 +123,7 @@ impl Source {
     pub fn take_stats(&mut self) -> CollectorStats {
         match self {
             Self::Here(collector) => collector.take_stats(),
-            Self::Elsewhere(worlds) => worlds.take_stats(),
+            Self::Elsewhere(inflow) => inflow.take_stats(),
         }
     }
 
@@ -107,7 +138,7 @@ impl Source {
         let only = |step: Step| (0, Collected::Step(step));
         match self {
             Self::Here(collector) => collector.collect(&policy, version, step_count).into_iter().map(only).collect(),
-            Self::Elsewhere(worlds) => worlds.collect(policy, version, step_count, stop),
+            Self::Elsewhere(inflow) => inflow.collect((policy, version), step_count, stop),
         }
     }
 }

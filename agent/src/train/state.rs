@@ -3,9 +3,9 @@
 use super::config::{CONFIG_FILE, TrainConfig};
 use super::error::TrainError;
 use super::learner::{CRITICS_FILE, Learner, LearnerState};
-use super::replay::Replay;
+use super::replay::{Census, Replay, census};
 use super::run::{Best, Launch, Run, policy};
-use super::source::{Source, SourceState};
+use super::source::{Source, SourceState, Ties};
 use super::validation::Validation;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -24,6 +24,27 @@ struct RunState {
     rounds: u64,
     best: Best,
     hours: f64,
+}
+
+/// Counts what is in the replay buffers of the run in `folder`, as its last checkpoint has them.
+///
+/// # Errors
+/// If there is no checkpoint, or it is damaged.
+pub fn census_of(folder: &Path) -> Result<Census, TrainError> {
+    Ok(census(&read_state(folder)?.0.buffers))
+}
+
+/// Reads the state of the run in `folder`; returns its file as well.
+fn read_state(folder: &Path) -> Result<(RunState, PathBuf), TrainError> {
+    let path = folder.join(STATE_FILE);
+    let bytes = std::fs::read(&path).map_err(|source| TrainError::Io { path: path.clone(), source })?;
+    let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
+    let (body, crc) = bytes.split_last_chunk::<4>().ok_or_else(|| damaged("too short"))?;
+    if crc32c::crc32c(body) != u32::from_le_bytes(*crc) {
+        return Err(damaged("its checksum does not match"));
+    }
+    let state = postcard::from_bytes(body).map_err(|error| damaged(&error.to_string()))?;
+    Ok((state, path))
 }
 
 impl Run {
@@ -73,31 +94,26 @@ impl Run {
     ///
     /// # Errors
     /// If a file cannot be read, is damaged, or does not fit the others.
-    pub fn load(Launch { folder, worlds, connect, .. }: Launch<'_>) -> Result<Self, TrainError> {
-        let read = |path: PathBuf| {
-            std::fs::read(&path).map(|bytes| (path.clone(), bytes)).map_err(|source| TrainError::Io { path, source })
-        };
-        let (path, bytes) = read(folder.join(CONFIG_FILE))?;
+    pub(super) fn load(Launch { folder, worlds, connect, listener, .. }: Launch<'_>) -> Result<Self, TrainError> {
+        let path = folder.join(CONFIG_FILE);
+        let bytes = std::fs::read(&path).map_err(|source| TrainError::Io { path: path.clone(), source })?;
         let mut config: TrainConfig =
             serde_json::from_slice(&bytes).map_err(|error| TrainError::Damaged { path, reason: error.to_string() })?;
         if !worlds.is_empty() {
             config.worlds = worlds;
         }
         config.validate()?;
+        let ties = Ties { connect: connect.clone(), listener };
         if !folder.join(STATE_FILE).exists() {
             // It was killed before its first checkpoint.
-            return Self::create(config, connect);
+            return Self::create(config, ties);
         }
-        let (path, bytes) = read(folder.join(STATE_FILE))?;
+        let (state, path) = read_state(folder)?;
         let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
-        let (body, crc) = bytes.split_last_chunk::<4>().ok_or_else(|| damaged("too short"))?;
-        if crc32c::crc32c(body) != u32::from_le_bytes(*crc) {
-            return Err(damaged("its checksum does not match"));
-        }
-        let state: RunState = postcard::from_bytes(body).map_err(|error| damaged(&error.to_string()))?;
         let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
         let learner = Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?;
-        let source = Source::restore(&config, state.source, policy(&config, &learner), &connect).ok_or_else(foreign)?;
+        let policy = policy(&config, &learner);
+        let source = Source::restore(&config, state.source, policy, ties)?.ok_or_else(foreign)?;
         let lane_count = source.lane_count() / source.buffer_count();
         let fits = |buffer: &Replay| buffer.fits(lane_count, config.replay_capacity, &config.sac.network);
         let is_here = matches!(source, Source::Here(_));

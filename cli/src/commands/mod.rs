@@ -1,5 +1,6 @@
 //! One module per subcommand.
 
+pub mod act;
 pub mod bench;
 pub mod challenge;
 pub mod endpoint;

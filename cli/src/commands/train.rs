@@ -1,23 +1,31 @@
 //! `surefoot train`.
 
-use super::endpoint::CredentialArgs;
+use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
 use super::parse_seeds;
+use super::services::parse_seconds;
 use anyhow::Context;
+use std::net::SocketAddr;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 use surefoot_agent::game::Game;
+use surefoot_agent::train::actors::Listener;
 use surefoot_agent::train::worlds::Connect;
 use surefoot_agent::train::{self, Launch, Processor, TrainConfig};
+use surefoot_net::serving::Endpoint;
 use surefoot_world::exchange;
 use surefoot_world::map::{Features, MapKind, MoverDensities};
+
+/// Places for actors unless the command line says otherwise.
+const USUAL_ACTORS: usize = 2;
 
 /// Train a reactive or recurrent SAC agent. Ctrl-C or SIGTERM writes a checkpoint and exits; --resume continues exactly.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  surefoot train runs/game --from models/general-reactive --maps level.glb --worlds http://10.0.0.7:7700,http://10.0.0.8:7700\n  tensorboard --logdir runs"
+    after_help = "Examples:\n  surefoot train runs/first\n  surefoot train runs/first --resume\n  surefoot train runs/lstm --recurrent --from models/general-reactive\n  surefoot train runs/level --recurrent --from models/general-lstm --maps 2000\n  surefoot train runs/mine --config my.json --updates 50000\n  surefoot train runs/mine --from models/general-reactive --maps level.glb --body unity\n  surefoot train runs/game --from models/general-reactive --maps level.glb --worlds http://10.0.0.7:7700,http://10.0.0.8:7700\n  surefoot train runs/fed --listen 0.0.0.0:7610 --actors 8 --tls-cert server.pem --tls-key server.key --tokens tokens.toml\n  tensorboard --logdir runs"
 )]
 pub struct Args {
     /// Folder of the run: config.json, state.bin, best/, last/, tensorboard/
@@ -78,11 +86,29 @@ pub struct Args {
     /// NPCs on each map, or in each environment of --worlds
     #[arg(long, value_name = "N")]
     npcs: Option<usize>,
+    /// Let actors feed the run (`surefoot act`), which connect to this address, instead of collecting experience in this process
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "worlds")]
+    listen: Option<SocketAddr>,
+    /// Number of actors for which there are places; each has as many NPCs as the run would have in this process
+    #[arg(long, value_name = "N", requires = "listen")]
+    actors: Option<usize>,
+    /// Shortest time between two versions of weights that an actor is sent
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = parse_seconds)]
+    weights_every: f64,
+    /// Print what is in the replay buffers of the run in the folder, as JSON, and exit
+    #[arg(long, conflicts_with_all = ["resume", "worlds", "listen"])]
+    inspect: bool,
     #[command(flatten)]
     credentials: CredentialArgs,
+    #[command(flatten)]
+    endpoint: EndpointArgs,
 }
 
 pub fn run(args: Args) -> anyhow::Result<()> {
+    if args.inspect {
+        println!("{}", serde_json::to_string_pretty(&train::census_of(&args.folder)?)?);
+        return Ok(());
+    }
     let mut config = match &args.config {
         Some(path) => {
             let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -121,7 +147,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         // Weights that know what to do need no random actions first.
         config.collector.random_decisions = 0;
     }
-    config.worlds.clone_from(&args.worlds);
+    if !args.worlds.is_empty() {
+        config.worlds.clone_from(&args.worlds);
+    }
     if let Some(processor) = &args.processor {
         config.processor = if processor == "cuda" { Processor::Cuda } else { Processor::Cpu };
     }
@@ -133,13 +161,30 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         // A wrong address is told before anything is written.
         config.worlds.iter().try_for_each(|uri| connect(uri).map(drop))?;
     }
-    let launch = Launch { folder: &args.folder, resume: args.resume, worlds: args.worlds, connect };
+    if args.listen.is_some() {
+        config.actors = args.actors.unwrap_or(USUAL_ACTORS);
+    }
+    let listener = args.listen.map(|address| listen(address, &args.endpoint, args.weights_every)).transpose()?;
+    if let Some(listener) = &listener {
+        println!("actors connect to {}", listener.endpoint.address());
+    }
+    let launch = Launch { folder: &args.folder, resume: args.resume, worlds: args.worlds, connect, listener };
     train::run(config, launch, &stop, |line| println!("{line}"))?;
     Ok(())
 }
 
+/// Binds the address at which actors connect.
+fn listen(address: SocketAddr, endpoint: &EndpointArgs, weights_every: f64) -> anyhow::Result<Listener> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let endpoint = {
+        let _inside = runtime.enter();
+        Endpoint::open(address, endpoint.config()?)?
+    };
+    Ok(Listener { endpoint, runtime, weights_every: Duration::from_secs_f64(weights_every) })
+}
+
 /// Saves levels as maps in the folder of a run, and returns the files.
-fn copy_levels(files: &[&Path], run: &Path) -> anyhow::Result<Vec<PathBuf>> {
+pub fn copy_levels(files: &[&Path], run: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let folder = run.join("levels");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let copy = |(idx, file): (usize, &&Path)| {
@@ -153,7 +198,7 @@ fn copy_levels(files: &[&Path], run: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// Sets `stop` on the first Ctrl-C or SIGTERM.
-fn stop_on_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
+pub fn stop_on_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let signal = {
         let _inside = runtime.enter();

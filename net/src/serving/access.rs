@@ -74,6 +74,7 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.world.v1.EnvService/StepEnv", GAMES),
     ("surefoot.world.v1.EnvService/StreamEnv", GAMES),
     ("surefoot.world.v1.EnvService/CloseEnv", GAMES),
+    ("surefoot.learn.v1.LearnerService/Feed", WORKERS),
     ("surefoot.world.v1.MapService/ImportMap", EVERYBODY),
     ("surefoot.world.v1.MapService/UploadChunk", EVERYBODY),
     ("surefoot.world.v1.MapService/GetMap", EVERYBODY),

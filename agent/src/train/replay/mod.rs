@@ -15,6 +15,7 @@ mod row;
 mod sample;
 
 pub use census::{Census, census};
+pub use row::{RowError, rows_from_bytes, rows_to_bytes};
 pub use sample::{Batch, Sampling, can_sample, sample};
 
 use row::Row;

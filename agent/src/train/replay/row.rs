@@ -1,7 +1,8 @@
-//! Packed rows: about 420 bytes instead of the 1.5 kB of an observation.
+//! Packed rows: about 420 bytes instead of the 1.5 kB of an observation; 410 in messages.
 
-use super::RowKind;
+use super::{RowKind, Step};
 use serde::{Deserialize, Serialize};
+use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{self, RAY_CHANNELS, RAY_COUNT, STATE_LEN};
@@ -73,4 +74,100 @@ impl Row {
         }
         into[RAY_COUNT * RAY_CHANNELS..].copy_from_slice(&self.state);
     }
+}
+
+/// Bytes of a row in messages.
+const ROW_BYTES: usize = 2 * RAY_COUNT + RAY_COUNT + 4 * (STATE_LEN + ACTION_LEN + 1) + 2;
+
+/// Why bytes are not rows.
+#[derive(Debug, thiserror::Error)]
+pub enum RowError {
+    /// There are too many or too few.
+    #[error("{found} bytes, expected {ROW_BYTES} for each of {expected} NPCs")]
+    Length {
+        /// Number of bytes.
+        found: usize,
+        /// Number of NPCs.
+        expected: usize,
+    },
+    /// A value is out of range.
+    #[error("the row of npc {npc_idx} has {problem}")]
+    Value {
+        /// Index of the NPC.
+        npc_idx: usize,
+        /// What is wrong.
+        problem: &'static str,
+    },
+}
+
+/// Packs the rows of a step for a message: `learn.proto` has the layout. What a step tells of others is left out.
+pub fn rows_to_bytes(step: &Step) -> Vec<u8> {
+    let len = step.observations.len() / step.kinds.len().max(1);
+    let mut bytes = Vec::with_capacity(step.kinds.len() * ROW_BYTES);
+    for (lane, observation) in step.observations.chunks_exact(len.max(1)).enumerate() {
+        let row = Row::pack(&observation[..OBSERVATION_LEN]);
+        bytes.extend(row.proximity.iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend(row.surface);
+        let values = row.state.iter().chain(&step.actions[lane]).chain([&step.rewards[lane]]);
+        bytes.extend(values.flat_map(|value| value.to_le_bytes()));
+        bytes.push(step.kinds[lane] as u8);
+        bytes.push(step.is_fresh[lane].into());
+    }
+    bytes
+}
+
+/// Reads the rows of `npc_count` NPCs; memory and version are left to the caller.
+///
+/// # Errors
+/// If there are too many or too few bytes, or a value is out of range.
+pub fn rows_from_bytes(bytes: &[u8], npc_count: usize) -> Result<Step, RowError> {
+    if bytes.len() != npc_count * ROW_BYTES {
+        return Err(RowError::Length { found: bytes.len(), expected: npc_count });
+    }
+    let mut step = Step { observations: vec![0.0; npc_count * OBSERVATION_LEN], ..Step::default() };
+    let rows = step.observations.chunks_exact_mut(OBSERVATION_LEN).zip(bytes.chunks_exact(ROW_BYTES));
+    for (npc_idx, (observation, bytes)) in rows.enumerate() {
+        let refuse = |problem| RowError::Value { npc_idx, problem };
+        let (proximity, rest) = bytes.split_at(2 * RAY_COUNT);
+        let (surface, rest) = rest.split_at(RAY_COUNT);
+        let (values, flags) = rest.split_at(4 * (STATE_LEN + ACTION_LEN + 1));
+        if surface.iter().any(|surface| usize::from(*surface) >= Surface::ALL.len()) {
+            return Err(refuse("an unknown surface"));
+        }
+        let values: Vec<f32> = values.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect();
+        if !values.iter().all(|value| value.is_finite()) {
+            return Err(refuse("a number that is not finite"));
+        }
+        let (state, rest) = values.split_at(STATE_LEN);
+        let (action, reward) = rest.split_at(ACTION_LEN);
+        if action.iter().any(|value| value.abs() > 1.0) {
+            return Err(refuse("an action outside -1 to 1"));
+        }
+        let kind = match flags[0] {
+            0 => RowKind::Continues,
+            1 => RowKind::Terminated,
+            2 => RowKind::Boundary,
+            _ => return Err(refuse("an unknown kind")),
+        };
+        let mut row = Row {
+            proximity: [0; RAY_COUNT],
+            surface: [0; RAY_COUNT],
+            state: [0.0; STATE_LEN],
+            action: [0.0; ACTION_LEN],
+            reward: reward[0],
+            kind,
+            is_fresh: flags[1] != 0,
+        };
+        let pairs = proximity.as_chunks::<2>().0.iter();
+        row.proximity.iter_mut().zip(pairs).for_each(|(value, pair)| *value = u16::from_le_bytes(*pair));
+        row.surface.copy_from_slice(surface);
+        row.state.copy_from_slice(state);
+        row.action.copy_from_slice(action);
+        row.unpack(observation);
+        step.actions.push(row.action);
+        step.rewards.push(row.reward);
+        step.kinds.push(kind);
+        step.is_fresh.push(row.is_fresh);
+    }
+    Ok(step)
 }

@@ -232,4 +232,3 @@ impl Batch {
         self.observations.len() / self.keep.len().max(1)
     }
 }
-

@@ -1,10 +1,9 @@
 //! Inference for all environments in one place.
 
-use super::{Meters, Published};
 use crate::train::config::TrainConfig;
+use crate::train::inflow::{Inlet, Meters};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
@@ -37,12 +36,12 @@ pub(super) struct Brain {
 
 impl Brain {
     /// Starts the thread, which ends when all that can ask are gone.
-    pub fn start(config: &TrainConfig, published: Published, meters: Arc<Meters>, decisions_before: u64) -> Self {
+    pub fn start(config: &TrainConfig, inlet: Inlet, decisions_before: u64) -> Self {
         let (asks, waiting) = channel();
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ decisions_before);
         rng.set_stream(12);
         let random_decisions = config.collector.random_decisions;
-        let mut thinker = Thinker { waiting, published, meters, random_decisions, rng };
+        let mut thinker = Thinker { waiting, inlet, random_decisions, rng };
         std::thread::spawn(move || while thinker.decide().is_some() {});
         Self { asks }
     }
@@ -57,8 +56,7 @@ impl Brain {
 
 struct Thinker {
     waiting: Receiver<Ask>,
-    published: Published,
-    meters: Arc<Meters>,
+    inlet: Inlet,
     random_decisions: u64,
     rng: ChaCha8Rng,
 }
@@ -74,11 +72,11 @@ impl Thinker {
             asks.push(ask);
         }
         let started = Instant::now();
-        let (policy, version) = self.published.read().expect("no holder panics").clone();
+        let (policy, version) = self.inlet.policies.borrow().clone();
         let gather = |field: fn(&Ask) -> &Vec<f32>| asks.iter().flat_map(field).copied().collect::<Vec<f32>>();
         let (observations, mut memory) = (gather(|ask| &ask.observations), gather(|ask| &ask.memory));
         let mut actions = Vec::new();
-        let before = self.meters.decisions.fetch_add(row_count as u64, Ordering::Relaxed);
+        let before = self.inlet.meters.decisions.fetch_add(row_count as u64, Ordering::Relaxed);
         if before < self.random_decisions {
             let rng = &mut self.rng;
             let mut draw = || [(); ACTION_LEN].map(|()| rng.random_range(-1.0..1.0));
@@ -94,7 +92,7 @@ impl Thinker {
             // Whoever is gone needs no answer.
             let _ = ask.answer.send(Answer { actions: own_actions, memory: own.to_vec(), version });
         }
-        Meters::add(&self.meters.act_us, started.elapsed());
+        Meters::add(&self.inlet.meters.act_us, started.elapsed());
         Some(())
     }
 }

@@ -2,35 +2,21 @@
 
 use super::brain::{Answer, Brain};
 use super::lanes::{Lanes, Settled};
-use super::{Connect, Meters, Place};
+use super::{Connect, Place};
 use crate::game::{GameError, Level};
 use crate::train::arena::Arena;
-use crate::train::collector::CollectorStats;
 use crate::train::config::CollectorConfig;
+use crate::train::inflow::{Arrival, Inlet, Meters};
 use crate::train::replay::Step;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::ops::ControlFlow;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::SyncSender;
 use std::time::Duration;
 
 /// First and longest wait before a world that went away is tried again.
 const RETRY: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(10));
 /// Interval at which a stream that waits looks whether it should stop.
 const LOOK: Duration = Duration::from_millis(50);
-
-/// What a stream hands to the learner.
-pub(super) enum Arrival {
-    /// Rows, and what they were like.
-    Step(Step, CollectorStats),
-    /// All running attempts are over: the world went away, or the stream goes on on another map.
-    Closed {
-        /// Whether the world went away.
-        is_lost: bool,
-    },
-}
 
 /// One environment, which a thread steps.
 pub(super) struct Stream {
@@ -44,9 +30,7 @@ pub(super) struct Stream {
     pub seed: u64,
     pub connect: Connect,
     pub brain: Brain,
-    pub arrivals: SyncSender<(usize, Arrival)>,
-    pub meters: Arc<Meters>,
-    pub stopping: Arc<AtomicBool>,
+    pub inlet: Inlet,
 }
 
 /// What ends the steps of an environment.
@@ -85,7 +69,9 @@ impl Stream {
                     true
                 }
             };
-            if self.send(Arrival::Closed { is_lost }).is_break() || is_lost && self.pause(wait).is_break() {
+            if self.inlet.send(self.idx, Arrival::Closed { is_lost }).is_break()
+                || is_lost && self.pause(wait).is_break()
+            {
                 return;
             }
             wait = if is_lost { (2 * wait).min(RETRY.1) } else { RETRY.0 };
@@ -99,7 +85,7 @@ impl Stream {
         let game = (self.connect)(&self.place.uri)?;
         let (mut lanes, goals) = Lanes::new(arena, &self.config, ChaCha8Rng::seed_from_u64(rng.random()));
         let mut env = game.open(&Level { map, body }, &goals)?;
-        let _live = Live::new(&self.meters);
+        let _live = self.inlet.meters.live();
         let mut is_fresh = vec![true; goals.len()];
         let mut memory = vec![0.0; goals.len() * self.memory_len];
         let does_rotate = self.place.level.is_none() && self.config.map_seeds.len() > 1;
@@ -122,25 +108,20 @@ impl Stream {
                 is_fresh[npc_idx] = true;
                 memory[npc_idx * self.memory_len..][..self.memory_len].fill(0.0);
             }
-            Meters::add(&self.meters.encode_us, env.take_encode_time());
+            Meters::add(&self.inlet.meters.encode_us, env.take_encode_time());
             *step_count += 1;
-            if self.send(Arrival::Step(step, stats)).is_break() {
+            if self.inlet.send(self.idx, Arrival::Step(step, stats)).is_break() {
                 return Err(Over::Run);
             }
         }
         Err(Over::Map)
     }
 
-    /// Hands something to the learner, when that has taken what came before; `Break` when the run is over.
-    fn send(&self, arrival: Arrival) -> ControlFlow<()> {
-        self.arrivals.send((self.idx, arrival)).map_or(ControlFlow::Break(()), ControlFlow::Continue)
-    }
-
     /// Waits; `Break` when the run is over.
     fn pause(&self, time: Duration) -> ControlFlow<()> {
         let mut left = time;
         while !left.is_zero() {
-            if self.stopping.load(Ordering::Relaxed) {
+            if self.inlet.is_over() {
                 return ControlFlow::Break(());
             }
             let part = left.min(LOOK);
@@ -148,21 +129,5 @@ impl Stream {
             left -= part;
         }
         ControlFlow::Continue(())
-    }
-}
-
-/// Counts a connected stream while it lives.
-struct Live<'a>(&'a Meters);
-
-impl<'a> Live<'a> {
-    fn new(meters: &'a Meters) -> Self {
-        meters.live.fetch_add(1, Ordering::Relaxed);
-        Self(meters)
-    }
-}
-
-impl Drop for Live<'_> {
-    fn drop(&mut self) {
-        self.0.live.fetch_sub(1, Ordering::Relaxed);
     }
 }
