@@ -168,6 +168,81 @@ fn sequences_start_at_stored_memories_and_include_each_steps_successor() {
 #[test]
 fn nothing_is_drawn_before_a_whole_sequence_was_written() {
     let sampling = Sampling { batch: 1, burn_in: 4, learn: 6, n_step: 3, discount: DISCOUNT, mirror: false };
-    assert!(!remembering(12, 400).can_sample(sampling));
-    assert!(remembering(13, 400).can_sample(sampling));
+    assert!(!replay::can_sample(&[remembering(12, 400)], sampling));
+    assert!(replay::can_sample(&[remembering(12, 400), remembering(13, 400)], sampling));
+}
+
+#[test]
+fn batches_come_from_all_buffers_in_proportion() {
+    use RowKind::Continues;
+    let buffers = [replay(&[(Continues, 1.0); 8]), replay(&[(Continues, 3.0); 32]), replay(&[(Continues, 9.0)])];
+    let sampling = Sampling { batch: 4000, burn_in: 0, learn: 1, n_step: 1, discount: DISCOUNT, mirror: false };
+    let mut batch = Batch::default();
+    replay::sample(&buffers, sampling, &mut ChaCha8Rng::seed_from_u64(0), &mut batch);
+    let count = |reward: f32| batch.returns.iter().filter(|value| **value == reward).count();
+    assert!((600..1000).contains(&count(1.0)) && (3000..3400).contains(&count(3.0)), "8 and 32 rows: {}", count(1.0));
+    assert_eq!(count(9.0), 0, "a row without a successor is not drawn");
+}
+
+#[test]
+fn what_follows_a_closed_attempt_is_not_its_successor() {
+    use RowKind::{Continues, Terminated};
+    let mut closed = replay(&[(Continues, 1.0), (Continues, 2.0)]);
+    closed.close();
+    let step = |reward| Step {
+        observations: vec![0.0; OBSERVATION_LEN],
+        actions: vec![[0.0; 4]],
+        is_fresh: vec![true],
+        rewards: vec![reward],
+        kinds: vec![Continues],
+        version: 7,
+        ..Step::default()
+    };
+    (0..4).for_each(|_| closed.push_step(&step(100.0)));
+    for (number, total, bootstrap, next) in samples(&closed, 3) {
+        if number == 0 && next == 1 {
+            assert_eq!((total, bootstrap), (1.0, DISCOUNT), "bootstrapped from the last observation before the end");
+        } else {
+            assert!(total >= 100.0, "the row whose successor is unknown is not learned from: {total}");
+        }
+    }
+    let census = replay::census(&[closed]);
+    assert_eq!((census.rows, census.continues, census.boundaries, census.twins), (6, 5, 1, 3));
+    assert_eq!(census.versions, (0, 7));
+    let mut ended = replay(&[(Continues, 1.0), (Terminated, 5.0)]);
+    ended.close();
+    assert_eq!(replay::census(&[ended]).terminated, 1, "an attempt that has ended stays so");
+}
+
+#[test]
+fn rows_in_messages_are_the_rows_that_were_sent() {
+    let mut observation: Vec<f32> = (0..OBSERVATION_LEN).map(|idx| (idx % 13) as f32 / 13.0).collect();
+    // A surface in one channel at most, as sensing writes them.
+    observation[64..RAY_LEN].fill(0.0);
+    let step = Step {
+        observations: [observation.clone(), observation].concat(),
+        actions: vec![[0.5, -0.25, 0.125, 1.0], [0.0; 4]],
+        is_fresh: vec![true, false],
+        rewards: vec![1.5, -0.5],
+        kinds: vec![RowKind::Terminated, RowKind::Boundary],
+        ..Step::default()
+    };
+    let bytes = replay::rows_to_bytes(&step);
+    assert_eq!(bytes.len(), 2 * 410);
+    let read = replay::rows_from_bytes(&bytes, 2).expect("what was just written");
+    assert_eq!((read.actions, read.rewards, read.kinds), (step.actions, step.rewards, step.kinds));
+    assert_eq!(read.is_fresh, step.is_fresh);
+    let far = read.observations.iter().zip(&step.observations).filter(|(read, sent)| (**read - **sent).abs() > 2.0e-5);
+    assert_eq!(far.count(), 0);
+    let refusal = |bytes: &[u8]| replay::rows_from_bytes(bytes, 2).unwrap_err().to_string();
+    assert!(refusal(&bytes[..819]).contains("819 bytes, expected 410 for each of 2 NPCs"));
+    for (at, value, words) in [(130, 250, "npc 0 has an unknown surface"), (408, 3, "an unknown kind"), (811, 127, "npc 1")] {
+        let mut bad = bytes.clone();
+        bad[at] = value;
+        if at == 811 {
+            // The last byte but one of a float: an infinite reward.
+            bad[410 + 404..410 + 408].copy_from_slice(&f32::INFINITY.to_le_bytes());
+        }
+        assert!(refusal(&bad).contains(words), "{}", refusal(&bad));
+    }
 }

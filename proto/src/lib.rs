@@ -27,7 +27,7 @@ pub mod planner {
 
 /// Generated code of `surefoot.learn.v1`.
 pub mod learn {
-    #[expect(missing_docs, clippy::all, reason = "generated code")]
+    #[expect(missing_docs, reason = "generated code")]
     pub mod v1 {
         tonic::include_proto!("surefoot.learn.v1");
     }
