@@ -138,6 +138,7 @@ fn config(method: Method) -> EvalConfig {
         price: Price::Risk,
         thread_count: 2,
         keep_in: None,
+        shard: None,
         game: None,
         graph: None,
         record: None,

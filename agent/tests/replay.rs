@@ -236,7 +236,9 @@ fn rows_in_messages_are_the_rows_that_were_sent() {
     assert_eq!(far.count(), 0);
     let refusal = |bytes: &[u8]| replay::rows_from_bytes(bytes, 2).unwrap_err().to_string();
     assert!(refusal(&bytes[..819]).contains("819 bytes, expected 410 for each of 2 NPCs"));
-    for (at, value, words) in [(130, 250, "npc 0 has an unknown surface"), (408, 3, "an unknown kind"), (811, 127, "npc 1")] {
+    for (at, value, words) in
+        [(130, 250, "npc 0 has an unknown surface"), (408, 3, "an unknown kind"), (811, 127, "npc 1")]
+    {
         let mut bad = bytes.clone();
         bad[at] = value;
         if at == 811 {

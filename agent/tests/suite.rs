@@ -2,7 +2,7 @@
 
 use surefoot_agent::eval::ablation::{self, Factor, Policies};
 use surefoot_agent::eval::suite::{self, Entry};
-use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, Report, evaluate};
+use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, Report, Shard, evaluate};
 use surefoot_planner::BuildSettings;
 use surefoot_policy::Policy;
 use surefoot_rollout::FollowConfig;
@@ -26,6 +26,7 @@ fn config(keep_in: Option<&tempfile::TempDir>, thread_count: usize) -> EvalConfi
         price: Price::Risk,
         thread_count,
         keep_in: keep_in.map(|folder| folder.path().to_owned()),
+        shard: None,
         game: None,
         graph: None,
         record: None,
@@ -128,4 +129,25 @@ fn an_ablation_changes_one_factor_at_a_time_and_shares_graphs() {
     assert!(table.contains("| rehearsals | ") && table.contains("2 maps, 9 goals"), "{table}");
     let one = EvalConfig { maps: base.maps[..1].to_vec(), ..base };
     assert!(ablation::run(&policies, &one, settings, |_, _| {}).unwrap_err().to_string().contains("two maps"));
+}
+
+#[test]
+fn shards_together_are_the_whole_whatever_ran_where_and_how_often() {
+    let (parts, whole) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let config = |folder, shard| EvalConfig { shard, seeds: (0..4).collect(), ..config(Some(folder), 1) };
+    let policy = surefoot_policy::Policy::shipped().unwrap();
+    let count = || std::fs::read_dir(parts.path()).map_or(0, |entries| entries.count());
+    let mut counts = Vec::new();
+    for idx in [2, 0, 2, 1] {
+        evaluate(&policy, &config(&parts, Some(Shard { idx, count: 3 })), |_, _| {}).unwrap();
+        counts.push(count());
+    }
+    let units = config(&whole, None).maps.len() * 4;
+    assert!(counts[0] < units && counts[1] > counts[0], "a part is not the whole: {counts:?}");
+    assert_eq!((counts[2], counts[3]), (counts[1], units), "a part that runs again adds nothing: {counts:?}");
+    let [from_parts, at_once] =
+        [&parts, &whole].map(|folder| evaluate(&policy, &config(folder, None), |_, _| {}).unwrap());
+    assert_eq!(count(), units, "nothing was left to run");
+    assert_eq!(from_parts.success, at_once.success);
+    assert_eq!(from_parts.ends, at_once.ends);
 }

@@ -215,6 +215,7 @@ fn config(game: Option<Game>, method: Method) -> EvalConfig {
         price: Price::Risk,
         thread_count: 2,
         keep_in: None,
+        shard: None,
         record: None,
     }
 }

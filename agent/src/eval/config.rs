@@ -72,8 +72,29 @@ pub struct EvalConfig {
     pub thread_count: usize,
     /// Folder to save finished units in and to load them from; `None` to run every unit and save none.
     pub keep_in: Option<PathBuf>,
+    /// The part of the units to run, if others are run elsewhere; `None` for all. Reports over a part mean nothing: only the units that
+    /// are saved do.
+    pub shard: Option<Shard>,
     /// Where the attempts are recorded, or the record that is checked instead of running them; `None` to do neither.
     pub record: Option<Arc<Record>>,
+}
+
+/// One of several parts into which the units of an evaluation are divided, by map and seed, wherever and in whatever order they run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    /// Index of the part.
+    pub idx: u64,
+    /// Number of parts, at least 1.
+    pub count: u64,
+}
+
+impl Shard {
+    /// Whether the unit of this map and seed belongs to the part.
+    pub fn holds(self, map: &str, seed: u64) -> bool {
+        let hash = blake3::hash(format!("{map} {seed}").as_bytes());
+        let (first, _) = hash.as_bytes().split_first_chunk::<8>().expect("32 bytes");
+        u64::from_le_bytes(*first) % self.count == self.idx
+    }
 }
 
 impl From<InGameError> for EvalError {

@@ -20,7 +20,7 @@ pub mod suite;
 pub mod unit;
 pub mod variants;
 
-pub use config::{EvalConfig, EvalError, Method, Price};
+pub use config::{EvalConfig, EvalError, Method, Price, Shard};
 pub use intervals::Interval;
 pub use maps::{EvalMap, MapName};
 pub(crate) use reachable::{Terrain, is_on_foot, reachable};

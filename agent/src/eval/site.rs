@@ -85,6 +85,9 @@ pub fn load_or_run(
     let path = config.keep_in.as_ref().map(|folder| folder.join(format!("{key}.json")));
     let unit = match path.as_deref().and_then(|path| load(path, config.goals)) {
         Some(unit) => unit,
+        None if config.shard.is_some_and(|shard| !shard.holds(&choice.name().to_string(), seed)) => {
+            return Ok(elsewhere(config, choice, seed));
+        }
         None => {
             let unit = Site::new(policy, config, choice, survey(surveyed, config, choice), seed)?.run()?;
             if let Some(path) = &path {
@@ -97,6 +100,30 @@ pub fn load_or_run(
         record.add(policy, &key, &unit);
     }
     Ok(unit)
+}
+
+/// Stands for a unit that is run elsewhere: every attempt in it is missing. It is neither saved nor recorded.
+fn elsewhere(config: &EvalConfig, choice: &EvalMap, seed: u64) -> Unit {
+    let missing = Attempt {
+        end: End::NoProgress,
+        decisions: 0,
+        replans: 0,
+        length: 0.0,
+        plans: 0,
+        promised: None,
+        promised_arrival: None,
+        fault: None,
+    };
+    Unit {
+        map: choice.name(),
+        seed,
+        distances: vec![1.0; config.goals],
+        reachable: vec![true; config.goals],
+        on_foot: vec![false; config.goals],
+        attempts: vec![missing; config.goals],
+        motion: Default::default(),
+        graph: None,
+    }
 }
 
 fn survey<'s>(surveyed: &'s mut Option<Surveyed>, config: &EvalConfig, choice: &EvalMap) -> &'s mut Surveyed {

@@ -1,9 +1,11 @@
-//! The log of a run: text lines, and curves for TensorBoard.
+//! The log of a run: text lines, and curves for TensorBoard and MLflow.
 
 use super::collector::CollectorStats;
+use super::config::TrainConfig;
 use super::error::TrainError;
 use super::inflow::Traffic;
 use super::learner::UpdateStats;
+use super::mlflow::FileStore;
 use super::tensorboard::EventWriter;
 use super::validation::Validation;
 use std::path::{Path, PathBuf};
@@ -14,6 +16,7 @@ pub(super) struct Log<'a> {
     folder: PathBuf,
     report: &'a mut dyn FnMut(&str),
     events: EventWriter,
+    store: FileStore,
     /// Statistics of the last update that updated the actor.
     recent: UpdateStats,
     since: Instant,
@@ -21,14 +24,22 @@ pub(super) struct Log<'a> {
 }
 
 impl<'a> Log<'a> {
-    /// Creates a log that sends lines to `report` and writes curves into `folder`.
-    pub fn create(folder: &Path, updates: u64, report: &'a mut dyn FnMut(&str)) -> Result<Self, TrainError> {
-        let events = EventWriter::create(&folder.join("tensorboard"))
-            .map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
+    /// Creates a log that sends lines to `report` and writes curves into `folder`, for TensorBoard and MLflow.
+    pub fn create(
+        folder: &Path,
+        config: &TrainConfig,
+        updates: u64,
+        report: &'a mut dyn FnMut(&str),
+    ) -> Result<Self, TrainError> {
+        let failed = |source| TrainError::Io { path: folder.to_owned(), source };
+        let events = EventWriter::create(&folder.join("tensorboard")).map_err(failed)?;
+        let parameters = serde_json::to_value(config).expect("a config is plain data");
+        let store = FileStore::open(&folder.join("mlruns"), &config.name, &parameters).map_err(failed)?;
         Ok(Self {
             folder: folder.to_owned(),
             report,
             events,
+            store,
             recent: UpdateStats::default(),
             since: Instant::now(),
             updates_before: updates,
@@ -41,7 +52,7 @@ impl<'a> Log<'a> {
     }
 
     fn scalars(&mut self, updates: u64, values: &[(&str, f32)]) -> Result<(), TrainError> {
-        let written = self.events.scalars(updates, values);
+        let written = self.events.scalars(updates, values).and_then(|()| self.store.scalars(updates, values));
         written.map_err(|source| TrainError::Io { path: self.folder.clone(), source })
     }
 

@@ -18,6 +18,7 @@ pub mod inflow;
 pub mod learner;
 mod log;
 pub mod losses;
+mod mlflow;
 pub mod replay;
 mod rng;
 pub mod run;

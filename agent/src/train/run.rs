@@ -235,7 +235,7 @@ pub fn run(
     let folder = launch.folder;
     let mut run = if launch.resume { Run::load(launch)? } else { start(config, launch)? };
     let validation_set = ValidationSet::new(&run.config);
-    let mut log = Log::create(folder, run.updates(), &mut report)?;
+    let mut log = Log::create(folder, &run.config, run.updates(), &mut report)?;
     let mut logged = Instant::now();
     while !run.is_over() && !stop.load(Ordering::Relaxed) {
         let started = Instant::now();

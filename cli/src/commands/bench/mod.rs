@@ -1,6 +1,7 @@
 //! `surefoot bench`: speed measurements on this machine, as one JSON document.
 
 mod edits;
+mod feed;
 mod floods;
 mod learn;
 mod plan;
@@ -23,8 +24,9 @@ use std::time::Instant;
 )]
 pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
-    /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server
-    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods"])]
+    /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server; feed: a learner that more and
+    /// more worlds, or actors, feed
+    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed"])]
     what: String,
     /// serve, soak, floods: Number of NPCs, on 8 worlds; default: 1024, 256 and 256
     #[arg(long, value_name = "N")]
@@ -116,6 +118,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "world" => world::figures_on(&args.maps)?,
         _ if !args.maps.is_empty() => anyhow::bail!("--maps goes with `bench world` alone"),
         "learn" => learn::figures()?,
+        "feed" => feed::figures()?,
         "serve" => serve::figures(args)?,
         "soak" => soak::figures(args)?,
         "floods" => floods::figures(args)?,

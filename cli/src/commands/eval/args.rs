@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, living};
+use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, Shard, living};
 use surefoot_planner::export::import_json;
 use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
 use surefoot_policy::Policy;
@@ -21,7 +21,7 @@ const UNITS: &str = "units";
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out docs/results/kinds\n  surefoot eval --check docs/results/kinds"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out docs/results/kinds\n  surefoot eval --suite kinds --out kinds --shard 0/8\n  surefoot eval --check docs/results/kinds"
 )]
 pub struct Args {
     /// Run a whole table instead: the paper's rows for which --models has weights (paper); what each of our choices adds to the paper's
@@ -38,6 +38,10 @@ pub struct Args {
     /// made with
     #[arg(long, value_name = "FOLDER")]
     pub(super) out: Option<PathBuf>,
+    /// Run only the maps and seeds of part I of N, and save them in the folder of --out, where a run without --shard finds those of all parts.
+    /// Parts may run on any machines, in any order, more than once
+    #[arg(long, value_name = "I/N", value_parser = parse_shard, conflicts_with = "check")]
+    pub(super) shard: Option<Shard>,
     /// Check what --out wrote into this folder: derive the figures again from the attempts on record, and make a share of these again
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["suite", "out", "maps", "method"])]
     pub(super) check: Option<PathBuf>,
@@ -186,6 +190,9 @@ impl Args {
         if game.is_some() && (self.suite.is_some() || self.out.is_some()) {
             bail!("--world cannot be combined with --suite or --out: what a game does is not on record");
         }
+        if self.shard.is_some() && self.out.is_none() {
+            bail!("--shard needs --out: the folder in which the units of all shards come together");
+        }
         if graph.is_some() && self.method == "policy" {
             bail!("--graph has no use with --method policy");
         }
@@ -207,6 +214,7 @@ impl Args {
             game,
             graph,
             keep_in: self.out.as_ref().map(|folder| folder.join(UNITS)),
+            shard: self.shard,
             record: None,
             thread_count: self.threads.unwrap_or_else(core_count),
         })
@@ -216,6 +224,14 @@ impl Args {
 fn read_graph(path: &Path) -> anyhow::Result<Arc<NavGraph>> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(Arc::new(import_json(&text).with_context(|| format!("{} is not a graph", path.display()))?))
+}
+
+fn parse_shard(text: &str) -> Result<Shard, String> {
+    let numbers = text.split_once('/').and_then(|(idx, count)| Some((idx.parse().ok()?, count.parse().ok()?)));
+    match numbers {
+        Some((idx, count)) if idx < count => Ok(Shard { idx, count }),
+        _ => Err("expected I/N with I from 0 to N - 1, such as 0/4".to_owned()),
+    }
 }
 
 fn parse_distance(text: &str) -> anyhow::Result<Range<f32>> {

@@ -21,6 +21,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let Some(folder) = &args.out else {
         return measure(args, None)?.print(args.json);
     };
+    if args.shard.is_some() {
+        // What a part says of the whole means nothing: only its units are kept.
+        measure(args, None)?;
+        println!(
+            "the units of this shard are in {}; run the command without --shard once all are there",
+            folder.display()
+        );
+        return Ok(());
+    }
     let (start, started) = (provenance::Start::now(), Instant::now());
     let record = Arc::new(Record::new());
     let results = measure(args, Some(record.clone()))?;

@@ -1,0 +1,174 @@
+//! Feeding a learner: how decisions per second grow with the number of worlds, and of actors, whose cost is injected.
+//!
+//! A game that sleeps for a fixed time at every decision stands for a machine of its own, so that many fit on one: what is measured is how
+//! well the learner keeps them busy, not how fast they are.
+
+use super::Figure;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+use surefoot_agent::game::Game;
+use surefoot_agent::train::actors::Listener;
+use surefoot_agent::train::actors::actor::{ActorConfig, act};
+use surefoot_agent::train::worlds::Connect;
+use surefoot_agent::train::{self, CollectorConfig, Launch, TrainConfig};
+use surefoot_game::{BodyState, CharacterProfile, Command, GameWorld, Hit, Level, Vec3};
+use surefoot_net::client::Credentials;
+use surefoot_net::serving::Endpoint;
+use surefoot_world::sense::RAY_COUNT;
+
+/// Time that a world takes for a tick of all its NPCs: 50 ms for a decision.
+const TICK_COST: Duration = Duration::from_millis(5);
+/// NPCs of an environment.
+const NPCS: usize = 32;
+/// Numbers of worlds, and of actors.
+const COUNTS: [usize; 4] = [1, 2, 4, 8];
+/// Progress lines between which decisions are counted, after the first.
+const LINES: usize = 2;
+/// Least share of an added world or actor that must arrive.
+const TARGET: f64 = 0.8;
+
+/// All figures of `bench feed`.
+pub fn figures() -> anyhow::Result<Vec<Figure>> {
+    let worlds = ["worlds_1_decisions_s", "worlds_2_share", "worlds_4_share", "worlds_8_share"];
+    let actors = ["actors_1_decisions_s", "actors_2_share", "actors_4_share", "actors_8_share"];
+    let mut figures = Vec::new();
+    for (names, feed) in [(worlds, feed_by_worlds as fn(usize) -> anyhow::Result<f64>), (actors, feed_by_actors)] {
+        let mut alone = 0.0;
+        for (name, count) in names.into_iter().zip(COUNTS) {
+            let rate = feed(count)?;
+            figures.push(if count == 1 {
+                alone = rate;
+                Figure::new(name, rate, "1/s, 50 ms a decision of 32 NPCs")
+            } else {
+                Figure::new(name, rate / (count as f64 * alone), "of as many times the rate of one").at_least(TARGET)
+            });
+        }
+    }
+    Ok(figures)
+}
+
+/// A game in which nothing moves, and every tick takes its time.
+struct Sleeping(Vec<BodyState>);
+
+struct SleepingLevel;
+
+impl Level for SleepingLevel {
+    fn open(&self, _body: &CharacterProfile, count: usize) -> Result<Box<dyn GameWorld>, String> {
+        Ok(Box::new(Sleeping(vec![BodyState { is_grounded: true, ..BodyState::default() }; count])))
+    }
+}
+
+impl GameWorld for Sleeping {
+    fn place(&mut self, character: usize, feet: Vec3, yaw: f32) {
+        (self.0[character].feet, self.0[character].yaw) = (feet, yaw);
+    }
+
+    fn tick(&mut self, _commands: &[(usize, Command)]) {
+        std::thread::sleep(TICK_COST);
+    }
+
+    fn state(&self, character: usize) -> BodyState {
+        self.0[character]
+    }
+
+    fn cast(&self, _origin: Vec3, _directions: &[Vec3; RAY_COUNT], _range: f32) -> [Hit; RAY_COUNT] {
+        [None; RAY_COUNT]
+    }
+}
+
+fn free_address() -> std::io::Result<SocketAddr> {
+    TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()
+}
+
+/// Starts games, which run until the process ends, and returns their addresses once they serve.
+fn games(count: usize) -> anyhow::Result<Vec<String>> {
+    let mut uris = Vec::new();
+    for _ in 0..count {
+        let address = free_address()?;
+        std::thread::spawn(move || surefoot_game::serve_blocking(SleepingLevel, address, 64));
+        let since = Instant::now();
+        while std::net::TcpStream::connect(address).is_err() {
+            anyhow::ensure!(since.elapsed() < Duration::from_secs(10), "no game at {address}");
+        }
+        uris.push(format!("http://{address}"));
+    }
+    Ok(uris)
+}
+
+/// A run that learns a little on the side.
+fn config() -> TrainConfig {
+    TrainConfig {
+        total_updates: u64::MAX,
+        steps_per_round: 1,
+        updates_per_round: 1,
+        batch: 64,
+        replay_capacity: 100_000,
+        validate_every: u64::MAX,
+        checkpoint_every: u64::MAX,
+        validation_goals: 1,
+        validation_seeds: vec![1000],
+        stop_after: None,
+        collector: CollectorConfig {
+            map_seeds: vec![0],
+            map_side: 60,
+            world_count: 1,
+            npcs_per_world: NPCS,
+            random_decisions: 0,
+            ..CollectorConfig::default()
+        },
+        ..TrainConfig::default()
+    }
+}
+
+fn connect() -> Connect {
+    Arc::new(|uri| Game::connect(uri, &Credentials::default()))
+}
+
+fn feed_by_worlds(count: usize) -> anyhow::Result<f64> {
+    let config = TrainConfig { worlds: games(count)?, envs_per_world: 2, ..config() };
+    rate_of(config, None, &AtomicBool::new(false))
+}
+
+fn feed_by_actors(count: usize) -> anyhow::Result<f64> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let endpoint = {
+        let _inside = runtime.enter();
+        Endpoint::bind((Ipv4Addr::LOCALHOST, 0).into())?
+    };
+    let learner = format!("http://{}", endpoint.address());
+    let stop = Arc::new(AtomicBool::new(false));
+    for (idx, world) in games(count)?.into_iter().enumerate() {
+        let (stop, learner) = (stop.clone(), learner.clone());
+        let config = ActorConfig {
+            learner,
+            credentials: Credentials::default(),
+            actor_id: idx.to_string(),
+            seed: idx as u64,
+            levels: Vec::new(),
+            world: Some(world),
+            connect: connect(),
+        };
+        std::thread::spawn(move || act(config, &stop, |_| {}));
+    }
+    let listener = Listener { endpoint, runtime, weights_every: Duration::from_secs(2) };
+    rate_of(TrainConfig { actors: count, ..config() }, Some(listener), &stop)
+}
+
+/// Decisions per second of a run, once it is under way.
+fn rate_of(config: TrainConfig, listener: Option<Listener>, stop: &AtomicBool) -> anyhow::Result<f64> {
+    let folder = tempfile::tempdir()?;
+    let run = folder.path().join("run");
+    let launch = Launch { folder: &run, resume: false, worlds: Vec::new(), connect: connect(), listener };
+    let lines: Mutex<Vec<(Instant, u64)>> = Mutex::default();
+    train::run(config, launch, stop, |line| {
+        let Some(decisions) = line.split_whitespace().nth(3).filter(|_| line.starts_with("updates ")) else { return };
+        let mut lines = lines.lock().expect("no holder panics");
+        lines.push((Instant::now(), decisions.parse().unwrap_or(0)));
+        stop.store(lines.len() > LINES, Ordering::Relaxed);
+    })?;
+    let lines = lines.into_inner().expect("no holder panics");
+    let ((began, before), (ended, after)) = (lines[0], lines[lines.len() - 1]);
+    Ok((after - before) as f64 / (ended - began).as_secs_f64())
+}
