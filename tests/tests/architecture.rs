@@ -58,7 +58,7 @@ const FOREIGN: [(&str, &[&str]); 6] = [
 ];
 
 /// Files that may use generated wire types, besides `proto`, the command line and the tests.
-const KNOW_THE_WIRE: [&str; 25] = [
+const KNOW_THE_WIRE: [&str; 28] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
     "server/src/wire/living.rs",
@@ -81,6 +81,10 @@ const KNOW_THE_WIRE: [&str; 25] = [
     "agent/src/work/graph.rs",
     "agent/src/challenge/host.rs",
     "agent/src/game/link.rs",
+    "agent/src/train/actors/wire.rs",
+    "agent/src/train/actors/actor.rs",
+    // The service of a learner.
+    "agent/src/train/actors/service.rs",
     "agent/src/crowd.rs",
     "cli/src/commands/up.rs",
     "cli/src/commands/top.rs",

@@ -16,6 +16,7 @@ use surefoot_agent::train::{self, CollectorConfig, Launch, TrainConfig};
 use surefoot_game::{BodyState, CharacterProfile, Command, GameWorld, Hit, Level, Vec3};
 use surefoot_net::client::Credentials;
 use surefoot_net::serving::Endpoint;
+use surefoot_world::TICKS_PER_DECISION;
 use surefoot_world::sense::RAY_COUNT;
 
 /// Time that a world takes for a tick of all its NPCs: 50 ms for a decision.
@@ -26,24 +27,23 @@ const NPCS: usize = 32;
 const COUNTS: [usize; 4] = [1, 2, 4, 8];
 /// Progress lines between which decisions are counted, after the first.
 const LINES: usize = 2;
-/// Least share of an added world or actor that must arrive.
+/// Environments of each world.
+const ENVS: usize = 2;
+/// Least share of what the injected cost allows.
 const TARGET: f64 = 0.8;
 
 /// All figures of `bench feed`.
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
-    let worlds = ["worlds_1_decisions_s", "worlds_2_share", "worlds_4_share", "worlds_8_share"];
-    let actors = ["actors_1_decisions_s", "actors_2_share", "actors_4_share", "actors_8_share"];
+    let worlds = ["worlds_1_decisions_s", "worlds_2_decisions_s", "worlds_4_decisions_s", "worlds_8_decisions_s"];
+    let actors = ["actors_1_decisions_s", "actors_2_decisions_s", "actors_4_decisions_s", "actors_8_decisions_s"];
     let mut figures = Vec::new();
-    for (names, feed) in [(worlds, feed_by_worlds as fn(usize) -> anyhow::Result<f64>), (actors, feed_by_actors)] {
-        let mut alone = 0.0;
+    for (names, envs, feed) in
+        [(worlds, ENVS, feed_by_worlds as fn(usize) -> anyhow::Result<f64>), (actors, 1, feed_by_actors)]
+    {
         for (name, count) in names.into_iter().zip(COUNTS) {
-            let rate = feed(count)?;
-            figures.push(if count == 1 {
-                alone = rate;
-                Figure::new(name, rate, "1/s, 50 ms a decision of 32 NPCs")
-            } else {
-                Figure::new(name, rate / (count as f64 * alone), "of as many times the rate of one").at_least(TARGET)
-            });
+            let most = (count * envs * NPCS) as f64 / (f64::from(TICKS_PER_DECISION) * TICK_COST.as_secs_f64());
+            let figure = Figure::new(name, feed(count)?, "1/s").with_reference("nothing but the injected cost", most, true);
+            figures.push(figure.at_least(TARGET * most));
         }
     }
     Ok(figures)
@@ -127,7 +127,7 @@ fn connect() -> Connect {
 }
 
 fn feed_by_worlds(count: usize) -> anyhow::Result<f64> {
-    let config = TrainConfig { worlds: games(count)?, envs_per_world: 2, ..config() };
+    let config = TrainConfig { worlds: games(count)?, envs_per_world: ENVS, ..config() };
     rate_of(config, None, &AtomicBool::new(false))
 }
 
