@@ -42,7 +42,8 @@ pub fn figures() -> anyhow::Result<Vec<Figure>> {
     {
         for (name, count) in names.into_iter().zip(COUNTS) {
             let most = (count * envs * NPCS) as f64 / (f64::from(TICKS_PER_DECISION) * TICK_COST.as_secs_f64());
-            let figure = Figure::new(name, feed(count)?, "1/s").with_reference("nothing but the injected cost", most, true);
+            let figure =
+                Figure::new(name, feed(count)?, "1/s").with_reference("nothing but the injected cost", most, true);
             figures.push(figure.at_least(TARGET * most));
         }
     }
