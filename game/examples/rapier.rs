@@ -9,11 +9,11 @@
 
 use anyhow::{Context, bail};
 use rapier3d::control::{CharacterAutostep, CharacterLength, KinematicCharacterController};
-use rapier3d::geometry::ColliderBuilder;
+use rapier3d::geometry::{BoundingVolume, ColliderBuilder, ContactManifold};
 use rapier3d::math::Pose;
-use rapier3d::parry::query::Ray;
+use rapier3d::parry::query::{DefaultQueryDispatcher, PersistentQueryDispatcher, Ray};
 use rapier3d::parry::shape::{Capsule, CompositeShapeRef, SharedShape, TriMesh, TriMeshFlags};
-use rapier3d::pipeline::PhysicsWorld;
+use rapier3d::pipeline::{PhysicsWorld, QueryPipeline};
 use std::path::Path;
 use std::sync::Arc;
 use surefoot_game::{
@@ -28,6 +28,8 @@ use surefoot_world::{Map, navigable};
 const MAX_FALL_SPEED: f32 = 45.0;
 /// Depth of a liquid above the feet from which a body is in it, m.
 const WADING_DEPTH_M: f32 = 0.25;
+/// Distance up to which a body touches a face, m: that of the controller, which keeps 1 % of the height clear and allows 5 cm more.
+const TOUCH_M: f32 = 0.07;
 /// Environments at a time.
 const ENVS: usize = 16;
 
@@ -145,7 +147,14 @@ impl GameWorld for RapierWorld {
             let wish = character.state.velocity * TICK_SECONDS;
             let centre = Pose::from_translation(character.state.feet + Vec3::Y * (0.5 * profile.height));
             let moved = controller.move_shape(TICK_SECONDS, &queries, capsule, &centre, wish, |_| {});
-            character.note_move(profile, wish, moved.translation, moved.grounded);
+            let there = Pose::from_translation(centre.translation + moved.translation);
+            // The controller calls every face ground that is not upright.
+            let touched = match moved.grounded {
+                true if stands(&queries, capsule, &there, profile.max_slope) => Touched::Ground,
+                true => Touched::Steep,
+                false => Touched::Nothing,
+            };
+            character.note_move(profile, wish, moved.translation, touched);
             character.note_hazards(map);
         }
     }
@@ -163,6 +172,38 @@ impl GameWorld for RapierWorld {
             hit.map(|(triangle, distance)| (distance, surfaces[triangle as usize]))
         })
     }
+}
+
+/// What a body has below it after a move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Touched {
+    Nothing,
+    /// Faces that are too steep to stand on.
+    Steep,
+    Ground,
+}
+
+/// Whether a body whose centre is there touches a face of at most `max_slope`, rad.
+fn stands(queries: &QueryPipeline<'_>, capsule: &Capsule, centre: &Pose, max_slope: f32) -> bool {
+    let bounds = capsule.aabb(centre).loosened(TOUCH_M);
+    queries.intersect_aabb_conservative(bounds).any(|(_, collider)| {
+        let mut manifolds: Vec<ContactManifold> = Vec::new();
+        let collider_in_body = centre.inv_mul(collider.position());
+        let shape = collider.shape();
+        // No manifolds are no contact.
+        let _ = DefaultQueryDispatcher.contact_manifolds(
+            &collider_in_body,
+            capsule,
+            shape,
+            TOUCH_M,
+            &mut manifolds,
+            &mut None,
+        );
+        manifolds.iter().any(|manifold| {
+            let up = -(centre.rotation * manifold.local_n1).y;
+            up >= max_slope.cos() - 1.0e-3 && manifold.points.iter().any(|point| point.dist <= TOUCH_M)
+        })
+    })
 }
 
 impl Character {
@@ -199,16 +240,19 @@ impl Character {
     }
 
     /// Takes note of what the controller made of the wish, m.
-    fn note_move(&mut self, profile: &CharacterProfile, wish: Vec3, moved: Vec3, touches_ground: bool) {
+    fn note_move(&mut self, profile: &CharacterProfile, wish: Vec3, moved: Vec3, touched: Touched) {
         let state = &mut self.state;
         state.feet += moved;
-        state.is_grounded = touches_ground && state.velocity.y <= 0.0;
+        state.is_grounded = touched == Touched::Ground && state.velocity.y <= 0.0;
         // Walls stop a body, and so do ceilings; steps do not make it faster.
         let run = Vec3::new(moved.x, 0.0, moved.z) / TICK_SECONDS;
         let most = Vec3::new(wish.x, 0.0, wish.z).length() / TICK_SECONDS;
         let run = run.clamp_length_max(most);
         let is_stopped = state.is_grounded || wish.y > 0.0 && moved.y < 0.5 * wish.y;
-        state.velocity = Vec3::new(run.x, if is_stopped { 0.0 } else { state.velocity.y }, run.z);
+        // Down a steep face a body is as fast as the face lets it.
+        let slides = touched == Touched::Steep && state.velocity.y < 0.0;
+        let climb = if slides { state.velocity.y.max(moved.y / TICK_SECONDS).min(0.0) } else { state.velocity.y };
+        state.velocity = Vec3::new(run.x, if is_stopped { 0.0 } else { climb }, run.z);
         if state.is_grounded {
             (self.air_jumps_left, self.ticks_in_air) = (profile.extra_jumps, 0);
         } else {
