@@ -74,7 +74,8 @@ pub struct Target {
 /// A graph with the inputs of its build.
 struct Loaded {
     context: ProbeContext,
-    id: GraphId,
+    /// `None` for a graph that a game has proved: an id says in whose physics edges hold.
+    id: Option<GraphId>,
     /// With edits applied.
     graph: NavGraph,
     stats: BuildStats,
@@ -86,7 +87,7 @@ struct Loaded {
 
 impl Loaded {
     /// A graph without edits.
-    fn of(context: ProbeContext, id: GraphId, built: Built, cached: bool, retried: Option<u64>) -> Self {
+    fn of(context: ProbeContext, id: Option<GraphId>, built: Built, cached: bool, retried: Option<u64>) -> Self {
         let Built { graph, stats } = built;
         Self { context, id, graph, stats, cached, unapplied: Vec::new(), retried }
     }
@@ -128,7 +129,7 @@ impl Target {
                 bail!("--changed-from cannot be combined with --world: edges are proved anew in a game");
             }
             let (built, cached) = (build_in(&game, &context, &settings)?, false);
-            return self.edited(store, Loaded::of(context, id, built, cached, None), settings);
+            return self.edited(store, Loaded::of(context, None, built, cached, None), settings);
         }
         let mut retried = None;
         let (built, cached) = match (store.get(&id)?, changed_from) {
@@ -149,7 +150,7 @@ impl Target {
         if !cached {
             store.put(&id, &built)?;
         }
-        self.edited(store, Loaded::of(context, id, built, cached, retried), settings)
+        self.edited(store, Loaded::of(context, Some(id), built, cached, retried), settings)
     }
 
     /// Applies the level's edits.
