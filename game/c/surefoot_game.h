@@ -610,20 +610,21 @@ static void sfg_drop(sfg_server *server, int idx) {
 }
 
 static void sfg_accept(sfg_server *server) {
-    for (;;) {
+    /* Whoever comes when there are as many as there may be waits until a place is free. */
+    while (server->peer_count < SFG_MAX_WORLDS) {
         sfg_peer *peer;
         int on = 1;
         sfg_socket socket = accept(server->socket, NULL, NULL);
         if (socket == SFG_NO_SOCKET) {
             return;
         }
-        peer = server->peer_count < SFG_MAX_WORLDS ? (sfg_peer *)calloc(1, sizeof *peer) : NULL;
+        peer = (sfg_peer *)calloc(1, sizeof *peer);
         if (peer) {
             peer->in_size = 4096;
             peer->in = (unsigned char *)malloc(peer->in_size);
         }
         if (!peer || !peer->in || sfg_unblock(socket) != 0) {
-            sfg_say(server->error, "a connection was closed: there are 64 already, or there is no memory");
+            sfg_say(server->error, "a connection was closed: there is no memory for it");
             if (peer) {
                 free(peer->in);
             }
@@ -649,7 +650,7 @@ static int sfg_wait(sfg_server *server, int timeout_ms) {
     int idx;
     memset(fds, 0, sizeof fds);
     fds[0].fd = server->socket;
-    fds[0].events = POLLIN;
+    fds[0].events = server->peer_count < SFG_MAX_WORLDS ? POLLIN : 0;
     for (idx = 0; idx < server->peer_count; idx++) {
         fds[idx + 1].fd = server->peers[idx]->socket;
         fds[idx + 1].events = server->peers[idx]->out_used > 0 ? POLLOUT : POLLIN;
