@@ -8,7 +8,9 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_agent::game::{Game, Level as Geometry};
-use surefoot_game::{Action, BodyState, Bridge, CharacterProfile, Command, GameWorld, Hit, Level, Vec3, is_batch_address};
+use surefoot_game::{
+    Action, BodyState, Bridge, CharacterProfile, Command, GameWorld, Hit, Level, Vec3, is_batch_address,
+};
 use surefoot_net::client::Credentials;
 use surefoot_rollout::Goal;
 use surefoot_world::exchange::{self, ImportOptions, UpAxis};

@@ -243,12 +243,24 @@ fn games_that_speak_nonsense_are_told_so_in_a_line() {
             "refuses a message of kind open: nonpc",
         ),
         (|kind, message| poke(kind, message, (DECIDE, 4), [1, 0, 0, 0]), "decide has 1 bytes, expected 680"),
-        (|kind, message| poke(kind, message, (DECIDE, 12), f32::NAN.to_le_bytes()), "feet or velocity that are not finite"),
-        (|kind, message| poke(kind, message, (DECIDE, 32), f32::INFINITY.to_le_bytes()), "yaw or fuel that are not finite"),
+        (
+            |kind, message| poke(kind, message, (DECIDE, 12), f32::NAN.to_le_bytes()),
+            "feet or velocity that are not finite",
+        ),
+        (
+            |kind, message| poke(kind, message, (DECIDE, 32), f32::INFINITY.to_le_bytes()),
+            "yaw or fuel that are not finite",
+        ),
         (|kind, message| poke(kind, message, (DECIDE, 40), [0, 0, 9, 0]), "harm 9; it must be 0 to 3"),
         (|kind, message| poke(kind, message, (DECIDE, 40), [0x20, 0, 0, 0]), "flags 0x20; bits 4 to 7"),
-        (|kind, message| poke(kind, message, (DECIDE, 368), 31.0f32.to_le_bytes()), "ray 0 of character 0 hits after 31 m"),
-        (|kind, message| poke(kind, message, (DECIDE, 624), [7, 255, 255, 255]), "hits surface 7; it must be 0 to 6 or 255"),
+        (
+            |kind, message| poke(kind, message, (DECIDE, 368), 31.0f32.to_le_bytes()),
+            "ray 0 of character 0 hits after 31 m",
+        ),
+        (
+            |kind, message| poke(kind, message, (DECIDE, 624), [7, 255, 255, 255]),
+            "hits surface 7; it must be 0 to 6 or 255",
+        ),
         (
             |kind, message| {
                 if kind == DECIDE && message.len() == 8 + 680 {

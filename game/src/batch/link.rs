@@ -140,7 +140,9 @@ impl Connection {
         let is_refusal = found == Kind::Refusal as u32;
         if !is_refusal && found != kind as u32 {
             let kind = kind.name();
-            return Err(format!("it answers a message of kind {kind} with kind {found}: it does not speak the protocol"));
+            return Err(format!(
+                "it answers a message of kind {kind} with kind {found}: it does not speak the protocol"
+            ));
         }
         let expected = if is_refusal { 1..=MAX_REFUSAL_BYTES } else { expected };
         if !expected.contains(&len) {

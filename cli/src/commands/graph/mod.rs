@@ -21,7 +21,7 @@ use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Prog
 use surefoot_planner_service::store::DiskStore;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
-use surefoot_world::Map;
+use surefoot_world::{Map, Vec3};
 
 /// Build, show, check, edit and export graphs.
 #[derive(clap::Subcommand)]
@@ -74,6 +74,8 @@ pub struct Target {
 /// A graph with the inputs of its build.
 struct Loaded {
     context: ProbeContext,
+    /// Where the level's own origin lies on the map, m, if that is known.
+    origin: Option<Vec3>,
     /// `None` for a graph that a game has proved: an id says in whose physics edges hold.
     id: Option<GraphId>,
     /// With edits applied.
@@ -89,7 +91,7 @@ impl Loaded {
     /// A graph without edits.
     fn of(context: ProbeContext, id: Option<GraphId>, built: Built, cached: bool, retried: Option<u64>) -> Self {
         let Built { graph, stats } = built;
-        Self { context, id, graph, stats, cached, unapplied: Vec::new(), retried }
+        Self { context, origin: None, id, graph, stats, cached, unapplied: Vec::new(), retried }
     }
 }
 
@@ -98,12 +100,10 @@ impl Target {
         Ok(self.graph.settings()?)
     }
 
-    fn context(&self) -> anyhow::Result<ProbeContext> {
-        Ok(ProbeContext {
-            map: Arc::new(self.source.load()?),
-            profile: self.body.profile()?,
-            policy: load_policy(self.model.as_deref())?,
-        })
+    fn context_with_origin(&self) -> anyhow::Result<(ProbeContext, Option<Vec3>)> {
+        let (map, origin) = self.source.load_with_origin()?;
+        let profile = self.body.profile()?;
+        Ok((ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? }, origin))
     }
 
     /// The level that layers belong to: a generated map's spec, or the name of a file, which outlives changes of the level.
@@ -120,8 +120,12 @@ impl Target {
     /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is given,
     /// and applies the level's edits.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
+        let (context, origin) = self.context_with_origin()?;
+        Ok(Loaded { origin, ..self.load_in(context, changed_from)? })
+    }
+
+    fn load_in(&self, context: ProbeContext, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
         let settings = self.settings()?;
-        let context = self.context()?;
         let store = self.cache.open()?;
         let id = graphs::id_of(&context, &settings);
         if let Some(game) = self.world.connect()? {
