@@ -4,7 +4,7 @@
 //!   cargo run --release -p surefoot-game --example speed -- level.obj tcp://127.0.0.1:7701 unix:/run/game.sock
 
 use anyhow::{Context, bail};
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_agent::game::{Game, Level as Geometry};
@@ -58,6 +58,9 @@ fn main() -> anyhow::Result<()> {
     let geometry = Geometry { map: Arc::new(map), body: CharacterProfile::default() };
     let own = SocketAddr::from(OWN);
     std::thread::spawn(move || surefoot_game::serve_blocking(Nowhere, own, 1));
+    while TcpStream::connect(own).is_err() {
+        std::thread::yield_now();
+    }
     for uri in std::iter::once(format!("http://{own}")).chain(args) {
         println!("{uri}: {:.0} decisions/s", measure(&uri, &geometry)?);
     }

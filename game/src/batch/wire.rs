@@ -156,7 +156,7 @@ pub(super) fn places(seed: u64) -> Vec<u8> {
 /// # Errors
 /// Says what is wrong with it.
 pub(super) fn read_places(body: &[u8]) -> Result<Vec<Vec3>, String> {
-    if body.len() % 12 != 0 {
+    if !body.len().is_multiple_of(12) {
         return Err(format!("its places have {} bytes, which is no multiple of 12", body.len()));
     }
     let mut reader = Reader(body);
