@@ -1,77 +1,34 @@
 //! A world of a game as the physics of an environment: episodes, and what NPCs sense.
 
+use crate::decide::{Bodies, Decided, Decision, Sighting};
+use crate::world::BodyState;
 use std::fmt;
-use surefoot_rollout::env::{Physics, Standing};
+use surefoot_rollout::env::{Physics, Placement, Standing};
 use surefoot_world::character::{Ride, Support, TickEvents};
 use surefoot_world::map::Placed;
-use surefoot_world::mesh::Surface;
 use surefoot_world::sense::observe_found;
-use surefoot_world::sense::{Found, LastDecision, OBSERVATION_LEN, RAY_COUNT, RAY_RANGE_M, RayCone, SenseContext};
-use surefoot_world::{
-    Ability, Action, Body, CharacterProfile, DecisionOutcome, End, Episode, TICKS_PER_DECISION, TaskConfig, Vec3,
-};
-
-/// What a ray hit: the distance, m, and the surface.
-pub type Hit = Option<(f32, Surface)>;
-
-/// A character of a game.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct BodyState {
-    /// Lowest point of the body, m; y is up.
-    pub feet: Vec3,
-    /// Velocity, m/s.
-    pub velocity: Vec3,
-    /// Heading, rad: at 0 the body faces +z, at pi/2 it faces +x.
-    pub yaw: f32,
-    /// Whether it stands on ground on which it can walk.
-    pub is_grounded: bool,
-    /// Whether a jump wanted now would be made, from the ground or in the air.
-    pub can_jump: bool,
-    /// Whether it hangs on a zip line.
-    pub rides: bool,
-    /// Seconds of jetpack thrust left.
-    pub fuel: f32,
-    /// Whether it is in water.
-    pub is_in_water: bool,
-    /// How it came to harm, if it did: fell out of the level, burnt or drowned. It is then left alone until it is placed anew.
-    pub harm: Option<End>,
-    /// What it did in the last tick.
-    pub events: TickEvents,
-}
-
-/// What a character does in a tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Command {
-    /// Forward, strafe (positive to the right), turn (positive as yaw grows) and jump, each -1 to 1.
-    pub action: Action,
-    /// Whether this is the first of the ten ticks for which the action holds: one jump is wanted in them if `action.jump` is above 0, as
-    /// soon as it can be made.
-    pub is_first: bool,
-}
-
-/// A level of a game with its characters, which count from 0 and do not get in each other's way.
-pub trait GameWorld: Send {
-    /// Puts a character there, at rest, unharmed and with nothing left of what it did; `feet` is in m, `yaw` in rad.
-    fn place(&mut self, character: usize, feet: Vec3, yaw: f32);
-
-    /// Advances the world by a tick of 1/60 s. The characters of `commands`, ascending, do as they are told; all others may be left alone.
-    fn tick(&mut self, commands: &[(usize, Command)]);
-
-    /// The state of a character.
-    fn state(&self, character: usize) -> BodyState;
-
-    /// Casts rays of at most `range` m from `origin`, m, in these unit directions. Characters are not in the way of rays.
-    fn cast(&self, origin: Vec3, directions: &[Vec3; RAY_COUNT], range: f32) -> [Hit; RAY_COUNT];
-}
+use surefoot_world::sense::{Found, LastDecision, OBSERVATION_LEN, RAY_COUNT, SenseContext};
+use surefoot_world::{Ability, Action, Body, CharacterProfile, DecisionOutcome, End, Episode, TaskConfig, Vec3};
 
 /// The physics of a game, with the episodes of its NPCs.
 pub(crate) struct GamePhysics {
-    world: Box<dyn GameWorld>,
+    bodies: Box<dyn Bodies>,
     profile: CharacterProfile,
     task: TaskConfig,
-    cone: RayCone,
     placed: Placed,
-    minds: Vec<Mind>,
+    npcs: Vec<Npc>,
+    /// Placements that go to the game with the next decision.
+    announced: Vec<Placement>,
+    /// Placements that the game has made, and which are not yet asked for here.
+    made: Vec<(Placement, Sighting)>,
+    failure: Option<String>,
+}
+
+/// An NPC: where its body is, and what is known besides.
+#[derive(Debug, Clone, Copy)]
+struct Npc {
+    body: Sighting,
+    mind: Mind,
 }
 
 /// What is known of an NPC besides its body.
@@ -84,27 +41,60 @@ struct Mind {
 
 impl fmt::Debug for GamePhysics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("GamePhysics").field("minds", &self.minds).finish_non_exhaustive()
+        f.debug_struct("GamePhysics").field("npcs", &self.npcs).finish_non_exhaustive()
     }
 }
 
 impl GamePhysics {
-    pub fn new(world: Box<dyn GameWorld>, profile: CharacterProfile, placed: Placed, npc_count: usize) -> Self {
-        let minds = vec![Mind::default(); npc_count];
-        Self { world, profile, task: TaskConfig::default(), cone: RayCone::default(), placed, minds }
+    pub fn new(bodies: Box<dyn Bodies>, profile: CharacterProfile, placed: Placed, npc_count: usize) -> Self {
+        let body = Sighting { state: BodyState::default(), hits: [None; RAY_COUNT] };
+        let npcs = vec![Npc { body, mind: Mind::default() }; npc_count];
+        let task = TaskConfig::default();
+        Self { bodies, profile, task, placed, npcs, announced: Vec::new(), made: Vec::new(), failure: None }
     }
 
-    /// Records the tick of an NPC: how far it came, and whether its attempt ended.
-    fn note_tick(&mut self, npc_idx: usize) {
-        let state = self.world.state(npc_idx);
-        let mind = &mut self.minds[npc_idx];
-        mind.events.merge(state.events);
-        let wet = mind.last.ticks_in_water;
-        mind.last.ticks_in_water = if state.is_in_water { wet + 1 } else { wet.saturating_sub(1) };
-        let drowned = (mind.last.ticks_in_water >= self.task.drown_ticks).then_some(End::Drowned);
-        if let Some(episode) = mind.episode.as_mut().filter(|episode| episode.end.is_none()) {
-            episode.note_tick(state.feet, &self.task);
+    /// Lets the game carry out a decision; `None` once it cannot go on.
+    fn decide(&mut self, actions: &[(usize, Action)], placements: &[Placement]) -> Option<Decided> {
+        if self.failure.is_some() {
+            return None;
+        }
+        if actions.is_empty() && placements.is_empty() {
+            return Some(Decided::default());
+        }
+        let placements: Vec<(usize, Vec3, f32)> =
+            placements.iter().map(|Placement { npc_idx, feet, yaw }| (*npc_idx, *feet, *yaw)).collect();
+        match self.bodies.decide(Decision { actions, placements: &placements }) {
+            Ok(decided) => Some(decided),
+            Err(reason) => {
+                self.failure = Some(reason);
+                None
+            }
+        }
+    }
+}
+
+impl Npc {
+    /// Records a tick: how far the NPC came, and whether its attempt ended.
+    fn note_tick(&mut self, state: &BodyState, task: &TaskConfig) {
+        self.body.state = *state;
+        let Mind { episode, last, events } = &mut self.mind;
+        events.merge(state.events);
+        let wet = last.ticks_in_water;
+        last.ticks_in_water = if state.is_in_water { wet + 1 } else { wet.saturating_sub(1) };
+        let drowned = (last.ticks_in_water >= task.drown_ticks).then_some(End::Drowned);
+        if let Some(episode) = episode.as_mut().filter(|episode| episode.end.is_none()) {
+            episode.note_tick(state.feet, task);
             episode.end = episode.end.or(state.harm).or(drowned);
+        }
+    }
+
+    /// Records the ticks of a decision, up to where the NPC came to harm.
+    fn note_ticks(&mut self, states: &[BodyState], task: &TaskConfig) {
+        for state in states {
+            if self.body.state.harm.is_some() {
+                return;
+            }
+            self.note_tick(state, task);
         }
     }
 }
@@ -126,37 +116,58 @@ impl Physics for GamePhysics {
         OBSERVATION_LEN
     }
 
-    fn place(&mut self, npc_idx: usize, feet: Vec3, yaw: f32) {
-        self.minds[npc_idx] = Mind::default();
-        self.world.place(npc_idx, feet, yaw);
+    fn place(&mut self, placements: &[Placement]) {
+        let (mut wanted, mut found) = (Vec::new(), Vec::new());
+        for placement in placements {
+            let made = self.made.iter().position(|(made, _)| made.npc_idx == placement.npc_idx);
+            match made.map(|idx| self.made.swap_remove(idx)) {
+                Some((made, body)) if made == *placement => found.push((made.npc_idx, body)),
+                // Where the game has put it is not where it is to be.
+                _ => wanted.push(*placement),
+            }
+        }
+        if let Some(decided) = self.decide(&[], &wanted) {
+            found.extend(wanted.iter().map(|placement| placement.npc_idx).zip(decided.placed));
+        }
+        for (npc_idx, body) in found {
+            self.npcs[npc_idx] = Npc { body, mind: Mind::default() };
+        }
+    }
+
+    fn announce(&mut self, placements: &[Placement]) {
+        self.announced = placements.to_vec();
+    }
+
+    fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
     }
 
     fn set_goal(&mut self, npc_idx: usize, goal: Vec3) {
-        let feet = self.world.state(npc_idx).feet;
-        self.minds[npc_idx].episode = Some(Episode::new(goal, feet));
+        let Npc { body, mind } = &mut self.npcs[npc_idx];
+        mind.episode = Some(Episode::new(goal, body.state.feet));
     }
 
     fn clear_goal(&mut self, npc_idx: usize) {
-        self.minds[npc_idx].episode = None;
+        self.npcs[npc_idx].mind.episode = None;
     }
 
     fn advance(&mut self, npcs: &[usize], actions: &[Action]) -> Vec<DecisionOutcome> {
         for (&npc_idx, action) in npcs.iter().zip(actions) {
-            let velocity = self.world.state(npc_idx).velocity;
-            let mind = &mut self.minds[npc_idx];
-            (mind.last.velocity, mind.last.action, mind.events) = (velocity, action.to_array(), TickEvents::default());
+            let Npc { body, mind } = &mut self.npcs[npc_idx];
+            (mind.last.velocity, mind.last.action) = (body.state.velocity, action.to_array());
+            mind.events = TickEvents::default();
         }
-        for tick in 0..TICKS_PER_DECISION {
-            let is_harmed = |npc_idx: usize| self.world.state(npc_idx).harm.is_some();
-            let commands = npcs.iter().zip(actions).filter(|(npc_idx, _)| !is_harmed(**npc_idx));
-            let commands: Vec<(usize, Command)> = commands
-                .map(|(npc_idx, action)| (*npc_idx, Command { action: *action, is_first: tick == 0 }))
-                .collect();
-            self.world.tick(&commands);
-            commands.iter().for_each(|(npc_idx, _)| self.note_tick(*npc_idx));
+        let actions: Vec<(usize, Action)> = npcs.iter().copied().zip(actions.iter().copied()).collect();
+        let placements = std::mem::take(&mut self.announced);
+        if let Some(Decided { acted, placed }) = self.decide(&actions, &placements) {
+            for (&npc_idx, acted) in npcs.iter().zip(acted) {
+                self.npcs[npc_idx].note_ticks(&acted.ticks, &self.task);
+                self.npcs[npc_idx].body.hits = acted.hits;
+            }
+            self.made = placements.into_iter().zip(placed).collect();
         }
         let close = |&npc_idx: &usize| {
-            let episode = self.minds[npc_idx].episode.as_mut().expect("an NPC that decides has an episode");
+            let episode = self.npcs[npc_idx].mind.episode.as_mut().expect("an NPC that decides has an episode");
             let reward = episode.close_decision(&self.task);
             DecisionOutcome { reward, end: episode.end }
         };
@@ -164,24 +175,20 @@ impl Physics for GamePhysics {
     }
 
     fn observe(&mut self, npc_idx: usize, row: &mut [f32]) {
-        let body = body_of(&self.world.state(npc_idx));
-        let Mind { episode, last, .. } = &self.minds[npc_idx];
+        let Npc { body: Sighting { state, hits }, mind: Mind { episode, last, .. } } = &self.npcs[npc_idx];
         let episode = episode.as_ref().expect("an NPC that observes has an episode");
-        let origin = RayCone::eye(&self.profile, &body);
-        let hits = self.world.cast(origin, &self.cone.directions_of(&body), RAY_RANGE_M);
-        let found = Found { hits: &hits, body_hits: &[f32::INFINITY; RAY_COUNT], others: &[] };
+        let found = Found { hits, body_hits: &[f32::INFINITY; RAY_COUNT], others: &[] };
         let context = SenseContext { placed: &self.placed, profile: &self.profile, task: &self.task };
-        observe_found(context, found, (&body, episode, last), row);
+        observe_found(context, found, (&body_of(state), episode, last), row);
     }
 
     fn stand(&self, npc_idx: usize) -> Standing {
-        let state = self.world.state(npc_idx);
-        let mind = &self.minds[npc_idx];
+        let Npc { body, mind } = &self.npcs[npc_idx];
         let is_drowned = mind.last.ticks_in_water >= self.task.drown_ticks;
         Standing {
-            feet: state.feet,
+            feet: body.state.feet,
             ability: Ability::used(mind.events),
-            is_harmed: state.harm.is_some() || is_drowned,
+            is_harmed: body.state.harm.is_some() || is_drowned,
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Serving the environments of a game.
 
-use crate::physics::{GamePhysics, GameWorld};
+use crate::decide::{Bodies, Eyes, Ticked};
+use crate::physics::GamePhysics;
+use crate::world::GameWorld;
 use std::fmt;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -43,21 +45,39 @@ impl<L> fmt::Debug for Hosted<L> {
 
 impl<L: Level> Host for Hosted<L> {
     fn open(&self, body: &CharacterProfile, solid_npcs: bool, episodes: Episodes) -> Result<Env, String> {
-        if solid_npcs {
-            return Err("its characters do not get in each other's way: leave solid_npcs out".to_owned());
-        }
-        let seed = match &episodes {
-            Episodes::Endless { seed, .. } => *seed,
-            Episodes::Once(_) => 0,
-        };
-        let npc_count = episodes.npc_count();
-        let world = self.0.open(body, npc_count)?;
-        let physics = GamePhysics::new(world, body.clone(), self.0.devices(), npc_count);
-        Env::of(Box::new(physics), episodes, |_| {
-            let places = self.0.places(body, seed)?;
-            if places.is_empty() { Err("it has no places to stand".to_owned()) } else { Ok(places) }
-        })
+        let seed = seed_of(&episodes);
+        let world = self.0.open(body, episodes.npc_count())?;
+        let bodies = Box::new(Ticked { world, eyes: Eyes::of(body) });
+        start((bodies, self.0.devices()), body, solid_npcs, episodes, || self.0.places(body, seed))
     }
+}
+
+/// The seed of the places of these episodes.
+pub(crate) fn seed_of(episodes: &Episodes) -> u64 {
+    match episodes {
+        Episodes::Endless { seed, .. } => *seed,
+        Episodes::Once(_) => 0,
+    }
+}
+
+/// Starts episodes of these bodies, among these devices.
+pub(crate) fn start(
+    (bodies, devices): (Box<dyn Bodies>, Placed),
+    body: &CharacterProfile,
+    solid_npcs: bool,
+    episodes: Episodes,
+    places: impl FnOnce() -> Result<Vec<Vec3>, String>,
+) -> Result<Env, String> {
+    if solid_npcs {
+        return Err("its characters do not get in each other's way: leave solid_npcs out".to_owned());
+    }
+    let physics = GamePhysics::new(bodies, body.clone(), devices, episodes.npc_count());
+    let env = Env::of(Box::new(physics), episodes, |_| {
+        let places = places()?;
+        if places.is_empty() { Err("it has no places to stand".to_owned()) } else { Ok(places) }
+    })?;
+    env.failure().map_or(Ok(()), |reason| Err(reason.to_owned()))?;
+    Ok(env)
 }
 
 /// Serves environments on a level at `address` until `shutdown`, at most `limit` at a time.

@@ -34,10 +34,18 @@ impl Format {
 
 /// Writes `graph` in `format`.
 pub fn export(graph: &NavGraph, format: Format) -> String {
+    export_on_level(graph, format, None)
+}
+
+/// Writes `graph`, of a level whose own origin lies at `origin` on the map, m, in `format`. Only JSON has the origin; nothing says it if it is
+/// not known.
+pub fn export_on_level(graph: &NavGraph, format: Format, origin: Option<Vec3>) -> String {
     match format {
         Format::GraphMl => graphml(graph),
         Format::Dot => dot(graph),
-        Format::Json => serde_json::to_string_pretty(&NodeLink::of(graph)).expect("a graph is plain data") + "\n",
+        Format::Json => {
+            serde_json::to_string_pretty(&NodeLink::of(graph, origin)).expect("a graph is plain data") + "\n"
+        }
     }
 }
 
@@ -87,6 +95,9 @@ struct NodeLink {
 #[derive(Serialize, Deserialize)]
 struct GraphFields {
     units: String,
+    /// Where the level's own origin lies on the map, m.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    origin: Option<[f32; 3]>,
     legs: crate::legs::LegModel,
 }
 
@@ -112,7 +123,7 @@ struct Link {
 }
 
 impl NodeLink {
-    fn of(graph: &NavGraph) -> Self {
+    fn of(graph: &NavGraph, origin: Option<Vec3>) -> Self {
         let node = |(id, &island): (u64, &u32)| {
             let at = graph.position(VertexId(id as u32));
             Node { id, x: at.x, y: at.y, z: at.z, island }
@@ -129,7 +140,11 @@ impl NodeLink {
         Self {
             directed: true,
             multigraph: false,
-            graph: GraphFields { units: "metres, seconds, y up, right-handed".to_owned(), legs: *graph.legs() },
+            graph: GraphFields {
+                units: "metres, seconds, y up, right-handed".to_owned(),
+                origin: origin.map(|origin| origin.to_array()),
+                legs: *graph.legs(),
+            },
             nodes: (0..).zip(graph.islands()).map(node).collect(),
             edges: graph.edges().map(link).collect(),
         }

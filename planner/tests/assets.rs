@@ -39,6 +39,7 @@ fn tiny() -> LinkSet {
         radius: 0.25,
         speed: 10.0,
         connected: Connected { without: 0.25, with: 1.0 },
+        origin: Some(Vec3::new(2.0, 1.0, 3.5)),
     }
 }
 

@@ -43,13 +43,32 @@ impl Episodes {
     }
 }
 
+/// An NPC that is put somewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Index of the NPC.
+    pub npc_idx: usize,
+    /// Where its feet are put, m.
+    pub feet: Vec3,
+    /// Heading, rad.
+    pub yaw: f32,
+}
+
 /// The physics of an environment: our world, or a game. NPCs count from 0.
 pub trait Physics: Send + std::fmt::Debug {
     /// Number of values of an observation.
     fn observation_len(&self) -> usize;
 
-    /// Puts an NPC there, at rest and unharmed, without an episode; `feet` is in m, `yaw` in rad.
-    fn place(&mut self, npc_idx: usize, feet: Vec3, yaw: f32);
+    /// Puts NPCs there, ascending and each at most once, at rest and unharmed, without an episode.
+    fn place(&mut self, placements: &[Placement]);
+
+    /// Announces placements that will follow the next call of [`advance`](Self::advance), ascending, so that they can go to a game with it.
+    fn announce(&mut self, _placements: &[Placement]) {}
+
+    /// Why the physics cannot go on, in a sentence, once it cannot: what it says from then on is worth nothing.
+    fn failure(&self) -> Option<&str> {
+        None
+    }
 
     /// Starts an episode towards `goal`, m; the body keeps its motion.
     fn set_goal(&mut self, npc_idx: usize, goal: Vec3);
@@ -102,8 +121,10 @@ impl Physics for Ours {
         self.observation_len
     }
 
-    fn place(&mut self, npc_idx: usize, feet: Vec3, yaw: f32) {
-        self.worlds[0].teleport(self.lanes[npc_idx].slot, feet, yaw);
+    fn place(&mut self, placements: &[Placement]) {
+        for Placement { npc_idx, feet, yaw } in placements {
+            self.worlds[0].teleport(self.lanes[*npc_idx].slot, *feet, *yaw);
+        }
     }
 
     fn set_goal(&mut self, npc_idx: usize, goal: Vec3) {
@@ -239,9 +260,13 @@ impl Env {
             abilities: vec![Ability::Walk; npc_count],
             routes: vec![Rest::default(); npc_count],
         };
-        goals.iter().enumerate().for_each(|(npc_idx, goal)| env.begin(npc_idx, goal));
-        (0..npc_count).for_each(|npc_idx| env.observe(npc_idx));
+        env.begin(goals.into_iter().enumerate().collect());
         Ok(env)
+    }
+
+    /// Why the environment cannot go on, in a sentence, once it cannot: its results are then worth nothing.
+    pub fn failure(&self) -> Option<&str> {
+        self.physics.failure()
     }
 
     /// Number of NPCs.
@@ -282,7 +307,7 @@ impl Env {
     pub fn redirect(&mut self, Route { npc_idx, start, waypoints }: &Route) {
         let (first, rest) = waypoints.split_first().expect("a route has places");
         match *start {
-            Some((start, yaw)) => self.begin(*npc_idx, &Goal { start, yaw, goal: *first }),
+            Some((start, yaw)) => self.begin(vec![(*npc_idx, Goal { start, yaw, goal: *first })]),
             None if self.physics.stand(*npc_idx).is_harmed => return,
             None => self.physics.set_goal(*npc_idx, *first),
         }
@@ -294,6 +319,8 @@ impl Env {
     /// Runs one decision of every NPC and returns the episodes that ended. An NPC that reaches a place of its route heads for the next
     /// one. With endless episodes NPCs whose episode ended are at a new start; others rest from then on, whatever their actions are.
     ///
+    /// All NPCs observe where the ticks end; those at new starts observe again there.
+    ///
     /// # Panics
     /// If the numbers of actions and NPCs differ.
     pub fn step(&mut self, actions: &[Action]) -> Vec<Ended> {
@@ -303,7 +330,29 @@ impl Env {
         let outcomes = self.physics.advance(&awake, &actions);
         self.rewards.fill(0.0);
         self.abilities.fill(Ability::Walk);
-        awake.into_iter().zip(outcomes).filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome)).collect()
+        let ended = awake.into_iter().zip(outcomes).filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome));
+        let ended: Vec<Ended> = ended.collect();
+        if let Some(draw) = &mut self.draw {
+            let goals = ended.iter().map(|ended| (ended.npc_idx, draw.goal())).collect();
+            self.begin(goals);
+        }
+        ended
+    }
+
+    /// As [`step`](Self::step) and then [`redirect`](Self::redirect) for each of `routes`, but a game hears of all of it at once.
+    ///
+    /// # Panics
+    /// As both.
+    pub fn step_and_redirect(&mut self, actions: &[Action], routes: &[Route]) -> Vec<Ended> {
+        let starts = routes.iter().filter_map(|route| route.start.map(|start| (route.npc_idx, start)));
+        let mut placements: Vec<Placement> =
+            starts.map(|(npc_idx, (feet, yaw))| Placement { npc_idx, feet, yaw }).collect();
+        placements.sort_by_key(|placement| placement.npc_idx);
+        placements.dedup_by_key(|placement| placement.npc_idx);
+        self.physics.announce(&placements);
+        let ended = self.step(actions);
+        routes.iter().for_each(|route| self.redirect(route));
+        ended
     }
 
     /// Processes the decision of one NPC, and returns its episode if it ended.
@@ -318,20 +367,23 @@ impl Env {
         let end = outcome.end.filter(|_| next.is_none())?;
         let ended = Ended { npc_idx, end, final_observation: self.row(npc_idx).to_vec() };
         self.routes[npc_idx].waypoints.clear();
-        if let Some(goal) = self.draw.as_mut().map(Draw::goal) {
-            self.begin(npc_idx, &goal);
-            self.observe(npc_idx);
-        } else {
+        if self.draw.is_none() {
             self.physics.clear_goal(npc_idx);
             self.rests[npc_idx] = true;
         }
         Some(ended)
     }
 
-    /// Starts an episode of an NPC.
-    fn begin(&mut self, npc_idx: usize, &Goal { start, yaw, goal }: &Goal) {
-        self.physics.place(npc_idx, start, yaw);
-        self.physics.set_goal(npc_idx, goal);
+    /// Starts episodes of NPCs, ascending, which observe then.
+    fn begin(&mut self, goals: Vec<(usize, Goal)>) {
+        let place = |(npc_idx, Goal { start, yaw, .. }): &(usize, Goal)| Placement {
+            npc_idx: *npc_idx,
+            feet: *start,
+            yaw: *yaw,
+        };
+        self.physics.place(&goals.iter().map(place).collect::<Vec<_>>());
+        goals.iter().for_each(|(npc_idx, goal)| self.physics.set_goal(*npc_idx, goal.goal));
+        goals.iter().for_each(|(npc_idx, _)| self.observe(*npc_idx));
     }
 
     fn row(&self, npc_idx: usize) -> &[f32] {

@@ -46,6 +46,9 @@ pub enum EnvError {
     /// The game cannot make it.
     #[error("the game makes no environment: {0}")]
     Host(String),
+    /// The game does not go on with it.
+    #[error("{0}")]
+    Gone(String),
     /// A background task ended without a result.
     #[error("the environment failed: {0}")]
     Lost(#[from] tokio::task::JoinError),
@@ -248,8 +251,10 @@ impl Envs {
         let kept = self.find(caller, id)?;
         let task = tokio::task::spawn_blocking(move || {
             let mut env = kept.lock(id)?;
-            let ended = env.step(&actions);
-            routes.iter().for_each(|route| env.redirect(route));
+            let ended = env.step_and_redirect(&actions, &routes);
+            if let Some(reason) = env.failure() {
+                return Err(EnvError::Gone(reason.to_owned()));
+            }
             Ok(StepResults {
                 observations: env.observations().to_vec(),
                 rewards: env.rewards().to_vec(),

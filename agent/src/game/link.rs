@@ -88,6 +88,8 @@ pub struct Game {
     uri: Arc<str>,
     runtime: Arc<Runtime>,
     client: EnvServiceClient<Link>,
+    /// What must not end before the connection.
+    _kept: Option<Arc<dyn std::fmt::Debug + Send + Sync>>,
 }
 
 impl Game {
@@ -105,7 +107,12 @@ impl Game {
         let client = EnvServiceClient::new(link)
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
             .max_encoding_message_size(MAX_MESSAGE_BYTES);
-        Ok(Self { uri, runtime: Arc::new(runtime), client })
+        Ok(Self { uri, runtime: Arc::new(runtime), client, _kept: None })
+    }
+
+    /// The same connection to a game whose own address is `uri`, behind something in between that lives as long as the connection.
+    pub fn behind(self, uri: &str, between: impl std::fmt::Debug + Send + Sync + 'static) -> Self {
+        Self { uri: uri.into(), _kept: Some(Arc::new(between)), ..self }
     }
 
     /// Its address.

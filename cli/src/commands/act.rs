@@ -1,14 +1,13 @@
 //! `surefoot act`.
 
 use super::endpoint::CredentialArgs;
+use super::game::connector;
 use super::map::level_files;
 use super::train::{copy_levels, stop_on_signal};
 use anyhow::{Context, bail};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use surefoot_agent::game::Game;
 use surefoot_agent::train::actors::actor::{ActorConfig, act};
-use surefoot_agent::train::worlds::Connect;
 
 /// Let NPCs act with the weights of a learner that runs elsewhere (`surefoot train --listen`), and feed it with what they do. Takes less of
 /// a thin connection than `train --worlds`. While the learner is away, waits for it.
@@ -49,10 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some((maps, None)) => bail!("--maps: `{maps}` is not a level file; seeds are chosen by the learner"),
         None => Vec::new(),
     };
-    let connect: Connect = {
-        let credentials = credentials.clone();
-        Arc::new(move |uri| Game::connect(uri, &credentials))
-    };
+    let connect = connector(credentials.clone());
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signal(stop.clone())?;
     let config = ActorConfig { learner: args.learner, credentials, actor_id, seed, levels, world: args.world, connect };

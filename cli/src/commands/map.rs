@@ -14,7 +14,7 @@ use surefoot_world::map::stage::Stage;
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
 use surefoot_world::reach::{Means, Reach};
 use surefoot_world::replay::Recording;
-use surefoot_world::{CharacterProfile, Map, MapSpec, TICKS_PER_DECISION};
+use surefoot_world::{CharacterProfile, Map, MapSpec, TICKS_PER_DECISION, Vec3};
 
 /// Generate, show, exchange and replay maps.
 #[derive(clap::Subcommand)]
@@ -131,11 +131,21 @@ pub(super) fn file_name(path: &Path) -> String {
 
 /// Loads a saved map, or imports a level as it is.
 pub(super) fn load_level(path: &Path) -> anyhow::Result<Map> {
+    Ok(load_with_origin(path)?.0)
+}
+
+/// Loads a saved map, or imports a level as it is, with the place where the level's own origin lies on the map, m. Saved maps that were
+/// imported do not say it.
+fn load_with_origin(path: &Path) -> anyhow::Result<(Map, Option<Vec3>)> {
     let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
     if matches!(extension.as_deref(), Some("glb" | "gltf" | "obj")) {
-        return Ok(import_level(path, None, &ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false })?.map);
+        let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
+        let imported = import_level(path, None, &options)?;
+        return Ok((imported.map, Some(imported.origin)));
     }
-    exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))
+    let map = exchange::decode(&read(path)?).with_context(|| format!("cannot use {}", path.display()))?;
+    let origin = map.spec().map(|_| Vec3::ZERO);
+    Ok((map, origin))
 }
 
 /// Imports a level with a sidecar file, or the one beside it, and prints warnings.
@@ -164,8 +174,13 @@ fn import_level(level: &Path, sidecar: Option<&Path>, options: &ImportOptions) -
 
 impl Source {
     pub fn load(&self) -> anyhow::Result<Map> {
+        Ok(self.load_with_origin()?.0)
+    }
+
+    /// Loads the map, with the place where the level's own origin lies on it, m, if that is known.
+    pub fn load_with_origin(&self) -> anyhow::Result<(Map, Option<Vec3>)> {
         let Ok(seed) = self.map.parse::<u64>() else {
-            return load_level(Path::new(&self.map))
+            return load_with_origin(Path::new(&self.map))
                 .with_context(|| format!("`{}` is neither a seed nor a file that can be used", self.map));
         };
         let spec = self.generated.apply(&MapSpec::new(seed))?;
@@ -175,7 +190,7 @@ impl Source {
             bar.set_message(stage.name());
         });
         bar.finish_and_clear();
-        Ok(map)
+        Ok((map, Some(Vec3::ZERO)))
     }
 }
 

@@ -1,6 +1,7 @@
 //! `surefoot train`.
 
 use super::endpoint::{CredentialArgs, EndpointArgs};
+use super::game::connector;
 use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
 use super::parse_seeds;
 use super::services::parse_seconds;
@@ -11,9 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use surefoot_agent::game::Game;
 use surefoot_agent::train::actors::Listener;
-use surefoot_agent::train::worlds::Connect;
 use surefoot_agent::train::{self, Launch, Processor, TrainConfig};
 use surefoot_net::serving::Endpoint;
 use surefoot_world::exchange;
@@ -156,7 +155,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signal(stop.clone())?;
     let credentials = args.credentials.credentials()?;
-    let connect: Connect = Arc::new(move |uri| Game::connect(uri, &credentials));
+    let connect = connector(credentials);
     if !args.resume {
         // A wrong address is told before anything is written.
         config.worlds.iter().try_for_each(|uri| connect(uri).map(drop))?;

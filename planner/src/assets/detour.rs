@@ -10,6 +10,9 @@ const FIRST_AREA: u8 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct OffMeshLinks {
+    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    origin: Option<[f32; 3]>,
     /// Number of links.
     off_mesh_con_count: usize,
     /// Start and end of each link: count x 6 coordinates, m.
@@ -58,6 +61,7 @@ impl OffMeshLinks {
         let keys: Vec<AbilityKey> = links.iter().map(|link| AbilityKey::of(link.ability)).collect();
         let ends = links.iter().flat_map(|link| [link.passage.start, link.passage.end]);
         Self {
+            origin: set.origin_on(Axes::Ours),
             off_mesh_con_count: links.len(),
             off_mesh_con_verts: ends.flat_map(|end| Axes::Ours.point(end)).collect(),
             off_mesh_con_rad: vec![set.radius; links.len()],

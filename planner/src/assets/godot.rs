@@ -9,6 +9,9 @@ pub(super) fn scene(set: &LinkSet) -> String {
     let mut text = "[gd_scene format=3]\n\n[node name=\"SurefootLinks\" type=\"Node3D\"]\n".to_owned();
     field(&mut text, "metadata/connected_without", set.connected.without);
     field(&mut text, "metadata/connected_with", set.connected.with);
+    if let Some(origin) = set.origin {
+        field(&mut text, "metadata/origin", vector(origin));
+    }
     for (idx, link) in set.links.iter().enumerate() {
         node(&mut text, idx, link, set.speed);
     }

@@ -12,6 +12,9 @@ const EDGE_M: f32 = 0.75;
 pub(super) struct LandmassLinks {
     version: u32,
     axes: String,
+    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    origin: Option<[f32; 3]>,
     /// Number of each ability, by which agents permit links.
     kinds: Vec<Kind>,
     links: Vec<LandmassLink>,
@@ -43,7 +46,13 @@ impl LandmassLinks {
                 about: About::of(link, axes),
             }
         });
-        Self { version: VERSION, axes: axes.words().to_owned(), kinds: kinds(0), links: links.collect() }
+        Self {
+            version: VERSION,
+            axes: axes.words().to_owned(),
+            origin: set.origin_on(axes),
+            kinds: kinds(0),
+            links: links.collect(),
+        }
     }
 }
 

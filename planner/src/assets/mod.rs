@@ -135,12 +135,24 @@ pub struct LinkSet {
     pub speed: f32,
     /// What the links connect.
     pub connected: Connected,
+    /// Where the level's own origin lies on the map, m, if that is known.
+    pub origin: Option<Vec3>,
 }
 
 /// Least share of the tries of a plain controller that counts: what none of eight took, one in sixteen may.
 const LEAST_DRIVEN: f64 = 1.0 / 16.0;
 
 impl LinkSet {
+    /// The same links on the map of a level whose own origin lies at `origin` there, m, if that is known.
+    pub fn on_level(self, origin: Option<Vec3>) -> Self {
+        Self { origin, ..self }
+    }
+
+    /// Where the level's own origin lies, on the axes of a format.
+    fn origin_on(&self, axes: Axes) -> Option<[f32; 3]> {
+        self.origin.map(|origin| axes.point(origin))
+    }
+
     /// Makes links of the edges among `shaped` that are worth one at `max_detour` ([`NavMesh::spanner`]); without `max_detour`, of all.
     /// `island_at` returns the island of the NavMesh at a place.
     pub fn of(
@@ -162,7 +174,7 @@ impl LinkSet {
         let links: Vec<Link> = kept.iter().flat_map(|it| it.links(idx_of[&it.edge.key])).collect();
         let joins = links.iter().map(|link| (island_at(link.passage.start), island_at(link.passage.end)));
         let connected = Connected::of(nav_mesh.islands, joins);
-        Self { links, radius: nav_mesh.radius, speed: nav_mesh.speed, connected }
+        Self { links, radius: nav_mesh.radius, speed: nav_mesh.speed, connected, origin: None }
     }
 }
 

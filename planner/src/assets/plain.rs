@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 pub(super) struct PlainLinks {
     version: u32,
     axes: String,
+    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    origin: Option<[f32; 3]>,
     agent: Agent,
     connected: Connected,
     links: Vec<PlainLink>,
@@ -41,6 +44,7 @@ impl PlainLinks {
         Self {
             version: VERSION,
             axes: axes.words().to_owned(),
+            origin: set.origin_on(axes),
             agent: Agent { radius: set.radius, speed: set.speed },
             connected: set.connected,
             links: links.collect(),

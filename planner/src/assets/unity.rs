@@ -10,6 +10,9 @@ const FIRST_AREA: u8 = 3;
 pub(super) struct UnityLinks {
     version: u32,
     axes: String,
+    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    origin: Option<Vector3>,
     /// Area of each ability.
     areas: Vec<Kind>,
     links: Vec<UnityLink>,
@@ -56,6 +59,12 @@ impl UnityLinks {
             area: FIRST_AREA + kind_of(link.ability),
             about: About::of(link, axes),
         });
-        Self { version: VERSION, axes: axes.words().to_owned(), areas: kinds(FIRST_AREA), links: links.collect() }
+        Self {
+            version: VERSION,
+            axes: axes.words().to_owned(),
+            origin: set.origin_on(axes).map(Vector3::from),
+            areas: kinds(FIRST_AREA),
+            links: links.collect(),
+        }
     }
 }

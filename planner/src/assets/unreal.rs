@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 pub(super) struct UnrealLinks {
     version: u32,
     axes: String,
+    /// Where the level's own origin lies on the map: what is here, less that, is in the level's coordinates. Absent if it is not known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    origin: Option<Vector>,
     links: Vec<UnrealLink>,
 }
 
@@ -54,6 +57,11 @@ impl UnrealLinks {
             entering_cost: link.cost_metres(set.speed) * centimetres,
             about: About::of(link, axes),
         });
-        Self { version: VERSION, axes: axes.words().to_owned(), links: links.collect() }
+        Self {
+            version: VERSION,
+            axes: axes.words().to_owned(),
+            origin: set.origin_on(axes).map(Vector::from),
+            links: links.collect(),
+        }
     }
 }

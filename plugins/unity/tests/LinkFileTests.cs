@@ -24,6 +24,14 @@ namespace Surefoot.Tests
             Expect.Equal(links[1].Leaps.Count, 0, "the number of leaps of a link without any");
         }
 
+        /// <summary>Files say where the level's origin lies, links on Unity's axes and graphs on Surefoot's.</summary>
+        internal static void ReadsOrigins()
+        {
+            Expect.Equal(LinkFile.Origin("{\"origin\": {\"x\": -2, \"y\": 1, \"z\": 3.5}, \"links\": []}").Value, new Vec3(2, 1, 3.5f), "of links");
+            Expect.Equal(LinkFile.OriginOfGraph("{\"graph\": {\"origin\": [2, 1, 3.5]}}").Value, new Vec3(2, 1, 3.5f), "of a graph");
+            Expect.That(LinkFile.Origin("{\"links\": []}") == null && LinkFile.OriginOfGraph("{\"graph\": {}}") == null, "files without one");
+        }
+
         /// <summary>Both ends of every link lie on the map, mirrored.</summary>
         internal static void ReadsExported(Files files)
         {

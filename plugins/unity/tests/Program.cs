@@ -60,6 +60,7 @@ namespace Surefoot.Tests
             Run("errors name what to change", () => ErrorTests.NameWhatToChange(files));
             Run("disposed and forgotten handles", () => ErrorTests.HandlesAreDestroyedOnce(files.Graph));
             Run("links are read", () => LinkFileTests.ReadsTheFormat(files.Links));
+            Run("files say where the level's origin lies", LinkFileTests.ReadsOrigins);
             Run("links that the program exports are read, if it does", () => LinkFileTests.ReadsExported(files));
             Run("the reader of links is tolerant", LinkFileTests.IsTolerant);
             Run("links that are wrong are refused by name", LinkFileTests.RefusesByName);

@@ -92,23 +92,29 @@ let surefoot: Surefoot
 let level: ImportedLevel
 let graphId: string
 let graph: Graph
+const exported = folder.file('graph.json')
 
 beforeAll(async () => {
   const cache = folder.file('cache')
   const obj = folder.file('level.obj')
   writeFileSync(obj, levelObj())
-  const [vertices, json] = ['60', folder.file('graph.json')]
-  run('graph', 'export', obj, '--vertices', vertices, '--cache', cache, '--format', 'json', '--out', json)
+  const vertices = '60'
+  run('graph', 'export', obj, '--vertices', vertices, '--cache', cache, '--format', 'json', '--out', exported)
   service = await serve('plan', ['--cache', cache])
   surefoot = connect({ planner: service.url })
   level = await surefoot.importLevel('level.obj', new TextEncoder().encode(levelObj()))
   graphId = await surefoot.buildGraph(level.mapHash, { vertices: Number(vertices) })
-  graph = Graph.read(readFileSync(json, 'utf8'), level.origin)
+  graph = Graph.read(readFileSync(exported, 'utf8'), level.origin)
 })
 
 afterAll(async () => {
   await service?.kill()
   folder.close()
+})
+
+test('a graph says itself where the origin of its level lies', () => {
+  expect(Graph.read(readFileSync(exported, 'utf8')).vertices).toEqual(graph.vertices)
+  expect(() => Graph.read({ ...toyFile(SQUARE, []), graph: { origin: [1, 2] } })).toThrow('graph.origin')
 })
 
 test('the origin of a level on its map is known without a service', () => {

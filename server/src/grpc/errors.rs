@@ -116,6 +116,7 @@ impl From<EnvError> for Status {
             EnvError::TooMany(_) => status::quota(Reason::TooManyEnvs, "server", message),
             EnvError::Busy(_) => status::failure(Reason::StepInProgress, message),
             EnvError::NoGround(_) | EnvError::Host(_) => status::failure(Reason::NoGround, message),
+            EnvError::Gone(_) => status::failure(Reason::WorldStopped, message),
             EnvError::Lost(_) | EnvError::Failed(_) => status::failure(Reason::Internal, message),
         }
     }

@@ -26,7 +26,7 @@ use std::collections::HashMap;
 /// Constants of pads in `f64`, like the numbers of JSON.
 pub(super) const PAD_GRAVITY: f64 = features::PAD_GRAVITY as f64;
 pub(super) const PAD_EXTRA_M: f64 = features::PAD_EXTRA_M as f64;
-/// Default height to which a pad throws, m.
+/// Default rise for which a pad is there, m.
 const PAD_HEIGHT_M: f64 = 4.0;
 /// Height of a node below which its pool counts as flat, m.
 const FLAT_M: f32 = 0.01;
@@ -420,7 +420,7 @@ fn missing_half(node: &Node, end: End) -> ImportError {
     ImportError::MissingHalf { node: node.name.clone(), missing }
 }
 
-/// Upward speed of a pad that throws characters `height` metres up, m/s.
+/// Upward speed of a pad for a rise of `height` metres, m/s: it throws [`PAD_EXTRA_M`] higher.
 fn pad_speed(height: Option<f64>, of: &str) -> Result<f32, ImportError> {
     let height = height.unwrap_or(PAD_HEIGHT_M);
     if !(-PAD_EXTRA_M..=1000.0).contains(&height) {

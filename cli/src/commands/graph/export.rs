@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::PathBuf;
 use surefoot_planner::assets::{AssetFormat, Connected, LinkSet, ShapedEdge};
-use surefoot_planner::export::{Format, export};
+use surefoot_planner::export::{Format, export_on_level};
 use surefoot_planner::links::{DEFAULT_MAX_DETOUR, NavMesh};
 use surefoot_rollout::shape;
 use surefoot_world::reach::Reach;
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let loaded = args.target.load(None)?;
     match args.format {
-        Output::Graph(format) => args.write(&export(&loaded.graph, format)),
+        Output::Graph(format) => args.write(&export_on_level(&loaded.graph, format, loaded.origin)),
         Output::Links(format) => {
             let (set, summary) = links(args, &loaded);
             args.write(&format.write(&set))?;
@@ -141,7 +141,7 @@ fn links(args: &Args, loaded: &Loaded) -> (LinkSet, Summary) {
     let shaped = needed.iter().zip(shapes).filter_map(|(&edge, shape)| Some(ShapedEdge { edge, shape: shape? }));
     let shaped: Vec<ShapedEdge<'_>> = shaped.filter(|it| it.shape.driven() >= args.min_driven).collect();
     let max_detour = (!args.all_links).then_some(args.max_detour);
-    let set = LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at);
+    let set = LinkSet::of(graph, &shaped, nav_mesh, max_detour, &island_at).on_level(loaded.origin);
     let left_out = needed.len() - shaped.len();
     let summary = Summary { links: set.links.len(), left_out, connected: set.connected };
     (set, summary)

@@ -21,7 +21,7 @@ use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Prog
 use surefoot_planner_service::store::DiskStore;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs;
-use surefoot_world::Map;
+use surefoot_world::{Map, Vec3};
 
 /// Build, show, check, edit and export graphs.
 #[derive(clap::Subcommand)]
@@ -74,7 +74,10 @@ pub struct Target {
 /// A graph with the inputs of its build.
 struct Loaded {
     context: ProbeContext,
-    id: GraphId,
+    /// Where the level's own origin lies on the map, m, if that is known.
+    origin: Option<Vec3>,
+    /// `None` for a graph that a game has proved: an id says in whose physics edges hold.
+    id: Option<GraphId>,
     /// With edits applied.
     graph: NavGraph,
     stats: BuildStats,
@@ -86,9 +89,9 @@ struct Loaded {
 
 impl Loaded {
     /// A graph without edits.
-    fn of(context: ProbeContext, id: GraphId, built: Built, cached: bool, retried: Option<u64>) -> Self {
+    fn of(context: ProbeContext, id: Option<GraphId>, built: Built, cached: bool, retried: Option<u64>) -> Self {
         let Built { graph, stats } = built;
-        Self { context, id, graph, stats, cached, unapplied: Vec::new(), retried }
+        Self { context, origin: None, id, graph, stats, cached, unapplied: Vec::new(), retried }
     }
 }
 
@@ -97,12 +100,10 @@ impl Target {
         Ok(self.graph.settings()?)
     }
 
-    fn context(&self) -> anyhow::Result<ProbeContext> {
-        Ok(ProbeContext {
-            map: Arc::new(self.source.load()?),
-            profile: self.body.profile()?,
-            policy: load_policy(self.model.as_deref())?,
-        })
+    fn context_with_origin(&self) -> anyhow::Result<(ProbeContext, Option<Vec3>)> {
+        let (map, origin) = self.source.load_with_origin()?;
+        let profile = self.body.profile()?;
+        Ok((ProbeContext { map: Arc::new(map), profile, policy: load_policy(self.model.as_deref())? }, origin))
     }
 
     /// The level that layers belong to: a generated map's spec, or the name of a file, which outlives changes of the level.
@@ -119,8 +120,12 @@ impl Target {
     /// Takes the graph from the cache or builds it, starting from the graph of an earlier version of the map if one is given,
     /// and applies the level's edits.
     fn load(&self, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
+        let (context, origin) = self.context_with_origin()?;
+        Ok(Loaded { origin, ..self.load_in(context, changed_from)? })
+    }
+
+    fn load_in(&self, context: ProbeContext, changed_from: Option<&str>) -> anyhow::Result<Loaded> {
         let settings = self.settings()?;
-        let context = self.context()?;
         let store = self.cache.open()?;
         let id = graphs::id_of(&context, &settings);
         if let Some(game) = self.world.connect()? {
@@ -128,7 +133,7 @@ impl Target {
                 bail!("--changed-from cannot be combined with --world: edges are proved anew in a game");
             }
             let (built, cached) = (build_in(&game, &context, &settings)?, false);
-            return self.edited(store, Loaded::of(context, id, built, cached, None), settings);
+            return self.edited(store, Loaded::of(context, None, built, cached, None), settings);
         }
         let mut retried = None;
         let (built, cached) = match (store.get(&id)?, changed_from) {
@@ -149,7 +154,7 @@ impl Target {
         if !cached {
             store.put(&id, &built)?;
         }
-        self.edited(store, Loaded::of(context, id, built, cached, retried), settings)
+        self.edited(store, Loaded::of(context, Some(id), built, cached, retried), settings)
     }
 
     /// Applies the level's edits.

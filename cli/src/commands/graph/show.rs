@@ -16,7 +16,7 @@ use surefoot_world::{Ability, End, TaskConfig, Vec3, navigable};
 /// Build the graph of a map, or take it from the cache, and describe or draw it.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json\n  surefoot graph build changed.sfmap --changed-from level.sfmap\n  surefoot graph build level.glb --world http://127.0.0.1:7700 --json"
+    after_help = "Examples:\n  surefoot graph build 2000\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph build 7 --vertices 800 --neighbours 20 --json\n  surefoot graph build changed.sfmap --changed-from level.sfmap\n  surefoot graph build level.glb --world http://127.0.0.1:7700 --json\n  surefoot graph build level.obj --world tcp://127.0.0.1:7701"
 )]
 pub struct Args {
     #[command(flatten)]
@@ -63,7 +63,7 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
         let counts: serde_json::Map<_, _> =
             abilities.iter().map(|&ability| (ability.name().to_owned(), by_ability(ability).into())).collect();
         return print_json(&serde_json::json!({
-            "graph_id": id.to_string(),
+            "graph_id": id.as_ref().map(ToString::to_string),
             "map": args.target.source.map,
             "vertices": graph.vertex_count(),
             "edges": graph.edge_count(),
@@ -79,7 +79,10 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
             "unapplied_edits": unapplied.len(),
         }));
     }
-    println!("graph {id}{}", if *cached { " (from the cache)" } else { "" });
+    match id {
+        Some(id) => println!("graph {id}{}", if *cached { " (from the cache)" } else { "" }),
+        None => println!("graph proved in a game, which has no id"),
+    }
     println!(
         "{} vertices, {} edges, {} islands, {:.1} % of vertex pairs connected",
         graph.vertex_count(),

@@ -10,7 +10,7 @@ namespace Surefoot.Editor
     [ScriptedImporter(1, "sfgraph")]
     public sealed class GraphImporter : ScriptedImporter
     {
-        [SerializeField, Tooltip("The .glb or .obj that the graph was proved on; empty for a level of `surefoot map export`")]
+        [SerializeField, Tooltip("The .glb or .obj that the graph was proved on, if the file does not say where its origin lies")]
         private Object level;
 
         public override void OnImportAsset(AssetImportContext context)
@@ -20,7 +20,7 @@ namespace Surefoot.Editor
             {
                 // What is wrong with a file shows here, and not when the game starts.
                 Graph.Load(json).Dispose();
-                SurefootGraphAsset asset = SurefootGraphAsset.Create(json, Origin(context));
+                SurefootGraphAsset asset = SurefootGraphAsset.Create(json, Origin(context, json));
                 context.AddObjectToAsset("graph", asset);
                 context.SetMainObject(asset);
             }
@@ -30,11 +30,11 @@ namespace Surefoot.Editor
             }
         }
 
-        private Vec3 Origin(AssetImportContext context)
+        private Vec3 Origin(AssetImportContext context, byte[] json)
         {
             if (level == null)
             {
-                return default(Vec3);
+                return LinkFile.OriginOfGraph(System.Text.Encoding.UTF8.GetString(json)) ?? default(Vec3);
             }
             string path = AssetDatabase.GetAssetPath(level);
             context.DependsOnSourceAsset(path);

@@ -69,6 +69,21 @@ namespace Surefoot.Editor
             return links;
         }
 
+        /// <summary>Where the level's origin lies on the map, m, in Surefoot's frame, as a file of links says it; null if it does not.</summary>
+        public static Vec3? Origin(string text)
+        {
+            Fields fields = new Fields(Json.Parse(text) as Dictionary<string, object>, "the file");
+            return fields.Get("origin") == null ? (Vec3?)null : UnityFrame.Mirror(fields.Point("origin"));
+        }
+
+        /// <summary>The same of a file of `surefoot graph export --format json`.</summary>
+        public static Vec3? OriginOfGraph(string text)
+        {
+            Fields fields = new Fields(Json.Parse(text) as Dictionary<string, object>, "the file");
+            Fields graph = new Fields(fields.Get("graph") as Dictionary<string, object>, "graph");
+            return graph.Get("origin") == null ? (Vec3?)null : graph.Point("origin");
+        }
+
         private static LinkEntry Link(object item, string name)
         {
             Fields fields = new Fields(item as Dictionary<string, object>, name);

@@ -20,11 +20,11 @@ namespace Surefoot.Editor
             {
                 return;
             }
-            string level = EditorUtility.OpenFilePanel("Level that they were proved on; cancel for one of `surefoot map export`", "", "glb,gltf,obj");
             try
             {
-                Vec3 origin = string.IsNullOrEmpty(level) ? default(Vec3) : LevelOrigin.Of(level);
-                GameObject root = Build(LinkFile.Parse(File.ReadAllText(path)), Path.GetFileNameWithoutExtension(path), origin);
+                string text = File.ReadAllText(path);
+                Vec3 origin = LinkFile.Origin(text) ?? AskForOrigin();
+                GameObject root = Build(LinkFile.Parse(text), Path.GetFileNameWithoutExtension(path), origin);
                 Undo.RegisterCreatedObjectUndo(root, Title);
                 Selection.activeGameObject = root;
             }
@@ -32,6 +32,13 @@ namespace Surefoot.Editor
             {
                 EditorUtility.DisplayDialog(Title, $"{path}: {error.Message}", "OK");
             }
+        }
+
+        /// <summary>Files of earlier versions do not say where the level's origin lies.</summary>
+        private static Vec3 AskForOrigin()
+        {
+            string level = EditorUtility.OpenFilePanel("Level that they were proved on; cancel for one of `surefoot map export`", "", "glb,gltf,obj");
+            return string.IsNullOrEmpty(level) ? default(Vec3) : LevelOrigin.Of(level);
         }
 
         /// <summary>Makes an object with a child for each link. `origin` is where the level's origin lies on the map, m.</summary>

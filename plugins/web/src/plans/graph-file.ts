@@ -34,12 +34,13 @@ const MOST_COUNT = 2 ** 32 - 1
 type Json = Record<string, unknown>
 
 /**
- * Reads a graph. Places are less `origin`, where the origin of the page's level lies on the graph's map, m.
+ * Reads a graph. Places are less `origin`, where the origin of the page's level lies on the graph's map, m; if it is left out, what the file
+ * says of it counts, and nothing if the file does not.
  * @throws SurefootError that says which value of the file is missing or out of range.
  */
-export function readGraph(file: unknown, origin: Vec3 = ZERO): GraphData {
+export function readGraph(file: unknown, origin?: Vec3): GraphData {
   const root = objectOf('graph file', typeof file === 'string' ? parse(file) : file)
-  const shift = checkVec3('origin', origin)
+  const shift = origin === undefined ? readOrigin(root.graph as Json | undefined) : checkVec3('origin', origin)
   const vertices = listOf('nodes', root.nodes).map((node, idx) => readVertex(`nodes[${idx}]`, node, idx, shift))
   const edges = listOf('edges', root.edges).map((link, idx) => readEdge(`edges[${idx}]`, link, vertices.length))
   return { vertices, edges, legs: readLegs(objectOf('graph', root.graph)) }
@@ -51,6 +52,13 @@ function parse(text: string): unknown {
   } catch (error) {
     throw new SurefootError(`the graph file is no JSON (${error}): write it with surefoot graph export --format json`)
   }
+}
+
+/** Where the level's origin lies, if the file says it: a list of three numbers. */
+function readOrigin(about: Json | undefined): Vec3 {
+  if (about?.origin === undefined) return ZERO
+  const [x, y, z] = listOf('graph.origin', about.origin)
+  return checkVec3('graph.origin', { x, y, z } as Vec3)
 }
 
 function readVertex(name: string, value: unknown, idx: number, origin: Vec3): Vec3 {

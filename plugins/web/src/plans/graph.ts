@@ -54,7 +54,7 @@ export class Graph implements Planner {
 
   /**
    * Reads what `surefoot graph export --format json` wrote, as text or parsed. `origin` is where the origin of the page's level lies on
-   * the graph's map, m, see `originOf`; absent: both have one origin.
+   * the graph's map, m, see `originOf`; absent: where the file says, and nowhere else than the map's own if it does not.
    * @throws SurefootError that says what is wrong with the file.
    */
   static read(file: unknown, origin?: Vec3): Graph {
