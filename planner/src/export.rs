@@ -5,7 +5,7 @@ use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
-use surefoot_world::{DECISION_SECONDS, Vec3};
+use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
 
 /// File format of an exported graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,8 +37,17 @@ pub fn export(graph: &NavGraph, format: Format) -> String {
     match format {
         Format::GraphMl => graphml(graph),
         Format::Dot => dot(graph),
-        Format::Json => serde_json::to_string_pretty(&NodeLink::of(graph)).expect("a graph is plain data") + "\n",
+        Format::Json => json(graph, None),
     }
+}
+
+/// Writes `graph` as [`Format::Json`], with the body for which it was proved.
+pub fn export_with_body(graph: &NavGraph, body: &CharacterProfile) -> String {
+    json(graph, Some(body.clone()))
+}
+
+fn json(graph: &NavGraph, body: Option<CharacterProfile>) -> String {
+    serde_json::to_string_pretty(&NodeLink::of(graph, body)).expect("a graph is plain data") + "\n"
 }
 
 /// Why a file cannot be imported as a graph.
@@ -75,6 +84,19 @@ pub fn import_json(text: &str) -> Result<NavGraph, ImportError> {
     })?)
 }
 
+/// Reads the body for which a graph was proved from JSON that [`export_with_body`] wrote; `None` if it does not say.
+pub fn body_of(text: &str) -> Option<CharacterProfile> {
+    #[derive(Deserialize)]
+    struct File {
+        graph: Fields,
+    }
+    #[derive(Deserialize)]
+    struct Fields {
+        body: CharacterProfile,
+    }
+    serde_json::from_str::<File>(text).ok().map(|file| file.graph.body)
+}
+
 #[derive(Serialize, Deserialize)]
 struct NodeLink {
     directed: bool,
@@ -88,6 +110,9 @@ struct NodeLink {
 struct GraphFields {
     units: String,
     legs: crate::legs::LegModel,
+    /// The body for which the graph was proved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    body: Option<CharacterProfile>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -112,7 +137,7 @@ struct Link {
 }
 
 impl NodeLink {
-    fn of(graph: &NavGraph) -> Self {
+    fn of(graph: &NavGraph, body: Option<CharacterProfile>) -> Self {
         let node = |(id, &island): (u64, &u32)| {
             let at = graph.position(VertexId(id as u32));
             Node { id, x: at.x, y: at.y, z: at.z, island }
@@ -129,7 +154,7 @@ impl NodeLink {
         Self {
             directed: true,
             multigraph: false,
-            graph: GraphFields { units: "metres, seconds, y up, right-handed".to_owned(), legs: *graph.legs() },
+            graph: GraphFields { units: "metres, seconds, y up, right-handed".to_owned(), legs: *graph.legs(), body },
             nodes: (0..).zip(graph.islands()).map(node).collect(),
             edges: graph.edges().map(link).collect(),
         }

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::PathBuf;
 use surefoot_planner::assets::{AssetFormat, Connected, LinkSet, ShapedEdge};
-use surefoot_planner::export::{Format, export};
+use surefoot_planner::export::{Format, export, export_with_body};
 use surefoot_planner::links::{DEFAULT_MAX_DETOUR, NavMesh};
 use surefoot_rollout::shape;
 use surefoot_world::reach::Reach;
@@ -85,6 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let loaded = args.target.load(None)?;
     match args.format {
+        Output::Graph(Format::Json) => args.write(&export_with_body(&loaded.graph, &loaded.context.profile)),
         Output::Graph(format) => args.write(&export(&loaded.graph, format)),
         Output::Links(format) => {
             let (set, summary) = links(args, &loaded);
