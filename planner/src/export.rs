@@ -5,7 +5,7 @@ use crate::graph::{Edge, GraphData, NavGraph};
 use crate::ids::{EdgeKey, VertexId};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
-use surefoot_world::{DECISION_SECONDS, Vec3};
+use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
 
 /// File format of an exported graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,19 +32,27 @@ impl Format {
     }
 }
 
-/// Writes `graph` in `format`.
-pub fn export(graph: &NavGraph, format: Format) -> String {
-    export_on_level(graph, format, None)
+/// What a graph's file says besides the graph.
+#[derive(Debug, Clone, Default)]
+pub struct About {
+    /// Where the level's own origin lies on the map, m; `None` if that is not known.
+    pub origin: Option<Vec3>,
+    /// The body for which the graph was proved.
+    pub body: Option<CharacterProfile>,
 }
 
-/// Writes `graph`, of a level whose own origin lies at `origin` on the map, m, in `format`. Only JSON has the origin; nothing says it if it is
-/// not known.
-pub fn export_on_level(graph: &NavGraph, format: Format, origin: Option<Vec3>) -> String {
+/// Writes `graph` in `format`.
+pub fn export(graph: &NavGraph, format: Format) -> String {
+    export_about(graph, format, About::default())
+}
+
+/// Writes `graph` in `format`, with what is known about it; only JSON has that.
+pub fn export_about(graph: &NavGraph, format: Format, about: About) -> String {
     match format {
         Format::GraphMl => graphml(graph),
         Format::Dot => dot(graph),
         Format::Json => {
-            serde_json::to_string_pretty(&NodeLink::of(graph, origin)).expect("a graph is plain data") + "\n"
+            serde_json::to_string_pretty(&NodeLink::of(graph, about)).expect("a graph is plain data") + "\n"
         }
     }
 }
@@ -83,6 +91,19 @@ pub fn import_json(text: &str) -> Result<NavGraph, ImportError> {
     })?)
 }
 
+/// Reads the body for which a graph was proved from JSON that [`export_about`] wrote; `None` if it does not say.
+pub fn body_of(text: &str) -> Option<CharacterProfile> {
+    #[derive(Deserialize)]
+    struct File {
+        graph: Fields,
+    }
+    #[derive(Deserialize)]
+    struct Fields {
+        body: CharacterProfile,
+    }
+    serde_json::from_str::<File>(text).ok().map(|file| file.graph.body)
+}
+
 #[derive(Serialize, Deserialize)]
 struct NodeLink {
     directed: bool,
@@ -99,6 +120,9 @@ struct GraphFields {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     origin: Option<[f32; 3]>,
     legs: crate::legs::LegModel,
+    /// The body for which the graph was proved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    body: Option<CharacterProfile>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -123,7 +147,7 @@ struct Link {
 }
 
 impl NodeLink {
-    fn of(graph: &NavGraph, origin: Option<Vec3>) -> Self {
+    fn of(graph: &NavGraph, about: About) -> Self {
         let node = |(id, &island): (u64, &u32)| {
             let at = graph.position(VertexId(id as u32));
             Node { id, x: at.x, y: at.y, z: at.z, island }
@@ -142,8 +166,9 @@ impl NodeLink {
             multigraph: false,
             graph: GraphFields {
                 units: "metres, seconds, y up, right-handed".to_owned(),
-                origin: origin.map(|origin| origin.to_array()),
+                origin: about.origin.map(|origin| origin.to_array()),
                 legs: *graph.legs(),
+                body: about.body,
             },
             nodes: (0..).zip(graph.islands()).map(node).collect(),
             edges: graph.edges().map(link).collect(),

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::path::PathBuf;
 use surefoot_planner::assets::{AssetFormat, Connected, LinkSet, ShapedEdge};
-use surefoot_planner::export::{Format, export_on_level};
+use surefoot_planner::export::{About, Format, export_about};
 use surefoot_planner::links::{DEFAULT_MAX_DETOUR, NavMesh};
 use surefoot_rollout::shape;
 use surefoot_world::reach::Reach;
@@ -85,7 +85,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let loaded = args.target.load(None)?;
     match args.format {
-        Output::Graph(format) => args.write(&export_on_level(&loaded.graph, format, loaded.origin)),
+        Output::Graph(format) => {
+            let about = About { origin: loaded.origin, body: Some(loaded.context.profile.clone()) };
+            args.write(&export_about(&loaded.graph, format, about))
+        }
         Output::Links(format) => {
             let (set, summary) = links(args, &loaded);
             args.write(&format.write(&set))?;
