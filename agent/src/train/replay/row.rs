@@ -1,6 +1,6 @@
 //! Packed rows: about 420 bytes instead of the 1.5 kB of an observation; 410 in messages.
 
-use super::{RowKind, Step};
+use super::step::{RowKind, Step};
 use serde::{Deserialize, Serialize};
 use surefoot_world::OBSERVATION_LEN;
 use surefoot_world::character::ACTION_LEN;

@@ -7,27 +7,17 @@
 
 mod brain;
 mod lanes;
+mod place;
 mod stream;
+
+pub use place::Connect;
 
 use super::config::TrainConfig;
 use super::inflow::{Inflow, InflowState};
-use crate::game::{Game, GameError};
 use brain::Brain;
-use std::sync::Arc;
+use place::Place;
 use stream::Stream;
 use surefoot_policy::Policy;
-
-/// Connects to the world at an address.
-pub type Connect = Arc<dyn Fn(&str) -> Result<Game, GameError> + Send + Sync>;
-
-/// Where an environment runs.
-#[derive(Debug, Clone)]
-pub(super) struct Place {
-    /// Address of the world.
-    uri: String,
-    /// Index of the saved level that the world runs; `None` if it runs maps that are generated.
-    level: Option<u64>,
-}
 
 /// Starts the streams of `config.worlds`, which connect on their own, and again when a connection is lost.
 pub(super) fn start(config: &TrainConfig, policy: Policy, connect: &Connect, state: InflowState) -> Inflow {

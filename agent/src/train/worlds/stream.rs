@@ -2,7 +2,7 @@
 
 use super::brain::{Answer, Brain};
 use super::lanes::{Lanes, Settled};
-use super::{Connect, Place};
+use super::place::{Connect, Place};
 use crate::game::{GameError, Level};
 use crate::train::arena::Arena;
 use crate::train::config::CollectorConfig;

@@ -4,6 +4,7 @@
 //! well the learner keeps them busy, not how fast they are.
 
 use super::Figure;
+use super::link::Link;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -27,6 +28,8 @@ const NPCS: usize = 32;
 const COUNTS: [usize; 4] = [1, 2, 4, 8];
 /// Progress lines between which decisions are counted, after the first.
 const LINES: usize = 2;
+/// Delay in each direction, and rate, bit/s, of the link to what is far.
+const FAR: (Duration, f64) = (Duration::from_millis(10), 100.0e6);
 /// Environments of each world.
 const ENVS: usize = 2;
 /// Least share of what the injected cost allows.
@@ -36,19 +39,28 @@ const TARGET: f64 = 0.8;
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let worlds = ["worlds_1_decisions_s", "worlds_2_decisions_s", "worlds_4_decisions_s", "worlds_8_decisions_s"];
     let actors = ["actors_1_decisions_s", "actors_2_decisions_s", "actors_4_decisions_s", "actors_8_decisions_s"];
+    let ways = [
+        (worlds, "worlds_8_far_decisions_s", ENVS, feed_by_worlds as Feed),
+        (actors, "actors_8_far_decisions_s", 1, feed_by_actors as Feed),
+    ];
     let mut figures = Vec::new();
-    for (names, envs, feed) in
-        [(worlds, ENVS, feed_by_worlds as fn(usize) -> anyhow::Result<f64>), (actors, 1, feed_by_actors)]
-    {
+    for (names, far_name, envs, feed) in ways {
+        let most =
+            |count: usize| (count * envs * NPCS) as f64 / (f64::from(TICKS_PER_DECISION) * TICK_COST.as_secs_f64());
+        let figure = |name, rate, count| {
+            Figure::new(name, rate, "1/s").with_reference("nothing but the injected cost", most(count), true)
+        };
         for (name, count) in names.into_iter().zip(COUNTS) {
-            let most = (count * envs * NPCS) as f64 / (f64::from(TICKS_PER_DECISION) * TICK_COST.as_secs_f64());
-            let figure =
-                Figure::new(name, feed(count)?, "1/s").with_reference("nothing but the injected cost", most, true);
-            figures.push(figure.at_least(TARGET * most));
+            figures.push(figure(name, feed(count, None)?, count).at_least(TARGET * most(count)));
         }
+        let far = Link::new(FAR.0, FAR.1);
+        figures.push(figure(far_name, feed(8, Some(&far))?, 8));
     }
     Ok(figures)
 }
+
+/// Decisions per second with a number of worlds or actors, at the other end of a link if there is one.
+type Feed = fn(usize, Option<&Link>) -> anyhow::Result<f64>;
 
 /// A game in which nothing moves, and every tick takes its time.
 struct Sleeping(Vec<BodyState>);
@@ -84,8 +96,8 @@ fn free_address() -> std::io::Result<SocketAddr> {
 }
 
 /// Starts games, which run until the process ends, and returns their addresses once they serve.
-fn games(count: usize) -> anyhow::Result<Vec<String>> {
-    let mut uris = Vec::new();
+fn games(count: usize) -> anyhow::Result<Vec<SocketAddr>> {
+    let mut addresses = Vec::new();
     for _ in 0..count {
         let address = free_address()?;
         std::thread::spawn(move || surefoot_game::serve_blocking(SleepingLevel, address, 64));
@@ -93,9 +105,9 @@ fn games(count: usize) -> anyhow::Result<Vec<String>> {
         while std::net::TcpStream::connect(address).is_err() {
             anyhow::ensure!(since.elapsed() < Duration::from_secs(10), "no game at {address}");
         }
-        uris.push(format!("http://{address}"));
+        addresses.push(address);
     }
-    Ok(uris)
+    Ok(addresses)
 }
 
 /// A run that learns a little on the side.
@@ -127,18 +139,25 @@ fn connect() -> Connect {
     Arc::new(|uri| Game::connect(uri, &Credentials::default()))
 }
 
-fn feed_by_worlds(count: usize) -> anyhow::Result<f64> {
-    let config = TrainConfig { worlds: games(count)?, envs_per_world: ENVS, ..config() };
+/// The address as seen from the other end of a link.
+fn over(link: Option<&Link>, address: SocketAddr) -> std::io::Result<String> {
+    let seen = link.map_or(Ok(address), |link| link.relay(address))?;
+    Ok(format!("http://{seen}"))
+}
+
+fn feed_by_worlds(count: usize, link: Option<&Link>) -> anyhow::Result<f64> {
+    let worlds = games(count)?.into_iter().map(|address| over(link, address)).collect::<Result<_, _>>()?;
+    let config = TrainConfig { worlds, envs_per_world: ENVS, ..config() };
     rate_of(config, None, &AtomicBool::new(false))
 }
 
-fn feed_by_actors(count: usize) -> anyhow::Result<f64> {
+fn feed_by_actors(count: usize, link: Option<&Link>) -> anyhow::Result<f64> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let endpoint = {
         let _inside = runtime.enter();
         Endpoint::bind((Ipv4Addr::LOCALHOST, 0).into())?
     };
-    let learner = format!("http://{}", endpoint.address());
+    let learner = over(link, endpoint.address())?;
     let stop = Arc::new(AtomicBool::new(false));
     for (idx, world) in games(count)?.into_iter().enumerate() {
         let (stop, learner) = (stop.clone(), learner.clone());
@@ -148,7 +167,7 @@ fn feed_by_actors(count: usize) -> anyhow::Result<f64> {
             actor_id: idx.to_string(),
             seed: idx as u64,
             levels: Vec::new(),
-            world: Some(world),
+            world: Some(over(None, world)?),
             connect: connect(),
         };
         std::thread::spawn(move || act(config, &stop, |_| {}));

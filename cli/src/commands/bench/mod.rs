@@ -4,6 +4,7 @@ mod edits;
 mod feed;
 mod floods;
 mod learn;
+mod link;
 mod plan;
 #[cfg(feature = "reference")]
 mod reference;
