@@ -6,6 +6,7 @@ use crate::goals::{Goal, goal_in_band, random_point, random_yaw};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::Arc;
 use surefoot_world::character::{ACTION_LEN, Action, MoveScratch};
 use surefoot_world::navigable::{self, NoGround};
@@ -41,6 +42,16 @@ impl Episodes {
             Self::Once(goals) => goals.len(),
         }
     }
+}
+
+/// When an NPC with endless episodes begins its next one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Renewal {
+    /// In the step that ended the last one.
+    #[default]
+    AtOnce,
+    /// When [`Env::renew`] is called; until then it rests.
+    OnCall,
 }
 
 /// The physics of an environment: our world, or a game. NPCs count from 0.
@@ -134,8 +145,11 @@ impl Physics for Ours {
 pub struct Env {
     physics: Box<dyn Physics>,
     draw: Option<Draw>,
-    /// Whether each NPC rests, since its only episode has ended.
+    renewal: Renewal,
+    /// Whether each NPC rests, since its only episode, or one that is not renewed at once, has ended.
     rests: Vec<bool>,
+    /// The last place for which each NPC heads, m.
+    goals: Vec<Vec3>,
     observations: Vec<f32>,
     rewards: Vec<f32>,
     /// The most demanding ability that each NPC used in the last step.
@@ -232,7 +246,9 @@ impl Env {
         let goals = (0..npc_count).map(|idx| draw.as_mut().map_or_else(|| goals[idx], Draw::goal)).collect::<Vec<_>>();
         let mut env = Self {
             draw,
+            renewal: Renewal::AtOnce,
             rests: vec![false; npc_count],
+            goals: vec![Vec3::ZERO; npc_count],
             observations: vec![0.0; npc_count * physics.observation_len()],
             physics,
             rewards: vec![0.0; npc_count],
@@ -240,8 +256,14 @@ impl Env {
             routes: vec![Rest::default(); npc_count],
         };
         goals.iter().enumerate().for_each(|(npc_idx, goal)| env.begin(npc_idx, goal));
-        (0..npc_count).for_each(|npc_idx| env.observe(npc_idx));
+        env.with_rows(|env, rows| (0..npc_count).for_each(|npc_idx| env.observe(npc_idx, rows)));
         Ok(env)
+    }
+
+    /// The same environment with endless episodes that are renewed at another time.
+    #[must_use]
+    pub fn renewed(self, renewal: Renewal) -> Self {
+        Self { renewal, ..self }
     }
 
     /// Number of NPCs.
@@ -249,7 +271,22 @@ impl Env {
         self.rests.len()
     }
 
-    /// Current observations of the NPCs, one after another: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values each, or
+    /// Number of values of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.physics.observation_len()
+    }
+
+    /// Whether each NPC rests.
+    pub fn rests(&self) -> &[bool] {
+        &self.rests
+    }
+
+    /// The last place for which each NPC heads, or headed before it rested, m.
+    pub fn goals(&self) -> &[Vec3] {
+        &self.goals
+    }
+
+    /// Observations of the NPCs as [`new`](Self::new), [`step`](Self::step) and [`redirect`](Self::redirect) left them, one after another: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values each, or
     /// [`OBSERVATION_WITH_OTHERS_LEN`](surefoot_world::OBSERVATION_WITH_OTHERS_LEN) if NPCs are solid.
     pub fn observations(&self) -> &[f32] {
         &self.observations
@@ -287,8 +324,22 @@ impl Env {
             None => self.physics.set_goal(*npc_idx, *first),
         }
         self.rests[*npc_idx] = false;
+        self.goals[*npc_idx] = *rest.last().unwrap_or(first);
         self.routes[*npc_idx] = Rest { waypoints: rest.iter().copied().collect(), passed: 0 };
-        self.observe(*npc_idx);
+        self.with_rows(|env, rows| env.observe(*npc_idx, rows));
+    }
+
+    /// Starts the next episode of an NPC, even if its last one has not ended, and writes its first observation into the NPC's row of
+    /// `rows`, which are laid out as [`observations`](Self::observations).
+    ///
+    /// # Panics
+    /// If there is no such NPC, or its episodes are given ([`Episodes::Once`]).
+    pub fn renew(&mut self, npc_idx: usize, rows: &mut [f32]) {
+        let goal = self.draw.as_mut().expect("endless episodes").goal();
+        self.routes[npc_idx] = Rest::default();
+        self.rests[npc_idx] = false;
+        self.begin(npc_idx, &goal);
+        self.observe(npc_idx, rows);
     }
 
     /// Runs one decision of every NPC and returns the episodes that ended. An NPC that reaches a place of its route heads for the next
@@ -297,30 +348,49 @@ impl Env {
     /// # Panics
     /// If the numbers of actions and NPCs differ.
     pub fn step(&mut self, actions: &[Action]) -> Vec<Ended> {
+        self.with_rows(|env, rows| env.step_into(actions, rows))
+    }
+
+    /// Does what [`step`](Self::step) does, and writes the observations into `rows`, which are laid out as
+    /// [`observations`](Self::observations). Rows of NPCs that rest are left as they are.
+    ///
+    /// # Panics
+    /// If the numbers of actions, rows and NPCs differ.
+    pub fn step_into(&mut self, actions: &[Action], rows: &mut [f32]) -> Vec<Ended> {
+        assert_eq!(rows.len(), self.npc_count() * self.observation_len(), "one row for each NPC");
         assert_eq!(actions.len(), self.npc_count(), "one action for each NPC");
         let awake: Vec<usize> = (0..self.npc_count()).filter(|npc_idx| !self.rests[*npc_idx]).collect();
         let actions: Vec<Action> = awake.iter().map(|npc_idx| actions[*npc_idx]).collect();
         let outcomes = self.physics.advance(&awake, &actions);
         self.rewards.fill(0.0);
         self.abilities.fill(Ability::Walk);
-        awake.into_iter().zip(outcomes).filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome)).collect()
+        awake.into_iter().zip(outcomes).filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome, rows)).collect()
+    }
+
+    /// Lends out the observations.
+    fn with_rows<T>(&mut self, run: impl FnOnce(&mut Self, &mut [f32]) -> T) -> T {
+        let mut rows = std::mem::take(&mut self.observations);
+        let result = run(self, &mut rows);
+        self.observations = rows;
+        result
     }
 
     /// Processes the decision of one NPC, and returns its episode if it ended.
-    fn settle(&mut self, npc_idx: usize, outcome: DecisionOutcome) -> Option<Ended> {
+    fn settle(&mut self, npc_idx: usize, outcome: DecisionOutcome, rows: &mut [f32]) -> Option<Ended> {
         self.rewards[npc_idx] = outcome.reward;
         self.abilities[npc_idx] = self.physics.stand(npc_idx).ability;
         let next = (outcome.end == Some(End::Reached)).then(|| self.routes[npc_idx].pass()).flatten();
         if let Some(next) = next {
             self.physics.set_goal(npc_idx, next);
         }
-        self.observe(npc_idx);
+        self.observe(npc_idx, rows);
         let end = outcome.end.filter(|_| next.is_none())?;
-        let ended = Ended { npc_idx, end, final_observation: self.row(npc_idx).to_vec() };
+        let ended = Ended { npc_idx, end, final_observation: rows[self.row(npc_idx)].to_vec() };
         self.routes[npc_idx].waypoints.clear();
-        if let Some(goal) = self.draw.as_mut().map(Draw::goal) {
+        let draw = self.draw.as_mut().filter(|_| self.renewal == Renewal::AtOnce);
+        if let Some(goal) = draw.map(Draw::goal) {
             self.begin(npc_idx, &goal);
-            self.observe(npc_idx);
+            self.observe(npc_idx, rows);
         } else {
             self.physics.clear_goal(npc_idx);
             self.rests[npc_idx] = true;
@@ -332,16 +402,18 @@ impl Env {
     fn begin(&mut self, npc_idx: usize, &Goal { start, yaw, goal }: &Goal) {
         self.physics.place(npc_idx, start, yaw);
         self.physics.set_goal(npc_idx, goal);
+        self.goals[npc_idx] = goal;
     }
 
-    fn row(&self, npc_idx: usize) -> &[f32] {
-        let len = self.physics.observation_len();
-        &self.observations[npc_idx * len..][..len]
+    /// Where the observation of an NPC is among those of all.
+    fn row(&self, npc_idx: usize) -> Range<usize> {
+        let len = self.observation_len();
+        npc_idx * len..(npc_idx + 1) * len
     }
 
-    fn observe(&mut self, npc_idx: usize) {
-        let len = self.physics.observation_len();
-        self.physics.observe(npc_idx, &mut self.observations[npc_idx * len..][..len]);
+    fn observe(&mut self, npc_idx: usize, rows: &mut [f32]) {
+        let row = self.row(npc_idx);
+        self.physics.observe(npc_idx, &mut rows[row]);
     }
 }
 

@@ -1,0 +1,36 @@
+//! The native module of the Python package `surefoot`: what is fast, and what is ours. The package around it (`surefoot/`) is Python and
+//! brings this into the forms that Gymnasium, PettingZoo and others expect.
+//!
+//! [`vector`] steps environments on several threads; it knows nothing of Python. [`envs`] lends it the caller's arrays. [`level`] and
+//! [`body`] are what environments are made of. No panic crosses into Python as anything but an exception, which [`error`] writes.
+
+mod body;
+mod envs;
+mod error;
+mod level;
+mod vector;
+
+use pyo3::prelude::*;
+
+/// Everything of the package that is not Python.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use crate::envs::{Worlds, seconds_of_steps_in_rust};
+    #[pymodule_export]
+    use crate::level::Level;
+    #[pymodule_export]
+    const OBSERVATION_LEN: usize = surefoot_world::OBSERVATION_LEN;
+    #[pymodule_export]
+    const OBSERVATION_WITH_OTHERS_LEN: usize = surefoot_world::OBSERVATION_WITH_OTHERS_LEN;
+    #[pymodule_export]
+    const ACTION_LEN: usize = surefoot_world::character::ACTION_LEN;
+
+    use pyo3::prelude::*;
+
+    /// Names of all bodies.
+    #[pyfunction]
+    fn body_names() -> Vec<&'static str> {
+        crate::body::names()
+    }
+}
