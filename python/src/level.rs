@@ -1,11 +1,13 @@
 //! Levels: generated maps, and levels from files.
 
 use crate::error::{chain, file, value};
+use crate::picture;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use surefoot_report::render::View;
 use surefoot_world::exchange::{self, Imported};
 use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
 use surefoot_world::{Map, MapSpec, RawMapSpec};
@@ -155,6 +157,18 @@ impl Level {
             counts.set_item(name, count)?;
         }
         Ok(counts)
+    }
+
+    #[pyo3(signature = (*, pixels_per_m = 3.0, view = "top"))]
+    fn png<'py>(&self, py: Python<'py>, pixels_per_m: f32, view: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let view = picture::view(view)?;
+        let picture = py.detach(|| picture::draw(&self.map, view, pixels_per_m, None))?;
+        Ok(PyBytes::new(py, &picture))
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let picture = py.detach(|| picture::draw(&self.map, View::Top, picture::scale(&self.map), None))?;
+        Ok(PyBytes::new(py, &picture))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {

@@ -2,12 +2,16 @@
 //! brings this into the forms that Gymnasium, PettingZoo and others expect.
 //!
 //! [`vector`] steps environments on several threads; it knows nothing of Python. [`envs`] lends it the caller's arrays. [`level`] and
-//! [`body`] are what environments are made of. No panic crosses into Python as anything but an exception, which [`error`] writes.
+//! [`body`] are what environments are made of. [`graph`] builds graphs and answers with a [`plan`]; [`policy`] decides. No panic crosses into Python as anything but an exception, which [`error`] writes.
 
 mod body;
 mod envs;
 mod error;
+mod graph;
 mod level;
+mod picture;
+mod plan;
+mod policy;
 mod vector;
 
 use pyo3::prelude::*;
@@ -18,7 +22,13 @@ mod _native {
     #[pymodule_export]
     use crate::envs::{Worlds, seconds_of_steps_in_rust};
     #[pymodule_export]
+    use crate::graph::Graph;
+    #[pymodule_export]
     use crate::level::Level;
+    #[pymodule_export]
+    use crate::plan::{Leg, Plan};
+    #[pymodule_export]
+    use crate::policy::Policy;
     #[pymodule_export]
     const OBSERVATION_LEN: usize = surefoot_world::OBSERVATION_LEN;
     #[pymodule_export]

@@ -115,10 +115,6 @@ impl Worlds {
         Ok(())
     }
 
-    pub fn setup(&self) -> &Setup {
-        &self.setup
-    }
-
     pub fn observation_len(&self) -> usize {
         self.envs[0].observation_len()
     }

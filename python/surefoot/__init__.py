@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from ._native import Level, body_names
+from ._native import Graph, Leg, Level, Plan, Policy, body_names
 from .buffers import BufferEnv
 from .single import PointGoalEnv
 from .vector import VectorEnv
@@ -21,7 +21,18 @@ if TYPE_CHECKING:
     from .parallel import ParallelEnv
 
 __version__ = "0.2.0"
-__all__ = ["BufferEnv", "Level", "ParallelEnv", "PointGoalEnv", "VectorEnv", "body_names"]
+__all__ = [
+    "BufferEnv",
+    "Graph",
+    "Leg",
+    "Level",
+    "ParallelEnv",
+    "Plan",
+    "PointGoalEnv",
+    "Policy",
+    "VectorEnv",
+    "body_names",
+]
 
 gymnasium.register(
     id="surefoot/PointGoal-v0",
