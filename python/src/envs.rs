@@ -3,14 +3,14 @@
 use crate::body;
 use crate::error::{state, value};
 use crate::level::Level;
-use crate::vector::{Autoreset, Outputs, Setup, Worlds as Inner, seconds_in_rust};
+use crate::vector::{Autoreset, Finished, Outputs, Setup, Worlds as Inner, seconds_in_rust};
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, MutexGuard};
-use surefoot_rollout::env::{Ended, Route};
+use surefoot_rollout::env::Route;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{Map, Vec3};
@@ -54,7 +54,7 @@ fn failed() -> PyErr {
 }
 
 /// Reads the arguments that all kinds of environments share.
-fn setup(
+pub fn setup(
     levels: &[Py<Level>],
     body: &str,
     solid: bool,
@@ -123,11 +123,11 @@ fn check_shape(found: &[usize], wanted: &[usize], name: &str) -> PyResult<()> {
 }
 
 /// Episodes that ended, as arrays.
-pub fn ends<'py>(py: Python<'py>, ended: Vec<Ended>, observation_len: usize) -> PyResult<Ends<'py>> {
-    let indices: Vec<i64> = ended.iter().map(|end| end.npc_idx as i64).collect();
-    let names = ended.iter().map(|end| end.end.name()).collect();
+pub fn ends<'py>(py: Python<'py>, ended: Vec<Finished>, observation_len: usize) -> PyResult<Ends<'py>> {
+    let indices: Vec<i64> = ended.iter().map(|end| end.env as i64).collect();
+    let names = ended.iter().map(|end| end.outcome).collect();
     let count = ended.len();
-    let rows: Vec<f32> = ended.into_iter().flat_map(|end| end.final_observation).collect();
+    let rows: Vec<f32> = ended.into_iter().flat_map(|end| end.last).collect();
     let rows = rows.into_pyarray(py).reshape([count, observation_len])?;
     Ok((indices.into_pyarray(py), names, rows))
 }

@@ -1,6 +1,6 @@
 //! Graphs of levels, and plans.
 
-use crate::body;
+use crate::body::Figures;
 use crate::envs::{place, points};
 use crate::error::{chain, file, value};
 use crate::level::Level;
@@ -73,12 +73,12 @@ impl Graph {
 #[pymethods]
 impl Graph {
     #[staticmethod]
-    #[pyo3(signature = (level, body = "surefoot", *, policy = None, vertices = 300, seed = 0, threads = None, progress = None))]
+    #[pyo3(signature = (level, body = Figures::default(), *, policy = None, vertices = 300, seed = 0, threads = None, progress = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn build(
         py: Python<'_>,
         level: Py<Level>,
-        body: &str,
+        body: Figures<'_>,
         policy: Option<Py<Policy>>,
         vertices: usize,
         seed: u64,
@@ -97,7 +97,7 @@ impl Graph {
             None => Policy::open("general-reactive", 0)?.inner,
         };
         let map = level.get().map.clone();
-        let context = ProbeContext { map: map.clone(), profile: body::read(body)?, policy };
+        let context = ProbeContext { map: map.clone(), profile: body.profile(py)?, policy };
         let built = build(py, &context, &settings, threads, progress)?;
         Ok(py.detach(|| Self::of(built.graph, Some(map), threads)))
     }

@@ -1,17 +1,20 @@
 //! The native module of the Python package `surefoot`: what is fast, and what is ours. The package around it (`surefoot/`) is Python and
 //! brings this into the forms that Gymnasium, PettingZoo and others expect.
 //!
-//! [`vector`] steps environments on several threads; it knows nothing of Python. [`envs`] lends it the caller's arrays. [`level`] and
+//! [`vector`] steps environments on several threads; it knows nothing of Python. [`envs`] lends it the caller's arrays. [`far`] steps
+//! those of a server likewise, for which [`remote`] does the same. [`level`] and
 //! [`body`] are what environments are made of. [`graph`] builds graphs and answers with a [`plan`]; [`policy`] decides. No panic crosses into Python as anything but an exception, which [`error`] writes.
 
 mod body;
 mod envs;
 mod error;
+mod far;
 mod graph;
 mod level;
 mod picture;
 mod plan;
 mod policy;
+mod remote;
 mod vector;
 
 use pyo3::prelude::*;
@@ -29,6 +32,8 @@ mod _native {
     use crate::plan::{Leg, Plan};
     #[pymodule_export]
     use crate::policy::Policy;
+    #[pymodule_export]
+    use crate::remote::{RemoteWorlds, Server, connect};
     #[pymodule_export]
     const OBSERVATION_LEN: usize = surefoot_world::OBSERVATION_LEN;
     #[pymodule_export]

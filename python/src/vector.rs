@@ -56,6 +56,33 @@ pub struct Outputs<'a> {
     pub truncated: &'a mut [bool],
 }
 
+impl<'a> Outputs<'a> {
+    /// Splits off what the first `count` environments write.
+    pub fn split(self, count: usize, observation_len: usize) -> (Self, Self) {
+        let (observations, more_observations) = self.observations.split_at_mut(count * observation_len);
+        let (rewards, more_rewards) = self.rewards.split_at_mut(count);
+        let (terminated, more_terminated) = self.terminated.split_at_mut(count);
+        let (truncated, more_truncated) = self.truncated.split_at_mut(count);
+        let more = Self {
+            observations: more_observations,
+            rewards: more_rewards,
+            terminated: more_terminated,
+            truncated: more_truncated,
+        };
+        (Self { observations, rewards, terminated, truncated }, more)
+    }
+}
+
+/// An episode that ended.
+#[derive(Debug)]
+pub struct Finished {
+    /// Number of the environment.
+    pub env: usize,
+    pub outcome: &'static str,
+    /// Last observation.
+    pub last: Vec<f32>,
+}
+
 /// Environments in worlds.
 #[derive(Debug)]
 pub struct Worlds {
@@ -73,24 +100,25 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn run(self, autoreset: Autoreset) -> Vec<Ended> {
+    fn run(self, autoreset: Autoreset) -> Vec<Finished> {
         let Self { env, first, actions, out } = self;
         let actions = actions_of(actions, |_| 0).expect("checked actions");
         let renewed: Vec<usize> = match autoreset {
             Autoreset::NextStep => (0..env.npc_count()).filter(|npc_idx| env.rests()[*npc_idx]).collect(),
             Autoreset::SameStep | Autoreset::Disabled => Vec::new(),
         };
-        let mut ended = env.step_into(&actions, out.observations);
+        let ended = env.step_into(&actions, out.observations);
         out.rewards.copy_from_slice(env.rewards());
         out.terminated.fill(false);
         out.truncated.fill(false);
-        for end in &mut ended {
-            let flag = if end.end.is_truncation() { &mut *out.truncated } else { &mut *out.terminated };
-            flag[end.npc_idx] = true;
-            end.npc_idx += first;
-        }
+        let finish = |Ended { npc_idx, end, final_observation }: Ended| {
+            let flag = if end.is_truncation() { &mut *out.truncated } else { &mut *out.terminated };
+            flag[npc_idx] = true;
+            Finished { env: first + npc_idx, outcome: end.name(), last: final_observation }
+        };
+        let finished = ended.into_iter().map(finish).collect();
         renewed.into_iter().for_each(|npc_idx| env.renew(npc_idx, out.observations));
-        ended
+        finished
     }
 }
 
@@ -146,30 +174,20 @@ impl Worlds {
     ///
     /// # Errors
     /// The first action with a value that is not finite; then nothing has moved.
-    pub fn step(&mut self, actions: &[f32], out: Outputs<'_>) -> Result<Vec<Ended>, String> {
+    pub fn step(&mut self, actions: &[f32], out: Outputs<'_>) -> Result<Vec<Finished>, String> {
         check_actions(actions)?;
         let len = self.observation_len();
         let (mut jobs, mut first) = (Vec::with_capacity(self.envs.len()), 0);
         let (mut rest, mut actions) = (out, actions);
         for env in &mut self.envs {
             let count = env.npc_count();
-            let (observations, more_observations) = rest.observations.split_at_mut(count * len);
-            let (rewards, more_rewards) = rest.rewards.split_at_mut(count);
-            let (terminated, more_terminated) = rest.terminated.split_at_mut(count);
-            let (truncated, more_truncated) = rest.truncated.split_at_mut(count);
-            let (own_actions, more_actions) = actions.split_at(count * ACTION_LEN);
-            let out = Outputs { observations, rewards, terminated, truncated };
-            jobs.push(Job { env, first, actions: own_actions, out });
-            rest = Outputs {
-                observations: more_observations,
-                rewards: more_rewards,
-                terminated: more_terminated,
-                truncated: more_truncated,
-            };
-            (actions, first) = (more_actions, first + count);
+            let (out, more) = rest.split(count, len);
+            let (own, more_actions) = actions.split_at(count * ACTION_LEN);
+            jobs.push(Job { env, first, actions: own, out });
+            (rest, actions, first) = (more, more_actions, first + count);
         }
         let autoreset = self.setup.autoreset;
-        Ok(on_threads(jobs, self.thread_count, |job| job.run(autoreset)).concat())
+        Ok(on_threads(jobs, self.thread_count, |job| job.run(autoreset)).into_iter().flatten().collect())
     }
 
     /// Gives an environment a route instead of its goal.
@@ -202,7 +220,7 @@ impl Worlds {
 }
 
 /// Refuses values that are not finite.
-fn check_actions(values: &[f32]) -> Result<(), String> {
+pub fn check_actions(values: &[f32]) -> Result<(), String> {
     let rows = values.as_chunks::<ACTION_LEN>().0.iter();
     match rows.flatten().position(|value| !value.is_finite()) {
         None => Ok(()),

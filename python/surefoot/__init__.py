@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from ._native import Graph, Leg, Level, Plan, Policy, body_names
+from ._native import Graph, Leg, Level, Plan, Policy, Server, body_names, connect
 from .buffers import BufferEnv
 from .single import PointGoalEnv
 from .vector import VectorEnv
@@ -30,8 +30,10 @@ __all__ = [
     "Plan",
     "PointGoalEnv",
     "Policy",
+    "Server",
     "VectorEnv",
     "body_names",
+    "connect",
 ]
 
 gymnasium.register(

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from ._native import ACTION_LEN, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Level, Worlds
+from ._native import ACTION_LEN, OBSERVATION_LEN, OBSERVATION_WITH_OTHERS_LEN, Level, RemoteWorlds, Server, Worlds, connect
 
 Floats: TypeAlias = npt.NDArray[np.float32]
 Flags: TypeAlias = npt.NDArray[np.bool_]
@@ -51,6 +51,11 @@ def body_text(body: BodyLike) -> str:
     return body if isinstance(body, str) else json.dumps(dict(body))
 
 
+def server_of(server: Server | str | None) -> Server | None:
+    """The server that `server` names."""
+    return connect(server) if isinstance(server, str) else server
+
+
 def fresh_seed() -> int:
     """A seed that nobody chose."""
     return secrets.randbits(63)
@@ -86,9 +91,25 @@ class Setup:
     goal_distance: tuple[float, float]
     autoreset: str
     threads: int
+    server: Server | None = None
 
-    def open(self, seed: int) -> Worlds:
-        """Opens the worlds."""
+    def open(self, seed: int) -> Worlds | RemoteWorlds:
+        """Opens the worlds, here or on the server."""
+        seed = checked_seed(seed)
+        if self.server is not None:
+            if self.threads != 1:
+                raise ValueError("threads goes with environments of this process: a server has threads of its own")
+            return RemoteWorlds(
+                self.server,
+                self.levels,
+                self.body,
+                self.others,
+                self.num_envs,
+                self.worlds,
+                self.goal_distance,
+                self.autoreset,
+                seed,
+            )
         return Worlds(
             self.levels,
             self.body,
@@ -97,7 +118,7 @@ class Setup:
             self.worlds,
             self.goal_distance,
             self.autoreset,
-            checked_seed(seed),
+            seed,
             self.threads,
         )
 

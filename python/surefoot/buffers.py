@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from ._native import Server
 from ._setup import (
     BodyLike,
     Flags,
@@ -20,6 +21,7 @@ from ._setup import (
     fresh_seed,
     levels_of,
     observation_space,
+    server_of,
     whole,
 )
 
@@ -52,6 +54,7 @@ class BufferEnv:
         seed: int | None = None,
         worlds: int | None = None,
         threads: int = 1,
+        server: Server | str | None = None,
         log_interval: int = 128,
     ) -> None:
         self.num_agents = whole("num_agents", num_agents)
@@ -69,6 +72,7 @@ class BufferEnv:
             goal_distance=distances(goal_distance),
             autoreset=AutoresetMode.SAME_STEP.value,
             threads=whole("threads", threads),
+            server=server_of(server),
         )
         buf = {} if buf is None else buf
         length = self.single_observation_space.shape[0]

@@ -10,6 +10,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from pettingzoo import ParallelEnv as _ParallelEnv
 
+from ._native import Server
 from ._setup import BodyLike, Flags, Floats, LevelLike, action_space, observation_space
 from .vector import VectorEnv
 
@@ -32,6 +33,7 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):
         others: bool = True,
         goal_distance: tuple[float, float] = (5.0, 25.0),
         seed: int | None = None,
+        server: Server | str | None = None,
         render_mode: None = None,
     ) -> None:
         self.render_mode = render_mode
@@ -44,6 +46,7 @@ class ParallelEnv(_ParallelEnv[str, Floats, Floats]):
             seed=seed,
             autoreset_mode=AutoresetMode.DISABLED,
             copy=False,
+            server=server,
         )
         self.possible_agents = [f"npc_{index}" for index in range(num_agents)]
         self.agents: list[str] = []

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
+from ._native import Server
 from ._setup import BodyLike, Floats, LevelLike
 from .vector import VectorEnv
 
@@ -30,6 +31,7 @@ class PointGoalEnv(gymnasium.Env[Floats, Floats]):
         body: BodyLike = "surefoot",
         goal_distance: Sequence[float] = (5.0, 25.0),
         seed: int | None = None,
+        server: Server | str | None = None,
         render_mode: None = None,
     ) -> None:
         self.render_mode = render_mode
@@ -41,6 +43,7 @@ class PointGoalEnv(gymnasium.Env[Floats, Floats]):
             seed=seed,
             autoreset_mode=AutoresetMode.DISABLED,
             copy=False,
+            server=server,
         )
         self.observation_space = self._env.single_observation_space
         self.action_space = self._env.single_action_space

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as _VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._native import Worlds
+from ._native import RemoteWorlds, Server, Worlds
 from ._setup import (
     BodyLike,
     Flags,
@@ -25,6 +25,7 @@ from ._setup import (
     fresh_seed,
     levels_of,
     observation_space,
+    server_of,
     whole,
 )
 
@@ -48,6 +49,9 @@ class VectorEnv(_VectorEnv[Floats, Floats, Flags]):
         threads: Number of threads that step the worlds, at most one for each. Results do not depend on it.
         autoreset_mode: What happens to an environment after its episode has ended.
         copy: Whether `reset` and `step` return arrays of their own; otherwise those that the next call overwrites.
+        server: A server that runs the environments instead of this process: its address, or what `surefoot.connect` returned. The same
+            arguments give the same bits there. If it goes away, the environments are created anew as soon as it is back, and the episodes
+            that ran end as truncated with the outcome "lost".
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -65,6 +69,7 @@ class VectorEnv(_VectorEnv[Floats, Floats, Flags]):
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         copy: bool = True,
+        server: Server | str | None = None,
         render_mode: None = None,
     ) -> None:
         self.num_envs = whole("num_envs", num_envs)
@@ -82,12 +87,13 @@ class VectorEnv(_VectorEnv[Floats, Floats, Flags]):
             goal_distance=distances(goal_distance),
             autoreset=self.autoreset_mode.value,
             threads=whole("threads", threads),
+            server=server_of(server),
         )
         self.single_observation_space = observation_space(self.setup.others)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._worlds: Worlds = self.setup.open(fresh_seed() if seed is None else seed)
+        self._worlds: Worlds | RemoteWorlds = self.setup.open(fresh_seed() if seed is None else seed)
         self._observations: Floats = np.zeros(self.observation_space.shape or (), np.float32)
         self._rewards: Floats = np.zeros(self.num_envs, np.float32)
         self._terminated: Flags = np.zeros(self.num_envs, np.bool_)
@@ -204,6 +210,8 @@ class VectorEnv(_VectorEnv[Floats, Floats, Flags]):
         """
         if not self._was_reset:
             raise ResetNeeded("call reset first")
+        if not isinstance(self._worlds, Worlds):
+            raise NotImplementedError("redirect needs environments of this process: leave the server out")
         self._worlds.redirect(env, waypoints, start, yaw, self._observations)
         if start is not None:
             self._terminated[env] = self._truncated[env] = False

@@ -178,7 +178,7 @@ pub struct Route {
 
 /// Where endless episodes come from.
 #[derive(Debug)]
-struct Draw {
+pub struct Draw {
     places: Vec<Vec3>,
     /// Wanted distance of goals from their starts, m.
     band: (f32, f32),
@@ -186,7 +186,25 @@ struct Draw {
 }
 
 impl Draw {
-    fn goal(&mut self) -> Goal {
+    /// The draw of an environment of our worlds with these arguments.
+    ///
+    /// # Errors
+    /// If no place to stand is found on the map.
+    pub fn on(map: &Map, profile: &CharacterProfile, band: (f32, f32), seed: u64) -> Result<Self, NoGround> {
+        Self::of(|rng| places_on(map, profile, rng), band, seed)
+    }
+
+    fn of<E>(
+        places: impl FnOnce(&mut ChaCha8Rng) -> Result<Vec<Vec3>, E>,
+        band: (f32, f32),
+        seed: u64,
+    ) -> Result<Self, E> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        Ok(Self { places: places(&mut rng)?, band, rng })
+    }
+
+    /// Draws the next episode.
+    pub fn goal(&mut self) -> Goal {
         let Self { places, band, rng } = self;
         let start = random_point(places, rng);
         let yaw = random_yaw(rng);
@@ -237,10 +255,7 @@ impl Env {
     ) -> Result<Self, E> {
         let npc_count = episodes.npc_count();
         let (mut draw, goals) = match episodes {
-            Episodes::Endless { band, seed, .. } => {
-                let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                (Some(Draw { places: places(&mut rng)?, band, rng }), Vec::new())
-            }
+            Episodes::Endless { band, seed, .. } => (Some(Draw::of(places, band, seed)?), Vec::new()),
             Episodes::Once(goals) => (None, goals),
         };
         let goals = (0..npc_count).map(|idx| draw.as_mut().map_or_else(|| goals[idx], Draw::goal)).collect::<Vec<_>>();
