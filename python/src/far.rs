@@ -81,8 +81,7 @@ impl Far {
         if self.level.map.spec().is_none() {
             game.keep(&self.level.map)?;
         }
-        let goals: Option<Vec<Goal>> =
-            self.draw.as_mut().map(|draw| (0..self.count).map(|_| draw.goal()).collect());
+        let goals: Option<Vec<Goal>> = self.draw.as_mut().map(|draw| (0..self.count).map(|_| draw.goal()).collect());
         self.env = Some(match &goals {
             Some(goals) => game.open(&self.level, goals)?,
             None => game.open_endless(&self.level, self.count, band, self.seed)?,

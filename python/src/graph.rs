@@ -136,8 +136,7 @@ impl Graph {
         };
         let query = Query {
             without: without.iter().map(ability).collect::<PyResult<AbilitySet>>()?,
-            caution: Caution::new(caution)
-                .ok_or_else(|| value(format!("caution is {caution}, but must be 0 to 1")))?,
+            caution: Caution::new(caution).ok_or_else(|| value(format!("caution is {caution}, but must be 0 to 1")))?,
             ..Query::new(place("start", start)?, place("goal", goal)?)
         };
         Ok(Plan::of(&py.detach(|| self.router.find_path(&query))))
@@ -161,7 +160,8 @@ impl Graph {
 
     fn to_networkx<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let networkx = py.import("networkx").map_err(|error| {
-            let missing = pyo3::exceptions::PyImportError::new_err("install networkx: pip install \"surefoot[graphs]\"");
+            let missing =
+                pyo3::exceptions::PyImportError::new_err("install networkx: pip install \"surefoot[graphs]\"");
             missing.set_cause(py, Some(error));
             missing
         })?;
@@ -216,6 +216,11 @@ impl Graph {
 
     fn __repr__(&self) -> String {
         let graph = self.graph();
-        format!("<Graph {} vertices, {} edges, {} islands>", graph.vertex_count(), graph.edge_count(), graph.island_count())
+        format!(
+            "<Graph {} vertices, {} edges, {} islands>",
+            graph.vertex_count(),
+            graph.edge_count(),
+            graph.island_count()
+        )
     }
 }

@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, TypeAlias, final
 
-import networkx
-
 import numpy as np
 import numpy.typing as npt
 
@@ -163,8 +161,8 @@ class Graph:
     def edge_count(self) -> int:
         """Number of directed edges."""
 
-    def to_networkx(self) -> networkx.DiGraph[int]:
-        """A directed graph of networkx.
+    def to_networkx(self) -> Any:
+        """A `networkx.DiGraph`.
 
         Nodes have `position` and `island`; edges `ability`, `chance`, `death_chance`, `seconds` and `cost`, by which plans are the shortest
         paths.

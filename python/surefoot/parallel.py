@@ -15,7 +15,7 @@ from ._setup import BodyLike, Flags, Floats, LevelLike, action_space, observatio
 from .vector import VectorEnv
 
 
-class ParallelEnv(_ParallelEnv[str, Floats, Floats]):
+class ParallelEnv(_ParallelEnv[str, Floats, Floats]):  # type: ignore[misc]
     """NPCs that share a world, `npc_0`, `npc_1` and so on, each with a goal of its own.
 
     The arguments are those of `VectorEnv`. By default NPCs get in each other's way. One whose episode has ended stays where it is until

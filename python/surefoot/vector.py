@@ -30,7 +30,7 @@ from ._setup import (
 )
 
 
-class VectorEnv(_VectorEnv[Floats, Floats, Flags]):
+class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
     """NPCs that must reach goals on a level, one for each environment.
 
     An action is forward, strafe, turn and jump, each in [-1, 1]; it holds for a decision, a sixth of a second. An episode terminates when its
@@ -215,4 +215,4 @@ class VectorEnv(_VectorEnv[Floats, Floats, Flags]):
         self._worlds.redirect(env, waypoints, start, yaw, self._observations)
         if start is not None:
             self._terminated[env] = self._truncated[env] = False
-        return self._observations[env].copy()
+        return np.array(self._observations[env])

@@ -198,11 +198,7 @@ impl Picture {
     }
 
     /// Draws a graph: its edges in the colours of the abilities that they need, then its vertices; positions are in m.
-    pub fn graph(
-        &mut self,
-        vertices: impl Iterator<Item = Vec3>,
-        edges: impl Iterator<Item = (Vec3, Vec3, Ability)>,
-    ) {
+    pub fn graph(&mut self, vertices: impl Iterator<Item = Vec3>, edges: impl Iterator<Item = (Vec3, Vec3, Ability)>) {
         edges.for_each(|(from, to, ability)| self.line(from, to, ability_colour(ability), 0.16));
         vertices.for_each(|at| self.dot(at, 1.5, [250, 250, 250]));
     }

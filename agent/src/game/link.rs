@@ -358,7 +358,8 @@ impl GameEnv {
             Ok(Some(message)) => message.map_err(|status| self.game.failed(&status))?,
         };
         let results = message.results.ok_or_else(|| self.game.breach("results is missing".to_owned()))?;
-        self.state = state(results, (self.npc_count(), self.observation_len)).map_err(|wrong| self.game.breach(wrong))?;
+        self.state =
+            state(results, (self.npc_count(), self.observation_len)).map_err(|wrong| self.game.breach(wrong))?;
         Ok(&self.state)
     }
 }
@@ -394,10 +395,7 @@ fn observations(bytes: &[u8], len: usize, field: &'static str) -> Result<Vec<f32
 }
 
 /// Reads the results of a step, or says what is wrong with them.
-fn state(
-    results: wire::EnvResults,
-    (npc_count, observation_len): (usize, usize),
-) -> Result<EnvState, String> {
+fn state(results: wire::EnvResults, (npc_count, observation_len): (usize, usize)) -> Result<EnvState, String> {
     let text = |error: FieldError| error.to_string();
     for (what, found) in [("abilities", results.abilities.len()), ("passed", results.passed.len())] {
         if found != npc_count {
@@ -416,7 +414,8 @@ fn state(
         return Err(text(FieldError::NotFinite("results.rewards")));
     }
     Ok(EnvState {
-        observations: observations(&results.observations, npc_count * observation_len, "results.observations").map_err(text)?,
+        observations: observations(&results.observations, npc_count * observation_len, "results.observations")
+            .map_err(text)?,
         positions: convert::unpack_points(&results.positions, npc_count, "results.positions").map_err(text)?,
         rewards,
         abilities: results.abilities.iter().map(|ability| convert::ability((*ability).into())).collect(),
