@@ -45,7 +45,7 @@ def train(folder: Path, decisions: int, seed: int) -> None:
     """Trains until all decisions are made."""
     torch.set_num_threads(1)
     folder.mkdir(parents=True, exist_ok=True)
-    envs = SB3VecEnv(ENV_COUNT, TRAINING_MAPS, goal_distance=GOALS_M, seed=seed, copy=False)
+    envs = SB3VecEnv(ENV_COUNT, TRAINING_MAPS, goal_distance=GOALS_M, seed=seed)
     model = SAC(
         "MlpPolicy",
         envs,

@@ -3,14 +3,16 @@
 use crate::body;
 use crate::error::{state, value};
 use crate::level::Level;
-use crate::vector::{Autoreset, Finished, Outputs, Setup, Worlds as Inner, seconds_in_rust};
+use crate::vector::{Autoreset, Finished, Outputs, Setup, Worlds as Inner};
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
+use std::f32::consts::TAU;
 use std::sync::{Arc, Mutex, MutexGuard};
-use surefoot_rollout::env::Route;
+use std::time::Instant;
+use surefoot_rollout::env::{Env, Route, actions_of};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{Map, Vec3};
@@ -254,7 +256,7 @@ impl Worlds {
         if waypoints.is_empty() {
             return Err(value("waypoints is empty: give at least one place"));
         }
-        if !(yaw.abs() <= 2.0 * std::f32::consts::PI) {
+        if !(-TAU..=TAU).contains(&yaw) {
             return Err(value(format!("yaw is {yaw}, but must be -2 pi to 2 pi")));
         }
         if start.is_none() && self.lock()?.rests().nth(env) == Some(true) {
@@ -281,19 +283,32 @@ impl Worlds {
     }
 }
 
-/// Seconds that the same steps take in Rust alone; for python/bench.py.
-#[pyfunction]
-pub fn seconds_of_steps_in_rust(
-    py: Python<'_>,
-    level: Py<Level>,
-    goal_distance: (f32, f32),
-    seed: u64,
-    actions: &Bound<'_, PyArrayDyn<f32>>,
-    steps: usize,
-) -> PyResult<f64> {
-    let count = actions.shape().first().copied().unwrap_or_default();
-    let setup = setup(&[level], "surefoot", false, (count, 1), goal_distance, "SameStep")?;
-    let actions = readable(actions, &[count, ACTION_LEN], "actions")?;
-    let values = actions.as_slice()?;
-    py.detach(|| seconds_in_rust(&setup, seed, values, steps)).map_err(value)
+/// The same environments in one world, stepped by Rust alone; for python/bench.py.
+#[pyclass(module = "surefoot._native")]
+#[derive(Debug)]
+pub struct Alone {
+    env: Mutex<Env>,
+}
+
+#[pymethods]
+impl Alone {
+    #[new]
+    fn new(py: Python<'_>, level: Py<Level>, num_envs: usize, goal_distance: (f32, f32), seed: u64) -> PyResult<Self> {
+        let setup = setup(&[level], "surefoot", false, (num_envs, 1), goal_distance, "SameStep")?;
+        Ok(Self { env: Mutex::new(py.detach(|| setup.open(0, num_envs, seed)).map_err(value)?) })
+    }
+
+    /// Seconds that steps with these actions take.
+    fn seconds(&mut self, py: Python<'_>, actions: &Bound<'_, PyArrayDyn<f32>>, steps: usize) -> PyResult<f64> {
+        let env = self.env.get_mut().map_err(|_| failed())?;
+        let actions = readable(actions, &[env.npc_count(), ACTION_LEN], "actions")?;
+        let actions = actions_of(actions.as_slice()?, |idx| idx as u64).map_err(value)?;
+        Ok(py.detach(|| {
+            let started = Instant::now();
+            for _ in 0..steps {
+                env.step(&actions);
+            }
+            started.elapsed().as_secs_f64()
+        }))
+    }
 }

@@ -23,7 +23,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::envs::{Worlds, seconds_of_steps_in_rust};
+    use crate::envs::{Alone, Worlds};
     #[pymodule_export]
     use crate::graph::Graph;
     #[pymodule_export]

@@ -5,7 +5,7 @@ use crate::error::{chain, state, value};
 use crate::far::{FarError, FarWorlds, Server as Inner};
 use crate::level::Level;
 use crate::vector::Outputs;
-use numpy::{PyArray2, PyArrayDyn, PyArrayMethods};
+use numpy::{PyArray2, PyArrayDyn};
 use pyo3::exceptions::{PyConnectionError, PyKeyboardInterrupt};
 use pyo3::prelude::*;
 use std::path::PathBuf;

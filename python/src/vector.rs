@@ -1,7 +1,6 @@
 //! Environments in several worlds, stepped together on several threads. Knows nothing of Python.
 
 use std::sync::Arc;
-use std::time::Instant;
 use surefoot_rollout::env::{Ended, Env, Episodes, Renewal, Route, actions_of};
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::navigable::NoGround;
@@ -39,7 +38,11 @@ impl Setup {
         (0..self.world_count).map(|world| each + usize::from(world < more)).collect()
     }
 
-    fn open(&self, world: usize, npc_count: usize, seed: u64) -> Result<Env, NoGround> {
+    /// Opens a world.
+    ///
+    /// # Errors
+    /// If its level has nowhere to stand.
+    pub fn open(&self, world: usize, npc_count: usize, seed: u64) -> Result<Env, NoGround> {
         let map = self.levels[world % self.levels.len()].clone();
         let episodes = Episodes::Endless { npc_count, band: self.band, seed: seed.wrapping_add(world as u64) };
         let renewal = if self.autoreset == Autoreset::SameStep { Renewal::AtOnce } else { Renewal::OnCall };
@@ -231,20 +234,6 @@ pub fn check_actions(values: &[f32]) -> Result<(), String> {
             values[idx]
         )),
     }
-}
-
-/// Seconds that `steps` decisions of an environment of ours take in Rust alone, with the same actions in every step.
-///
-/// # Errors
-/// If the level has nowhere to stand, or an action is not finite.
-pub fn seconds_in_rust(setup: &Setup, seed: u64, actions: &[f32], steps: usize) -> Result<f64, String> {
-    let mut env = setup.open(0, setup.env_count, seed).map_err(|error| error.to_string())?;
-    let actions = actions_of(actions, |idx| idx as u64)?;
-    let started = Instant::now();
-    for _ in 0..steps {
-        env.step(&actions);
-    }
-    Ok(started.elapsed().as_secs_f64())
 }
 
 /// Runs jobs on up to `thread_count` threads, and returns their results in order.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
 
 from ._native import Server
 from ._setup import (
@@ -31,7 +32,7 @@ class BufferEnv:
 
     A step reads `actions` and writes the others in place; nothing is copied and nothing is allocated for environments whose episodes go on.
     An environment is reset in the step that ends its episode. It has the attributes and methods of PufferLib's `PufferEnv`, which need not be
-    installed.
+    installed; PufferLib's own vectorisation wants a subclass of both: `class Env(surefoot.BufferEnv, pufferlib.PufferEnv): pass`.
 
     Args:
         num_agents: Number of environments.
@@ -62,6 +63,8 @@ class BufferEnv:
         self.agent_ids = np.arange(self.num_agents)
         self.single_observation_space = observation_space(others)
         self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, self.num_agents)
+        self.action_space = batch_space(self.single_action_space, self.num_agents)
         levels = levels_of(level)
         setup = Setup(
             levels=tuple(levels),
@@ -87,6 +90,7 @@ class BufferEnv:
         self._log_interval = whole("log_interval", log_interval)
         self._outcomes: dict[str, int] = {}
         self._steps = 0
+        self.infos: list[dict[str, Any]] = []
 
     @staticmethod
     def _array(buf: Mapping[str, Any], name: str, shape: tuple[int, ...], dtype: type[Any]) -> Any:
@@ -100,14 +104,14 @@ class BufferEnv:
         return array
 
     @property
-    def observation_space(self) -> Any:
-        """Space of one observation."""
-        return self.single_observation_space
+    def driver_env(self) -> BufferEnv:
+        """The environment itself."""
+        return self
 
     @property
-    def action_space(self) -> Any:
-        """Space of one action."""
-        return self.single_action_space
+    def emulated(self) -> bool:
+        """False: nothing is converted."""
+        return False
 
     @property
     def done(self) -> bool:
@@ -143,19 +147,23 @@ class BufferEnv:
 
     def async_reset(self, seed: int | None = None) -> None:
         """Resets; `recv` returns the results."""
-        self._answer: tuple[Any, ...] = (*self._first(seed), self.agent_ids, self.masks)
-
-    def _first(self, seed: int | None) -> tuple[Any, ...]:
-        observations, infos = self.reset(seed)
-        return observations, self.rewards, self.terminals, self.truncations, infos
+        _, self.infos = self.reset(seed)
 
     def send(self, actions: Any) -> None:
         """Steps; `recv` returns the results."""
-        self._answer = (*self.step(actions), self.agent_ids, self.masks)
+        self.infos = self.step(actions)[4]
 
     def recv(self) -> tuple[Any, ...]:
         """The results of the last `async_reset` or `send`, with the ids of the agents and their masks."""
-        return self._answer
+        return (
+            self.observations,
+            self.rewards,
+            self.terminals,
+            self.truncations,
+            self.infos,
+            self.agent_ids,
+            self.masks,
+        )
 
     def close(self) -> None:
         """Ends the environments."""

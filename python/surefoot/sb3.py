@@ -16,12 +16,14 @@ from .vector import VectorEnv
 class SB3VecEnv(VecEnv):
     """A `VectorEnv` for Stable-Baselines3, which resets environments in the step that ends their episodes.
 
-    The arguments are those of `VectorEnv` except `autoreset_mode`. `infos[i]["outcome"]` says how an episode ended.
+    The arguments are those of `VectorEnv` except `autoreset_mode` and `copy`. `infos[i]["outcome"]` says how an episode ended.
     """
 
     def __init__(self, num_envs: int = 1, level: Any = 0, **arguments: Any) -> None:
-        if "autoreset_mode" in arguments:
-            raise ValueError("leave autoreset_mode out: Stable-Baselines3 needs SAME_STEP")
+        # It keeps the observations of a step until the next one has been made.
+        for fixed in ("autoreset_mode", "copy"):
+            if fixed in arguments:
+                raise ValueError(f"leave {fixed} out: Stable-Baselines3 needs SAME_STEP and arrays of its own")
         self.envs = VectorEnv(num_envs, level, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
         self._returns = np.zeros(num_envs)
