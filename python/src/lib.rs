@@ -35,6 +35,8 @@ mod _native {
     #[pymodule_export]
     use crate::remote::{RemoteWorlds, Server, connect};
     #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+    #[pymodule_export]
     const OBSERVATION_LEN: usize = surefoot_world::OBSERVATION_LEN;
     #[pymodule_export]
     const OBSERVATION_WITH_OTHERS_LEN: usize = surefoot_world::OBSERVATION_WITH_OTHERS_LEN;

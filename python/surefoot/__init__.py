@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from ._native import Graph, Leg, Level, Plan, Policy, Server, body_names, connect
+from ._native import VERSION, Graph, Leg, Level, Plan, Policy, Server, body_names, connect
 from .buffers import BufferEnv
 from .single import PointGoalEnv
 from .vector import VectorEnv
@@ -20,7 +20,7 @@ from .vector import VectorEnv
 if TYPE_CHECKING:
     from .parallel import ParallelEnv
 
-__version__ = "0.2.0"
+__version__ = VERSION
 __all__ = [
     "BufferEnv",
     "Graph",

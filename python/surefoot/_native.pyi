@@ -13,6 +13,7 @@ _Ends: TypeAlias = tuple[npt.NDArray[np.int64], list[str], _Floats]
 _Point: TypeAlias = Sequence[float] | _Floats
 _Densities: TypeAlias = str | Mapping[str, float]
 
+VERSION: str
 OBSERVATION_LEN: int
 OBSERVATION_WITH_OTHERS_LEN: int
 ACTION_LEN: int

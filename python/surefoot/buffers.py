@@ -166,4 +166,5 @@ class BufferEnv:
         )
 
     def close(self) -> None:
-        """Ends the environments."""
+        """Ends the environments, here or on the server."""
+        self.__dict__.pop("_worlds", None)

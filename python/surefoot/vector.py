@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as _VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -105,6 +105,7 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
         """Starts new episodes. `options={"reset_mask": mask}` does so in some environments alone."""
+        self._check_open()
         if seed is not None and not isinstance(seed, (int, np.integer)):
             raise ValueError(f"seed is {seed!r}, but must be a whole number: the environments share what they draw from")
         mask = None if options is None else options.get("reset_mask")
@@ -142,6 +143,7 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
 
     def step(self, actions: npt.ArrayLike) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
         """Runs one decision of every environment."""
+        self._check_open()
         if not self._was_reset:
             raise ResetNeeded("call reset before step")
         done = self._needs_reset()
@@ -159,6 +161,15 @@ class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
             self._truncated.copy() if self.copy else self._truncated,
             infos,
         )
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise ClosedEnvironmentError("these environments are closed: make new ones")
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Ends the environments, here or on the server."""
+        # Whose construction failed has none.
+        self.__dict__.pop("_worlds", None)
 
     def _needs_reset(self) -> Flags:
         """Environments that must be reset before the next step."""

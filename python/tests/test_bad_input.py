@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 
 import surefoot
 
@@ -80,6 +80,14 @@ def test_a_step_needs_a_reset() -> None:
         surefoot.VectorEnv(1, SMALL).step(np.zeros((1, 4)))
     with pytest.raises(ResetNeeded, match="call reset"):
         surefoot.PointGoalEnv(SMALL).step(np.zeros(4))
+
+
+def test_closed_environments_stay_closed() -> None:
+    envs = surefoot.VectorEnv(1, SMALL)
+    envs.close()
+    envs.close()
+    with pytest.raises(ClosedEnvironmentError, match="make new ones"):
+        envs.reset()
 
 
 @pytest.mark.parametrize("mask", [np.zeros(4, np.bool_), np.ones(3, np.bool_), [True] * 4, np.ones(4)])
