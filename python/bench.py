@@ -2,7 +2,8 @@
 
     python bench.py [SUREFOOT]    the program, such as target/release/surefoot, for the figures over loopback
 
-Every figure is a median of rounds in which all that is compared takes turns, on one thread each. `gymnasium[mujoco]` and `envpool` are measured
+Every figure is a median of rounds in which all that is compared takes turns, on one thread each. Ratios are given of wall time, and of the time
+that the process was running, which other work on the machine disturbs less; of a server in another process that says nothing. `gymnasium[mujoco]` and `envpool` are measured
 if they are installed.
 """
 
@@ -12,14 +13,18 @@ import json
 import os
 import platform
 import socket
-import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
+
+# What is measured is what was installed, and not the sources beside this file.
+sys.path = [path for path in sys.path if Path(path).resolve() != Path(__file__).parent.resolve()]
 
 import gymnasium
 import numpy as np
+import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 
 import surefoot
@@ -33,13 +38,17 @@ GOALS_M = (5.0, 25.0)
 ACTIONS = np.random.default_rng(0).uniform(-1, 1, (AGENTS, 4)).astype(np.float32)
 
 
-def timed(run: Callable[[], object]) -> float:
-    started = time.perf_counter()
+Times = npt.NDArray[np.float64]
+"""Seconds on the wall, and of the process."""
+
+
+def timed(run: Callable[[], object]) -> Times:
+    started = np.array([time.perf_counter(), time.process_time()])
     run()
-    return time.perf_counter() - started
+    return np.array([time.perf_counter(), time.process_time()]) - started
 
 
-def of_vector_env(**arguments: object) -> Callable[[], float]:
+def of_vector_env(**arguments: object) -> Callable[[], Times]:
     """Seconds of some steps of a vector environment."""
     envs = surefoot.VectorEnv(
         AGENTS, LEVEL, goal_distance=GOALS_M, seed=1, autoreset_mode=AutoresetMode.SAME_STEP, **arguments
@@ -53,7 +62,7 @@ def of_vector_env(**arguments: object) -> Callable[[], float]:
     return lambda: timed(run)
 
 
-def of_buffers() -> Callable[[], float]:
+def of_buffers() -> Callable[[], Times]:
     env = surefoot.BufferEnv(AGENTS, LEVEL, goal_distance=GOALS_M, seed=1)
     env.reset(seed=1)
     env.actions[:] = ACTIONS
@@ -65,13 +74,13 @@ def of_buffers() -> Callable[[], float]:
     return lambda: timed(run)
 
 
-def in_rust() -> Callable[[], float]:
+def in_rust() -> Callable[[], Times]:
     """The same worlds, bit by bit, with the same actions, stepped by Rust alone."""
     alone = Alone(LEVEL, AGENTS, GOALS_M, 1)
-    return lambda: alone.seconds(ACTIONS, STEPS)
+    return lambda: timed(lambda: alone.seconds(ACTIONS, STEPS))
 
 
-def of_gymnasium(envs: gymnasium.vector.VectorEnv, count: int) -> Callable[[], float]:
+def of_gymnasium(envs: gymnasium.vector.VectorEnv, count: int) -> Callable[[], Times]:
     """Seconds that this many decisions of ours would take in the steps of another vector environment."""
     envs.reset(seed=1)
     envs.action_space.seed(1)
@@ -85,7 +94,7 @@ def of_gymnasium(envs: gymnasium.vector.VectorEnv, count: int) -> Callable[[], f
     return lambda: timed(run) * AGENTS * STEPS / (steps * count)
 
 
-def of_envpool() -> Callable[[], float]:
+def of_envpool() -> Callable[[], Times]:
     import envpool
 
     count = 64
@@ -123,7 +132,7 @@ def machine() -> str:
 
 def main() -> None:
     about = machine()
-    runs: dict[str, Callable[[], float]] = {
+    runs: dict[str, Callable[[], Times]] = {
         "rust": in_rust(),
         "vector_env": of_vector_env(copy=False),
         "vector_env_copy": of_vector_env(),
@@ -142,7 +151,7 @@ def main() -> None:
         runs["envpool_ant"] = of_envpool()
     except ImportError as error:
         missing.append(f"envpool_ant: {error}")
-    seconds: dict[str, list[float]] = {name: [] for name in runs}
+    seconds: dict[str, list[Times]] = {name: [] for name in runs}
     for _ in range(ROUNDS):
         for name, run in runs.items():
             seconds[name].append(run())
@@ -151,11 +160,16 @@ def main() -> None:
     print(about)
     figures = []
     for name, times in seconds.items():
-        # Each round gives a ratio of its own: what else the machine did then slowed all of them.
-        ratio = statistics.median(rust / own for rust, own in zip(seconds["rust"], times, strict=True))
-        rate = AGENTS * STEPS / statistics.median(times)
-        figures.append({"name": name, "decisions_s": round(rate), "of_rust": round(ratio, 3)})
-        print(f"{name:<16}{rate:>10,.0f} decisions/s {ratio:>8.1%} of Rust alone")
+        # Each round gives ratios of its own: what else the machine did then slowed all of them.
+        wall, own = np.median([rust / each for rust, each in zip(seconds["rust"], times, strict=True)], axis=0)
+        rates = AGENTS * STEPS / np.median(times, axis=0)
+        figure: dict[str, object] = {"name": name, "decisions_s": round(rates[0]), "of_rust": round(wall, 3)}
+        text = f"{name:<16}{rates[0]:>10,.0f} decisions/s {wall:>8.1%} of Rust alone"
+        if name != "loopback":
+            figure |= {"decisions_cpu_s": round(rates[1]), "of_rust_cpu": round(own, 3)}
+            text += f"; by its own time {rates[1]:>10,.0f} {own:>8.1%}"
+        figures.append(figure)
+        print(text)
     for each in missing:
         print(f"left out: {each}")
     print(json.dumps({"bench": "python", "machine": about, "agents": AGENTS, "figures": figures}))

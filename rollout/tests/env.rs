@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 use surefoot_rollout::env::{Draw, Env, Episodes, Renewal};
-use surefoot_world::{Action, CharacterProfile, Map, MapKind, MapSpec};
+use surefoot_world::map::MapKind;
+use surefoot_world::{Action, CharacterProfile, Map, MapSpec};
 
 const NPCS: usize = 12;
 const BAND: (f32, f32) = (2.0, 8.0);
