@@ -3,7 +3,7 @@
 use crate::abi::{self, CAN_JUMP, GROUNDED, RAY_COUNT, RIDES};
 use crate::error::{Fault, Status, chain};
 use std::sync::Arc;
-use surefoot_world::exchange::{self, ImportOptions};
+use surefoot_world::exchange;
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{RAY_RANGE_M, RayCone, observation_len};
 use surefoot_world::{Action, CharacterProfile, End, Npc, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, WorldState};
@@ -22,19 +22,7 @@ pub struct Map {
 impl Map {
     /// Reads a level: a saved map, a binary glTF, a glTF with embedded buffers, or an OBJ, as its first bytes tell.
     pub fn read(bytes: &[u8]) -> Result<Self, Fault> {
-        let options = ImportOptions::default();
-        let starts = |magic: &[u8]| bytes.starts_with(magic);
-        let is_text_gltf = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
-        if starts(b"SFMAP") {
-            let map = exchange::decode(bytes).map_err(|error| Fault::file(chain(&error)))?;
-            return Ok(Self { map: Arc::new(map), origin: Vec3::ZERO });
-        }
-        let imported = if starts(b"glTF") || is_text_gltf {
-            exchange::import_gltf(bytes, None, &options)
-        } else {
-            exchange::import_obj(bytes, None, &options)
-        };
-        let imported = imported.map_err(|error| Fault::file(chain(&error)))?;
+        let imported = exchange::read_level(bytes, None).map_err(|error| Fault::file(chain(&error)))?;
         Ok(Self { map: Arc::new(imported.map), origin: imported.origin })
     }
 

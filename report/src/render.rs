@@ -2,12 +2,12 @@
 
 use crate::ReportError;
 use font8x8::legacy::BASIC_LEGACY;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use surefoot_world::mesh::{RayHit, Surface};
 use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
-use surefoot_world::{Map, Vec3};
+use surefoot_world::{Ability, Map, Vec3};
 
 /// View of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -197,17 +197,47 @@ impl Picture {
         }
     }
 
+    /// Draws a graph: its edges in the colours of the abilities that they need, then its vertices; positions are in m.
+    pub fn graph(&mut self, vertices: impl Iterator<Item = Vec3>, edges: impl Iterator<Item = (Vec3, Vec3, Ability)>) {
+        edges.for_each(|(from, to, ability)| self.line(from, to, ability_colour(ability), 0.16));
+        vertices.for_each(|at| self.dot(at, 1.5, [250, 250, 250]));
+    }
+
     /// Writes a PNG file.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), ReportError> {
         let file = std::fs::File::create(path).map_err(|error| ReportError::Write(path.to_owned(), error))?;
-        let mut encoder = png::Encoder::new(BufWriter::new(file), self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_compression(png::Compression::High);
-        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&self.rgb));
+        let written = self.encode(BufWriter::new(file), png::Compression::High);
         written.map_err(|error| ReportError::Draw(path.to_owned(), error.to_string()))
+    }
+
+    /// The picture as the content of a PNG file, which is made quickly rather than small.
+    pub fn to_png(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        self.encode(&mut bytes, png::Compression::Fast).expect("writing to memory does not fail");
+        bytes
+    }
+
+    fn encode(&self, to: impl Write, compression: png::Compression) -> Result<(), png::EncodingError> {
+        let mut encoder = png::Encoder::new(to, self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_compression(compression);
+        encoder.write_header()?.write_image_data(&self.rgb)
+    }
+}
+
+/// Colour of the edges that need an ability.
+fn ability_colour(ability: Ability) -> Colour {
+    match ability {
+        Ability::Walk => [240, 240, 240],
+        Ability::Jump => [90, 220, 255],
+        Ability::DoubleJump => [70, 120, 255],
+        Ability::Pad => [255, 220, 60],
+        Ability::ZipLine => [255, 80, 200],
+        Ability::Teleporter => [150, 80, 255],
+        Ability::Jetpack => [80, 255, 220],
     }
 }
 

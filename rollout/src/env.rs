@@ -6,6 +6,7 @@ use crate::goals::{Goal, goal_in_band, random_point, random_yaw};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::Arc;
 use surefoot_world::character::{ACTION_LEN, Action, MoveScratch};
 use surefoot_world::navigable::{self, NoGround};
@@ -52,6 +53,16 @@ pub struct Placement {
     pub feet: Vec3,
     /// Heading, rad.
     pub yaw: f32,
+}
+
+/// When an NPC with endless episodes begins its next one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Renewal {
+    /// In the step that ended the last one.
+    #[default]
+    AtOnce,
+    /// When [`Env::renew`] is called; until then it rests.
+    OnCall,
 }
 
 /// The physics of an environment: our world, or a game. NPCs count from 0.
@@ -155,8 +166,11 @@ impl Physics for Ours {
 pub struct Env {
     physics: Box<dyn Physics>,
     draw: Option<Draw>,
-    /// Whether each NPC rests, since its only episode has ended.
+    renewal: Renewal,
+    /// Whether each NPC rests, since its only episode, or one that is not renewed at once, has ended.
     rests: Vec<bool>,
+    /// The last place for which each NPC heads, m.
+    goals: Vec<Vec3>,
     observations: Vec<f32>,
     rewards: Vec<f32>,
     /// The most demanding ability that each NPC used in the last step.
@@ -185,7 +199,7 @@ pub struct Route {
 
 /// Where endless episodes come from.
 #[derive(Debug)]
-struct Draw {
+pub struct Draw {
     places: Vec<Vec3>,
     /// Wanted distance of goals from their starts, m.
     band: (f32, f32),
@@ -193,7 +207,25 @@ struct Draw {
 }
 
 impl Draw {
-    fn goal(&mut self) -> Goal {
+    /// The draw of an environment of our worlds with these arguments.
+    ///
+    /// # Errors
+    /// If no place to stand is found on the map.
+    pub fn on(map: &Map, profile: &CharacterProfile, band: (f32, f32), seed: u64) -> Result<Self, NoGround> {
+        Self::of(|rng| places_on(map, profile, rng), band, seed)
+    }
+
+    fn of<E>(
+        places: impl FnOnce(&mut ChaCha8Rng) -> Result<Vec<Vec3>, E>,
+        band: (f32, f32),
+        seed: u64,
+    ) -> Result<Self, E> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        Ok(Self { places: places(&mut rng)?, band, rng })
+    }
+
+    /// Draws the next episode.
+    pub fn goal(&mut self) -> Goal {
         let Self { places, band, rng } = self;
         let start = random_point(places, rng);
         let yaw = random_yaw(rng);
@@ -244,23 +276,22 @@ impl Env {
     ) -> Result<Self, E> {
         let npc_count = episodes.npc_count();
         let (mut draw, goals) = match episodes {
-            Episodes::Endless { band, seed, .. } => {
-                let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                (Some(Draw { places: places(&mut rng)?, band, rng }), Vec::new())
-            }
+            Episodes::Endless { band, seed, .. } => (Some(Draw::of(places, band, seed)?), Vec::new()),
             Episodes::Once(goals) => (None, goals),
         };
         let goals = (0..npc_count).map(|idx| draw.as_mut().map_or_else(|| goals[idx], Draw::goal)).collect::<Vec<_>>();
         let mut env = Self {
             draw,
+            renewal: Renewal::AtOnce,
             rests: vec![false; npc_count],
+            goals: vec![Vec3::ZERO; npc_count],
             observations: vec![0.0; npc_count * physics.observation_len()],
             physics,
             rewards: vec![0.0; npc_count],
             abilities: vec![Ability::Walk; npc_count],
             routes: vec![Rest::default(); npc_count],
         };
-        env.begin(goals.into_iter().enumerate().collect());
+        env.with_rows(|env, rows| env.begin(goals.into_iter().enumerate().collect(), rows));
         Ok(env)
     }
 
@@ -269,12 +300,33 @@ impl Env {
         self.physics.failure()
     }
 
+    /// The same environment with endless episodes that are renewed at another time.
+    #[must_use]
+    pub fn renewed(self, renewal: Renewal) -> Self {
+        Self { renewal, ..self }
+    }
+
     /// Number of NPCs.
     pub fn npc_count(&self) -> usize {
         self.rests.len()
     }
 
-    /// Current observations of the NPCs, one after another: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values each, or
+    /// Number of values of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.physics.observation_len()
+    }
+
+    /// Whether each NPC rests.
+    pub fn rests(&self) -> &[bool] {
+        &self.rests
+    }
+
+    /// The last place for which each NPC heads, or headed before it rested, m.
+    pub fn goals(&self) -> &[Vec3] {
+        &self.goals
+    }
+
+    /// Observations of the NPCs as [`new`](Self::new), [`step`](Self::step) and [`redirect`](Self::redirect) left them, one after another: [`OBSERVATION_LEN`](surefoot_world::OBSERVATION_LEN) values each, or
     /// [`OBSERVATION_WITH_OTHERS_LEN`](surefoot_world::OBSERVATION_WITH_OTHERS_LEN) if NPCs are solid.
     pub fn observations(&self) -> &[f32] {
         &self.observations
@@ -307,13 +359,31 @@ impl Env {
     pub fn redirect(&mut self, Route { npc_idx, start, waypoints }: &Route) {
         let (first, rest) = waypoints.split_first().expect("a route has places");
         match *start {
-            Some((start, yaw)) => self.begin(vec![(*npc_idx, Goal { start, yaw, goal: *first })]),
+            Some((start, yaw)) => {
+                let goal = Goal { start, yaw, goal: *first };
+                self.with_rows(|env, rows| env.begin(vec![(*npc_idx, goal)], rows));
+            }
             None if self.physics.stand(*npc_idx).is_harmed => return,
-            None => self.physics.set_goal(*npc_idx, *first),
+            None => {
+                self.physics.set_goal(*npc_idx, *first);
+                self.with_rows(|env, rows| env.observe(*npc_idx, rows));
+            }
         }
         self.rests[*npc_idx] = false;
+        self.goals[*npc_idx] = *rest.last().unwrap_or(first);
         self.routes[*npc_idx] = Rest { waypoints: rest.iter().copied().collect(), passed: 0 };
-        self.observe(*npc_idx);
+    }
+
+    /// Starts the next episode of an NPC, even if its last one has not ended, and writes its first observation into the NPC's row of
+    /// `rows`, which are laid out as [`observations`](Self::observations).
+    ///
+    /// # Panics
+    /// If there is no such NPC, or its episodes are given ([`Episodes::Once`]).
+    pub fn renew(&mut self, npc_idx: usize, rows: &mut [f32]) {
+        let goal = self.draw.as_mut().expect("endless episodes").goal();
+        self.routes[npc_idx] = Rest::default();
+        self.rests[npc_idx] = false;
+        self.begin(vec![(npc_idx, goal)], rows);
     }
 
     /// Runs one decision of every NPC and returns the episodes that ended. An NPC that reaches a place of its route heads for the next
@@ -324,17 +394,28 @@ impl Env {
     /// # Panics
     /// If the numbers of actions and NPCs differ.
     pub fn step(&mut self, actions: &[Action]) -> Vec<Ended> {
+        self.with_rows(|env, rows| env.step_into(actions, rows))
+    }
+
+    /// Does what [`step`](Self::step) does, and writes the observations into `rows`, which are laid out as
+    /// [`observations`](Self::observations). Rows of NPCs that rest are left as they are.
+    ///
+    /// # Panics
+    /// If the numbers of actions, rows and NPCs differ.
+    pub fn step_into(&mut self, actions: &[Action], rows: &mut [f32]) -> Vec<Ended> {
+        assert_eq!(rows.len(), self.npc_count() * self.observation_len(), "one row for each NPC");
         assert_eq!(actions.len(), self.npc_count(), "one action for each NPC");
         let awake: Vec<usize> = (0..self.npc_count()).filter(|npc_idx| !self.rests[*npc_idx]).collect();
         let actions: Vec<Action> = awake.iter().map(|npc_idx| actions[*npc_idx]).collect();
         let outcomes = self.physics.advance(&awake, &actions);
         self.rewards.fill(0.0);
         self.abilities.fill(Ability::Walk);
-        let ended = awake.into_iter().zip(outcomes).filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome));
+        let settled = awake.into_iter().zip(outcomes);
+        let ended = settled.filter_map(|(npc_idx, outcome)| self.settle(npc_idx, outcome, rows));
         let ended: Vec<Ended> = ended.collect();
-        if let Some(draw) = &mut self.draw {
+        if let Some(draw) = self.draw.as_mut().filter(|_| self.renewal == Renewal::AtOnce) {
             let goals = ended.iter().map(|ended| (ended.npc_idx, draw.goal())).collect();
-            self.begin(goals);
+            self.begin(goals, rows);
         }
         ended
     }
@@ -355,19 +436,27 @@ impl Env {
         ended
     }
 
+    /// Lends out the observations.
+    fn with_rows<T>(&mut self, run: impl FnOnce(&mut Self, &mut [f32]) -> T) -> T {
+        let mut rows = std::mem::take(&mut self.observations);
+        let result = run(self, &mut rows);
+        self.observations = rows;
+        result
+    }
+
     /// Processes the decision of one NPC, and returns its episode if it ended.
-    fn settle(&mut self, npc_idx: usize, outcome: DecisionOutcome) -> Option<Ended> {
+    fn settle(&mut self, npc_idx: usize, outcome: DecisionOutcome, rows: &mut [f32]) -> Option<Ended> {
         self.rewards[npc_idx] = outcome.reward;
         self.abilities[npc_idx] = self.physics.stand(npc_idx).ability;
         let next = (outcome.end == Some(End::Reached)).then(|| self.routes[npc_idx].pass()).flatten();
         if let Some(next) = next {
             self.physics.set_goal(npc_idx, next);
         }
-        self.observe(npc_idx);
+        self.observe(npc_idx, rows);
         let end = outcome.end.filter(|_| next.is_none())?;
-        let ended = Ended { npc_idx, end, final_observation: self.row(npc_idx).to_vec() };
+        let ended = Ended { npc_idx, end, final_observation: rows[self.row(npc_idx)].to_vec() };
         self.routes[npc_idx].waypoints.clear();
-        if self.draw.is_none() {
+        if self.draw.is_none() || self.renewal == Renewal::OnCall {
             self.physics.clear_goal(npc_idx);
             self.rests[npc_idx] = true;
         }
@@ -375,25 +464,29 @@ impl Env {
     }
 
     /// Starts episodes of NPCs, ascending, which observe then.
-    fn begin(&mut self, goals: Vec<(usize, Goal)>) {
+    fn begin(&mut self, goals: Vec<(usize, Goal)>, rows: &mut [f32]) {
         let place = |(npc_idx, Goal { start, yaw, .. }): &(usize, Goal)| Placement {
             npc_idx: *npc_idx,
             feet: *start,
             yaw: *yaw,
         };
         self.physics.place(&goals.iter().map(place).collect::<Vec<_>>());
-        goals.iter().for_each(|(npc_idx, goal)| self.physics.set_goal(*npc_idx, goal.goal));
-        goals.iter().for_each(|(npc_idx, _)| self.observe(*npc_idx));
+        for (npc_idx, goal) in &goals {
+            self.physics.set_goal(*npc_idx, goal.goal);
+            self.goals[*npc_idx] = goal.goal;
+        }
+        goals.iter().for_each(|(npc_idx, _)| self.observe(*npc_idx, rows));
     }
 
-    fn row(&self, npc_idx: usize) -> &[f32] {
-        let len = self.physics.observation_len();
-        &self.observations[npc_idx * len..][..len]
+    /// Where the observation of an NPC is among those of all.
+    fn row(&self, npc_idx: usize) -> Range<usize> {
+        let len = self.observation_len();
+        npc_idx * len..(npc_idx + 1) * len
     }
 
-    fn observe(&mut self, npc_idx: usize) {
-        let len = self.physics.observation_len();
-        self.physics.observe(npc_idx, &mut self.observations[npc_idx * len..][..len]);
+    fn observe(&mut self, npc_idx: usize, rows: &mut [f32]) {
+        let row = self.row(npc_idx);
+        self.physics.observe(npc_idx, &mut rows[row]);
     }
 }
 

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 13] = [
+const ALLOWED: [(&str, &str, &[&str]); 14] = [
     ("world", "surefoot-world", &[]),
     ("policy", "surefoot-policy", &["surefoot-world"]),
     ("planner", "surefoot-planner", &["surefoot-world"]),
@@ -40,6 +40,19 @@ const ALLOWED: [(&str, &str, &[&str]); 13] = [
     ),
     ("capi", "surefoot-capi", &["surefoot-world", "surefoot-policy", "surefoot-planner", "surefoot-rollout"]),
     ("game", "surefoot-game", &["surefoot-world", "surefoot-rollout", "surefoot-net", "surefoot-server"]),
+    (
+        "python",
+        "surefoot-python",
+        &[
+            "surefoot-world",
+            "surefoot-policy",
+            "surefoot-planner",
+            "surefoot-rollout",
+            "surefoot-net",
+            "surefoot-agent",
+            "surefoot-report",
+        ],
+    ),
     ("report", "surefoot-report", &["surefoot-world"]),
     ("studio", "surefoot-studio", &[]),
 ];
@@ -171,7 +184,7 @@ fn wire_types_and_statuses_are_known_at_the_rim_only() {
 
 #[test]
 fn simulation_and_search_never_await() {
-    for folder in ["world", "policy", "planner", "rollout", "report", "capi"] {
+    for folder in ["world", "policy", "planner", "rollout", "report", "capi", "python"] {
         for (path, code) in Crate::read(folder).files() {
             assert!(!code.contains("async ") && !awaits(code), "{path} awaits");
         }

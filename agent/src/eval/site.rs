@@ -287,7 +287,7 @@ impl<'a> Site<'a> {
     /// Attempts the goals of a batch in a game, where nothing is rehearsed, and motion is not measured.
     fn attempt_in(&self, game: &Game, batch: Batch) -> Result<(Vec<Attempt>, Figures), EvalError> {
         let EvalConfig { profile, follow, noise_share, .. } = self.config;
-        let level = Level { map: self.map.clone(), body: profile.clone() };
+        let level = Level { map: self.map.clone(), body: profile.clone(), solid_npcs: false };
         let rules = Rules { follow: *follow, noise_share: *noise_share, seed: self.seed_of(batch) };
         let (attempts, search_us) = attempt(game, &level, self.policy, self.router(), (&self.goals_of(batch), rules))?;
         Ok((attempts, Figures { search_us, ..Figures::default() }))

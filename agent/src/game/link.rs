@@ -7,10 +7,12 @@ use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_rollout::Goal;
 use surefoot_rollout::env::Route;
 use surefoot_world::character::ACTION_LEN;
-use surefoot_world::sense::{OBSERVATION_LEN, OBSERVATION_VERSION};
+use surefoot_world::exchange;
+use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use surefoot_world::{Ability, Action, CharacterProfile, End, Map, Vec3};
 use tokio::runtime::{Handle, Runtime};
 use tokio::sync::mpsc;
@@ -24,6 +26,8 @@ const OPEN_LIMIT: Duration = Duration::from_secs(600);
 const STEP_LIMIT: Duration = Duration::from_secs(60);
 /// Longest wait for the end of an environment that is of no use any more.
 const CLOSE_LIMIT: Duration = Duration::from_secs(2);
+/// Bytes of a level in one message.
+const UPLOAD_BYTES: usize = 512 * 1024;
 /// Most places of a route in one message.
 const MAX_ROUTE: usize = 256;
 
@@ -80,6 +84,8 @@ pub struct Level {
     pub map: Arc<Map>,
     /// The body.
     pub body: CharacterProfile,
+    /// Whether the NPCs get in each other's way and see each other, which games do not offer.
+    pub solid_npcs: bool,
 }
 
 /// A connection to a game; clones share it. Its calls block, so they must not be made on threads that run async code.
@@ -90,6 +96,7 @@ pub struct Game {
     client: EnvServiceClient<Link>,
     /// What must not end before the connection.
     _kept: Option<Arc<dyn std::fmt::Debug + Send + Sync>>,
+    maps: MapServiceClient<Link>,
 }
 
 impl Game {
@@ -104,10 +111,11 @@ impl Game {
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
         let runtime = runtime.map_err(|error| unreachable(error.to_string()))?;
         let link = runtime.block_on(dialer.connect()).map_err(|error| unreachable(innermost(&error)))?;
+        let maps = MapServiceClient::new(link.clone());
         let client = EnvServiceClient::new(link)
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
             .max_encoding_message_size(MAX_MESSAGE_BYTES);
-        Ok(Self { uri, runtime: Arc::new(runtime), client, _kept: None })
+        Ok(Self { uri, runtime: Arc::new(runtime), client, maps, _kept: None })
     }
 
     /// The same connection to a game whose own address is `uri`, behind something in between that lives as long as the connection.
@@ -159,17 +167,41 @@ impl Game {
     fn request_on(&self, level: &Level) -> wire::CreateEnvRequest {
         let map = level.map.spec().map(convert::map_spec_to_wire);
         let map_hash = if map.is_none() { level.map.built_hash().to_hex() } else { String::new() };
-        wire::CreateEnvRequest { map, map_hash, body: Some(convert::body_to_wire(&level.body)), ..Default::default() }
+        let body = Some(convert::body_to_wire(&level.body));
+        wire::CreateEnvRequest { map, map_hash, body, solid_npcs: level.solid_npcs, ..Default::default() }
+    }
+
+    /// Lets a server of ours keep a level that is not generated, so that environments can be opened on it. The call is repeatable.
+    ///
+    /// # Errors
+    /// If the server refuses, does not answer, or keeps something else.
+    pub fn keep(&self, map: &Map) -> Result<(), GameError> {
+        let (file, hash) = (exchange::encode(map), map.built_hash().to_hex());
+        let mut client = self.maps.clone();
+        let kept = self.runtime.block_on(async {
+            for (idx, part) in file.chunks(UPLOAD_BYTES).enumerate() {
+                let offset = (idx * UPLOAD_BYTES) as u64;
+                let request = wire::UploadChunkRequest { upload_id: hash.clone(), offset, data: part.to_vec() };
+                client.upload_chunk(request).await?;
+            }
+            let (name, upload_id) = (hash.clone(), hash.clone());
+            let format = wire::MapFormat::Saved.into();
+            client.import_map(wire::ImportMapRequest { name, format, upload_id, ..Default::default() }).await
+        });
+        let kept = kept.map_err(|status| self.failed(&status))?.into_inner().map.unwrap_or_default().map_hash;
+        if kept == hash { Ok(()) } else { Err(self.breach(format!("map_hash is {kept}, expected {hash}"))) }
     }
 
     fn create(&self, request: wire::CreateEnvRequest, npc_count: usize) -> Result<GameEnv, GameError> {
+        let solid_npcs = request.solid_npcs;
         let mut request = Request::new(request);
         request.set_timeout(OPEN_LIMIT);
         let mut client = self.client.clone();
         let created = self.runtime.block_on(client.create_env(request));
         let created = created.map_err(|status| self.failed(&status))?.into_inner();
         let env_id = created.env_id;
-        let first = self.first_state(&created, npc_count);
+        let observation_len = observation_len(solid_npcs);
+        let first = self.first_state(&created, (npc_count, observation_len));
         let (requests, stream) = mpsc::channel(1);
         // The stream answers when the first step has been sent, so it is opened by that.
         let mut env = GameEnv {
@@ -180,14 +212,19 @@ impl Game {
             responses: None,
             state: EnvState::default(),
             encode_time: Duration::ZERO,
+            observation_len,
         };
         env.state = first?;
         Ok(env)
     }
 
-    fn first_state(&self, created: &wire::CreateEnvResponse, npc_count: usize) -> Result<EnvState, GameError> {
+    fn first_state(
+        &self,
+        created: &wire::CreateEnvResponse,
+        (npc_count, observation_len): (usize, usize),
+    ) -> Result<EnvState, GameError> {
         for (what, found, expected) in [
-            ("observation_len", created.observation_len, OBSERVATION_LEN as u32),
+            ("observation_len", created.observation_len, observation_len as u32),
             ("observation_version", created.observation_version, OBSERVATION_VERSION),
             ("action_len", created.action_len, ACTION_LEN as u32),
         ] {
@@ -195,7 +232,7 @@ impl Game {
                 return Err(self.breach(format!("{what} is {found}, expected {expected}")));
             }
         }
-        let observations = observations(&created.observations, npc_count, "observations");
+        let observations = observations(&created.observations, npc_count * observation_len, "observations");
         let positions = convert::unpack_points(&created.positions, npc_count, "positions");
         Ok(EnvState {
             observations: observations.map_err(|error| self.breach(error.to_string()))?,
@@ -236,7 +273,7 @@ fn innermost(error: &dyn std::error::Error) -> String {
 /// What an environment says after a step, NPC by NPC.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EnvState {
-    /// Observations, [`OBSERVATION_LEN`] values each.
+    /// Observations, one after another.
     pub observations: Vec<f32>,
     /// Feet, m.
     pub positions: Vec<Vec3>,
@@ -264,6 +301,7 @@ pub struct GameEnv {
     state: EnvState,
     /// Time in which messages were packed and read.
     encode_time: Duration,
+    observation_len: usize,
 }
 
 impl GameEnv {
@@ -338,7 +376,8 @@ impl GameEnv {
         };
         let started = Instant::now();
         let results = message.results.ok_or_else(|| self.game.breach("results is missing".to_owned()))?;
-        self.state = state(results, self.npc_count()).map_err(|wrong| self.game.breach(wrong))?;
+        self.state =
+            state(results, (self.npc_count(), self.observation_len)).map_err(|wrong| self.game.breach(wrong))?;
         self.encode_time += started.elapsed();
         Ok(&self.state)
     }
@@ -369,13 +408,13 @@ fn route_to_wire(route: &Route) -> wire::EnvRoute {
 }
 
 /// Reads observations.
-fn observations(bytes: &[u8], npc_count: usize, field: &'static str) -> Result<Vec<f32>, FieldError> {
-    let values = convert::unpack(bytes, npc_count * OBSERVATION_LEN, field)?;
+fn observations(bytes: &[u8], len: usize, field: &'static str) -> Result<Vec<f32>, FieldError> {
+    let values = convert::unpack(bytes, len, field)?;
     if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(FieldError::NotFinite(field)) }
 }
 
 /// Reads the results of a step, or says what is wrong with them.
-fn state(results: wire::EnvResults, npc_count: usize) -> Result<EnvState, String> {
+fn state(results: wire::EnvResults, (npc_count, observation_len): (usize, usize)) -> Result<EnvState, String> {
     let text = |error: FieldError| error.to_string();
     for (what, found) in [("abilities", results.abilities.len()), ("passed", results.passed.len())] {
         if found != npc_count {
@@ -386,7 +425,7 @@ fn state(results: wire::EnvResults, npc_count: usize) -> Result<EnvState, String
     for wire::EnvEnd { npc, outcome, final_observation } in results.ends {
         let place = ended.get_mut(npc as usize).ok_or(format!("results.ends names npc {npc} of {npc_count} NPCs"))?;
         *place = Some(convert::end(outcome).ok_or(format!("results.ends.outcome has the unknown value {outcome}"))?);
-        let last = observations(&final_observation, 1, "results.ends.final_observation").map_err(text)?;
+        let last = observations(&final_observation, observation_len, "results.ends.final_observation").map_err(text)?;
         finals.push((npc as usize, last));
     }
     let rewards = convert::unpack(&results.rewards, npc_count, "results.rewards").map_err(text)?;
@@ -394,7 +433,8 @@ fn state(results: wire::EnvResults, npc_count: usize) -> Result<EnvState, String
         return Err(text(FieldError::NotFinite("results.rewards")));
     }
     Ok(EnvState {
-        observations: observations(&results.observations, npc_count, "results.observations").map_err(text)?,
+        observations: observations(&results.observations, npc_count * observation_len, "results.observations")
+            .map_err(text)?,
         positions: convert::unpack_points(&results.positions, npc_count, "results.positions").map_err(text)?,
         rewards,
         abilities: results.abilities.iter().map(|ability| convert::ability((*ability).into())).collect(),

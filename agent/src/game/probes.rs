@@ -67,7 +67,7 @@ pub fn build(
 impl<'a> InGame<'a> {
     /// Prepares probes on the level of `context`, in `env_count` environments at once.
     pub fn new(game: &'a Game, context: &'a ProbeContext, env_count: usize) -> Self {
-        let level = Level { map: context.map.clone(), body: context.profile.clone() };
+        let level = Level { map: context.map.clone(), body: context.profile.clone(), solid_npcs: false };
         Self { game, level, policy: &context.policy, env_count: env_count.max(1), error: Mutex::default() }
     }
 

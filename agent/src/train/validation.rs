@@ -62,7 +62,7 @@ impl ValidationSet {
                 let ends = match worlds {
                     None => self.run_here(map, policy, noise_share, goals),
                     Some((uris, connect)) => {
-                        let level = Level { map: map.clone(), body: self.body.clone() };
+                        let level = Level { map: map.clone(), body: self.body.clone(), solid_npcs: false };
                         let game = connect(&uris[map_idx % uris.len()])?;
                         let rules = Rules { follow: self.follow(), noise_share, seed: 0 };
                         attempt(&game, &level, policy, None, (goals, rules))?.0

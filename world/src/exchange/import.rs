@@ -4,6 +4,7 @@
 //! the map, and the oddities of its geometry (`inspect`).
 
 use super::faults::{ImportError, Warning};
+use super::file::{FileError, decode};
 use super::inspect::{self, EdgeCounts};
 use super::load::{check_load, is_allowed};
 use super::named::{self, Found, Sidecar};
@@ -57,6 +58,34 @@ pub fn import_gltf(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions)
 /// Same as [`import_gltf`].
 pub fn import_obj(bytes: &[u8], sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {
     import(obj_in::read(bytes)?, sidecar, options)
+}
+
+/// Why bytes are no level.
+#[derive(Debug, thiserror::Error)]
+pub enum LevelError {
+    /// They begin like a saved map.
+    #[error(transparent)]
+    Saved(#[from] FileError),
+    /// They are those of a model.
+    #[error(transparent)]
+    Model(#[from] ImportError),
+}
+
+/// Reads a level of any format that its first bytes tell: a saved map, a glTF, or else an OBJ. `sidecar` is as in [`import_gltf`]; saved maps
+/// need none.
+///
+/// # Errors
+/// As [`decode`], [`import_gltf`] or [`import_obj`].
+pub fn read_level(bytes: &[u8], sidecar: Option<&str>) -> Result<Imported, LevelError> {
+    let options = ImportOptions::default();
+    let is_text_gltf = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+    if bytes.starts_with(b"SFMAP") {
+        Ok(Imported { map: decode(bytes)?, origin: Vec3::ZERO, warnings: Vec::new() })
+    } else if bytes.starts_with(b"glTF") || is_text_gltf {
+        Ok(import_gltf(bytes, sidecar, &options)?)
+    } else {
+        Ok(import_obj(bytes, sidecar, &options)?)
+    }
 }
 
 fn import(mut scene: Scene, sidecar: Option<&str>, options: &ImportOptions) -> Result<Imported, ImportError> {

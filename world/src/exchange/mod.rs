@@ -27,6 +27,6 @@ mod sides;
 pub use export::export_glb;
 pub use faults::{ImportError, Warning};
 pub use file::{FileError, decode, encode};
-pub use import::{Imported, import_gltf, import_obj};
+pub use import::{Imported, LevelError, import_gltf, import_obj, read_level};
 pub use load::Overload;
 pub use scene::{ImportOptions, UpAxis};

@@ -84,7 +84,7 @@ impl Stream {
         let (arena, map, body) = Arena::on_some_map(self.place.level.unwrap_or(drawn), &self.config);
         let game = (self.connect)(&self.place.uri)?;
         let (mut lanes, goals) = Lanes::new(arena, &self.config, ChaCha8Rng::seed_from_u64(rng.random()));
-        let mut env = game.open(&Level { map, body }, &goals)?;
+        let mut env = game.open(&Level { map, body, solid_npcs: false }, &goals)?;
         let _live = self.inlet.meters.live();
         let mut is_fresh = vec![true; goals.len()];
         let mut memory = vec![0.0; goals.len() * self.memory_len];

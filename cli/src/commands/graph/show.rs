@@ -103,26 +103,10 @@ fn describe(args: &Args, loaded: &Loaded) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn ability_colour(ability: Ability) -> [u8; 3] {
-    match ability {
-        Ability::Walk => [240, 240, 240],
-        Ability::Jump => [90, 220, 255],
-        Ability::DoubleJump => [70, 120, 255],
-        Ability::Pad => [255, 220, 60],
-        Ability::ZipLine => [255, 80, 200],
-        Ability::Teleporter => [150, 80, 255],
-        Ability::Jetpack => [80, 255, 220],
-    }
-}
-
 fn draw_graph(picture: &mut Picture, graph: &NavGraph) {
-    for edge in graph.edges() {
-        let colour = ability_colour(edge.evidence.ability);
-        picture.line(graph.position(edge.key.from), graph.position(edge.key.to), colour, 0.16);
-    }
-    for vertex in graph.vertices() {
-        picture.dot(graph.position(vertex), 1.5, [250, 250, 250]);
-    }
+    let at = |vertex| graph.position(vertex);
+    let edges = graph.edges().map(|edge| (at(edge.key.from), at(edge.key.to), edge.evidence.ability));
+    picture.graph(graph.vertices().map(at), edges);
 }
 
 /// Runs NPCs to random goals by plan, draws their tracks, and returns how many arrived.

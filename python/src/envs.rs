@@ -1,0 +1,314 @@
+//! `Worlds` for Python: checks shapes, lends out the caller's arrays, and runs without the interpreter's lock.
+
+use crate::body;
+use crate::error::{state, value};
+use crate::level::Level;
+use crate::vector::{Autoreset, Finished, Outputs, Setup, Worlds as Inner};
+use numpy::{
+    Element, IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use std::f32::consts::TAU;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::Instant;
+use surefoot_rollout::env::{Env, Route, actions_of};
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::navigable::NoGround;
+use surefoot_world::{Map, Vec3};
+
+/// Most environments of one object.
+const MAX_ENVS: usize = 65_536;
+/// Greatest distance of a goal, m.
+const MAX_GOAL_M: f32 = 1500.0;
+/// Largest coordinate, m.
+const MOST_M: f32 = 1.0e6;
+
+/// Indices, ends and last observations of the episodes that ended.
+pub type Ends<'py> = (Bound<'py, PyArray1<i64>>, Vec<&'static str>, Bound<'py, PyArray2<f32>>);
+
+/// Environments of this process.
+#[pyclass(module = "surefoot._native")]
+#[derive(Debug)]
+pub struct Worlds {
+    // Physics need not be shared between threads.
+    inner: Mutex<Inner>,
+    env_count: usize,
+    observation_len: usize,
+}
+
+impl Worlds {
+    fn lock(&self) -> PyResult<MutexGuard<'_, Inner>> {
+        self.inner.lock().map_err(|_| failed())
+    }
+
+    fn inner(&mut self) -> PyResult<&mut Inner> {
+        self.inner.get_mut().map_err(|_| failed())
+    }
+
+    fn shape(&self) -> [usize; 2] {
+        [self.env_count, self.observation_len]
+    }
+}
+
+fn failed() -> PyErr {
+    state("these environments have failed in an earlier call: make new ones")
+}
+
+/// Reads the arguments that all kinds of environments share.
+pub fn setup(
+    levels: &[Py<Level>],
+    body: &str,
+    solid: bool,
+    (env_count, world_count): (usize, usize),
+    band: (f32, f32),
+    autoreset: &str,
+) -> PyResult<Setup> {
+    if levels.is_empty() {
+        return Err(value("level is empty: give at least one"));
+    }
+    in_range("num_envs", env_count, MAX_ENVS)?;
+    in_range("worlds", world_count, env_count)?;
+    let (nearest, farthest) = band;
+    if !(0.0..=MAX_GOAL_M).contains(&nearest) || !(nearest..=MAX_GOAL_M).contains(&farthest) {
+        return Err(value(format!(
+            "goal_distance is ({nearest}, {farthest}), but must be two distances in ascending order, 0 to {MAX_GOAL_M} m"
+        )));
+    }
+    let autoreset = match autoreset {
+        "NextStep" => Autoreset::NextStep,
+        "SameStep" => Autoreset::SameStep,
+        "Disabled" => Autoreset::Disabled,
+        other => return Err(value(format!("there is no autoreset mode {other}: NextStep, SameStep or Disabled"))),
+    };
+    let levels: Vec<Arc<Map>> = levels.iter().map(|level| level.get().map.clone()).collect();
+    Ok(Setup { levels, body: body::read(body)?, solid, band, env_count, world_count, autoreset })
+}
+
+fn in_range(name: &str, found: usize, most: usize) -> PyResult<()> {
+    if (1..=most).contains(&found) { Ok(()) } else { Err(value(format!("{name} is {found}, but must be 1 to {most}"))) }
+}
+
+/// Borrows an array for writing, which must be laid out like `shape` in C order.
+pub fn writable<'py, T: Element>(
+    array: &Bound<'py, PyArrayDyn<T>>,
+    shape: &[usize],
+    name: &str,
+) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
+    check_shape(array.shape(), shape, name)?;
+    let array = array.try_readwrite().map_err(|error| value(format!("{name}: {error}")))?;
+    if !array.is_c_contiguous() {
+        return Err(value(format!("{name} must be contiguous, in C order")));
+    }
+    Ok(array)
+}
+
+/// Borrows an array for reading, which must be laid out like `shape` in C order.
+pub fn readable<'py, T: Element>(
+    array: &Bound<'py, PyArrayDyn<T>>,
+    shape: &[usize],
+    name: &str,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    check_shape(array.shape(), shape, name)?;
+    let array = array.try_readonly().map_err(|error| value(format!("{name}: {error}")))?;
+    if !array.is_c_contiguous() {
+        return Err(value(format!("{name} must be contiguous, in C order")));
+    }
+    Ok(array)
+}
+
+fn check_shape(found: &[usize], wanted: &[usize], name: &str) -> PyResult<()> {
+    if found == wanted {
+        return Ok(());
+    }
+    Err(value(format!("{name} has the shape {found:?}, but must have {wanted:?}")))
+}
+
+/// Episodes that ended, as arrays.
+pub fn ends<'py>(py: Python<'py>, ended: Vec<Finished>, observation_len: usize) -> PyResult<Ends<'py>> {
+    let indices: Vec<i64> = ended.iter().map(|end| end.env as i64).collect();
+    let names = ended.iter().map(|end| end.outcome).collect();
+    let count = ended.len();
+    let rows: Vec<f32> = ended.into_iter().flat_map(|end| end.last).collect();
+    let rows = rows.into_pyarray(py).reshape([count, observation_len])?;
+    Ok((indices.into_pyarray(py), names, rows))
+}
+
+/// Points as an array of three columns.
+pub fn points<'py>(py: Python<'py>, points: impl Iterator<Item = Vec3>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let values: Vec<f32> = points.flat_map(|point| point.to_array()).collect();
+    let count = values.len() / 3;
+    values.into_pyarray(py).reshape([count, 3])
+}
+
+/// A place on a level, m.
+pub fn place(name: &str, [x, y, z]: [f32; 3]) -> PyResult<Vec3> {
+    if [x, y, z].iter().all(|value| value.abs() <= MOST_M) {
+        return Ok(Vec3::new(x, y, z));
+    }
+    Err(value(format!("{name} is ({x}, {y}, {z}): all three must be finite, and at most a million")))
+}
+
+#[pymethods]
+impl Worlds {
+    #[new]
+    #[expect(clippy::too_many_arguments, reason = "called by the package alone")]
+    fn new(
+        py: Python<'_>,
+        levels: Vec<Py<Level>>,
+        body: &str,
+        solid: bool,
+        num_envs: usize,
+        worlds: usize,
+        goal_distance: (f32, f32),
+        autoreset: &str,
+        seed: u64,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let setup = setup(&levels, body, solid, (num_envs, worlds), goal_distance, autoreset)?;
+        if !(1..=worlds).contains(&threads) {
+            return Err(value(format!(
+                "threads is {threads}, but the environments are in {worlds} world(s), each of which one thread steps: \
+                 pass worlds={threads} or more"
+            )));
+        }
+        let inner = py.detach(|| Inner::open(setup, seed, threads)).map_err(value)?;
+        Ok(Self { env_count: num_envs, observation_len: inner.observation_len(), inner: Mutex::new(inner) })
+    }
+
+    #[getter]
+    fn observation_len(&self) -> usize {
+        self.observation_len
+    }
+
+    /// Begins anew with a seed.
+    fn reseed(&mut self, py: Python<'_>, seed: u64, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
+        let mut observations = writable(observations, &self.shape(), "observations")?;
+        let (rows, inner) = (observations.as_slice_mut()?, self.inner()?);
+        py.detach(|| {
+            inner.reseed(seed)?;
+            inner.first_observations(rows);
+            Ok(())
+        })
+        .map_err(|error: NoGround| value(error))
+    }
+
+    /// Writes the observations of worlds that were not stepped yet.
+    fn first_observations(&self, observations: &Bound<'_, PyArrayDyn<f32>>) -> PyResult<()> {
+        self.lock()?.first_observations(writable(observations, &self.shape(), "observations")?.as_slice_mut()?);
+        Ok(())
+    }
+
+    fn renew(
+        &mut self,
+        py: Python<'_>,
+        mask: &Bound<'_, PyArrayDyn<bool>>,
+        observations: &Bound<'_, PyArrayDyn<f32>>,
+    ) -> PyResult<()> {
+        let mask = readable(mask, &[self.env_count], "reset_mask")?;
+        let mut observations = writable(observations, &self.shape(), "observations")?;
+        let (mask, rows, inner) = (mask.as_slice()?, observations.as_slice_mut()?, self.inner()?);
+        py.detach(|| inner.renew(mask, rows));
+        Ok(())
+    }
+
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyArrayDyn<f32>>,
+        observations: &Bound<'py, PyArrayDyn<f32>>,
+        rewards: &Bound<'py, PyArrayDyn<f32>>,
+        terminated: &Bound<'py, PyArrayDyn<bool>>,
+        truncated: &Bound<'py, PyArrayDyn<bool>>,
+    ) -> PyResult<Option<Ends<'py>>> {
+        let [count, len] = self.shape();
+        let actions = readable(actions, &[count, ACTION_LEN], "actions")?;
+        let mut observations = writable(observations, &[count, len], "observations")?;
+        let mut rewards = writable(rewards, &[count], "rewards")?;
+        let mut terminated = writable(terminated, &[count], "terminated")?;
+        let mut truncated = writable(truncated, &[count], "truncated")?;
+        let values = actions.as_slice()?;
+        let out = Outputs {
+            observations: observations.as_slice_mut()?,
+            rewards: rewards.as_slice_mut()?,
+            terminated: terminated.as_slice_mut()?,
+            truncated: truncated.as_slice_mut()?,
+        };
+        let inner = self.inner()?;
+        let ended = py.detach(|| inner.step(values, out)).map_err(value)?;
+        if ended.is_empty() { Ok(None) } else { ends(py, ended, len).map(Some) }
+    }
+
+    /// Gives an environment places for which it heads, and writes its observation.
+    #[pyo3(signature = (env, waypoints, start, yaw, observations))]
+    fn redirect(
+        &mut self,
+        env: usize,
+        waypoints: Vec<[f32; 3]>,
+        start: Option<[f32; 3]>,
+        yaw: f32,
+        observations: &Bound<'_, PyArrayDyn<f32>>,
+    ) -> PyResult<()> {
+        let [count, len] = self.shape();
+        if env >= count {
+            return Err(value(format!("there is no environment {env}: 0 to {}", count - 1)));
+        }
+        if waypoints.is_empty() {
+            return Err(value("waypoints is empty: give at least one place"));
+        }
+        if !(-TAU..=TAU).contains(&yaw) {
+            return Err(value(format!("yaw is {yaw}, but must be -2 pi to 2 pi")));
+        }
+        if start.is_none() && self.lock()?.rests().nth(env) == Some(true) {
+            return Err(state(format!("the episode of environment {env} has ended: give a start, or reset it")));
+        }
+        let waypoints = waypoints.into_iter().map(|it| place("waypoints", it)).collect::<PyResult<_>>()?;
+        let start = start.map(|it| place("start", it)).transpose()?.map(|feet| (feet, yaw));
+        let mut observations = writable(observations, &[count, len], "observations")?;
+        let row = &mut observations.as_slice_mut()?[env * len..][..len];
+        self.inner()?.redirect(&Route { npc_idx: env, start, waypoints }, row);
+        Ok(())
+    }
+
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        points(py, self.lock()?.positions())
+    }
+
+    fn goals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        points(py, self.lock()?.goals())
+    }
+
+    fn rests<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        Ok(self.lock()?.rests().collect::<Vec<bool>>().into_pyarray(py))
+    }
+}
+
+/// The same environments in one world, stepped by Rust alone; for python/bench.py.
+#[pyclass(module = "surefoot._native")]
+#[derive(Debug)]
+pub struct Alone {
+    env: Mutex<Env>,
+}
+
+#[pymethods]
+impl Alone {
+    #[new]
+    fn new(py: Python<'_>, level: Py<Level>, num_envs: usize, goal_distance: (f32, f32), seed: u64) -> PyResult<Self> {
+        let setup = setup(&[level], "surefoot", false, (num_envs, 1), goal_distance, "SameStep")?;
+        Ok(Self { env: Mutex::new(py.detach(|| setup.open(0, num_envs, seed)).map_err(value)?) })
+    }
+
+    /// Seconds that steps with these actions take.
+    fn seconds(&mut self, py: Python<'_>, actions: &Bound<'_, PyArrayDyn<f32>>, steps: usize) -> PyResult<f64> {
+        let env = self.env.get_mut().map_err(|_| failed())?;
+        let actions = readable(actions, &[env.npc_count(), ACTION_LEN], "actions")?;
+        let actions = actions_of(actions.as_slice()?, |idx| idx as u64).map_err(value)?;
+        Ok(py.detach(|| {
+            let started = Instant::now();
+            for _ in 0..steps {
+                env.step(&actions);
+            }
+            started.elapsed().as_secs_f64()
+        }))
+    }
+}

@@ -1,0 +1,313 @@
+//! Environments in worlds of a server, with the meaning of [`vector`](crate::vector). Knows nothing of Python.
+//!
+//! With [`Autoreset::SameStep`] the server draws starts and goals; otherwise they are drawn here, exactly as there, and sent as routes.
+//! A server that goes away is sought again: its environments are then created anew, and the episodes that ran count as [`LOST`].
+
+use crate::vector::{Autoreset, Finished, Outputs, Setup, check_actions};
+use std::time::{Duration, Instant};
+use surefoot_agent::game::{Game, GameEnv, GameError, Level};
+use surefoot_net::client::Credentials;
+use surefoot_rollout::Goal;
+use surefoot_rollout::env::{Draw, Route, actions_of};
+use surefoot_world::character::ACTION_LEN;
+use surefoot_world::navigable::NoGround;
+use surefoot_world::sense::observation_len;
+use surefoot_world::{End, Vec3};
+
+/// How an episode ended whose server went away.
+pub const LOST: &str = "lost";
+/// Pause between attempts to reach a server that went away.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// A server, and how to reach it again.
+#[derive(Debug, Clone)]
+pub struct Server {
+    pub uri: String,
+    pub credentials: Credentials,
+    /// How long a server that went away is sought.
+    pub patience: Duration,
+    pub game: Game,
+}
+
+/// Why environments of a server cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum FarError {
+    #[error(transparent)]
+    Game(#[from] GameError),
+    #[error(transparent)]
+    NoGround(#[from] NoGround),
+    /// The actions are wrong.
+    #[error("{0}")]
+    Actions(String),
+    /// Whoever waits has been interrupted.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Environments on a server.
+#[derive(Debug)]
+pub struct FarWorlds {
+    server: Server,
+    setup: Setup,
+    worlds: Vec<Far>,
+    seed: u64,
+    /// How often episodes began anew without a seed.
+    resets: u64,
+}
+
+/// One world.
+#[derive(Debug)]
+struct Far {
+    level: Level,
+    count: usize,
+    /// Number of its first environment.
+    first: usize,
+    seed: u64,
+    /// `None` after the server went away.
+    env: Option<GameEnv>,
+    /// Draws starts and goals, unless the server does.
+    draw: Option<Draw>,
+    rests: Vec<bool>,
+    goals: Vec<Vec3>,
+    /// Whether the next step only shows the observations of environments that were created anew.
+    is_fresh: bool,
+    renewed: Vec<usize>,
+}
+
+impl Far {
+    /// Creates the environment on the server; its episodes are the next ones of the draw.
+    fn open(&mut self, game: &Game, band: (f32, f32)) -> Result<(), GameError> {
+        self.env = None;
+        if self.level.map.spec().is_none() {
+            game.keep(&self.level.map)?;
+        }
+        let goals: Option<Vec<Goal>> = self.draw.as_mut().map(|draw| (0..self.count).map(|_| draw.goal()).collect());
+        self.env = Some(match &goals {
+            Some(goals) => game.open(&self.level, goals)?,
+            None => game.open_endless(&self.level, self.count, band, self.seed)?,
+        });
+        self.goals = goals.unwrap_or_default().iter().map(|goal| goal.goal).collect();
+        self.rests = vec![false; self.count];
+        Ok(())
+    }
+
+    /// Sends a step; environments that rest begin anew with [`Autoreset::NextStep`].
+    fn send(&mut self, actions: &[f32], autoreset: Autoreset) -> Result<(), GameError> {
+        self.renewed.clear();
+        let Some(env) = self.env.as_mut().filter(|_| !self.is_fresh) else { return Ok(()) };
+        let mut routes = Vec::new();
+        if let (Autoreset::NextStep, Some(draw)) = (autoreset, &mut self.draw) {
+            self.renewed.extend((0..self.count).filter(|npc_idx| self.rests[*npc_idx]));
+            for &npc_idx in &self.renewed {
+                let Goal { start, yaw, goal } = draw.goal();
+                self.goals[npc_idx] = goal;
+                routes.push(Route { npc_idx, start: Some((start, yaw)), waypoints: vec![goal] });
+            }
+        }
+        env.send(&actions_of(actions, |_| 0).expect("checked actions"), &routes)
+    }
+
+    /// Waits for the results of a step.
+    fn receive(&mut self, out: &mut Outputs<'_>, is_endless: bool) -> Result<Vec<Finished>, GameError> {
+        out.rewards.fill(0.0);
+        out.terminated.fill(false);
+        out.truncated.fill(false);
+        let Some(env) = &mut self.env else { return Ok(Vec::new()) };
+        if std::mem::take(&mut self.is_fresh) {
+            out.observations.copy_from_slice(&env.state().observations);
+            self.rests.fill(false);
+            return Ok(Vec::new());
+        }
+        let state = env.receive()?;
+        out.observations.copy_from_slice(&state.observations);
+        out.rewards.copy_from_slice(&state.rewards);
+        self.renewed.drain(..).for_each(|npc_idx| self.rests[npc_idx] = false);
+        let mut finished = Vec::new();
+        for (npc_idx, last) in &state.finals {
+            let end = state.ended[*npc_idx].unwrap_or(End::NoProgress);
+            let flag = if end.is_truncation() { &mut *out.truncated } else { &mut *out.terminated };
+            flag[*npc_idx] = true;
+            self.rests[*npc_idx] = !is_endless;
+            finished.push(Finished { env: self.first + npc_idx, outcome: end.name(), last: last.clone() });
+        }
+        Ok(finished)
+    }
+}
+
+impl FarWorlds {
+    /// Opens the worlds on a server.
+    ///
+    /// # Errors
+    /// If the server refuses, or a level has nowhere to stand.
+    pub fn open(server: Server, setup: Setup, seed: u64) -> Result<Self, FarError> {
+        let mut far = Self { server, setup, worlds: Vec::new(), seed, resets: 0 };
+        far.reseed(seed)?;
+        Ok(far)
+    }
+
+    pub fn observation_len(&self) -> usize {
+        observation_len(self.setup.solid)
+    }
+
+    /// Opens the worlds anew with another seed.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn reseed(&mut self, seed: u64) -> Result<(), FarError> {
+        (self.seed, self.resets) = (seed, 0);
+        self.worlds.clear();
+        let Setup { levels, body, solid, band, autoreset, .. } = self.setup.clone();
+        let mut first = 0;
+        for (world, count) in self.setup.counts().into_iter().enumerate() {
+            let map = levels[world % levels.len()].clone();
+            let seed = seed.wrapping_add(world as u64);
+            let draw = match autoreset {
+                Autoreset::SameStep => None,
+                Autoreset::NextStep | Autoreset::Disabled => Some(Draw::on(&map, &body, band, seed)?),
+            };
+            let level = Level { map, body: body.clone(), solid_npcs: solid };
+            self.worlds.push(Far {
+                level,
+                count,
+                first,
+                seed,
+                env: None,
+                draw,
+                rests: Vec::new(),
+                goals: Vec::new(),
+                is_fresh: false,
+                renewed: Vec::new(),
+            });
+            first += count;
+        }
+        self.worlds.iter_mut().try_for_each(|world| world.open(&self.server.game, band)).map_err(FarError::from)
+    }
+
+    /// Starts the next episodes of all environments.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn renew(&mut self) -> Result<(), FarError> {
+        self.resets += 1;
+        let seed = other_seed(self.seed, self.resets);
+        for (idx, world) in self.worlds.iter_mut().enumerate() {
+            // Where the server draws, it begins with another seed.
+            world.seed = seed.wrapping_add(idx as u64);
+            world.is_fresh = false;
+            world.open(&self.server.game, self.setup.band)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the current observations.
+    pub fn observations(&self, observations: &mut [f32]) {
+        let len = self.observation_len();
+        for Far { first, env, .. } in &self.worlds {
+            let Some(env) = env else { continue };
+            let rows = &env.state().observations;
+            observations[first * len..][..rows.len()].copy_from_slice(rows);
+        }
+    }
+
+    /// Runs one decision of every environment, and returns the episodes that ended. `go_on` is asked while a lost server is sought.
+    ///
+    /// # Errors
+    /// If an action is not finite; then nothing has moved. If a lost server is not found again: the next step seeks it again.
+    pub fn step(
+        &mut self,
+        actions: &[f32],
+        out: Outputs<'_>,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Vec<Finished>, FarError> {
+        check_actions(actions).map_err(FarError::Actions)?;
+        let autoreset = self.setup.autoreset;
+        for world in &mut self.worlds {
+            let own = &actions[world.first * ACTION_LEN..][..world.count * ACTION_LEN];
+            if world.send(own, autoreset).is_err() {
+                // Why is said by who seeks the server.
+                world.env = None;
+            }
+        }
+        let (len, mut finished, mut rest) = (self.observation_len(), Vec::new(), out);
+        for idx in 0..self.worlds.len() {
+            let world = &mut self.worlds[idx];
+            let (mut own, more) = rest.split(world.count, len);
+            match world.receive(&mut own, autoreset == Autoreset::SameStep) {
+                Ok(ends) => finished.extend(ends),
+                Err(_) => world.env = None,
+            }
+            if world.env.is_none() {
+                self.recover(idx, go_on)?;
+                finished.extend(self.lose(idx, &mut own));
+            }
+            rest = more;
+        }
+        Ok(finished)
+    }
+
+    /// Creates a world anew on a server that went away, as soon as it is back.
+    fn recover(&mut self, idx: usize, go_on: &dyn Fn() -> bool) -> Result<(), FarError> {
+        let started = Instant::now();
+        self.resets += 1;
+        let seed = other_seed(self.seed, self.resets);
+        loop {
+            let world = &mut self.worlds[idx];
+            world.seed = seed.wrapping_add(idx as u64);
+            let error = match Game::connect(&self.server.uri, &self.server.credentials) {
+                Ok(game) => {
+                    self.server.game = game;
+                    match world.open(&self.server.game, self.setup.band) {
+                        Ok(()) => return Ok(()),
+                        Err(error) => error,
+                    }
+                }
+                Err(error) => error,
+            };
+            let is_final = !matches!(error, GameError::Unreachable { .. } | GameError::Gone { .. });
+            if is_final || started.elapsed() >= self.server.patience {
+                return Err(error.into());
+            }
+            if !go_on() {
+                return Err(FarError::Interrupted);
+            }
+            std::thread::sleep(PAUSE);
+        }
+    }
+
+    /// Ends the episodes of a world that was created anew.
+    fn lose(&mut self, idx: usize, out: &mut Outputs<'_>) -> Vec<Finished> {
+        let (len, autoreset) = (self.observation_len(), self.setup.autoreset);
+        let world = &mut self.worlds[idx];
+        out.rewards.fill(0.0);
+        out.terminated.fill(false);
+        out.truncated.fill(true);
+        let last = |row: usize| out.observations[row * len..][..len].to_vec();
+        let end = |row: usize| Finished { env: world.first + row, outcome: LOST, last: last(row) };
+        let finished = (0..world.count).map(end).collect();
+        match autoreset {
+            Autoreset::SameStep => {
+                let env = world.env.as_ref().expect("a world that was created anew");
+                out.observations.copy_from_slice(&env.state().observations);
+            }
+            Autoreset::NextStep => world.is_fresh = true,
+            Autoreset::Disabled => world.rests.fill(true),
+        }
+        finished
+    }
+
+    /// Feet of the bodies, m.
+    pub fn positions(&self) -> impl Iterator<Item = Vec3> {
+        self.worlds.iter().flat_map(|world| world.env.iter().flat_map(|env| env.state().positions.iter().copied()))
+    }
+
+    /// Places where the episodes end, m; `None` if the server drew them.
+    pub fn goals(&self) -> Option<Vec<Vec3>> {
+        (self.setup.autoreset != Autoreset::SameStep)
+            .then(|| self.worlds.iter().flat_map(|world| world.goals.iter().copied()).collect())
+    }
+}
+
+/// The seed of later episodes of environments that were created with `seed`.
+fn other_seed(seed: u64, resets: u64) -> u64 {
+    seed.wrapping_add(resets.wrapping_mul(0x9E37_79B9_7F4A_7C15))
+}

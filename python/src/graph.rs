@@ -1,0 +1,226 @@
+//! Graphs of levels, and plans.
+
+use crate::body::Figures;
+use crate::envs::{place, points};
+use crate::error::{chain, file, value};
+use crate::level::Level;
+use crate::picture;
+use crate::plan::Plan;
+use crate::policy::Policy;
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+use surefoot_planner::export::{Format, export, import_json};
+use surefoot_planner::reachability;
+use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
+use surefoot_planner::{
+    AbilitySet, BuildError, BuildSettings, Built, Caution, NavGraph, Progress, Query, Router, VertexId,
+};
+use surefoot_report::render::View;
+use surefoot_rollout::{ProbeContext, graphs};
+use surefoot_world::{Ability, DECISION_SECONDS, Map};
+
+/// How often a build looks whether it was interrupted.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// A graph of a level whose edges were proved, ready for queries.
+#[pyclass(frozen, module = "surefoot")]
+#[derive(Debug)]
+pub struct Graph {
+    router: Router,
+    map: Option<Arc<Map>>,
+}
+
+/// Builds a graph, and calls `progress` with the numbers of probes made and known to be needed.
+fn build(
+    py: Python<'_>,
+    context: &ProbeContext,
+    settings: &BuildSettings,
+    threads: usize,
+    report: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Built> {
+    let progress = Progress::default();
+    std::thread::scope(|scope| {
+        let builder = scope.spawn(|| graphs::build(context, settings, threads, &progress));
+        while !builder.is_finished() {
+            py.detach(|| std::thread::sleep(LOOK_EVERY));
+            let seen = (progress.done.load(Ordering::Relaxed), progress.total.load(Ordering::Relaxed));
+            let told = py.check_signals().and_then(|()| report.map_or(Ok(()), |call| call.call1(seen).map(drop)));
+            if let Err(error) = told {
+                progress.cancel.store(true, Ordering::Relaxed);
+                py.detach(|| builder.join()).ok();
+                return Err(error);
+            }
+        }
+        builder.join().expect("a build does not panic").map_err(|error: BuildError| value(chain(&error)))
+    })
+}
+
+impl Graph {
+    fn of(graph: NavGraph, map: Option<Arc<Map>>, threads: usize) -> Self {
+        Self { router: Router::new(graph, DEFAULT_TABLE_LIMIT, threads), map }
+    }
+
+    fn graph(&self) -> &NavGraph {
+        self.router.graph()
+    }
+}
+
+#[pymethods]
+impl Graph {
+    #[staticmethod]
+    #[pyo3(signature = (level, body = Figures::default(), *, policy = None, vertices = 300, seed = 0, threads = None, progress = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn build(
+        py: Python<'_>,
+        level: Py<Level>,
+        body: Figures<'_>,
+        policy: Option<Py<Policy>>,
+        vertices: usize,
+        seed: u64,
+        threads: Option<usize>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let settings = BuildSettings::default();
+        let settings = settings.with(|it| (it.vertices, it.seed) = (vertices, seed));
+        let settings = settings.map_err(|error| value(chain(&error)))?;
+        let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        if threads == 0 {
+            return Err(value("threads is 0, but must be 1 or more"));
+        }
+        let policy = match policy {
+            Some(policy) => policy.get().inner.clone(),
+            None => Policy::open("general-reactive", 0)?.inner,
+        };
+        let map = level.get().map.clone();
+        let context = ProbeContext { map: map.clone(), profile: body.profile(py)?, policy };
+        let built = build(py, &context, &settings, threads, progress)?;
+        Ok(py.detach(|| Self::of(built.graph, Some(map), threads)))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (path, level = None))]
+    fn load(py: Python<'_>, path: PathBuf, level: Option<Py<Level>>) -> PyResult<Self> {
+        let text = std::fs::read_to_string(&path).map_err(|error| match error.kind() {
+            std::io::ErrorKind::InvalidData => value(format!("{}: this is not a graph", path.display())),
+            _ => file(&path, &error),
+        })?;
+        let graph = import_json(&text).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))?;
+        let map = level.map(|level| level.get().map.clone());
+        Ok(py.detach(|| Self::of(graph, map, 1)))
+    }
+
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let written = py.detach(|| std::fs::write(&path, export(self.graph(), Format::Json)));
+        written.map_err(|error| file(&path, &error))
+    }
+
+    #[pyo3(signature = (start, goal, *, without = Vec::new(), caution = 1.0))]
+    fn plan(
+        &self,
+        py: Python<'_>,
+        start: [f32; 3],
+        goal: [f32; 3],
+        without: Vec<String>,
+        caution: f32,
+    ) -> PyResult<Plan> {
+        let ability = |name: &String| {
+            Ability::ALL.into_iter().skip(1).find(|ability| ability.name() == name).ok_or_else(|| {
+                let names: Vec<&str> = Ability::ALL.into_iter().skip(1).map(Ability::name).collect();
+                value(format!("there is no ability {name} to do without: there are {}", names.join(", ")))
+            })
+        };
+        let query = Query {
+            without: without.iter().map(ability).collect::<PyResult<AbilitySet>>()?,
+            caution: Caution::new(caution).ok_or_else(|| value(format!("caution is {caution}, but must be 0 to 1")))?,
+            ..Query::new(place("start", start)?, place("goal", goal)?)
+        };
+        Ok(Plan::of(&py.detach(|| self.router.find_path(&query))))
+    }
+
+    /// Positions of the vertices, m.
+    #[getter]
+    fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let graph = self.graph();
+        points(py, graph.vertices().map(|vertex| graph.position(vertex)))
+    }
+
+    fn __len__(&self) -> usize {
+        self.graph().vertex_count()
+    }
+
+    #[getter]
+    fn edge_count(&self) -> usize {
+        self.graph().edge_count()
+    }
+
+    fn to_networkx<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let networkx = py.import("networkx").map_err(|error| {
+            let missing =
+                pyo3::exceptions::PyImportError::new_err("install networkx: pip install \"surefoot[graphs]\"");
+            missing.set_cause(py, Some(error));
+            missing
+        })?;
+        let directed = networkx.getattr("DiGraph")?.call0()?;
+        let graph = self.graph();
+        for (vertex, island) in graph.vertices().zip(graph.islands()) {
+            let about = PyDict::new(py);
+            about.set_item("position", graph.position(vertex).to_array())?;
+            about.set_item("island", *island)?;
+            directed.call_method("add_node", (vertex.0,), Some(&about))?;
+        }
+        for edge in graph.edges() {
+            let about = PyDict::new(py);
+            let evidence = &edge.evidence;
+            about.set_item("ability", evidence.ability.name())?;
+            about.set_item("chance", evidence.chance().get())?;
+            about.set_item("death_chance", evidence.death_chance())?;
+            about.set_item("seconds", evidence.decisions_mean().0 * f64::from(DECISION_SECONDS))?;
+            about.set_item("cost", evidence.cost())?;
+            directed.call_method("add_edge", (edge.key.from.0, edge.key.to.0), Some(&about))?;
+        }
+        Ok(directed)
+    }
+
+    fn reach<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let described = py.detach(|| reachability::describe(self.graph()));
+        let text = serde_json::to_string(&described).map_err(value)?;
+        py.import("json")?.call_method1("loads", (text,))
+    }
+
+    fn reachable_from<'py>(&self, py: Python<'py>, vertex: u32) -> PyResult<Bound<'py, numpy::PyArray1<bool>>> {
+        let vertex = VertexId(vertex);
+        if !self.graph().has_vertex(vertex) {
+            return Err(value(format!("there is no vertex {}: 0 to {}", vertex.0, self.graph().vertex_count() - 1)));
+        }
+        Ok(numpy::PyArray1::from_vec(py, self.graph().reachable_from(vertex)))
+    }
+
+    #[pyo3(signature = (*, pixels_per_m = 3.0, view = "top"))]
+    fn png<'py>(&self, py: Python<'py>, pixels_per_m: f32, view: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let map = self.map.as_ref().ok_or_else(|| value("the graph knows no level: give one to Graph.load"))?;
+        let view = picture::view(view)?;
+        let bytes = py.detach(|| picture::draw(map, view, pixels_per_m, Some(self.graph())))?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let Some(map) = &self.map else { return Ok(None) };
+        let bytes = py.detach(|| picture::draw(map, View::Top, picture::scale(map), Some(self.graph())))?;
+        Ok(Some(PyBytes::new(py, &bytes)))
+    }
+
+    fn __repr__(&self) -> String {
+        let graph = self.graph();
+        format!(
+            "<Graph {} vertices, {} edges, {} islands>",
+            graph.vertex_count(),
+            graph.edge_count(),
+            graph.island_count()
+        )
+    }
+}

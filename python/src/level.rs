@@ -1,0 +1,204 @@
+//! Levels: generated maps, and levels from files.
+
+use crate::error::{chain, file, value};
+use crate::picture;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use surefoot_report::render::View;
+use surefoot_world::exchange::{self, Imported};
+use surefoot_world::map::{Features, MapKind, MapSize, MoverDensities};
+use surefoot_world::{Map, MapSpec, RawMapSpec};
+
+/// A level; it never changes.
+#[pyclass(frozen, module = "surefoot")]
+#[derive(Debug)]
+pub struct Level {
+    pub map: Arc<Map>,
+    warnings: Vec<String>,
+}
+
+impl Level {
+    fn of(Imported { map, warnings, .. }: Imported) -> Self {
+        Self { map: Arc::new(map), warnings: warnings.iter().map(ToString::to_string).collect() }
+    }
+}
+
+/// Reads the level of a file, with the sidecar beside it if there is one.
+fn load(path: &Path) -> PyResult<Level> {
+    let bytes = std::fs::read(path).map_err(|error| file(path, &error))?;
+    let beside = path.with_extension("surefoot.json");
+    let sidecar = if beside.exists() {
+        Some(std::fs::read_to_string(&beside).map_err(|error| file(&beside, &error))?)
+    } else {
+        None
+    };
+    let level = exchange::read_level(&bytes, sidecar.as_deref());
+    level.map(Level::of).map_err(|error| value(format!("{}: {}", path.display(), chain(&error))))
+}
+
+/// Extent of a map, m.
+#[derive(FromPyObject)]
+enum Extent {
+    /// Width and depth.
+    Side(u32),
+    /// Width, height and depth.
+    Sides(u32, u32, u32),
+}
+
+/// Densities of features or movers.
+#[derive(FromPyObject)]
+enum Densities {
+    Text(String),
+    Changes(BTreeMap<String, f32>),
+}
+
+impl Densities {
+    /// As a list of words; `default` if there are no changes.
+    fn text(self, default: &str) -> String {
+        match self {
+            Self::Text(text) => text,
+            Self::Changes(changes) => {
+                let each: Vec<String> = changes.iter().map(|(name, density)| format!("{name}={density}")).collect();
+                if each.is_empty() { default.to_owned() } else { each.join(",") }
+            }
+        }
+    }
+}
+
+#[pymethods]
+impl Level {
+    #[staticmethod]
+    #[pyo3(signature = (seed, *, size = Extent::Side(250), kind = "terrain", features = Densities::Text("paper".to_owned()),
+        movers = Densities::Text("none".to_owned()), repair = true))]
+    fn generate(
+        py: Python<'_>,
+        seed: u64,
+        size: Extent,
+        kind: &str,
+        features: Densities,
+        movers: Densities,
+        repair: bool,
+    ) -> PyResult<Self> {
+        let raw = RawMapSpec {
+            seed,
+            size: match size {
+                Extent::Side(side) => MapSize { width: side, height: 80, depth: side },
+                Extent::Sides(width, height, depth) => MapSize { width, height, depth },
+            },
+            features: features.text("paper").parse::<Features>().map_err(value)?,
+            kind: kind.parse::<MapKind>().map_err(value)?,
+            movers: movers.text("none").parse::<MoverDensities>().map_err(value)?,
+            repair,
+        };
+        let spec = MapSpec::try_from(raw).map_err(value)?;
+        let map = py.detach(|| Map::generate(&spec));
+        Ok(Self { map: Arc::new(map), warnings: Vec::new() })
+    }
+
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        py.detach(|| load(&path))
+    }
+
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        let level = py.detach(|| exchange::read_level(data, None));
+        level.map(Self::of).map_err(|error| value(chain(&error)))
+    }
+
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &py.detach(|| exchange::encode(&self.map)))
+    }
+
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| std::fs::write(&path, exchange::encode(&self.map))).map_err(|error| file(&path, &error))
+    }
+
+    #[getter]
+    fn hash(&self) -> String {
+        self.map.hash().to_hex()
+    }
+
+    #[getter]
+    fn size(&self) -> (u32, u32, u32) {
+        let MapSize { width, height, depth } = self.map.size();
+        (width, height, depth)
+    }
+
+    #[getter]
+    fn seed(&self) -> Option<u64> {
+        self.map.spec().map(|spec| spec.seed)
+    }
+
+    #[getter]
+    fn kind(&self) -> Option<&'static str> {
+        self.map.spec().map(|spec| spec.kind.name())
+    }
+
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    #[getter]
+    fn features<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let placed = self.map.placed();
+        let counts = PyDict::new(py);
+        for (name, count) in [
+            ("pads", placed.pads.len()),
+            ("zip_lines", placed.zip_lines.len()),
+            ("teleporters", placed.teleporters.len()),
+            ("jetpacks", placed.jetpacks.len()),
+            ("movers", self.map.movers().len()),
+        ] {
+            counts.set_item(name, count)?;
+        }
+        Ok(counts)
+    }
+
+    #[pyo3(signature = (*, pixels_per_m = 3.0, view = "top"))]
+    fn png<'py>(&self, py: Python<'py>, pixels_per_m: f32, view: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let view = picture::view(view)?;
+        let picture = py.detach(|| picture::draw(&self.map, view, pixels_per_m, None))?;
+        Ok(PyBytes::new(py, &picture))
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let picture = py.detach(|| picture::draw(&self.map, View::Top, picture::scale(&self.map), None))?;
+        Ok(PyBytes::new(py, &picture))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let restore = slf.get_type().getattr("from_bytes")?;
+        Ok((restore, (slf.get().to_bytes(slf.py()),)))
+    }
+
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| other.get().map.hash() == self.map.hash())
+    }
+
+    fn __hash__(&self) -> u64 {
+        let hash = self.map.hash().to_hex();
+        u64::from_str_radix(&hash[..15], 16).unwrap_or_default()
+    }
+
+    fn __repr__(&self) -> String {
+        let MapSize { width, height, depth } = self.map.size();
+        let source = match self.map.spec() {
+            Some(spec) => format!("seed {}, {}", spec.seed, spec.kind.name()),
+            None => "imported".to_owned(),
+        };
+        format!("<Level {source}, {width} x {height} x {depth} m, {}>", &self.map.hash().to_hex()[..12])
+    }
+}

@@ -1,0 +1,106 @@
+//! Plans as Python sees them.
+
+use crate::envs::points;
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use surefoot_planner::{NoPath, Plan as Inner, Stop};
+use surefoot_world::Vec3;
+
+/// One leg of a plan.
+#[pyclass(frozen, get_all, module = "surefoot")]
+#[derive(Debug, Clone)]
+pub struct Leg {
+    /// Vertex where it begins; `None` for the start or the goal.
+    from_vertex: Option<u32>,
+    /// Vertex where it ends; `None` for the start or the goal.
+    to_vertex: Option<u32>,
+    /// The most demanding ability that it needs.
+    ability: &'static str,
+    seconds: f64,
+    chance: f64,
+    death_chance: f64,
+}
+
+#[pymethods]
+impl Leg {
+    fn __repr__(&self) -> String {
+        let end = |vertex: Option<u32>, end: &str| vertex.map_or(end.to_owned(), |vertex| vertex.to_string());
+        let (from, to) = (end(self.from_vertex, "start"), end(self.to_vertex, "goal"));
+        format!("<Leg {from} to {to}, {}, {:.1} s, chance {:.2}>", self.ability, self.seconds, self.chance)
+    }
+}
+
+/// The answer to a query.
+#[pyclass(frozen, module = "surefoot")]
+#[derive(Debug)]
+pub struct Plan {
+    waypoints: Vec<Vec3>,
+    #[pyo3(get)]
+    legs: Vec<Leg>,
+    #[pyo3(get)]
+    seconds: f64,
+    #[pyo3(get)]
+    chance: f64,
+    #[pyo3(get)]
+    death_chance: f64,
+    /// Why there is no path.
+    #[pyo3(get)]
+    no_path: Option<&'static str>,
+}
+
+impl Plan {
+    pub fn of(plan: &Inner) -> Self {
+        let vertex = |stop: Stop| match stop {
+            Stop::Vertex(vertex) => Some(vertex.0),
+            Stop::Start | Stop::Goal => None,
+        };
+        let leg = |leg: &surefoot_planner::Leg| Leg {
+            from_vertex: vertex(leg.key.from),
+            to_vertex: vertex(leg.key.to),
+            ability: leg.ability.name(),
+            seconds: leg.seconds.0.into(),
+            chance: leg.chance.get(),
+            death_chance: leg.death_chance.into(),
+        };
+        let no_path = plan.no_path.map(|reason| match reason {
+            NoPath::StartOffGraph => "start_off_graph",
+            NoPath::GoalOffGraph => "goal_off_graph",
+            NoPath::DifferentIslands => "different_islands",
+            NoPath::OneWay => "one_way",
+        });
+        let arrives = plan.no_path.is_none();
+        Self {
+            waypoints: plan.waypoints.clone(),
+            legs: plan.legs.iter().map(leg).collect(),
+            seconds: plan.seconds().0.into(),
+            chance: if arrives { plan.arrival_chance().get() } else { 0.0 },
+            death_chance: plan.death_chance(),
+            no_path,
+        }
+    }
+}
+
+#[pymethods]
+impl Plan {
+    #[getter]
+    fn found(&self) -> bool {
+        self.no_path.is_none()
+    }
+
+    /// Places to go, m, one after another.
+    #[getter]
+    fn waypoints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        points(py, self.waypoints.iter().copied())
+    }
+
+    fn __bool__(&self) -> bool {
+        self.found()
+    }
+
+    fn __repr__(&self) -> String {
+        match self.no_path {
+            None => format!("<Plan {} legs, {:.1} s, chance {:.2}>", self.legs.len(), self.seconds, self.chance),
+            Some(reason) => format!("<Plan none, {reason}>"),
+        }
+    }
+}

@@ -1,0 +1,52 @@
+"""Surefoot for Python: environments, plans and policies of NPCs that get there.
+
+    import gymnasium, surefoot
+    envs = gymnasium.make_vec("surefoot/PointGoal-v0", num_envs=64)
+
+`VectorEnv` and `PointGoalEnv` are environments of Gymnasium, `ParallelEnv` is one of PettingZoo, and `BufferEnv` writes into your arrays.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+from ._native import VERSION, Graph, Leg, Level, Plan, Policy, Server, body_names, connect
+from .buffers import BufferEnv
+from .single import PointGoalEnv
+from .vector import VectorEnv
+
+if TYPE_CHECKING:
+    from .parallel import ParallelEnv
+
+__version__ = VERSION
+__all__ = [
+    "BufferEnv",
+    "Graph",
+    "Leg",
+    "Level",
+    "ParallelEnv",
+    "Plan",
+    "PointGoalEnv",
+    "Policy",
+    "Server",
+    "VectorEnv",
+    "body_names",
+    "connect",
+]
+
+gymnasium.register(
+    id="surefoot/PointGoal-v0",
+    entry_point="surefoot.single:PointGoalEnv",
+    vector_entry_point="surefoot.vector:VectorEnv",
+)
+
+
+def __getattr__(name: str) -> Any:
+    # PettingZoo is optional.
+    if name == "ParallelEnv":
+        from .parallel import ParallelEnv
+
+        return ParallelEnv
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

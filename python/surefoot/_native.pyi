@@ -1,0 +1,331 @@
+"""What the native module offers; `surefoot` exports what is meant for users."""
+
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any, Literal, TypeAlias, final
+
+import numpy as np
+import numpy.typing as npt
+
+_Floats: TypeAlias = npt.NDArray[np.float32]
+_Flags: TypeAlias = npt.NDArray[np.bool_]
+_Ends: TypeAlias = tuple[npt.NDArray[np.int64], list[str], _Floats]
+_Point: TypeAlias = Sequence[float] | _Floats
+_Densities: TypeAlias = str | Mapping[str, float]
+
+VERSION: str
+OBSERVATION_LEN: int
+OBSERVATION_WITH_OTHERS_LEN: int
+ACTION_LEN: int
+
+def body_names() -> list[str]: ...
+@final
+class Level:
+    """A level: the static geometry on which NPCs move, with its devices and movers. It never changes; copies share it."""
+
+    @staticmethod
+    def generate(
+        seed: int,
+        *,
+        size: int | tuple[int, int, int] = 250,
+        kind: Literal["terrain", "islands", "interior", "arena", "tower", "open"] = "terrain",
+        features: _Densities = "paper",
+        movers: _Densities = "none",
+        repair: bool = True,
+    ) -> Level:
+        """Generates a map. The same arguments give the same bits, here and on a server.
+
+        `size` is a side in m, 50 to 1000, of a square map 80 m high, or width, height (40 to 200) and depth. `features` and `movers` are
+        densities, 0 to 4: a text as the command line has it (`"all,lava=0"`), or a dict of changes (`{"lava": 0}`).
+        """
+
+    @staticmethod
+    def load(path: str | PathLike[str]) -> Level:
+        """Loads a saved map or imports a level (`.sfmap`, `.glb`, `.gltf`, `.obj`), with the `.surefoot.json` beside it if there is one."""
+
+    @staticmethod
+    def from_bytes(data: bytes) -> Level:
+        """Reads what `to_bytes` wrote, or the content of a level's file."""
+
+    def to_bytes(self) -> bytes:
+        """The content of a saved map."""
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Saves the level as `.sfmap`."""
+
+    @property
+    def hash(self) -> str:
+        """Hash of the content, in hexadecimal digits."""
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Width (x), height (y) and depth (z), m."""
+
+    @property
+    def seed(self) -> int | None:
+        """Seed of a generated map."""
+
+    @property
+    def kind(self) -> str | None:
+        """Kind of a generated map."""
+
+    @property
+    def features(self) -> dict[str, int]:
+        """Number of devices of each kind, and of movers."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """Oddities of an imported level that its designer may want to correct."""
+
+    def png(self, *, pixels_per_m: float = 3.0, view: Literal["top", "iso"] = "top") -> bytes:
+        """A picture as the content of a PNG file."""
+
+    def _repr_png_(self) -> bytes: ...
+    def __eq__(self, other: object) -> bool: ...
+    def __hash__(self) -> int: ...
+
+@final
+class Worlds:
+    def __init__(
+        self,
+        levels: Sequence[Level],
+        body: str,
+        solid: bool,
+        num_envs: int,
+        worlds: int,
+        goal_distance: tuple[float, float],
+        autoreset: str,
+        seed: int,
+        threads: int,
+    ) -> None: ...
+    @property
+    def observation_len(self) -> int: ...
+    def reseed(self, seed: int, observations: _Floats) -> None: ...
+    def first_observations(self, observations: _Floats) -> None: ...
+    def renew(self, mask: _Flags, observations: _Floats) -> None: ...
+    def step(
+        self, actions: _Floats, observations: _Floats, rewards: _Floats, terminated: _Flags, truncated: _Flags
+    ) -> _Ends | None: ...
+    def redirect(
+        self, env: int, waypoints: Sequence[_Point], start: _Point | None, yaw: float, observations: _Floats
+    ) -> None: ...
+    def positions(self) -> _Floats: ...
+    def goals(self) -> _Floats: ...
+    def rests(self) -> _Flags: ...
+
+@final
+class Alone:
+    def __init__(self, level: Level, num_envs: int, goal_distance: tuple[float, float], seed: int) -> None: ...
+    def seconds(self, actions: _Floats, steps: int) -> float: ...
+
+@final
+class Graph:
+    """A graph of a level whose directed edges were proved by running a policy along them."""
+
+    @staticmethod
+    def build(
+        level: Level,
+        body: str | Mapping[str, float | int | bool] = "surefoot",
+        *,
+        policy: Policy | None = None,
+        vertices: int = 300,
+        seed: int = 0,
+        threads: int | None = None,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> Graph:
+        """Builds the graph of a level, by default on all cores and with the policy `general-reactive`.
+
+        `progress` is called with the numbers of probes that were made and are known to be needed. Ctrl-C, or an exception that `progress`
+        raises, ends the build.
+        """
+
+    @staticmethod
+    def load(path: str | PathLike[str], level: Level | None = None) -> Graph:
+        """Loads what `save`, or `surefoot graph export --format json`, wrote. With its level the graph can be drawn."""
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Saves the graph as JSON of nodes and links."""
+
+    def plan(
+        self, start: _Point, goal: _Point, *, without: Sequence[str] = (), caution: float = 1.0
+    ) -> Plan:
+        """Finds the cheapest plan from a place to another, m.
+
+        `without` names abilities that it must do without (jump, double_jump, pad, zip_line, teleporter, jetpack). `caution` is 0 to 1: with 0
+        dying costs no more than any failure.
+        """
+
+    @property
+    def vertices(self) -> _Floats:
+        """Positions of the vertices, m: x, y and z for each."""
+
+    @property
+    def edge_count(self) -> int:
+        """Number of directed edges."""
+
+    def to_networkx(self) -> Any:
+        """A `networkx.DiGraph`.
+
+        Nodes have `position` and `island`; edges `ability`, `chance`, `death_chance`, `seconds` and `cost`, by which plans are the shortest
+        paths.
+        """
+
+    def reach(self) -> dict[str, Any]:
+        """What is connected: share of pairs with a path, islands, and what is lost without each ability."""
+
+    def reachable_from(self, vertex: int) -> _Flags:
+        """For each vertex, whether a path leads there from `vertex`."""
+
+    def png(self, *, pixels_per_m: float = 3.0, view: Literal["top", "iso"] = "top") -> bytes:
+        """A picture on its level, as the content of a PNG file."""
+
+    def _repr_png_(self) -> bytes | None: ...
+    def __len__(self) -> int: ...
+
+@final
+class Leg:
+    """One leg of a plan."""
+
+    @property
+    def from_vertex(self) -> int | None:
+        """Vertex where the leg begins; `None` for the start."""
+
+    @property
+    def to_vertex(self) -> int | None:
+        """Vertex where the leg ends; `None` for the goal."""
+
+    @property
+    def ability(self) -> str:
+        """The most demanding ability that the leg needs."""
+
+    @property
+    def seconds(self) -> float:
+        """Expected duration, including what failures cost, s."""
+
+    @property
+    def chance(self) -> float:
+        """Chance of success, 0 to 1."""
+
+    @property
+    def death_chance(self) -> float:
+        """Chance of dying on it, 0 to 1."""
+
+@final
+class Plan:
+    """The answer to a query; it is true if there is a path."""
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a path."""
+
+    @property
+    def no_path(self) -> Literal["start_off_graph", "goal_off_graph", "different_islands", "one_way"] | None:
+        """Why there is no path."""
+
+    @property
+    def waypoints(self) -> _Floats:
+        """Places to go, m, one after another: the goal is the last, or the nearest place to it that can be reached."""
+
+    @property
+    def legs(self) -> list[Leg]:
+        """The legs that lead from one waypoint to the next."""
+
+    @property
+    def seconds(self) -> float:
+        """Expected duration, s."""
+
+    @property
+    def chance(self) -> float:
+        """Chance of arriving in the end, 0 to 1."""
+
+    @property
+    def death_chance(self) -> float:
+        """Chance of dying underway, 0 to 1."""
+
+    def __bool__(self) -> bool: ...
+
+@final
+class Policy:
+    """A trained policy. It remembers what recurrent policies need from one call to the next, row by row."""
+
+    @staticmethod
+    def load(name: str | PathLike[str] = "general-reactive", *, seed: int = 0) -> Policy:
+        """Loads a shipped policy (`general-reactive`, `general-lstm`) or a model's folder; `seed` is that of the noise."""
+
+    def act(self, observations: _Floats, *, reset: _Flags | None = None, noise: float = 0.5) -> _Floats:
+        """Actions for observations, an array of 369 or 461 values for each.
+
+        `reset` names the rows whose episodes have just begun: recurrent policies forget what they remember of them. `noise` is the share of
+        the exploration noise, 0 to 1; with half of it the policies do best.
+        """
+
+    def reset(self, *, seed: int | None = None) -> None:
+        """Forgets what all rows remember, and begins the noise anew if a seed is given."""
+
+    @property
+    def name(self) -> str:
+        """Name of the weights."""
+
+    @property
+    def observation_len(self) -> int:
+        """Values of an observation that the policy uses: 369, or 461 if it sees others."""
+
+    @property
+    def is_recurrent(self) -> bool:
+        """Whether the policy remembers."""
+
+    @property
+    def memory(self) -> _Floats:
+        """What the rows remember, one after another."""
+
+    @memory.setter
+    def memory(self, memory: _Floats) -> None: ...
+
+@final
+class Server:
+    """A world server."""
+
+    @property
+    def uri(self) -> str:
+        """Its address."""
+
+def connect(
+    uri: str,
+    *,
+    token: str | None = None,
+    tls_ca: str | PathLike[str] | None = None,
+    tls_client_cert: str | PathLike[str] | None = None,
+    tls_client_key: str | PathLike[str] | None = None,
+    tls_server_name: str | None = None,
+    patience: float = 30.0,
+) -> Server:
+    """Connects to a world server at `grpc://host:port`, or with TLS at `grpcs://host:port`.
+
+    `token` is the secret of a token. The files are PEM: the authority that must have issued the server's certificate (by default one that the
+    system trusts), and the certificate and key to present. A server that goes away is sought for `patience` s.
+    """
+
+@final
+class RemoteWorlds:
+    def __init__(
+        self,
+        server: Server,
+        levels: Sequence[Level],
+        body: str,
+        solid: bool,
+        num_envs: int,
+        worlds: int,
+        goal_distance: tuple[float, float],
+        autoreset: str,
+        seed: int,
+    ) -> None: ...
+    @property
+    def observation_len(self) -> int: ...
+    def reseed(self, seed: int, observations: _Floats) -> None: ...
+    def first_observations(self, observations: _Floats) -> None: ...
+    def renew(self, mask: _Flags, observations: _Floats) -> None: ...
+    def step(
+        self, actions: _Floats, observations: _Floats, rewards: _Floats, terminated: _Flags, truncated: _Flags
+    ) -> _Ends | None: ...
+    def positions(self) -> _Floats: ...
+    def goals(self) -> _Floats: ...

@@ -1,0 +1,229 @@
+"""Many environments of this process, or of a server, as one Gymnasium vector environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector import VectorEnv as _VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from ._native import RemoteWorlds, Server, Worlds
+from ._setup import (
+    BodyLike,
+    Flags,
+    Floats,
+    LevelLike,
+    Setup,
+    action_space,
+    body_text,
+    distances,
+    fresh_seed,
+    levels_of,
+    observation_space,
+    server_of,
+    whole,
+)
+
+
+class VectorEnv(_VectorEnv[Floats, npt.ArrayLike, npt.NDArray[Any]]):
+    """NPCs that must reach goals on a level, one for each environment.
+
+    An action is forward, strafe, turn and jump, each in [-1, 1]; it holds for a decision, a sixth of a second. An episode terminates when its
+    NPC reaches the goal, falls out of the level, burns or drowns (`infos["outcome"]` says which), and is truncated after 300 decisions
+    without progress.
+
+    Args:
+        num_envs: Number of environments, 1 to 65536.
+        level: A level, the seed of a generated map, a file, a dict of arguments of `Level.generate`, or several of these in a list.
+        body: Name of a body (`surefoot.body_names()`), or a dict with the fields of its profile that differ from the default.
+        others: Whether the NPCs of a world get in each other's way and see each other; observations then have 461 values instead of 369.
+        goal_distance: Least and greatest distance of goals from starts, m, 0 to 1500.
+        seed: Seed of starts and goals until `reset` gets one; by default nobody chooses it.
+        worlds: Number of worlds among which the environments are divided; the worlds are on the levels in turn. By default one for each
+            level. World k draws its starts and goals with seed + k. Results depend on it.
+        threads: Number of threads that step the worlds, at most one for each. Results do not depend on it.
+        autoreset_mode: What happens to an environment after its episode has ended.
+        copy: Whether `reset` and `step` return arrays of their own; otherwise those that the next call overwrites.
+        server: A server that runs the environments instead of this process: its address, or what `surefoot.connect` returned. The same
+            arguments give the same bits there. If it goes away, the environments are created anew as soon as it is back, and the episodes
+            that ran end as truncated with the outcome "lost".
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        level: LevelLike | Sequence[LevelLike] = 0,
+        *,
+        body: BodyLike = "surefoot",
+        others: bool = False,
+        goal_distance: Sequence[float] = (5.0, 25.0),
+        seed: int | None = None,
+        worlds: int | None = None,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        server: Server | str | None = None,
+        render_mode: None = None,
+    ) -> None:
+        self.num_envs = whole("num_envs", num_envs)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = render_mode
+        self.copy = copy
+        levels = levels_of(level)
+        self.setup = Setup(
+            levels=tuple(levels),
+            body=body_text(body),
+            others=bool(others),
+            num_envs=self.num_envs,
+            worlds=len(levels) if worlds is None else whole("worlds", worlds),
+            goal_distance=distances(goal_distance),
+            autoreset=self.autoreset_mode.value,
+            threads=whole("threads", threads),
+            server=server_of(server),
+        )
+        self.single_observation_space = observation_space(self.setup.others)
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._worlds: Worlds | RemoteWorlds = self.setup.open(fresh_seed() if seed is None else seed)
+        self._observations: Floats = np.zeros(self.observation_space.shape or (), np.float32)
+        self._rewards: Floats = np.zeros(self.num_envs, np.float32)
+        self._terminated: Flags = np.zeros(self.num_envs, np.bool_)
+        self._truncated: Flags = np.zeros(self.num_envs, np.bool_)
+        self._is_new = True
+        self._was_reset = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Starts new episodes. `options={"reset_mask": mask}` does so in some environments alone."""
+        self._check_open()
+        if seed is not None and not isinstance(seed, (int, np.integer)):
+            raise ValueError(f"seed is {seed!r}, but must be a whole number: the environments share what they draw from")
+        mask = None if options is None else options.get("reset_mask")
+        if mask is not None:
+            self._renew(self._checked(mask), seed)
+        elif seed is not None:
+            super().reset(seed=int(seed))
+            self._worlds.reseed(int(seed), self._observations)
+        elif self._is_new:
+            self._worlds.first_observations(self._observations)
+        else:
+            self._worlds.renew(np.ones(self.num_envs, np.bool_), self._observations)
+        if mask is None:
+            self._terminated[:] = False
+            self._truncated[:] = False
+        self._is_new = False
+        self._was_reset = True
+        return self._own(self._observations), {}
+
+    def _checked(self, mask: Any) -> Flags:
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            raise ValueError(f"options['reset_mask'] must be a numpy array of {self.num_envs} bools")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] names no environment: set at least one to True")
+        return np.ascontiguousarray(mask)
+
+    def _renew(self, mask: Flags, seed: int | None) -> None:
+        if seed is not None:
+            raise ValueError("seed goes with a reset of all environments: leave it out, or the reset_mask")
+        if not self._was_reset:
+            raise ResetNeeded("reset all environments first")
+        self._worlds.renew(mask, self._observations)
+        self._terminated[mask] = False
+        self._truncated[mask] = False
+
+    def step(self, actions: npt.ArrayLike) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
+        """Runs one decision of every environment."""
+        self._check_open()
+        if not self._was_reset:
+            raise ResetNeeded("call reset before step")
+        done = self._needs_reset()
+        if done.any():
+            raise ResetNeeded(
+                f"the episode of environment {done.argmax()} has ended: reset it with options={{'reset_mask': ...}} first"
+            )
+        values = np.ascontiguousarray(actions, dtype=np.float32)
+        ends = self._worlds.step(values, self._observations, self._rewards, self._terminated, self._truncated)
+        infos = {} if ends is None else self._infos(*ends)
+        return (
+            self._own(self._observations),
+            self._own(self._rewards),
+            self._terminated.copy() if self.copy else self._terminated,
+            self._truncated.copy() if self.copy else self._truncated,
+            infos,
+        )
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise ClosedEnvironmentError("these environments are closed: make new ones")
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Ends the environments, here or on the server."""
+        # Whose construction failed has none.
+        self.__dict__.pop("_worlds", None)
+
+    def _needs_reset(self) -> Flags:
+        """Environments that must be reset before the next step."""
+        if self.autoreset_mode is AutoresetMode.DISABLED:
+            return self._terminated | self._truncated
+        return np.zeros(self.num_envs, np.bool_)
+
+    def _infos(self, indices: npt.NDArray[np.int64], outcomes: list[str], finals: Floats) -> dict[str, Any]:
+        """Information about episodes that ended, in the form of Gymnasium."""
+        mask = np.zeros(self.num_envs, np.bool_)
+        mask[indices] = True
+        names = np.full(self.num_envs, None, dtype=object)
+        names[indices] = outcomes
+        outcome = {"outcome": names, "_outcome": mask}
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP:
+            return outcome
+        observations = np.full(self.num_envs, None, dtype=object)
+        for index, final in zip(indices, finals, strict=True):
+            observations[index] = final
+        return {
+            "final_obs": observations,
+            "_final_obs": mask,
+            "final_info": outcome,
+            "_final_info": mask,
+        }
+
+    def _own(self, values: Floats) -> Floats:
+        return values.copy() if self.copy else values
+
+    def positions(self) -> Floats:
+        """Feet of the NPCs, m: an array of x, y and z for each."""
+        return self._worlds.positions()
+
+    def goals(self) -> Floats:
+        """Where the NPCs must go, m: an array of x, y and z for each."""
+        return self._worlds.goals()
+
+    def redirect(
+        self,
+        env: int,
+        waypoints: Sequence[Sequence[float] | Floats],
+        start: Sequence[float] | Floats | None = None,
+        yaw: float = 0.0,
+    ) -> Floats:
+        """Gives an environment other places to go, m, one after another, and returns its observation.
+
+        The observation points at the next place as soon as the NPC has come within 1 m of the last; the episode ends with the last place.
+        `start` puts the NPC elsewhere first, with the heading `yaw`, rad.
+        """
+        if not self._was_reset:
+            raise ResetNeeded("call reset first")
+        if not isinstance(self._worlds, Worlds):
+            raise NotImplementedError("redirect needs environments of this process: leave the server out")
+        self._worlds.redirect(env, waypoints, start, yaw, self._observations)
+        if start is not None:
+            self._terminated[env] = self._truncated[env] = False
+        return np.array(self._observations[env])

@@ -1,0 +1,137 @@
+"""Graphs, plans and policies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import surefoot
+
+
+@pytest.fixture(scope="module")
+def graph(level: surefoot.Level) -> surefoot.Graph:
+    return surefoot.Graph.build(level, vertices=60)
+
+
+def test_a_plan_leads_from_start_to_goal(graph: surefoot.Graph, level: surefoot.Level) -> None:
+    envs = surefoot.VectorEnv(20, level, goal_distance=(20, 80))
+    envs.reset(seed=1)
+    plans = [graph.plan(start, goal) for start, goal in zip(envs.positions(), envs.goals(), strict=True)]
+    found = [plan for plan in plans if plan]
+    assert len(found) > 15
+    for plan in found:
+        assert plan.no_path is None and plan.waypoints.shape == (len(plan.legs), 3)
+        assert plan.legs[0].from_vertex is None and plan.legs[-1].to_vertex is None
+        assert 0 < plan.chance <= 1 and plan.seconds > 0 and 0 <= plan.death_chance < 1
+    on_foot = [graph.plan(*ends, without=["jump", "double_jump", "pad", "zip_line"]) for ends in zip(envs.positions(), envs.goals())]
+    assert all(leg.ability == "walk" for plan in on_foot if plan for leg in plan.legs)
+
+
+def test_graphs_survive_files(graph: surefoot.Graph, level: surefoot.Level, tmp_path: Path) -> None:
+    graph.save(tmp_path / "graph.json")
+    other = surefoot.Graph.load(tmp_path / "graph.json")
+    np.testing.assert_array_equal(other.vertices, graph.vertices)
+    assert other.edge_count == graph.edge_count and len(other) == len(graph)
+    assert other._repr_png_() is None
+    drawn = surefoot.Graph.load(tmp_path / "graph.json", level)._repr_png_()
+    assert drawn is not None and drawn.startswith(b"\x89PNG")
+    with pytest.raises(ValueError, match="knows no level"):
+        other.png()
+
+
+def test_networkx_finds_what_the_planner_finds(graph: surefoot.Graph) -> None:
+    networkx = pytest.importorskip("networkx")
+    directed = graph.to_networkx()
+    assert directed.number_of_nodes() == len(graph) and directed.number_of_edges() == graph.edge_count
+    reachable = graph.reachable_from(0)
+    assert set(np.flatnonzero(reachable)) == networkx.descendants(directed, 0) | {0}
+    about = graph.reach()
+    assert about["vertices"] == len(graph)
+    assert len(about["islands"]) == networkx.number_strongly_connected_components(directed)
+
+
+def test_the_same_arguments_give_the_same_graph(level: surefoot.Level) -> None:
+    one, other = (surefoot.Graph.build(level, vertices=20, seed=3, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.vertices, other.vertices)
+    assert one.edge_count == other.edge_count
+
+
+def test_a_build_ends_when_its_progress_raises(level: surefoot.Level) -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyError("enough")
+
+    with pytest.raises(KeyError, match="enough"):
+        surefoot.Graph.build(level, vertices=300, progress=stop)
+
+
+@pytest.mark.parametrize("wrong", [{"vertices": 1}, {"threads": 0}, {"body": "giraffe"}])
+def test_wrong_settings_of_a_build_are_refused(wrong: dict[str, object], level: surefoot.Level) -> None:
+    with pytest.raises(ValueError):
+        surefoot.Graph.build(level, **wrong)  # type: ignore[arg-type]
+
+
+def test_wrong_queries_are_refused(graph: surefoot.Graph) -> None:
+    with pytest.raises(ValueError, match="start is"):
+        graph.plan((0, float("nan"), 0), (1, 1, 1))
+    with pytest.raises(ValueError, match="no ability fly"):
+        graph.plan((0, 0, 0), (1, 1, 1), without=["fly"])
+    with pytest.raises(ValueError, match="caution is 2"):
+        graph.plan((0, 0, 0), (1, 1, 1), caution=2.0)
+    with pytest.raises(ValueError, match="no vertex 60000"):
+        graph.reachable_from(60000)
+
+
+def reached(policy: surefoot.Policy, level: surefoot.Level, count: int = 60) -> float:
+    envs = surefoot.VectorEnv(count, level, goal_distance=(5, 20), autoreset_mode=AutoresetMode.SAME_STEP)
+    observations, _ = envs.reset(seed=1)
+    reset = np.ones(count, np.bool_)
+    outcomes: list[str] = []
+    for _ in range(120):
+        observations, _, terminated, truncated, infos = envs.step(policy.act(observations, reset=reset))
+        reset = terminated | truncated
+        if infos:
+            outcomes += list(infos["final_info"]["outcome"][reset])
+    return outcomes.count("reached") / len(outcomes)
+
+
+@pytest.mark.parametrize("name", ["general-reactive", "general-lstm"])
+def test_shipped_policies_reach_near_goals(name: str, level: surefoot.Level) -> None:
+    policy = surefoot.Policy.load(name)
+    assert policy.name == name
+    assert reached(policy, level) > 0.9
+
+
+def test_recurrent_policies_remember_until_they_are_reset(level: surefoot.Level) -> None:
+    policy = surefoot.Policy.load("general-lstm")
+    assert policy.is_recurrent and policy.memory.shape == (0, 128)
+    observations = surefoot.VectorEnv(3, level).reset(seed=1)[0]
+    first = policy.act(observations, noise=0.0)
+    memory = policy.memory
+    second = policy.act(observations, noise=0.0)
+    assert memory.shape == (3, 128) and not np.array_equal(first, second)
+    policy.memory = memory
+    np.testing.assert_array_equal(policy.act(observations, noise=0.0), second)
+    again = policy.act(observations, reset=np.array([True, False, False]), noise=0.0)
+    np.testing.assert_array_equal(again[0], first[0])
+    assert not np.array_equal(again[1], first[1])
+    policy.reset()
+    np.testing.assert_array_equal(policy.act(observations, noise=0.0), first)
+
+
+def test_wrong_observations_are_refused(level: surefoot.Level) -> None:
+    policy = surefoot.Policy.load()
+    with pytest.raises(ValueError, match=r"observations has the shape \[369\]"):
+        policy.act(np.zeros(369, np.float32))
+    with pytest.raises(ValueError, match=r"observations\[1, 2\] is NaN"):
+        observations = np.zeros((2, 369), np.float32)
+        observations[1, 2] = np.nan
+        policy.act(observations)
+    with pytest.raises(ValueError, match="noise is 2"):
+        policy.act(np.zeros((1, 369), np.float32), noise=2.0)
+    with_others = surefoot.VectorEnv(2, level, others=True).reset(seed=1)[0]
+    np.testing.assert_array_equal(
+        policy.act(with_others, noise=0.0), policy.act(np.ascontiguousarray(with_others[:, :369]), noise=0.0)
+    )
