@@ -332,7 +332,8 @@ async fn serve(game: Broken) -> String {
 
 /// Opens an environment of one NPC and takes three steps.
 fn try_out(uri: &str) -> Result<(), GameError> {
-    let level = Level { map: Arc::new(Map::generate(&spec())), body: CharacterProfile::default() };
+    let map = Arc::new(Map::generate(&spec()));
+    let level = Level { map, body: CharacterProfile::default(), solid_npcs: false };
     let goal = Goal { start: Vec3::ZERO, yaw: 0.0, goal: Vec3::splat(50.0) };
     let mut env = connect(uri)?.open(&level, &[goal])?;
     (0..3).try_for_each(|_| env.step(&[Default::default()], &[]).map(drop))
