@@ -135,7 +135,7 @@ fn level() -> Level {
     let bytes = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/boxes.obj")).expect("the level");
     let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
     let map: Map = exchange::import_obj(&bytes, None, &options).expect("a level").map;
-    Level { map: Arc::new(map), body: CharacterProfile::default() }
+    Level { map: Arc::new(map), body: CharacterProfile::default(), solid_npcs: false }
 }
 
 /// Connects over a bridge, as `--world` does.
