@@ -55,7 +55,7 @@ fn main() -> anyhow::Result<()> {
     let Some(level) = args.next() else { bail!("usage: speed LEVEL.obj [ADDRESS]...") };
     let options = ImportOptions { scale: 1.0, up: UpAxis::Y, keep_sides: false };
     let map = exchange::import_obj(&std::fs::read(&level)?, None, &options).context("cannot use the level")?.map;
-    let geometry = Geometry { map: Arc::new(map), body: CharacterProfile::default() };
+    let geometry = Geometry { map: Arc::new(map), body: CharacterProfile::default(), solid_npcs: false };
     let own = SocketAddr::from(OWN);
     std::thread::spawn(move || surefoot_game::serve_blocking(Nowhere, own, 1));
     while TcpStream::connect(own).is_err() {
