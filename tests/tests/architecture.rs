@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 13] = [
+const ALLOWED: [(&str, &str, &[&str]); 14] = [
     ("world", "surefoot-world", &[]),
     ("policy", "surefoot-policy", &["surefoot-world"]),
     ("planner", "surefoot-planner", &["surefoot-world"]),
@@ -40,6 +40,7 @@ const ALLOWED: [(&str, &str, &[&str]); 13] = [
     ),
     ("capi", "surefoot-capi", &["surefoot-world", "surefoot-policy", "surefoot-planner", "surefoot-rollout"]),
     ("game", "surefoot-game", &["surefoot-world", "surefoot-rollout", "surefoot-net", "surefoot-server"]),
+    ("agones", "surefoot-agones", &["surefoot-net", "surefoot-server"]),
     ("report", "surefoot-report", &["surefoot-world"]),
     ("studio", "surefoot-studio", &[]),
 ];
@@ -92,7 +93,7 @@ const KNOW_THE_WIRE: [&str; 28] = [
 ];
 
 /// Files that may use `tonic::Status`, besides those that may use wire types.
-const KNOW_STATUSES: [&str; 11] = [
+const KNOW_STATUSES: [&str; 12] = [
     "net/src/status.rs",
     "net/src/client.rs",
     "net/src/idempotency.rs",
@@ -104,6 +105,8 @@ const KNOW_STATUSES: [&str; 11] = [
     "net/src/serving/origin.rs",
     "net/src/serving/shutdown.rs",
     "agent/src/work/mod.rs",
+    // A client of Agones.
+    "agones/src/sidecar.rs",
 ];
 
 fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
