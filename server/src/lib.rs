@@ -2,7 +2,7 @@
 //!
 //! [`hosted`] is one world with the decisions of its NPCs, [`sim`] the thread that steps a world on an absolute 60 Hz schedule,
 //! [`worlds`] all worlds and their lifecycle. [`registry`] has the connected workers, [`messages`] the messages to and from them,
-//! [`envs`] the environments that remote trainers step themselves, [`survey`] what bodies find on a map. [`grpc`] decodes, calls and encodes, [`wire`] converts.
+//! [`envs`] the environments that remote trainers step themselves, [`observer`] what others beside the server see of it, [`survey`] what bodies find on a map. [`grpc`] decodes, calls and encodes, [`wire`] converts.
 //! Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know wire types.
 
 mod config;
@@ -16,6 +16,7 @@ pub mod ids;
 mod inbox;
 pub mod messages;
 pub mod metrics;
+pub mod observer;
 pub mod quota;
 pub mod registry;
 mod serve;
@@ -28,4 +29,4 @@ pub mod worlds;
 
 pub use config::ServerConfig;
 pub use ids::{NpcId, WorldId};
-pub use serve::{ServerError, serve, serve_game};
+pub use serve::{ServerError, serve, serve_game, serve_observed};

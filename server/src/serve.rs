@@ -5,6 +5,7 @@ use crate::envs::{Envs, Grounds, Host};
 use crate::grpc::WorldApi;
 use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
+use crate::observer::Observer;
 use crate::worlds::Worlds;
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,10 +27,29 @@ const LAST_SAVE: Duration = Duration::from_secs(4);
 /// # Errors
 /// If the transport fails, or the folder for saved worlds cannot be used.
 pub async fn serve(endpoint: Endpoint, config: ServerConfig, shutdown: Shutdown) -> Result<(), ServerError> {
+    serve_observed(endpoint, config, shutdown).1.await
+}
+
+/// As [`serve`], with an observer of the server.
+pub fn serve_observed(
+    endpoint: Endpoint,
+    config: ServerConfig,
+    shutdown: Shutdown,
+) -> (Observer, impl Future<Output = Result<(), ServerError>> + Send) {
     let worlds = Worlds::new(config, shutdown.clone());
-    worlds.open_state()?;
     // Without saved worlds there is nothing to wait for.
     let (ready, is_ready) = watch::channel(worlds.config().state.is_none());
+    (Observer::new(worlds.clone(), is_ready), run(endpoint, worlds, ready, shutdown))
+}
+
+async fn run(
+    endpoint: Endpoint,
+    worlds: Worlds,
+    ready: watch::Sender<bool>,
+    shutdown: Shutdown,
+) -> Result<(), ServerError> {
+    worlds.open_state()?;
+    let is_ready = ready.subscribe();
     let restoring = tokio::spawn(restore(worlds.clone(), ready, shutdown.clone()));
     let metrics = {
         let worlds = worlds.clone();

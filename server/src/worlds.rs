@@ -410,7 +410,12 @@ impl Worlds {
     }
 
     fn sims(&self) -> Vec<SimHandle> {
-        self.shared.worlds.read().expect(POISON).values().map(|handle| handle.sim.clone()).collect()
+        self.running().into_values().collect()
+    }
+
+    /// Handles to the threads of all worlds.
+    pub(crate) fn running(&self) -> BTreeMap<WorldId, SimHandle> {
+        self.shared.worlds.read().expect(POISON).iter().map(|(&id, handle)| (id, handle.sim.clone())).collect()
     }
 
     /// Renders the metrics of the server as Prometheus text.

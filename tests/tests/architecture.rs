@@ -53,6 +53,7 @@ const ALLOWED: [(&str, &str, &[&str]); 14] = [
             "surefoot-report",
         ],
     ),
+    ("agones", "surefoot-agones", &["surefoot-net", "surefoot-server"]),
     ("report", "surefoot-report", &["surefoot-world"]),
     ("studio", "surefoot-studio", &[]),
 ];
@@ -105,7 +106,7 @@ const KNOW_THE_WIRE: [&str; 28] = [
 ];
 
 /// Files that may use `tonic::Status`, besides those that may use wire types.
-const KNOW_STATUSES: [&str; 11] = [
+const KNOW_STATUSES: [&str; 12] = [
     "net/src/status.rs",
     "net/src/client.rs",
     "net/src/idempotency.rs",
@@ -117,6 +118,8 @@ const KNOW_STATUSES: [&str; 11] = [
     "net/src/serving/origin.rs",
     "net/src/serving/shutdown.rs",
     "agent/src/work/mod.rs",
+    // A client of Agones.
+    "agones/src/sidecar.rs",
 ];
 
 fn dependencies() -> BTreeMap<String, BTreeSet<String>> {

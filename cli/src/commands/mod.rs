@@ -1,6 +1,7 @@
 //! One module per subcommand.
 
 pub mod act;
+mod agones;
 pub mod bench;
 pub mod challenge;
 pub mod endpoint;

@@ -1,5 +1,6 @@
 //! `surefoot serve`, `surefoot plan` and `surefoot work`: the three services of a deployment.
 
+use super::agones::AgonesArgs;
 use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::{core_count, load_policy};
 use crate::signals::shutdown_signal;
@@ -33,6 +34,8 @@ pub struct ServeArgs {
     studio: StudioArgs,
     #[command(flatten)]
     limits: ServerLimits,
+    #[command(flatten)]
+    agones: AgonesArgs,
     #[command(flatten)]
     endpoint: EndpointArgs,
 }
@@ -295,11 +298,13 @@ where
 
 pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     let config = args.endpoint.config()?;
+    args.agones.check()?;
     run_until_signal(|shutdown| async move {
         let pages = surefoot_studio::pages(args.studio.settings(args.studio_planner.clone(), args.listen));
         let endpoint = Endpoint::open(args.listen, config)?.with_pages(pages);
         info!(address = %endpoint.address(), "world server ready");
-        Ok(surefoot_server::serve(endpoint, args.limits.config(), shutdown).await?)
+        let (observer, serving) = surefoot_server::serve_observed(endpoint, args.limits.config(), shutdown);
+        args.agones.accompany(observer, serving).await
     })
 }
 
