@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 14] = [
+const ALLOWED: [(&str, &str, &[&str]); 15] = [
     ("world", "surefoot-world", &[]),
     ("policy", "surefoot-policy", &["surefoot-world"]),
     ("planner", "surefoot-planner", &["surefoot-world"]),
