@@ -1,7 +1,7 @@
 //! Experience from actors: processes that decide on their own, with weights that the learner sends them now and then, and that send back
 //! what their NPCs did (`surefoot train --listen`, `surefoot act`).
 //!
-//! [`service`] is the learner's side, with a [slot](slots) for each actor; [`actor`] is the other one; [`wire`] has the messages.
+//! `service` is the learner's side, with a place for each actor in `slots`; [`actor`] is the other one; `wire` has the messages.
 
 pub mod actor;
 mod service;

@@ -1,7 +1,7 @@
 //! Experience from worlds that run elsewhere: servers of ours, or games that serve environments (docs/games.md).
 //!
-//! Every environment is stepped by a [`stream`] of its own, with the goals and attempts that [`lanes`] draws, and all of them ask one
-//! [`brain`] for their actions: it decides for as many NPCs at once as happen to wait (Espeholt et al. 2020, "SEED RL": inference where the
+//! Every environment is stepped by a `stream` of its own, with the goals and attempts that `lanes` draws, and all of them ask one
+//! `brain` for their actions: it decides for as many NPCs at once as happen to wait (Espeholt et al. 2020, "SEED RL": inference where the
 //! learner is). While one environment of a world moves, others of it decide. A world that goes away costs its running attempts; its
 //! streams wait until it is back.
 
