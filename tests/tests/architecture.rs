@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
-const ALLOWED: [(&str, &str, &[&str]); 15] = [
+const ALLOWED: [(&str, &str, &[&str]); 16] = [
     ("world", "surefoot-world", &[]),
     ("policy", "surefoot-policy", &["surefoot-world"]),
     ("planner", "surefoot-planner", &["surefoot-world"]),
@@ -54,6 +54,19 @@ const ALLOWED: [(&str, &str, &[&str]); 15] = [
         ],
     ),
     ("agones", "surefoot-agones", &["surefoot-net", "surefoot-server"]),
+    (
+        "fleet",
+        "surefoot-fleet",
+        &[
+            "surefoot-world",
+            "surefoot-policy",
+            "surefoot-planner",
+            "surefoot-rollout",
+            "surefoot-net",
+            "surefoot-planner-service",
+            "surefoot-server",
+        ],
+    ),
     ("report", "surefoot-report", &["surefoot-world"]),
     ("studio", "surefoot-studio", &[]),
 ];

@@ -1,0 +1,128 @@
+//! Blobs: immutable byte strings in an object store or a folder, named by their hash. To store the same bytes twice changes nothing, and
+//! nothing is ever overwritten, so that a process that was declared dead can do no harm here.
+
+use crate::error::FleetError;
+use object_store::aws::AmazonS3Builder;
+use object_store::local::LocalFileSystem;
+use object_store::path::Path;
+use object_store::prefix::PrefixStore;
+use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutOptions, PutPayload};
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// Name of a blob: the BLAKE3 hash of its bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct BlobId(pub [u8; 32]);
+
+impl BlobId {
+    /// The name of these bytes.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(*blake3::hash(bytes).as_bytes())
+    }
+}
+
+impl fmt::Display for BlobId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        blake3::Hash::from_bytes(self.0).fmt(f)
+    }
+}
+
+impl FromStr for BlobId {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let hash = blake3::Hash::from_hex(text).map_err(|_| format!("`{text}` is not 64 hexadecimal digits"))?;
+        Ok(Self(*hash.as_bytes()))
+    }
+}
+
+/// A place for blobs. Clones share it.
+#[derive(Debug, Clone)]
+pub struct Blobs {
+    store: Arc<dyn ObjectStore>,
+    place: String,
+}
+
+impl Blobs {
+    /// Opens `s3://bucket/prefix` or `file:///folder`. The folder is created. For S3, the address, the region and the keys are those of
+    /// `AWS_ENDPOINT_URL`, `AWS_REGION`, `AWS_ACCESS_KEY_ID` and `AWS_SECRET_ACCESS_KEY`, as for other clients of S3; `AWS_ALLOW_HTTP=true`
+    /// allows an endpoint without TLS.
+    ///
+    /// # Errors
+    /// If the URI is of neither kind, or the folder cannot be created.
+    pub fn open(uri: &str) -> Result<Self, FleetError> {
+        let fail = |reason: String| FleetError::new(format!("--blobs {uri}"), reason);
+        let store: Arc<dyn ObjectStore> = if let Some(folder) = uri.strip_prefix("file://") {
+            std::fs::create_dir_all(folder).map_err(|error| fail(error.to_string()))?;
+            Arc::new(
+                LocalFileSystem::new_with_prefix(folder).map_err(|error| fail(error.to_string()))?.with_fsync(true),
+            )
+        } else if let Some(place) = uri.strip_prefix("s3://") {
+            // Whoever links this crate may have chosen another one.
+            let _ = rustls::crypto::ring::default_provider().install_default();
+            let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
+            let store = AmazonS3Builder::from_env().with_bucket_name(bucket).build();
+            let store = store.map_err(|error| fail(error.to_string()))?;
+            Arc::new(PrefixStore::new(store, prefix))
+        } else {
+            return Err(fail("it is s3://bucket/prefix or file:///folder".to_owned()));
+        };
+        Ok(Self { store, place: uri.to_owned() })
+    }
+
+    /// Stores bytes and returns their name once they are durable. If they are there already, nothing changes.
+    ///
+    /// # Errors
+    /// If the store does not take them.
+    pub async fn put(&self, bytes: Vec<u8>) -> Result<BlobId, FleetError> {
+        let id = BlobId::of(&bytes);
+        let create = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
+        match self.store.put_opts(&path(id), PutPayload::from(bytes), create).await {
+            Ok(_) | Err(object_store::Error::AlreadyExists { .. }) => Ok(id),
+            Err(error) => Err(FleetError::new(self.place.clone(), error)),
+        }
+    }
+
+    /// Returns the bytes of that name; `None` if there are none.
+    ///
+    /// # Errors
+    /// If the store cannot be read, or holds other bytes under the name.
+    pub async fn get(&self, id: BlobId) -> Result<Option<Vec<u8>>, FleetError> {
+        let fail = |error: object_store::Error| FleetError::new(self.place.clone(), error);
+        let bytes = match self.store.get(&path(id)).await {
+            Ok(found) => found.bytes().await.map_err(fail)?,
+            Err(object_store::Error::NotFound { .. }) => return Ok(None),
+            Err(error) => return Err(fail(error)),
+        };
+        if BlobId::of(&bytes) != id {
+            return Err(FleetError::new(
+                self.place.clone(),
+                format!("blob {id} is damaged: restore it from a copy, or remove it"),
+            ));
+        }
+        Ok(Some(bytes.into()))
+    }
+
+    /// Removes bytes of that name, if they are there. Only what nothing refers to any more may be removed.
+    ///
+    /// # Errors
+    /// If the store cannot be written.
+    pub async fn remove(&self, id: BlobId) -> Result<(), FleetError> {
+        match self.store.delete(&path(id)).await {
+            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+            Err(error) => Err(FleetError::new(self.place.clone(), error)),
+        }
+    }
+
+    /// Address of the store.
+    pub fn place(&self) -> &str {
+        &self.place
+    }
+}
+
+/// Two levels, so that no folder gets too large.
+fn path(id: BlobId) -> Path {
+    let name = id.to_string();
+    Path::from(format!("{}/{name}", &name[..2]))
+}

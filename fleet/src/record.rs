@@ -1,0 +1,55 @@
+//! The record: a PostgreSQL database that all servers and planners of a fleet share.
+//!
+//! Its schema is in `migrations/`, applied at start by whoever starts first. Queries are checked against it when they are compiled, from
+//! the descriptions in `.sqlx`, which `tests/fleet/check` compares with a database.
+
+use crate::error::FleetError;
+use sqlx::postgres::{PgConnectOptions, PgPool, PgPoolOptions};
+use std::str::FromStr;
+use std::time::Duration;
+
+/// Longest wait for a connection, and for the database to come up at start.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Most connections of a process.
+const MAX_CONNECTIONS: u32 = 8;
+
+/// A connection pool to the record. Clones share it.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// The connections.
+    pub pool: PgPool,
+    place: String,
+}
+
+impl Record {
+    /// Connects to `url`, `postgres://user:password@host:port/database`, and brings the schema up to date.
+    ///
+    /// # Errors
+    /// If the URL is malformed, the database does not answer within 5 s, or its schema is of a newer version.
+    pub async fn open(url: &str) -> Result<Self, FleetError> {
+        let options = PgConnectOptions::from_str(url).map_err(|error| {
+            FleetError::new("--store", format!("{error}; it is postgres://user:password@host:port/database"))
+        })?;
+        let place = format!(
+            "postgres://{}:{}/{}",
+            options.get_host(),
+            options.get_port(),
+            options.get_database().unwrap_or_default()
+        );
+        let fail = |error: &dyn std::fmt::Display| FleetError::new(place.clone(), error.to_string());
+        let pool = PgPoolOptions::new().max_connections(MAX_CONNECTIONS).acquire_timeout(PATIENCE);
+        let pool = pool.connect_with(options.application_name("surefoot")).await.map_err(|error| fail(&error))?;
+        sqlx::migrate!().run(&pool).await.map_err(|error| fail(&error))?;
+        Ok(Self { pool, place })
+    }
+
+    /// Address of the record, without its password.
+    pub fn place(&self) -> &str {
+        &self.place
+    }
+
+    /// Converts a failure of a query.
+    pub fn failed(&self, error: sqlx::Error) -> FleetError {
+        FleetError::new(self.place.clone(), error)
+    }
+}
