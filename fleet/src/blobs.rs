@@ -2,14 +2,22 @@
 //! nothing is ever overwritten, so that a process that was declared dead can do no harm here.
 
 use crate::error::FleetError;
-use object_store::aws::AmazonS3Builder;
+use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
 use object_store::prefix::PrefixStore;
-use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutOptions, PutPayload};
+use object_store::{BackoffConfig, ObjectStore, ObjectStoreExt, PutMode, PutOptions, PutPayload, RetryConfig};
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
+use std::time::Duration;
+
+/// Retries of a call, which fails after 5 s: whoever calls knows whether it can wait longer.
+const RETRIES: RetryConfig = RetryConfig {
+    backoff: BackoffConfig { init_backoff: Duration::from_millis(50), max_backoff: Duration::from_secs(1), base: 2.0 },
+    max_retries: 8,
+    retry_timeout: Duration::from_secs(5),
+};
 
 /// Name of a blob: the BLAKE3 hash of its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -52,6 +60,15 @@ impl Blobs {
     /// # Errors
     /// If the URI is of neither kind, or the folder cannot be created.
     pub fn open(uri: &str) -> Result<Self, FleetError> {
+        let env: Vec<(String, String)> = std::env::vars().filter(|(name, _)| name.starts_with("AWS_")).collect();
+        Self::open_with(uri, env.iter().map(|(name, value)| (name.as_str(), value.as_str())))
+    }
+
+    /// As [`open`](Self::open), with these variables instead of those of the process.
+    ///
+    /// # Errors
+    /// Same as [`open`](Self::open).
+    pub fn open_with<'a>(uri: &str, env: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Self, FleetError> {
         let fail = |reason: String| FleetError::new(format!("--blobs {uri}"), reason);
         let store: Arc<dyn ObjectStore> = if let Some(folder) = uri.strip_prefix("file://") {
             std::fs::create_dir_all(folder).map_err(|error| fail(error.to_string()))?;
@@ -62,7 +79,14 @@ impl Blobs {
             // Whoever links this crate may have chosen another one.
             let _ = rustls::crypto::ring::default_provider().install_default();
             let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
-            let store = AmazonS3Builder::from_env().with_bucket_name(bucket).build();
+            // A variable that is about something else is none of the store's keys.
+            let settings = env.filter_map(|(name, value)| {
+                let key = AmazonS3ConfigKey::from_str(&name.to_ascii_lowercase()).ok();
+                key.map(|key| (key, value))
+            });
+            let builder =
+                settings.fold(AmazonS3Builder::new(), |builder, (key, value)| builder.with_config(key, value));
+            let store = builder.with_bucket_name(bucket).with_retry(RETRIES).build();
             let store = store.map_err(|error| fail(error.to_string()))?;
             Arc::new(PrefixStore::new(store, prefix))
         } else {

@@ -25,11 +25,14 @@ impl Record {
     /// Connects to `url`, `postgres://user:password@host:port/database`, and brings the schema up to date.
     ///
     /// # Errors
-    /// If the URL is malformed, the database does not answer within 5 s, or its schema is of a newer version.
+    /// If the URL is malformed, the database does not answer within 5 s, or its schema cannot be brought up to date.
     pub async fn open(url: &str) -> Result<Self, FleetError> {
-        let options = PgConnectOptions::from_str(url).map_err(|error| {
-            FleetError::new("--store", format!("{error}; it is postgres://user:password@host:port/database"))
-        })?;
+        let malformed =
+            |why: String| FleetError::new("--store", format!("{why}it is postgres://user:password@host:port/database"));
+        if !url.starts_with("postgres://") && !url.starts_with("postgresql://") {
+            return Err(malformed(String::new()));
+        }
+        let options = PgConnectOptions::from_str(url).map_err(|error| malformed(format!("{error}; ")))?;
         let place = format!(
             "postgres://{}:{}/{}",
             options.get_host(),
@@ -39,7 +42,8 @@ impl Record {
         let fail = |error: &dyn std::fmt::Display| FleetError::new(place.clone(), error.to_string());
         let pool = PgPoolOptions::new().max_connections(MAX_CONNECTIONS).acquire_timeout(PATIENCE);
         let pool = pool.connect_with(options.application_name("surefoot")).await.map_err(|error| fail(&error))?;
-        sqlx::migrate!().run(&pool).await.map_err(|error| fail(&error))?;
+        // Schemas only grow, so that one of a newer version serves this one as well: while a fleet is upgraded, both run.
+        sqlx::migrate!().set_ignore_missing(true).run(&pool).await.map_err(|error| fail(&error))?;
         Ok(Self { pool, place })
     }
 

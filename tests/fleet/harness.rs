@@ -1,0 +1,103 @@
+//! The harness itself, and the crate's own parts on real engines.
+
+use crate::process::wait_until;
+use crate::relay::Relay;
+use crate::services::{Ground, Postgres, S3};
+use std::time::Duration;
+use surefoot_fleet::blobs::{BlobId, Blobs};
+use surefoot_fleet::member::{Member, MemberKind};
+use surefoot_fleet::record::Record;
+
+/// A lease that is over soon.
+const SHORT: Duration = Duration::from_millis(300);
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_member_that_was_silent_for_its_lease_stays_dead() {
+    let ground = Ground::new();
+    let mut postgres = Postgres::start(&ground);
+    let relay = Relay::to(postgres.address);
+    let record = Record::open(&Postgres::url_at(relay.address)).await.unwrap();
+    let again = Record::open(&postgres.url()).await.unwrap();
+    let member = Member::join(&record, MemberKind::Planner, "http://127.0.0.1:1", SHORT).await.unwrap();
+    let other =
+        Member::join(&again, MemberKind::Server, "http://127.0.0.1:2", Duration::from_secs(3600)).await.unwrap();
+    assert!(member.is_sure() && member.id < other.id);
+    member.renew().await.unwrap();
+    relay.refuse();
+    wait_until("the lease is over by its own clock", || async { !member.is_sure() }).await;
+    member.renew().await.expect_err("no way to the record");
+    relay.mend();
+    wait_until("it is told that it was taken for dead", || async {
+        member.renew().await.is_err_and(|error| error.reason.contains("expired"))
+    })
+    .await;
+    assert!(!member.is_sure());
+    postgres.kill();
+    other.renew().await.expect_err("there is no record");
+    assert!(other.is_sure(), "its lease is long");
+    postgres.start_again();
+    wait_until("it goes on", || async { other.renew().await.is_ok() }).await;
+    other.leave().await.unwrap();
+    other.renew().await.expect_err("it has left");
+    assert_eq!(postgres.query("SELECT count(*) FROM members WHERE expires_at > now()"), ["0"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_record_that_cannot_be_opened_says_why() {
+    let ground = Ground::new();
+    let postgres = Postgres::start(&ground);
+    let error = Record::open("mysql://nobody").await.unwrap_err().to_string();
+    assert!(error.starts_with("--store: "), "{error}");
+    let nowhere = Record::open("postgres://surefoot:secret@127.0.0.1:1/surefoot").await.unwrap_err().to_string();
+    assert!(nowhere.starts_with("postgres://127.0.0.1:1/surefoot: ") && !nowhere.contains("secret"), "{nowhere}");
+    Record::open(&postgres.url()).await.unwrap();
+    postgres.query("INSERT INTO _sqlx_migrations VALUES (9999, 'of a newer version', now(), true, '', 0)");
+    Record::open(&postgres.url()).await.expect("a schema that has grown serves this version too");
+    postgres.query("UPDATE _sqlx_migrations SET checksum = 'x' WHERE version = 1");
+    let other = Record::open(&postgres.url()).await.unwrap_err().to_string();
+    assert!(other.contains("migration 1"), "{other}");
+}
+
+async fn blobs_keep_what_they_are_given(blobs: &Blobs) {
+    let bytes: Vec<u8> = (0..2_000_000u32).map(|idx| (idx * idx >> 7) as u8).collect();
+    let id = blobs.put(bytes.clone()).await.unwrap();
+    assert_eq!(id, BlobId::of(&bytes));
+    assert_eq!(id.to_string().parse(), Ok(id));
+    assert_eq!(blobs.put(bytes.clone()).await.unwrap(), id, "the same bytes again change nothing");
+    assert_eq!(blobs.get(id).await.unwrap(), Some(bytes));
+    assert_eq!(blobs.get(BlobId([7; 32])).await.unwrap(), None);
+    blobs.remove(id).await.unwrap();
+    blobs.remove(id).await.unwrap();
+    assert_eq!(blobs.get(id).await.unwrap(), None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn blobs_in_a_folder() {
+    let ground = Ground::new();
+    let blobs = Blobs::open(&ground.blobs()).unwrap();
+    blobs_keep_what_they_are_given(&blobs).await;
+    let id = blobs.put(b"a graph".to_vec()).await.unwrap();
+    let file = ground.path("blobs").join(&id.to_string()[..2]).join(id.to_string());
+    std::fs::write(&file, b"a wraph").unwrap();
+    let error = blobs.get(id).await.unwrap_err().to_string();
+    assert!(error.contains(&id.to_string()) && error.contains("damaged"), "{error}");
+    let error = Blobs::open("ftp://somewhere").unwrap_err().to_string();
+    assert!(error.contains("--blobs ftp://somewhere: it is s3://"), "{error}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn blobs_in_an_object_store() {
+    let ground = Ground::new();
+    let s3 = S3::start(&ground);
+    let relay = Relay::to(s3.address);
+    let env = S3::env(relay.address);
+    let options = env.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+    let blobs = Blobs::open_with(S3::BLOBS, options).unwrap();
+    blobs_keep_what_they_are_given(&blobs).await;
+    let id = blobs.put(b"a graph".to_vec()).await.unwrap();
+    relay.refuse();
+    let error = blobs.get(id).await.unwrap_err().to_string();
+    assert!(error.starts_with(S3::BLOBS), "{error}");
+    relay.mend();
+    assert_eq!(blobs.get(id).await.unwrap().as_deref(), Some(&b"a graph"[..]));
+}
