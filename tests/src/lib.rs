@@ -161,7 +161,7 @@ pub fn start_worker_of(config: WorkConfig, policy: Policy) -> Worker {
 pub fn worker_config(server: &Running, planner: Option<&Running>, capacity: u32) -> WorkConfig {
     WorkConfig {
         server: server.uri.clone(),
-        planner: planner.map(|planner| planner.uri.clone()),
+        planners: planner.map(|planner| planner.uri.clone()).into_iter().collect(),
         credentials: Credentials::default(),
         capacity,
         name: "e2e".to_owned(),

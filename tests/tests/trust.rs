@@ -156,7 +156,7 @@ async fn a_planner_that_never_answers_stops_no_world_and_is_counted() {
 fn start_worker_to(server: &Running, planner: &str) -> tokio::task::JoinHandle<Result<(), WorkError>> {
     let config = surefoot_agent::work::WorkConfig {
         server: server.uri.clone(),
-        planner: Some(planner.to_owned()),
+        planners: vec![planner.to_owned()],
         credentials: Credentials::default(),
         capacity: 64,
         name: "e2e".to_owned(),

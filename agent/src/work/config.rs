@@ -10,8 +10,8 @@ use surefoot_planner::BuildSettings;
 pub struct WorkConfig {
     /// URI of the world server, such as `http://127.0.0.1:7600`.
     pub server: String,
-    /// URI of the planner; without a planner NPCs head straight for their goals.
-    pub planner: Option<String>,
+    /// URIs of the planner's replicas; without any NPCs head straight for their goals.
+    pub planners: Vec<String>,
     /// Credentials for the world server and the planner.
     pub credentials: Credentials,
     /// Most NPCs to decide for.

@@ -1,6 +1,6 @@
 //! The planner's graphs of the worlds' maps: requests their builds, and again when the planner has lost one.
 //!
-//! Worlds on equal maps share a graph. Streams have a connection of their own, and only so many are open at a time, so that
+//! All calls about one map go to the same replica of the planner, as long as that one answers. Worlds on equal maps share a graph. Streams have a connection of their own, and only so many are open at a time, so that
 //! queries never wait behind them.
 
 use super::config::{MAX_PAUSE, MIN_PAUSE};
@@ -8,7 +8,8 @@ use prost::Message;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::Duration;
-use surefoot_net::client::{Dialer, Link};
+use surefoot_net::client::Link;
+use surefoot_net::replicas::{ReplicaLink, ReplicaLinks, Replicas};
 use surefoot_net::serving::MAX_MESSAGE_BYTES;
 use surefoot_proto::convert;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
@@ -97,8 +98,8 @@ impl GraphKey {
 
 /// The graphs of one planner, shared by all worlds of a worker.
 pub(super) struct Graphs {
-    queries: PlannerServiceClient<Link>,
-    streams: Link,
+    queries: ReplicaLinks,
+    streams: ReplicaLinks,
     settings: planner::BuildSettings,
     policy_hash: String,
     by_key: Mutex<BTreeMap<Identity, Weak<Graph>>>,
@@ -108,12 +109,11 @@ pub(super) struct Graphs {
 }
 
 impl Graphs {
-    /// Graphs of the planner behind `planner`, proved with the policy of that hash.
-    pub fn new(planner: &Dialer, settings: planner::BuildSettings, policy_hash: String) -> Self {
-        let client = PlannerServiceClient::new(planner.connect_lazy()).max_decoding_message_size(MAX_MESSAGE_BYTES);
+    /// Graphs of these planners, which share them, proved with the policy of that hash.
+    pub fn new(planners: &Replicas, settings: planner::BuildSettings, policy_hash: String) -> Self {
         Self {
-            queries: client,
-            streams: planner.connect_lazy(),
+            queries: planners.connect_lazy(),
+            streams: planners.connect_lazy(),
             settings,
             policy_hash,
             by_key: Mutex::default(),
@@ -150,14 +150,11 @@ impl Graphs {
         let (interim, interim_id) = watch::channel(String::new());
         let (edited, revision) = watch::channel(None);
         let (goes_on, progress) = watch::channel(Instant::now());
-        let maps = |link| {
-            MapServiceClient::new(link)
-                .max_decoding_message_size(MAX_MESSAGE_BYTES)
-                .max_encoding_message_size(MAX_MESSAGE_BYTES)
-        };
+        let (queries, streams) = (self.queries.for_key(&key.map_hash), self.streams.for_key(&key.map_hash));
+        let planner = |link| PlannerServiceClient::new(link).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let is_imported = key.map.is_none();
         let builder = Builder {
-            client: PlannerServiceClient::new(self.streams.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES),
+            client: planner(streams.clone()),
             request: planner::StartBuildRequest {
                 map: key.map,
                 map_hash: if is_imported { key.map_hash } else { String::new() },
@@ -166,8 +163,8 @@ impl Graphs {
                 body: key.body,
                 pieces: key.pieces,
             },
-            server_maps: maps(server),
-            planner_maps: maps(self.streams.clone()),
+            server_maps: MapServiceClient::new(server).max_decoding_message_size(MAX_MESSAGE_BYTES),
+            planner_maps: MapServiceClient::new(streams).max_encoding_message_size(MAX_MESSAGE_BYTES),
             watched_builds: self.watched_builds.clone(),
             watched_graphs: self.watched_graphs.clone(),
             other_policy: self.other_policy.clone(),
@@ -175,7 +172,7 @@ impl Graphs {
             interim,
         };
         Graph {
-            client: self.queries.clone(),
+            client: planner(queries),
             id,
             interim_id,
             ready: ready.clone(),
@@ -189,7 +186,7 @@ impl Graphs {
 
 /// The planner's graph of one map for one body.
 pub(super) struct Graph {
-    pub client: PlannerServiceClient<Link>,
+    pub client: PlannerServiceClient<ReplicaLink>,
     /// Id of the graph; empty until it is built, and again when the planner no longer knows it.
     pub id: watch::Receiver<String>,
     /// Id of the graph while its build is running, once plans can be made on it; otherwise empty.
@@ -255,10 +252,10 @@ impl Drop for Graph {
 }
 
 struct Builder {
-    client: PlannerServiceClient<Link>,
+    client: PlannerServiceClient<ReplicaLink>,
     request: planner::StartBuildRequest,
     server_maps: MapServiceClient<Link>,
-    planner_maps: MapServiceClient<Link>,
+    planner_maps: MapServiceClient<ReplicaLink>,
     watched_builds: Arc<Semaphore>,
     watched_graphs: Arc<Semaphore>,
     other_policy: watch::Sender<Option<Status>>,

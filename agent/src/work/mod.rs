@@ -20,6 +20,7 @@ use graph::Graphs;
 use session::{Session, SessionEnd};
 use std::sync::Arc;
 use surefoot_net::client::LinkError;
+use surefoot_net::replicas::Replicas;
 use surefoot_net::serving::Shutdown;
 use surefoot_policy::Policy;
 use surefoot_proto::plans::settings_to_wire;
@@ -46,9 +47,10 @@ pub enum WorkError {
 /// If an address or the credentials cannot be used, or the server refuses the worker permanently.
 pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Result<(), WorkError> {
     let server = config.credentials.dial(&config.server)?;
-    let planner = config.planner.as_ref().map(|uri| config.credentials.dial(uri)).transpose()?;
+    let planners = Replicas::dial(&config.credentials, &config.planners)?;
     let policy_hash = &policy.manifest().weights_hash;
-    let graphs = planner.map(|planner| Graphs::new(&planner, settings_to_wire(&config.graph), policy_hash.clone()));
+    let graphs = Graphs::new(&planners, settings_to_wire(&config.graph), policy_hash.clone());
+    let graphs = (!config.planners.is_empty()).then_some(graphs);
     let maps = config.rehearses.then(|| Arc::new(Maps::new(config.maps.clone())));
     let mut pause = MIN_PAUSE;
     while !shutdown.is_triggered() {

@@ -198,9 +198,15 @@ pub struct WorkArgs {
     /// URI of the world server
     #[arg(long, default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]
     server: String,
-    /// URI of the planner
-    #[arg(long, default_value = "http://127.0.0.1:7601", value_name = "URI", env = "SUREFOOT_PLANNER")]
-    planner: String,
+    /// URI of the planner; those of several replicas are divided by commas
+    #[arg(
+        long,
+        default_value = "http://127.0.0.1:7601",
+        value_name = "URI",
+        env = "SUREFOOT_PLANNER",
+        value_delimiter = ','
+    )]
+    planner: Vec<String>,
     /// Head straight for goals instead of following plans
     #[arg(long)]
     no_planner: bool,
@@ -359,7 +365,7 @@ pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
     let policy = load_policy(args.model.as_deref())?;
     let config = WorkConfig {
         server: args.server.clone(),
-        planner: (!args.no_planner).then(|| args.planner.clone()),
+        planners: if args.no_planner { Vec::new() } else { args.planner.clone() },
         credentials: args.credentials.credentials()?,
         capacity: args.npcs,
         name: args.name.clone().unwrap_or_else(default_name),

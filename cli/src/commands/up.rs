@@ -157,7 +157,7 @@ async fn scene(
     for idx in 0..args.workers {
         let config = WorkConfig {
             server: server_uri.clone(),
-            planner: Some(planner_uri.clone()),
+            planners: vec![planner_uri.clone()],
             credentials: credentials.clone(),
             capacity: (args.npcs as u32).max(1),
             name: format!("up-{idx}"),

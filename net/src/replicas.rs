@@ -1,0 +1,220 @@
+//! Several replicas of a service: which one a caller asks first, and which ones if that one does not answer.
+//!
+//! All calls about one map go to the same replica, which therefore holds the map's graphs in memory: the first in the order of
+//! [`ranking`] (rendezvous hashing). Clients that know the same addresses choose the same one, without asking anybody, and when a replica
+//! goes, only its maps move.
+
+use crate::client::{Credentials, Dialer, Link, LinkError};
+use http::{Request, Response};
+use http_body_util::{BodyExt, Full};
+use std::cmp::Reverse;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex};
+use std::task::{Context, Poll};
+use std::time::{Duration, Instant};
+use tonic::body::Body;
+use tonic::transport::Error;
+use tonic::{Code, Status};
+use tower_service::Service;
+
+/// How long a replica that did not answer is asked last: the first time, and at most, doubled in between.
+const RESTS: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
+/// Calls that must not be made twice: one that broke off may have been carried out.
+const ONCE_ONLY: [&str; 3] = ["/ReportTraversals", "/AppendEdits", "/UndoEdits"];
+const POISON: &str = "no holder of this lock panics";
+
+/// The order in which replicas at these `addresses` are asked about what `key` names, such as the hash of a map: indices, the first is
+/// asked first.
+///
+/// They are sorted by their scores, the greatest first: the 64-bit FNV-1a hash of the key, a line feed and the address, scrambled as in the
+/// output of SplitMix64.
+pub fn ranking<'a>(key: &str, addresses: impl IntoIterator<Item = &'a str>) -> Vec<usize> {
+    let mut ranked: Vec<(u64, usize)> =
+        addresses.into_iter().enumerate().map(|(idx, address)| (score(key, address), idx)).collect();
+    ranked.sort_by_key(|&(score, idx)| (Reverse(score), idx));
+    ranked.into_iter().map(|(_, idx)| idx).collect()
+}
+
+fn score(key: &str, address: &str) -> u64 {
+    let bytes = key.bytes().chain([b'\n']).chain(address.bytes());
+    let hash =
+        bytes.fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
+    let hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    hash ^ (hash >> 31)
+}
+
+/// Addresses of the replicas of one service.
+#[derive(Debug, Clone)]
+pub struct Replicas(Vec<(String, Dialer)>);
+
+impl Replicas {
+    /// Prepares connections to all `uris`.
+    ///
+    /// # Errors
+    /// If one of them is not a URI, or TLS cannot be set up.
+    pub fn dial(credentials: &Credentials, uris: &[String]) -> Result<Self, LinkError> {
+        let dialed = uris.iter().map(|uri| Ok((uri.clone(), credentials.dial(uri)?)));
+        dialed.collect::<Result<_, LinkError>>().map(Self)
+    }
+
+    /// One connection to each replica, made on the first call.
+    pub fn connect_lazy(&self) -> ReplicaLinks {
+        let line = |(address, dialer): &(String, Dialer)| {
+            Arc::new(Line { address: address.clone(), link: dialer.connect_lazy(), resting: Mutex::default() })
+        };
+        ReplicaLinks(self.0.iter().map(line).collect())
+    }
+}
+
+/// Connections to all replicas. Clones share them.
+#[derive(Debug, Clone)]
+pub struct ReplicaLinks(Arc<[Arc<Line>]>);
+
+#[derive(Debug)]
+struct Line {
+    address: String,
+    link: Link,
+    /// Until when it is asked last, and how long it then rests again if it does not answer.
+    resting: Mutex<Option<(Instant, Duration)>>,
+}
+
+impl Line {
+    fn is_resting(&self) -> bool {
+        self.resting.lock().expect(POISON).is_some_and(|(until, _)| Instant::now() < until)
+    }
+
+    fn note(&self, answers: bool) {
+        let [first, longest] = RESTS;
+        let mut resting = self.resting.lock().expect(POISON);
+        *resting = match *resting {
+            _ if answers => None,
+            // Calls that were made together fail together.
+            Some((until, pause)) if Instant::now() < until => Some((until, pause)),
+            former => {
+                let pause = former.map_or(first, |(_, pause)| pause);
+                Some((Instant::now() + pause, (pause * 2).min(longest)))
+            }
+        };
+    }
+}
+
+/// A call that waits for its answer. If its caller gives up, the replica has not answered.
+struct Waiting<'a>(&'a Line);
+
+impl Drop for Waiting<'_> {
+    fn drop(&mut self) {
+        self.0.note(false);
+    }
+}
+
+impl ReplicaLinks {
+    /// The link for calls about what `key` names.
+    pub fn for_key(&self, key: &str) -> ReplicaLink {
+        let order = ranking(key, self.0.iter().map(|line| line.address.as_str()));
+        ReplicaLink { lines: order.into_iter().map(|idx| self.0[idx].clone()).collect() }
+    }
+}
+
+/// A link for generated clients. A call that its replica does not answer, or answers with UNAVAILABLE, goes to the next one, unless it may
+/// have been carried out and must not be repeated. Only for calls with a single request.
+#[derive(Debug, Clone)]
+pub struct ReplicaLink {
+    lines: Arc<[Arc<Line>]>,
+}
+
+impl Service<Request<Body>> for ReplicaLink {
+    type Response = Response<Body>;
+    type Error = Error;
+    type Future = Pin<Box<dyn Future<Output = Result<Response<Body>, Error>> + Send>>;
+
+    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Error>> {
+        // Each call waits for the connection that it takes.
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        let lines = self.lines.clone();
+        Box::pin(async move {
+            let (head, body) = request.into_parts();
+            // A client has encoded the request already, so that this neither waits nor fails.
+            let body = match body.collect().await {
+                Ok(body) => body.to_bytes(),
+                Err(status) => return Ok(status.into_http()),
+            };
+            let is_once_only = ONCE_ONLY.iter().any(|call| head.uri.path().ends_with(call));
+            // Those that have not failed of late first; the sort keeps the order of the others.
+            let mut order: Vec<&Arc<Line>> = lines.iter().collect();
+            order.sort_by_key(|line| line.is_resting());
+            let mut last = Ok(Status::unavailable("there is no replica").into_http());
+            for line in order {
+                let mut request = Request::new(Body::new(Full::new(body.clone())));
+                (*request.method_mut(), *request.uri_mut()) = (head.method.clone(), head.uri.clone());
+                (*request.version_mut(), *request.headers_mut()) = (head.version, head.headers.clone());
+                *request.extensions_mut() = head.extensions.clone();
+                let waiting = Waiting(line);
+                let answer = send(line.link.clone(), request).await;
+                std::mem::forget(waiting);
+                let is_refused = answer.as_ref().is_ok_and(is_unavailable);
+                line.note(answer.is_ok() && !is_refused);
+                match &answer {
+                    Ok(_) if !is_refused => return answer,
+                    Err(error) if is_once_only && !was_never_sent(error) => return answer,
+                    _ => last = answer,
+                }
+            }
+            last
+        })
+    }
+}
+
+async fn send(mut link: Link, request: Request<Body>) -> Result<Response<Body>, Error> {
+    std::future::poll_fn(|cx| link.poll_ready(cx)).await?;
+    link.call(request).await
+}
+
+/// Whether a replica refuses a call without having done anything, as one that stops does.
+fn is_unavailable(response: &Response<Body>) -> bool {
+    Status::from_header_map(response.headers()).is_some_and(|status| status.code() == Code::Unavailable)
+}
+
+/// Whether there was no connection.
+fn was_never_sent(error: &Error) -> bool {
+    let mut source: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    while let Some(error) = source {
+        if error.is::<tonic::ConnectError>() {
+            return true;
+        }
+        source = error.source();
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_spread_evenly_and_stay_when_another_replica_goes() {
+        let addresses: Vec<String> = (0..5).map(|idx| format!("http://planner-{idx}:7601")).collect();
+        let all = || addresses.iter().map(String::as_str);
+        let mut counts = [0; 5];
+        for key in 0..5000 {
+            let key = format!("{key:064x}");
+            let order = ranking(&key, all());
+            counts[order[0]] += 1;
+            let without_last = ranking(&key, all().take(4));
+            assert_eq!(without_last, order.iter().copied().filter(|&idx| idx != 4).collect::<Vec<_>>());
+        }
+        assert!(counts.iter().all(|count| (900..1100).contains(count)), "{counts:?}");
+    }
+
+    #[test]
+    fn the_order_is_the_one_that_clients_in_other_languages_compute() {
+        let addresses = ["http://a:7601", "http://b:7601", "http://c:7601"];
+        let key = "0".repeat(64);
+        let scores = addresses.map(|address| score(&key, address));
+        assert_eq!(scores, [0xcf7a_707f_f91b_efa4, 0x4d9b_f895_08cd_23bb, 0x063b_8f1b_5132_ab1f]);
+        assert_eq!(ranking(&key, addresses), [0, 1, 2]);
+    }
+}
