@@ -2,6 +2,7 @@
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -18,13 +19,20 @@ pub struct Link {
     bytes_per_s: f64,
     /// When what was sent last has left, there and back.
     left: [Arc<Mutex<Instant>>; 2],
+    /// Bytes so far, there and back.
+    carried: Arc<[AtomicU64; 2]>,
 }
 
 impl Link {
     /// A link of this delay in each direction, and this rate in each, bit/s.
     pub fn new(delay: Duration, bits_per_s: f64) -> Self {
         let left = [(); 2].map(|()| Arc::new(Mutex::new(Instant::now())));
-        Self { delay, bytes_per_s: bits_per_s / 8.0, left }
+        Self { delay, bytes_per_s: bits_per_s / 8.0, left, carried: Arc::default() }
+    }
+
+    /// Bytes that it has taken in so far: from those who connect, and to them.
+    pub fn carried(&self) -> [u64; 2] {
+        [0, 1].map(|direction| self.carried[direction].load(Ordering::Relaxed))
     }
 
     /// Relays connections to `to` over this link until the process ends, and returns the address to connect to.
@@ -58,6 +66,7 @@ impl Link {
     fn take_in(&self, direction: usize, mut from: TcpStream, sender: &SyncSender<(Instant, Vec<u8>)>) {
         let mut buffer = vec![0; CHUNK];
         while let Ok(count @ 1..) = from.read(&mut buffer) {
+            self.carried[direction].fetch_add(count as u64, Ordering::Relaxed);
             let leaves = {
                 let mut left = self.left[direction].lock().expect("no holder panics");
                 *left = (*left).max(Instant::now()) + Duration::from_secs_f64(count as f64 / self.bytes_per_s);

@@ -8,6 +8,7 @@ mod link;
 mod plan;
 #[cfg(feature = "reference")]
 mod reference;
+mod scale;
 mod serve;
 mod soak;
 mod tiles;
@@ -26,8 +27,8 @@ use std::time::Instant;
 pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
     /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server; feed: a learner that more and
-    /// more worlds, or actors, feed
-    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed"])]
+    /// more worlds, or actors, feed; scale: the load of a fleet's parts, and fleets of 1, 4 and 16 servers that are simulated with it
+    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed", "scale"])]
     what: String,
     /// serve, soak, floods: Number of NPCs, on 8 worlds; default: 1024, 256 and 256
     #[arg(long, value_name = "N")]
@@ -38,9 +39,12 @@ pub struct Args {
     /// world: Levels to measure on instead of generated maps (.sfmap, .glb, .gltf, .obj)
     #[arg(long, value_name = "FILE,...", value_delimiter = ',')]
     maps: Vec<std::path::PathBuf>,
-    /// serve: Folder for the plot of tick time over the number of NPCs
+    /// serve: Folder for the plot of tick time over the number of NPCs; scale: for the recorded load, `load.json`
     #[arg(long, value_name = "FOLDER")]
     out: Option<std::path::PathBuf>,
+    /// scale: Simulate with this recorded load instead of recording one
+    #[arg(long, value_name = "FILE")]
+    load: Option<std::path::PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -120,6 +124,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         _ if !args.maps.is_empty() => anyhow::bail!("--maps goes with `bench world` alone"),
         "learn" => learn::figures()?,
         "feed" => feed::figures()?,
+        "scale" => scale::figures(args)?,
         "serve" => serve::figures(args)?,
         "soak" => soak::figures(args)?,
         "floods" => floods::figures(args)?,

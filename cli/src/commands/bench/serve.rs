@@ -1,6 +1,7 @@
 //! The world server under load: server, planner and two workers in separate processes, realtime worlds, and a crowd that never
 //! stops seeking goals.
 
+use super::link::Link;
 use super::{Args, Figure};
 use crate::commands::processes::{Process, connect, free_address, start};
 use anyhow::{Context, bail};
@@ -24,15 +25,15 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
 
 /// Number of worlds, on maps that are in none of the splits.
-const WORLDS: u64 = 8;
+pub(super) const WORLDS: u64 = 8;
 const FIRST_SEED: u64 = 6000;
 const WORKERS: usize = 2;
 const DEFAULT_NPCS: usize = 1024;
 /// Limits within which a number of NPCs counts as sustained: 99th percentile of the tick time in ms, share of late ticks, and
 /// share of decisions answered in time.
 pub(super) const TARGET_P99_MS: f64 = 12.0;
-const TARGET_LATE_SHARE: f64 = 0.001;
-const TARGET_ON_TIME: f64 = 0.999;
+pub(super) const TARGET_LATE_SHARE: f64 = 0.001;
+pub(super) const TARGET_ON_TIME: f64 = 0.999;
 /// Numbers of NPCs that are tried in turn until one is not sustained.
 const LADDER: [usize; 8] = [256, 512, 1024, 1536, 2048, 2560, 3072, 4096];
 /// Measurement of each number of NPCs, after the warm-up.
@@ -80,8 +81,20 @@ impl Drop for Scene {
 impl Scene {
     /// Starts server, planner and workers with `npcs` NPCs in total, and waits until every world has its graph.
     pub async fn start(npcs: usize, cache: &Path) -> anyhow::Result<Self> {
-        let (server, planner) = (free_address()?.to_string(), free_address()?.to_string());
+        Self::start_over(npcs, cache, None).await
+    }
+
+    /// As [`start`](Self::start), with workers that reach the server and the planner over these links.
+    pub async fn start_over(npcs: usize, cache: &Path, links: Option<[&Link; 2]>) -> anyhow::Result<Self> {
+        let [server_at, planner_at] = [free_address()?, free_address()?];
+        let (server, planner) = (server_at.to_string(), planner_at.to_string());
         let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
+        let [for_workers, plans_for_workers] = match links {
+            None => [server_uri.clone(), planner_uri.clone()],
+            Some([to_server, to_planner]) => {
+                [to_server.relay(server_at)?, to_planner.relay(planner_at)?].map(|at| format!("http://{at}"))
+            }
+        };
         let folder = cache.to_str().context("the name of the cache folder is not UTF-8")?;
         let limit = npcs.to_string();
         let mut processes = vec![
@@ -91,7 +104,7 @@ impl Scene {
         let channel = connect(&server_uri).await?;
         connect(&planner_uri).await?;
         for _ in 0..WORKERS {
-            let work = ["work", "--server", &server_uri, "--planner", &planner_uri, "--npcs", &limit];
+            let work = ["work", "--server", &for_workers, "--planner", &plans_for_workers, "--npcs", &limit];
             processes.push(start(&work)?);
         }
         let mut worlds = Vec::new();
@@ -143,6 +156,25 @@ impl Scene {
         Ok(())
     }
 
+    /// CPU time so far of the server, of the workers together, and of the planner, s.
+    pub fn cpu_s(&self) -> anyhow::Result<[f64; 3]> {
+        let workers = self.processes[2..].iter().map(Process::cpu_s).sum::<anyhow::Result<f64>>()?;
+        Ok([self.processes[0].cpu_s()?, workers, self.processes[1].cpu_s()?])
+    }
+
+    /// Number of plans so far.
+    pub async fn plans(&self) -> anyhow::Result<f64> {
+        use tokio::io::{AsyncReadExt, AsyncWriteExt};
+        let address = self.planner_uri.trim_start_matches("http://");
+        let mut socket = tokio::net::TcpStream::connect(address).await?;
+        let request = format!("GET /metrics HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+        socket.write_all(request.as_bytes()).await?;
+        let mut page = String::new();
+        socket.read_to_string(&mut page).await?;
+        let count = page.lines().find_map(|line| line.strip_prefix("surefoot_plans_total "));
+        count.and_then(|count| count.trim().parse().ok()).context("the planner does not count its plans")
+    }
+
     /// Resident memory of the server process, MiB.
     fn server_mib(&self) -> anyhow::Result<f64> {
         self.processes[0].memory_mib()
@@ -166,10 +198,10 @@ impl Scene {
 /// Figures of all worlds over a span of time.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Measured {
-    times: Vec<TickTimes>,
+    pub times: Vec<TickTimes>,
     late: u64,
     dropped: u64,
-    answered: u64,
+    pub answered: u64,
     missed: u64,
 }
 
@@ -197,16 +229,16 @@ impl Measured {
         self.times.iter().map(|times| f64::from(times.quantile_us(0.99))).fold(0.0, f64::max) / 1000.0
     }
 
-    fn p50_ms(&self) -> f64 {
+    pub fn p50_ms(&self) -> f64 {
         self.times.iter().map(|times| f64::from(times.quantile_us(0.5))).fold(0.0, f64::max) / 1000.0
     }
 
     /// Share of ticks that were late, dropped ones included.
-    fn late_share(&self) -> f64 {
+    pub fn late_share(&self) -> f64 {
         (self.late + self.dropped) as f64 / (self.ticks() + self.dropped).max(1) as f64
     }
 
-    fn on_time_share(&self) -> f64 {
+    pub fn on_time_share(&self) -> f64 {
         self.answered as f64 / (self.answered + self.missed).max(1) as f64
     }
 
