@@ -15,8 +15,11 @@ import yaml
 DEPLOY = pathlib.Path(__file__).parent
 # The oldest and the newest Kubernetes that manifests are checked for.
 VERSIONS = ["1.30", "1.37"]
-# Kinds of Agones, whose schemas are its own.
-AGONES = {kind: json.loads((DEPLOY / "schemas" / f"{kind.lower()}.json").read_text()) for kind in ["Fleet", "FleetAutoscaler"]}
+# Kinds of Agones and of KEDA, whose schemas are their own.
+FOREIGN = ["Fleet", "FleetAutoscaler", "ScaledObject"]
+FOREIGN = {kind: json.loads((DEPLOY / "schemas" / f"{kind.lower()}.json").read_text()) for kind in FOREIGN}
+# What the Secret of a fleet holds, of the form that docs/kubernetes.md says.
+SECRETS = {"store": "postgres://surefoot:secret@postgres:5432/surefoot", "blobs": "s3://surefoot/blobs", "nats": "nats://nats:4222"}
 # Prometheus makes these itself.
 OWN_METRICS = {"up"}
 errors = []
@@ -36,7 +39,7 @@ def closed(schema):
 
 def check_schema(where, item):
     kind = item["kind"]
-    if kind not in AGONES:
+    if kind not in FOREIGN:
         for version in VERSIONS:
             try:
                 kubernetes_validate.validate(item, version, strict=True)
@@ -44,7 +47,7 @@ def check_schema(where, item):
                 errors.append(f"{where}: {kind} {item['metadata']['name']}, Kubernetes {version}: {getattr(error, 'message', error)}")
         return
     body = {"spec": item["spec"]}
-    for error in jsonschema.Draft4Validator(closed(AGONES[kind])).iter_errors(body):
+    for error in jsonschema.Draft4Validator(closed(FOREIGN[kind])).iter_errors(body):
         errors.append(f"{where}: {kind} {item['metadata']['name']}: {'.'.join(map(str, error.path))}: {error.message}")
     if kind == "Fleet":
         # The pod in it, by Kubernetes' own schema.
@@ -69,8 +72,19 @@ def flags_of(surefoot, command):
 def check_container(where, container, flags, surefoot):
     command = container["args"][0]
     known = flags.setdefault(command, flags_of(surefoot, command))
-    variables = {variable["name"]: variable["value"] for variable in container["env"]}
-    for name in variables.keys() - known:
+    variables = {}
+    for variable in container["env"]:
+        source = variable.get("valueFrom", {})
+        if "secretKeyRef" in source:
+            value = SECRETS[source["secretKeyRef"]["key"]]
+        elif "fieldRef" in source:
+            value = "pod-0"
+        else:
+            # Kubernetes fills in the variables before.
+            value = re.sub(r"\$\((\w+)\)", lambda found: variables[found[1]], variable["value"])
+        variables[variable["name"]] = value
+    own = {variable["name"] for variable in container["env"] if "fieldRef" in variable.get("valueFrom", {})}
+    for name in variables.keys() - known - own:
         errors.append(f"{where}: `surefoot {command}` knows no variable {name}")
     # Values: the program parses them. It reads no files yet.
     parsed = subprocess.run([surefoot, *container["args"], "--print-config"], env=variables, capture_output=True, text=True)
@@ -99,7 +113,7 @@ def check_names(where, items, flags, surefoot):
             selects(spec["selector"], what)
         if kind in ("NetworkPolicy", "PodDisruptionBudget"):
             selects(spec.get("podSelector", spec.get("selector"))["matchLabels"], what)
-        if kind == "HorizontalPodAutoscaler" and (spec["scaleTargetRef"]["kind"], spec["scaleTargetRef"]["name"]) not in named:
+        if kind in ("HorizontalPodAutoscaler", "ScaledObject") and (spec["scaleTargetRef"]["kind"], spec["scaleTargetRef"]["name"]) not in named:
             errors.append(f"{where}: {what} scales nothing")
         if kind == "FleetAutoscaler":
             if ("Fleet", spec["fleetName"]) not in named:

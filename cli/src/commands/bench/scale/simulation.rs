@@ -17,7 +17,7 @@ const SEED: u64 = 1;
 const ANSWER_WITHIN_S: f64 = 1.0 / DECISIONS_PER_S;
 /// Way from a server to a worker, or back, s.
 const HOP_S: f64 = 0.0005;
-/// Worker processes of one core that a planned fleet has room for in NPCs.
+/// Cores of the record.
 const CORES_OF_RECORD: usize = 4;
 
 /// A fleet.
@@ -40,8 +40,7 @@ pub struct Fleet {
 }
 
 impl Fleet {
-    /// A fleet with as many workers and planners as keep each busy for at most `share` of the time, and at least one of each for four
-    /// servers.
+    /// A fleet with as few workers and planners as are busy for at most `share` of the time.
     pub fn planned(model: &Model, servers: usize, server_cores: usize, npcs: usize, share: f64) -> Self {
         let all = (servers * npcs) as f64;
         let [_, worker, planner] = model.cores(all, (servers * model.worlds) as f64);
