@@ -1,13 +1,11 @@
-//! `Worlds` for Python: checks shapes, lends out the caller's arrays, and runs without the interpreter's lock.
+//! `Worlds` for Python: lends out the caller's arrays, and runs without the interpreter's lock.
 
+use crate::arrays::{StepArrays, readable, writable};
 use crate::body;
 use crate::error::{state, value};
 use crate::level::Level;
-use crate::vector::{Autoreset, Finished, Outputs, Setup, Worlds as Inner};
-use numpy::{
-    Element, IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
-    PyUntypedArrayMethods,
-};
+use crate::vector::{Autoreset, Finished, Setup, Worlds as Inner};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use std::f32::consts::TAU;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -89,49 +87,17 @@ fn in_range(name: &str, found: usize, most: usize) -> PyResult<()> {
     if (1..=most).contains(&found) { Ok(()) } else { Err(value(format!("{name} is {found}, but must be 1 to {most}"))) }
 }
 
-/// Borrows an array for writing, which must be laid out like `shape` in C order.
-pub fn writable<'py, T: Element>(
-    array: &Bound<'py, PyArrayDyn<T>>,
-    shape: &[usize],
-    name: &str,
-) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
-    check_shape(array.shape(), shape, name)?;
-    let array = array.try_readwrite().map_err(|error| value(format!("{name}: {error}")))?;
-    if !array.is_c_contiguous() {
-        return Err(value(format!("{name} must be contiguous, in C order")));
+/// Episodes that ended, as arrays; `None` if there are none.
+pub fn ends<'py>(py: Python<'py>, ended: Vec<Finished>, observation_len: usize) -> PyResult<Option<Ends<'py>>> {
+    if ended.is_empty() {
+        return Ok(None);
     }
-    Ok(array)
-}
-
-/// Borrows an array for reading, which must be laid out like `shape` in C order.
-pub fn readable<'py, T: Element>(
-    array: &Bound<'py, PyArrayDyn<T>>,
-    shape: &[usize],
-    name: &str,
-) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
-    check_shape(array.shape(), shape, name)?;
-    let array = array.try_readonly().map_err(|error| value(format!("{name}: {error}")))?;
-    if !array.is_c_contiguous() {
-        return Err(value(format!("{name} must be contiguous, in C order")));
-    }
-    Ok(array)
-}
-
-fn check_shape(found: &[usize], wanted: &[usize], name: &str) -> PyResult<()> {
-    if found == wanted {
-        return Ok(());
-    }
-    Err(value(format!("{name} has the shape {found:?}, but must have {wanted:?}")))
-}
-
-/// Episodes that ended, as arrays.
-pub fn ends<'py>(py: Python<'py>, ended: Vec<Finished>, observation_len: usize) -> PyResult<Ends<'py>> {
     let indices: Vec<i64> = ended.iter().map(|end| end.env as i64).collect();
     let names = ended.iter().map(|end| end.outcome).collect();
     let count = ended.len();
     let rows: Vec<f32> = ended.into_iter().flat_map(|end| end.last).collect();
     let rows = rows.into_pyarray(py).reshape([count, observation_len])?;
-    Ok((indices.into_pyarray(py), names, rows))
+    Ok(Some((indices.into_pyarray(py), names, rows)))
 }
 
 /// Points as an array of three columns.
@@ -221,22 +187,10 @@ impl Worlds {
         terminated: &Bound<'py, PyArrayDyn<bool>>,
         truncated: &Bound<'py, PyArrayDyn<bool>>,
     ) -> PyResult<Option<Ends<'py>>> {
-        let [count, len] = self.shape();
-        let actions = readable(actions, &[count, ACTION_LEN], "actions")?;
-        let mut observations = writable(observations, &[count, len], "observations")?;
-        let mut rewards = writable(rewards, &[count], "rewards")?;
-        let mut terminated = writable(terminated, &[count], "terminated")?;
-        let mut truncated = writable(truncated, &[count], "truncated")?;
-        let values = actions.as_slice()?;
-        let out = Outputs {
-            observations: observations.as_slice_mut()?,
-            rewards: rewards.as_slice_mut()?,
-            terminated: terminated.as_slice_mut()?,
-            truncated: truncated.as_slice_mut()?,
-        };
-        let inner = self.inner()?;
-        let ended = py.detach(|| inner.step(values, out)).map_err(value)?;
-        if ended.is_empty() { Ok(None) } else { ends(py, ended, len).map(Some) }
+        let (shape, inner) = (self.shape(), self.inner()?);
+        let arrays = StepArrays { actions, observations, rewards, terminated, truncated };
+        let ended = arrays.lend(shape, |actions, out| py.detach(|| inner.step(actions, out)).map_err(value))??;
+        ends(py, ended, shape[1])
     }
 
     /// Gives an environment places for which it heads, and writes its observation.

@@ -5,6 +5,7 @@
 //! those of a server likewise, for which [`remote`] does the same. [`level`] and
 //! [`body`] are what environments are made of. [`graph`] builds graphs and answers with a [`plan`]; [`policy`] decides. No panic crosses into Python as anything but an exception, which [`error`] writes.
 
+mod arrays;
 mod body;
 mod envs;
 mod error;

@@ -1,6 +1,6 @@
 //! Policies: actions for batches of observations, and what recurrent ones remember.
 
-use crate::envs::readable;
+use crate::arrays::readable;
 use crate::error::{chain, value};
 use numpy::{IntoPyArray, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyFileNotFoundError;

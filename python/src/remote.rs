@@ -1,10 +1,10 @@
 //! Servers, and environments on them, for Python.
 
-use crate::envs::{Ends, ends, points, readable, setup, writable};
+use crate::arrays::{StepArrays, readable, writable};
+use crate::envs::{Ends, ends, points, setup};
 use crate::error::{chain, state, value};
 use crate::far::{FarError, FarWorlds, Server as Inner};
 use crate::level::Level;
-use crate::vector::Outputs;
 use numpy::{PyArray2, PyArrayDyn};
 use pyo3::exceptions::{PyConnectionError, PyKeyboardInterrupt};
 use pyo3::prelude::*;
@@ -14,7 +14,6 @@ use std::time::Duration;
 use surefoot_agent::game::{Game, GameError};
 use surefoot_net::client::{ClientTlsFiles, Credentials};
 use surefoot_net::secret::Secret;
-use surefoot_world::character::ACTION_LEN;
 
 /// Longest time for which a lost server may be sought, s.
 const MOST_PATIENCE: f64 = 86_400.0;
@@ -189,23 +188,11 @@ impl RemoteWorlds {
         terminated: &Bound<'py, PyArrayDyn<bool>>,
         truncated: &Bound<'py, PyArrayDyn<bool>>,
     ) -> PyResult<Option<Ends<'py>>> {
-        let [count, len] = self.shape();
-        let actions = readable(actions, &[count, ACTION_LEN], "actions")?;
-        let mut observations = writable(observations, &[count, len], "observations")?;
-        let mut rewards = writable(rewards, &[count], "rewards")?;
-        let mut terminated = writable(terminated, &[count], "terminated")?;
-        let mut truncated = writable(truncated, &[count], "truncated")?;
-        let values = actions.as_slice()?;
-        let out = Outputs {
-            observations: observations.as_slice_mut()?,
-            rewards: rewards.as_slice_mut()?,
-            terminated: terminated.as_slice_mut()?,
-            truncated: truncated.as_slice_mut()?,
-        };
-        let inner = self.inner()?;
+        let (shape, inner) = (self.shape(), self.inner()?);
+        let arrays = StepArrays { actions, observations, rewards, terminated, truncated };
         let go_on = || Python::attach(|py| py.check_signals().is_ok());
-        let ended = py.detach(|| inner.step(values, out, &go_on))?;
-        if ended.is_empty() { Ok(None) } else { ends(py, ended, len).map(Some) }
+        let ended = arrays.lend(shape, |actions, out| py.detach(|| inner.step(actions, out, &go_on)))??;
+        ends(py, ended, shape[1])
     }
 
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {

@@ -1,0 +1,77 @@
+//! Numpy arrays of the caller, which are borrowed for the length of a call.
+
+use crate::error::value;
+use crate::vector::Outputs;
+use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use surefoot_world::character::ACTION_LEN;
+
+/// Borrows an array for writing, which must be laid out like `shape` in C order.
+pub fn writable<'py, T: Element>(
+    array: &Bound<'py, PyArrayDyn<T>>,
+    shape: &[usize],
+    name: &str,
+) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
+    check_shape(array.shape(), shape, name)?;
+    let array = array.try_readwrite().map_err(|error| value(format!("{name}: {error}")))?;
+    if !array.is_c_contiguous() {
+        return Err(value(format!("{name} must be contiguous, in C order")));
+    }
+    Ok(array)
+}
+
+/// Borrows an array for reading, which must be laid out like `shape` in C order.
+pub fn readable<'py, T: Element>(
+    array: &Bound<'py, PyArrayDyn<T>>,
+    shape: &[usize],
+    name: &str,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    check_shape(array.shape(), shape, name)?;
+    let array = array.try_readonly().map_err(|error| value(format!("{name}: {error}")))?;
+    if !array.is_c_contiguous() {
+        return Err(value(format!("{name} must be contiguous, in C order")));
+    }
+    Ok(array)
+}
+
+fn check_shape(found: &[usize], wanted: &[usize], name: &str) -> PyResult<()> {
+    if found == wanted {
+        return Ok(());
+    }
+    Err(value(format!("{name} has the shape {found:?}, but must have {wanted:?}")))
+}
+
+/// The arrays of a step.
+pub struct StepArrays<'a, 'py> {
+    /// Decisions: a row for each environment.
+    pub actions: &'a Bound<'py, PyArrayDyn<f32>>,
+    /// Receives a row for each environment.
+    pub observations: &'a Bound<'py, PyArrayDyn<f32>>,
+    /// Receives a value for each environment, as the next two do.
+    pub rewards: &'a Bound<'py, PyArrayDyn<f32>>,
+    /// Whether the episode ended for good.
+    pub terminated: &'a Bound<'py, PyArrayDyn<bool>>,
+    /// Whether the episode was cut off.
+    pub truncated: &'a Bound<'py, PyArrayDyn<bool>>,
+}
+
+impl StepArrays<'_, '_> {
+    /// Calls `step` with the arrays of so many environments and values of an observation.
+    ///
+    /// # Errors
+    /// If an array has another shape, is not laid out in C order, or is borrowed already.
+    pub fn lend<T>(self, [count, len]: [usize; 2], step: impl FnOnce(&[f32], Outputs<'_>) -> T) -> PyResult<T> {
+        let actions = readable(self.actions, &[count, ACTION_LEN], "actions")?;
+        let mut observations = writable(self.observations, &[count, len], "observations")?;
+        let mut rewards = writable(self.rewards, &[count], "rewards")?;
+        let mut terminated = writable(self.terminated, &[count], "terminated")?;
+        let mut truncated = writable(self.truncated, &[count], "truncated")?;
+        let outputs = Outputs {
+            observations: observations.as_slice_mut()?,
+            rewards: rewards.as_slice_mut()?,
+            terminated: terminated.as_slice_mut()?,
+            truncated: truncated.as_slice_mut()?,
+        };
+        Ok(step(actions.as_slice()?, outputs))
+    }
+}
