@@ -66,7 +66,7 @@ def pod_of(item):
 def flags_of(surefoot, command):
     """The variables that a command knows."""
     told = subprocess.run([surefoot, command, "--help"], capture_output=True, text=True, check=True).stdout
-    return set(re.findall(r"\[env: ([A-Z_0-9]+)=", told))
+    return set(re.findall(r"\[env: ([A-Z_0-9]+)[=\]]", told))
 
 
 def check_container(where, container, flags, surefoot):

@@ -1,4 +1,4 @@
-//! What several servers and planners share: the [`record`] in PostgreSQL, [`blobs`] in an object store.
+//! What several servers and planners share: a record in PostgreSQL, blobs in an object store.
 //!
 //! The crate is empty without its feature `service`.
 #![cfg(feature = "service")]
