@@ -16,7 +16,7 @@ FROM ${BUILD_IMAGE} AS build
 WORKDIR /src
 COPY . .
 COPY --from=page /src/studio/page/dist studio/page/dist
-RUN SUREFOOT_STUDIO=/src/studio/page/dist cargo build --release --locked --package surefoot-cli --features agones
+RUN SUREFOOT_STUDIO=/src/studio/page/dist cargo build --release --locked --package surefoot-cli --features agones,fleet
 
 FROM ${RUNTIME_IMAGE}
 RUN useradd --system --uid 10001 --home-dir /var/lib/surefoot --create-home surefoot
