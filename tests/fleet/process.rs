@@ -97,23 +97,43 @@ pub struct Surefoot {
     pub process: Process,
     /// Where it serves.
     pub address: SocketAddr,
+    program: PathBuf,
     args: Vec<String>,
     env: Vec<(String, String)>,
     log: PathBuf,
 }
 
+/// The program that the tests were built with.
+pub fn this_version() -> &'static Path {
+    Path::new(env!("CARGO_BIN_EXE_surefoot"))
+}
+
 impl Surefoot {
     /// Starts `surefoot` with these arguments, to which `--listen` is added, and its log at `log`.
     pub fn start(args: &[&str], env: &[(String, String)], log: &Path) -> Self {
+        Self::start_version(this_version(), args, env, log)
+    }
+
+    /// As [`start`](Self::start), with another version of the program.
+    pub fn start_version(program: &Path, args: &[&str], env: &[(String, String)], log: &Path) -> Self {
         let args: Vec<String> = args.iter().map(|&arg| arg.to_owned()).collect();
         let address = free_address();
-        Self { process: launch(&args, env, address, log), address, args, env: env.to_vec(), log: log.to_owned() }
+        let process = launch(program, &args, env, address, log);
+        Self { process, address, program: program.to_owned(), args, env: env.to_vec(), log: log.to_owned() }
     }
 
     /// Kills it and starts it again, at the same address.
     pub fn restart(&mut self) {
         self.process.kill();
-        self.process = launch(&self.args, &self.env, self.address, &self.log);
+        self.process = launch(&self.program, &self.args, &self.env, self.address, &self.log);
+    }
+
+    /// Asks it to stop, waits until it has, and starts this version at the same address.
+    pub fn upgrade(&mut self) {
+        self.process.signal("TERM");
+        assert!(self.process.wait().success(), "it stops when it is asked to: {}", self.process.log());
+        self.program = this_version().to_owned();
+        self.restart();
     }
 
     /// Its URI.
@@ -143,9 +163,9 @@ impl Surefoot {
     }
 }
 
-/// `surefoot ARGS --listen ADDRESS`.
-fn launch(args: &[String], env: &[(String, String)], address: SocketAddr, log: &Path) -> Process {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_surefoot"));
+/// `PROGRAM ARGS --listen ADDRESS`.
+fn launch(program: &Path, args: &[String], env: &[(String, String)], address: SocketAddr, log: &Path) -> Process {
+    let mut command = Command::new(program);
     command.args(args).args(["--listen", &address.to_string()]).envs(env.iter().cloned());
     Process::spawn(command, log)
 }
