@@ -23,17 +23,20 @@ impl Package {
     }
 }
 
-/// Every third-party crate of the shipped program: on Linux, with default features.
+/// Every third-party crate of the shipped program: on Linux, with the features of the image.
 ///
 /// # Panics
 /// If cargo fails.
 pub fn linked() -> BTreeSet<Package> {
-    let about = ["--package", "surefoot-cli", "--edges", "normal", "--target", "x86_64-unknown-linux-gnu"];
-    let tree = cargo(&[&["tree", "--prefix", "none", "--no-dedupe", "--format", "{p}|{l}"], &about[..]].concat());
+    let program = ["--package", "surefoot-cli", "--features", "agones,fleet"];
+    let about = [&program[..], &["--edges", "normal", "--target", "x86_64-unknown-linux-gnu"]].concat();
+    let tree = cargo(&[&["tree", "--prefix", "none", "--format", "{p}|{l}|"], &about[..]].concat());
     let lines = tree.lines().filter(|line| !line.contains(" (/") && !line.contains(":\\"));
     lines
         .map(|line| {
-            let (package, license) = line.split_once('|').expect("a package and its licence");
+            let [package, license, _] = line.split('|').collect::<Vec<_>>()[..] else {
+                panic!("a package and its licence")
+            };
             let (name, version) = package.split_once(" v").expect("a name and a version");
             let version = version.trim_end_matches(" (proc-macro)");
             Package { name: name.to_owned(), version: version.to_owned(), license: license.to_owned() }
