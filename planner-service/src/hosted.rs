@@ -170,7 +170,12 @@ impl Hosted {
     pub fn legacy(&self) -> Legacy {
         // In the next graph, the indices of vertices that layers add may be those of others.
         self.live.lock().expect(POISON).keep_below(self.proved.vertex_count());
-        Legacy { live: self.live.clone(), unsent: self.unsent.clone(), proofs: self.proofs.clone(), changes: self.changes.clone() }
+        Legacy {
+            live: self.live.clone(),
+            unsent: self.unsent.clone(),
+            proofs: self.proofs.clone(),
+            changes: self.changes.clone(),
+        }
     }
 
     /// Whether the build of the graph is still running.

@@ -275,7 +275,7 @@ impl Jobs {
         let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let last = jobs.last_key_value().map_or(0, |(id, _)| id.0);
         let now = (since.as_micros() as u64).max((last >> SITE_BITS) + 1);
-        let id = BuildId(now << SITE_BITS | self.site);
+        let id = BuildId((now << SITE_BITS) | self.site);
         let job = Job::new(id, (source, body, settings), started);
         let open = || jobs.values().filter(|other| !other.has_ended());
         if let Some(same) = open().find(|other| !other.is_cancelled() && other.key() == job.key()) {

@@ -7,9 +7,9 @@ use crate::locks::POISON;
 use crate::planner::Planner;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard};
-use surefoot_planner::{BuildError, Progress};
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::store::{LevelId, LevelLayers};
+use surefoot_planner::{BuildError, Progress};
 
 /// Maximum number of layers of a level.
 pub const MAX_LAYERS: usize = 64;

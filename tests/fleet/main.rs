@@ -7,3 +7,4 @@ mod relay;
 mod services;
 
 mod harness;
+mod planners;

@@ -37,7 +37,10 @@ impl FleetArgs {
     /// The fleet of a process that listens at `listen`; `None` if it has its own store.
     pub fn place(&self, listen: SocketAddr) -> anyhow::Result<Option<FleetPlace>> {
         let Some(store) = self.store.clone() else {
-            ensure!(self.blobs.is_none() && self.address.is_none(), "--blobs and --address belong to a fleet: add --store");
+            ensure!(
+                self.blobs.is_none() && self.address.is_none(),
+                "--blobs and --address belong to a fleet: add --store"
+            );
             return Ok(None);
         };
         if !cfg!(feature = "fleet") {

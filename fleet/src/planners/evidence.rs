@@ -7,7 +7,10 @@ use surefoot_planner::live::{Counts, LiveEvidence, MEMORY, Reporter};
 use surefoot_planner::store::StoreError;
 use surefoot_planner::{EdgeKey, GraphId};
 
-/// One row, as columns.
+/// Numbers of tries and sums of decisions, as in [`Counts`].
+type Sums = ([i64; 3], [f64; 2]);
+
+/// Rows, as columns.
 #[derive(Default)]
 struct Columns {
     reporters: Vec<String>,
@@ -21,7 +24,7 @@ struct Columns {
 impl Columns {
     /// The sums of each reporter and edge, ordered, so that planners lock rows in the same order.
     fn of(counts: &[Counts]) -> Self {
-        let mut sums: BTreeMap<(EdgeKey, &Reporter), ([i64; 3], [f64; 2])> = BTreeMap::new();
+        let mut sums: BTreeMap<(EdgeKey, &Reporter), Sums> = BTreeMap::new();
         for Counts { reporter, edge, tries, decisions } in counts {
             let (numbers, sum) = sums.entry((*edge, reporter)).or_default();
             (0..3).for_each(|idx| numbers[idx] += i64::from(tries[idx]));

@@ -25,7 +25,8 @@ pub fn get(shared: &Shared, id: &GraphId) -> Result<Option<Built>, StoreError> {
         let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
         let Some(row) = row else { return Ok(None) };
         let blob = blob_id(&row.blob);
-        let fail = |reason: String| FleetError::new(shared.blobs.place(), format!("blob {blob} of graph {id}: {reason}"));
+        let fail =
+            |reason: String| FleetError::new(shared.blobs.place(), format!("blob {blob} of graph {id}: {reason}"));
         let bytes = shared.blobs.get(blob).await?.ok_or_else(|| fail("there is no such blob".to_owned()))?;
         let Built { graph, stats } = decode_entry(&bytes).map_err(fail)?;
         let [placing_s, probing_s, seconds] = row.times[..] else { return Ok(Some(Built { graph, stats })) };
@@ -111,11 +112,8 @@ pub fn release(shared: &Shared, graph: &GraphId) {
     let released = shared.block(async {
         let fail = |error| shared.failed(error);
         let mut transaction = shared.begin().await?;
-        let gone = sqlx::query!(
-            "DELETE FROM claims WHERE graph = $1 AND member = $2",
-            &graph.0[..],
-            shared.membership.id()
-        );
+        let gone =
+            sqlx::query!("DELETE FROM claims WHERE graph = $1 AND member = $2", &graph.0[..], shared.membership.id());
         if gone.execute(&mut *transaction).await.map_err(fail)?.rows_affected() > 0 {
             shared.notify(&mut transaction, &Note::Graph(*graph)).await?;
         }

@@ -38,7 +38,8 @@ impl LevelArchive for Levels {
             let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
             let Some(row) = row else { return Ok(None) };
             let blob = BlobId(row.blob.try_into().expect("the table has hashes of 32 bytes only"));
-            let gone = || FleetError::new(shared.blobs.place(), format!("there is no blob {blob} of level {}", row.name));
+            let gone =
+                || FleetError::new(shared.blobs.place(), format!("there is no blob {blob} of level {}", row.name));
             let file = shared.blobs.get(blob).await?.ok_or_else(gone)?;
             Ok(Some(SavedLevel { map_hash: map_hash.to_owned(), name: row.name, owner: row.owner, file }))
         });

@@ -49,7 +49,8 @@ impl Membership {
     pub async fn renew(&self) -> Result<(), FleetError> {
         let member = self.current();
         let Err(error) = member.renew().await else { return Ok(()) };
-        let lives = sqlx::query_scalar!(r#"SELECT expires_at > now() AS "lives!" FROM members WHERE id = $1"#, member.id);
+        let lives =
+            sqlx::query_scalar!(r#"SELECT expires_at > now() AS "lives!" FROM members WHERE id = $1"#, member.id);
         let lives = lives.fetch_optional(&self.record.pool).await.map_err(|error| self.record.failed(error))?;
         if lives == Some(true) {
             return Err(error);

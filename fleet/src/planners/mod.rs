@@ -108,11 +108,17 @@ impl Replicas for PlannerRecord {
         let (stale, sure) = (self.shared.stale_publishes.load(Ordering::Relaxed), self.shared.membership.is_sure());
         let mut text = String::new();
         for (name, kind, help, value) in [
-            ("stale_publishes_total", "counter", "Graphs that were not published, because their claim had been lost.", stale),
+            (
+                "stale_publishes_total",
+                "counter",
+                "Graphs that were not published, because their claim had been lost.",
+                stale,
+            ),
             ("lease_sure", "gauge", "Whether nobody can have taken over what this planner builds.", u64::from(sure)),
         ] {
             // To a string, it never fails.
-            let _ = writeln!(text, "# HELP surefoot_{name} {help}\n# TYPE surefoot_{name} {kind}\nsurefoot_{name} {value}");
+            let _ =
+                writeln!(text, "# HELP surefoot_{name} {help}\n# TYPE surefoot_{name} {kind}\nsurefoot_{name} {value}");
         }
         text
     }

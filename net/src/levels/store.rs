@@ -1,7 +1,7 @@
 //! The levels that a service keeps, and the sources of maps.
 
-use super::uploads::Uploads;
 use super::archive::{LevelArchive, SavedLevel};
+use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::serving::Caller;
 use std::collections::BTreeMap;
@@ -203,7 +203,8 @@ impl LevelStore {
                 false => Err(LevelError::File(format!("the archive holds another map as {hash}"))),
             }
         });
-        let (saved, map) = task.await.map_err(|error| LevelError::File(format!("the map cannot be read: {error}")))??;
+        let (saved, map) =
+            task.await.map_err(|error| LevelError::File(format!("the map cannot be read: {error}")))??;
         self.keep(&saved.owner.into(), |_| true, saved.name, Arc::new(map))
     }
 
