@@ -1,4 +1,5 @@
-//! What several servers and planners share: a record in PostgreSQL, blobs in an object store.
+//! What several servers and planners share: a record in PostgreSQL, blobs in an object store, work in NATS JetStream. `planners` has what
+//! planners share, `worlds` what servers do, `work` what everybody who has jobs and whoever does them.
 //!
 //! The crate is empty without its feature `service`.
 #![cfg(feature = "service")]
@@ -6,4 +7,5 @@
 pub mod blobs;
 pub mod error;
 pub mod member;
+pub mod planners;
 pub mod record;

@@ -41,7 +41,9 @@ impl Record {
         );
         let fail = |error: &dyn std::fmt::Display| FleetError::new(place.clone(), error.to_string());
         let pool = PgPoolOptions::new().max_connections(MAX_CONNECTIONS).acquire_timeout(PATIENCE);
-        let pool = pool.connect_with(options.application_name("surefoot")).await.map_err(|error| fail(&error))?;
+        // A process that was stopped within a transaction must not keep others waiting for its locks.
+        let options = options.application_name("surefoot").options([("idle_in_transaction_session_timeout", "2s")]);
+        let pool = pool.connect_with(options).await.map_err(|error| fail(&error))?;
         // Schemas only grow, so that one of a newer version serves this one as well: while a fleet is upgraded, both run.
         sqlx::migrate!().set_ignore_missing(true).run(&pool).await.map_err(|error| fail(&error))?;
         Ok(Self { pool, place })

@@ -1,11 +1,13 @@
 //! Builds of graphs: one at a time on all cores; requests for the same graph share a build. Graphs that are in memory or in the
-//! store do not wait for a build that is running.
+//! store do not wait for a build that is running. Where planners share a store, one of them builds a graph, and the others load it.
 
 use crate::error::PlannerError;
+use crate::faults;
 use crate::hosted::{Hosted, Legacy, Prepared, Provenance};
 use crate::jobs::{BuildResult, Job, Jobs, Stage};
 use crate::origin::Origin;
 use crate::planner::Planner;
+use crate::replicas::{Claim, Token};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -17,13 +19,19 @@ use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId};
 use surefoot_rollout::graphs;
 use surefoot_rollout::probe::ProbeContext;
 use surefoot_world::CharacterProfile;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tracing::{info, warn};
 
 /// Time from the start of a build to its first interim graph; the pause to the next ones doubles each time.
 const FIRST_INTERIM: Duration = Duration::from_millis(300);
 /// Pause where too little is known for an interim graph.
 const RETRY_INTERIM: Duration = Duration::from_millis(100);
+/// Time after which a build looks again whether another planner still builds the graph.
+const LOOK_AGAIN: Duration = Duration::from_millis(250);
+/// Time for which a graph that was built waits for a store that is away.
+const PUBLISH_PATIENCE: Duration = Duration::from_secs(20);
+/// Pause between tries to store it.
+const PUBLISH_PAUSE: Duration = Duration::from_millis(500);
 
 impl Planner {
     /// Returns the builds of the service.
@@ -48,16 +56,27 @@ impl Planner {
     ) -> Result<Arc<Job>, PlannerError> {
         let (job, is_new) = self.shared.jobs.find_or_add(source, body, settings, self.shared.config.max_builds)?;
         if is_new {
-            let (planner, job) = (self.clone(), job.clone());
-            tokio::spawn(async move {
-                let end = planner.run_build(job.clone()).await;
-                job.finish(end.map(|hosted| BuildResult { graph: hosted.origin.id, figures: hosted.figures() }));
-            });
+            self.run_job(job.clone(), Self::run_posted);
         }
         Ok(job)
     }
 
-    async fn run_build(&self, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
+    /// Runs `run` until it says how a build ended.
+    pub(crate) fn run_job<F>(&self, job: Arc<Job>, run: impl FnOnce(Self, Arc<Job>) -> F)
+    where
+        F: Future<Output = Result<Arc<Hosted>, PlannerError>> + Send + 'static,
+    {
+        let end = run(self.clone(), job.clone());
+        let planner = self.clone();
+        tokio::spawn(async move {
+            let end = end.await;
+            job.finish(end.map(|hosted| BuildResult { graph: hosted.origin.id, figures: hosted.figures() }));
+            planner.post_end(&job).await;
+            job.note_known();
+        });
+    }
+
+    pub(crate) async fn run_build(&self, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
         if let Some(hosted) = self.find_ready(&job) {
             return Ok(hosted);
         }
@@ -67,10 +86,17 @@ impl Planner {
         let slot = match self.shared.build_slot.clone().try_acquire_owned() {
             Ok(slot) => slot,
             Err(_) => {
-                if let Some(hosted) = self.load_beside_build(&job).await? {
-                    return Ok(hosted);
+                let mut news = self.shared.graph_news.subscribe();
+                loop {
+                    if let Some(hosted) = self.load_beside_build(&job).await? {
+                        return Ok(hosted);
+                    }
+                    tokio::select! {
+                        slot = permit_for(&job, &self.shared.build_slot) => break slot?,
+                        // Another planner may have built it. The sender lives as long as the planner.
+                        _ = news.changed() => {}
+                    }
                 }
-                permit_for(&job, &self.shared.build_slot).await?
             }
         };
         let planner = self.clone();
@@ -107,7 +133,7 @@ impl Planner {
             () = job.cancelled() => return Err(BuildError::Cancelled.into()),
         }
         let built = build.end().unwrap_or(Err(BuildError::Cancelled.into()))?;
-        self.ready(&built.graph.to_string())
+        self.in_memory(&built.graph.to_string())
     }
 
     /// The graph in memory of the same map, body and settings whose pieces differ in the fewest from those of a job.
@@ -145,11 +171,15 @@ impl Planner {
             graphs::finish(update, &wanted.context, &job.settings, threads, &job.progress)?;
         info!(id = %wanted.id, retried, spared_s, seconds = started.elapsed().as_secs_f32(), "graph follows an edit");
         job.enter(Stage::Index);
-        self.host(&wanted, built, Provenance::Updated, interims.legacy())
+        let hosted = self.host(&wanted, built, Provenance::Updated, interims.legacy())?;
+        if let Err(error) = self.shared.replicas.note_recipe(&wanted.id, &wanted.recipe()) {
+            warn!(%error, "other planners do not know of a graph that follows an edit");
+        }
+        Ok(hosted)
     }
 
     /// Returns the graph of a job if it is in memory and may be used for plans, and marks it as used.
-    fn find_ready(&self, job: &Job) -> Option<Arc<Hosted>> {
+    pub(crate) fn find_ready(&self, job: &Job) -> Option<Arc<Hosted>> {
         let source = job.source.key();
         let is_same = |hosted: &Arc<Hosted>| {
             let Origin { settings, body, source: of, .. } = &hosted.origin;
@@ -173,25 +203,76 @@ impl Planner {
         task.await.map_err(PlannerError::lost("the load"))?
     }
 
-    /// Loads the graph of a job from the store or builds it. Only building keeps the slot.
+    /// Loads the graph of a job from the store or builds it, unless another planner does. Only building keeps the slot.
     fn load_or_build(&self, job: &Job, slot: OwnedSemaphorePermit) -> Result<Arc<Hosted>, PlannerError> {
         job.enter(Stage::Map);
         let wanted = Wanted::new(self, job);
+        let interims = Interims { planner: self, wanted: &wanted, started: Instant::now() };
+        let runtime = tokio::runtime::Handle::current();
         let mut slot = Some(slot);
-        if let Some(loaded) = self.load(&wanted, || drop(slot.take()))? {
-            return Ok(loaded);
+        let mut built = None;
+        loop {
+            let mut news = self.shared.graph_news.subscribe();
+            if let Some(loaded) = self.load(&wanted, || drop(slot.take()))? {
+                return Ok(loaded);
+            }
+            let away = PlannerError::store("the graph cannot be built");
+            match self.shared.replicas.claim(&wanted.id, job.id).map_err(away)? {
+                Claim::Ours(token) => {
+                    let _claimed = Claimed { planner: self, id: wanted.id };
+                    if slot.is_none() {
+                        slot = Some(runtime.block_on(permit_for(job, &self.shared.build_slot))?);
+                    }
+                    let made = match built.take() {
+                        Some(made) => made,
+                        None => self.build(&interims)?,
+                    };
+                    if self.publish(&wanted, token, &made)? {
+                        return self.host(&wanted, made, Provenance::Built, interims.legacy());
+                    }
+                    // Somebody else may have taken the build over meanwhile. If not, this graph is as good as any.
+                    built = Some(made);
+                }
+                Claim::Published => {}
+                Claim::Theirs(posted) => {
+                    slot = None;
+                    job.mirror(posted);
+                    runtime.block_on(wait_for_news(job, &mut news))?;
+                }
+            }
         }
-        job.enter(Stage::Vertices);
-        let started = Instant::now();
-        let threads = self.shared.config.threads;
-        let interims = Interims { planner: self, wanted: &wanted, started };
-        let built = interims.publish_while(|| graphs::build(&wanted.context, &job.settings, threads, &job.progress))?;
-        info!(id = %wanted.id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
-        job.enter(Stage::Index);
-        if let Err(error) = self.shared.store.put(&wanted.id, &built) {
-            warn!(%error, "graph could not be stored in the cache");
+    }
+
+    /// Builds the graph of a job here.
+    fn build(&self, interims: &Interims<'_>) -> Result<Built, PlannerError> {
+        let Wanted { job, context, id, .. } = interims.wanted;
+        job.reach(Stage::Vertices);
+        faults::pass("claimed");
+        // What another planner had done of it is lost.
+        job.progress.done.store(0, Ordering::Relaxed);
+        job.progress.total.store(0, Ordering::Relaxed);
+        let (started, threads) = (Instant::now(), self.shared.config.threads);
+        let built = interims.publish_while(|| graphs::build(context, &job.settings, threads, &job.progress))?;
+        self.shared.built.fetch_add(1, Ordering::Relaxed);
+        info!(%id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
+        job.reach(Stage::Index);
+        faults::pass("built");
+        Ok(built)
+    }
+
+    /// Stores a graph that was built here, for which it waits a while if the store is away. Returns whether the claim of the build still
+    /// holds; otherwise nothing is stored.
+    fn publish(&self, wanted: &Wanted<'_>, token: Token, built: &Built) -> Result<bool, PlannerError> {
+        let (recipe, since) = (wanted.recipe(), Instant::now());
+        loop {
+            match self.shared.replicas.publish(&wanted.id, token, &recipe, built) {
+                Err(error) if error.is_away && since.elapsed() < PUBLISH_PATIENCE && !wanted.job.is_cancelled() => {
+                    warn!(%error, "a graph waits to be stored");
+                    std::thread::park_timeout(PUBLISH_PAUSE);
+                }
+                published => return published.map_err(PlannerError::store("the graph cannot be stored")),
+            }
         }
-        self.host(&wanted, built, Provenance::Built, interims.legacy())
     }
 
     /// Returns a graph from memory or else from the store; `None` if it is in neither. Calls `found` before a stored graph is loaded.
@@ -204,24 +285,33 @@ impl Planner {
             if ready.check_layers().is_err() {
                 let prepare = |layers| ready.prepare(layers, &job.progress);
                 let (level, lock) = (ready.level(), self.shared.level_locks.of(&ready.level()));
-                let (prepared, _held) = self.with_layers(&lock, &level, prepare).ok_or(BuildError::Cancelled)?;
+                let (prepared, _held) = self.with_layers(&lock, &level, prepare)?;
                 ready.apply(prepared);
                 self.label_later(&ready);
             }
             return Ok(Some(ready));
         }
         let store = &self.shared.store;
-        let stored = store.get(id).unwrap_or_else(|error| {
-            warn!(%error, "graph cache cannot be read; building the graph instead");
-            None
-        });
+        let stored = match store.get(id) {
+            Ok(stored) => stored,
+            // Others may have the graph: a second one must not be built.
+            Err(error) if error.is_away => return Err(PlannerError::store("the graph cannot be loaded")(error)),
+            Err(error) => {
+                warn!(%error, "graph cache cannot be read; building the graph instead");
+                None
+            }
+        };
         let Some(built) = stored else { return Ok(None) };
         found();
-        job.enter(Stage::Index);
-        let live = store.live(id).unwrap_or_else(|error| {
-            warn!(%error, "live evidence cannot be read; the graph begins without it");
-            LiveEvidence::default()
-        });
+        job.reach(Stage::Index);
+        let live = match store.live(id) {
+            Ok(live) => live,
+            Err(error) if error.is_away => return Err(PlannerError::store("the graph cannot be loaded")(error)),
+            Err(error) => {
+                warn!(%error, "live evidence cannot be read; the graph begins without it");
+                LiveEvidence::default()
+            }
+        };
         self.host(wanted, built, Provenance::Stored, Legacy::of(live)).map(Some)
     }
 
@@ -238,7 +328,7 @@ impl Planner {
         let proofs = legacy.proofs.clone();
         let prepare = |layers| Prepared::new(origin, &built.graph, &proofs, layers, &job.progress);
         // Held until the graph is in memory, where an edit that comes later finds it.
-        let (prepared, _held) = self.with_layers(&lock, &level, prepare).ok_or(BuildError::Cancelled)?;
+        let (prepared, _held) = self.with_layers(&lock, &level, prepare)?;
         // To fill a table of next hops takes longer than an interim graph lasts, and would keep those who edit a map waiting.
         let is_awaited = matches!(provenance, Provenance::Interim | Provenance::Updated);
         let table_limit = if is_awaited { 0 } else { origin.table_limit };
@@ -246,7 +336,30 @@ impl Planner {
         let hosted = Arc::new(Hosted::new(origin, built, provenance, legacy, prepared));
         self.keep_ready(hosted.clone());
         hosted.announce();
+        self.exchange_later(&hosted);
         Ok(hosted)
+    }
+}
+
+/// A claim that is given up when it is dropped; once the graph is published, there is none.
+struct Claimed<'a> {
+    planner: &'a Planner,
+    id: GraphId,
+}
+
+impl Drop for Claimed<'_> {
+    fn drop(&mut self) {
+        self.planner.shared.replicas.release(&self.id);
+    }
+}
+
+/// Waits for news of a graph, for a moment at most, since news may be lost.
+async fn wait_for_news(job: &Job, news: &mut watch::Receiver<()>) -> Result<(), PlannerError> {
+    tokio::select! {
+        // The sender lives as long as the planner.
+        _ = news.changed() => Ok(()),
+        () = tokio::time::sleep(LOOK_AGAIN) => Ok(()),
+        () = job.cancelled() => Err(BuildError::Cancelled.into()),
     }
 }
 
@@ -317,6 +430,11 @@ struct Wanted<'a> {
 }
 
 impl<'a> Wanted<'a> {
+    /// How others make the graph.
+    fn recipe(&self) -> Vec<u8> {
+        self.job.recipe()
+    }
+
     /// Generates the map of the job, which decides the identity of the graph.
     fn new(planner: &Planner, job: &'a Job) -> Self {
         let map = planner.map_of(&job.source);

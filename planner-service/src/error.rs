@@ -7,6 +7,15 @@ use surefoot_planner::store::StoreError;
 use surefoot_planner::{BuildError, VertexId};
 use surefoot_world::Vec3;
 
+/// Why a build of another planner failed, as the contracts name it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Failure {
+    /// Name of the reason.
+    pub reason: String,
+    /// What to tell the client.
+    pub message: String,
+}
+
 /// Why a call of the planner failed. The error of a build is cloned for every client that waits for it.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum PlannerError {
@@ -106,6 +115,17 @@ pub enum PlannerError {
         /// Why it failed.
         reason: String,
     },
+    /// The store that planners share cannot be reached now.
+    #[error("{what}, because the store cannot be reached now: {reason}")]
+    StoreAway {
+        /// What failed.
+        what: &'static str,
+        /// Why it cannot be reached.
+        reason: String,
+    },
+    /// A build of another planner failed.
+    #[error("{}", .0.message)]
+    Elsewhere(Failure),
     /// The service is shutting down.
     #[error("the service is shutting down: connect again later")]
     ShuttingDown,
@@ -127,6 +147,9 @@ impl PlannerError {
 
     /// Converts a failure of the store; `what` says what failed.
     pub(crate) fn store(what: &'static str) -> impl FnOnce(StoreError) -> Self {
-        move |error| Self::Store { what, reason: error.to_string() }
+        move |error| match error.is_away {
+            true => Self::StoreAway { what, reason: error.to_string() },
+            false => Self::Store { what, reason: error.to_string() },
+        }
     }
 }

@@ -9,12 +9,15 @@ use std::num::NonZeroU64;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Arc, Mutex, RwLock};
 use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
-use surefoot_planner::live::{LiveEvidence, Reported, Reporter, Traversal};
+use surefoot_planner::live::{Counts, LiveEvidence, Reported, Reporter, Traversal};
 use surefoot_planner::search::EdgeCosts;
 use surefoot_planner::store::{LevelId, encode_layer};
 use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, Traffic, VertexId};
 use surefoot_world::Vec3;
 use tokio::sync::watch;
+
+/// Largest number of traversals that wait to be shared with other planners; what comes while there are more counts here only.
+const MAX_UNSENT: usize = 1 << 16;
 
 /// Revision of a level's layers: a hash of their content, so that equal layers have equal revisions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,9 +62,15 @@ pub struct Hosted {
     view: RwLock<Arc<View>>,
     /// Shared with the graphs of the same build that came before.
     live: Arc<Mutex<LiveEvidence>>,
+    /// Traversals that other planners have not been told of; part of `live`.
+    unsent: Arc<Mutex<Vec<Counts>>>,
+    /// Held while evidence is exchanged with other planners.
+    exchanging: Mutex<()>,
     proofs: Arc<Proofs>,
     /// Held while a new view is made and while live evidence is stored, so that neither is overwritten by an older one.
     updating: Mutex<()>,
+    /// Whether an exchange of evidence is scheduled.
+    pub exchange_is_due: AtomicBool,
     /// Whether a refresh is scheduled.
     pub refresh_is_due: AtomicBool,
     /// Duration of the latest refresh, ms.
@@ -115,6 +124,7 @@ impl Prepared {
 #[derive(Debug, Default)]
 pub struct Legacy {
     live: Arc<Mutex<LiveEvidence>>,
+    unsent: Arc<Mutex<Vec<Counts>>>,
     /// Those of the layers.
     pub proofs: Arc<Proofs>,
     changes: watch::Sender<()>,
@@ -133,7 +143,7 @@ impl Hosted {
         origin: Origin,
         Built { graph: proved, stats }: Built,
         provenance: Provenance,
-        Legacy { live, proofs, changes }: Legacy,
+        Legacy { live, unsent, proofs, changes }: Legacy,
         prepared: Prepared,
     ) -> Self {
         let view = View::new(&origin, prepared, &live.lock().expect(POISON).clone());
@@ -144,8 +154,11 @@ impl Hosted {
             proved,
             view: RwLock::new(Arc::new(view)),
             live,
+            unsent,
+            exchanging: Mutex::default(),
             proofs,
             updating: Mutex::default(),
+            exchange_is_due: AtomicBool::new(false),
             refresh_is_due: AtomicBool::new(false),
             refresh_took_ms: AtomicU64::new(0),
             is_labelling: AtomicBool::new(false),
@@ -157,7 +170,12 @@ impl Hosted {
     pub fn legacy(&self) -> Legacy {
         // In the next graph, the indices of vertices that layers add may be those of others.
         self.live.lock().expect(POISON).keep_below(self.proved.vertex_count());
-        Legacy { live: self.live.clone(), proofs: self.proofs.clone(), changes: self.changes.clone() }
+        Legacy {
+            live: self.live.clone(),
+            unsent: self.unsent.clone(),
+            proofs: self.proofs.clone(),
+            changes: self.changes.clone(),
+        }
     }
 
     /// Whether the build of the graph is still running.
@@ -242,6 +260,62 @@ impl Hosted {
             accepted += 1;
         }
         accepted
+    }
+
+    /// Notes that other planners are to be told of traversals along edges that were proved. What layers add may be something else there.
+    pub fn send_later(&self, reporter: &Reporter, traversals: &[Traversal]) {
+        let count = self.proved.vertex_count();
+        let is_proved = |traversal: &&Traversal| traversal.edge.from.idx().max(traversal.edge.to.idx()) < count;
+        let mut unsent = self.unsent.lock().expect(POISON);
+        let room = MAX_UNSENT.saturating_sub(unsent.len());
+        unsent.extend(traversals.iter().filter(is_proved).take(room).map(|traversal| Counts::of(reporter, traversal)));
+    }
+
+    /// Whether there are traversals that other planners have not been told of.
+    pub fn has_unsent(&self) -> bool {
+        !self.unsent.lock().expect(POISON).is_empty()
+    }
+
+    /// Tells other planners with `send` of the traversals that they do not know, and goes on with the evidence of all that `read` returns.
+    /// Costs change at once. Returns whether any has.
+    ///
+    /// # Errors
+    /// Those of `send` and `read`; what was not sent then is sent by the next exchange.
+    pub fn exchange<E>(
+        &self,
+        send: impl FnOnce(&[Counts]) -> Result<(), E>,
+        read: impl FnOnce() -> Result<LiveEvidence, E>,
+    ) -> Result<bool, E> {
+        let _turn = self.exchanging.lock().expect(POISON);
+        let sent = self.unsent.lock().expect(POISON).clone();
+        if !sent.is_empty() {
+            send(&sent)?;
+        }
+        let fresh = read();
+        let view = self.view();
+        let mut live = self.live.lock().expect(POISON);
+        let mut unsent = self.unsent.lock().expect(POISON);
+        unsent.drain(..sent.len());
+        let before = live.clone();
+        live.renew(fresh?, self.proved.vertex_count());
+        unsent.iter().for_each(|counts| live.add(counts));
+        let mut repriced = view.repriced.write().expect(POISON);
+        let graph = &view.edited.graph;
+        let mut has_changed = false;
+        for edge in before.edges().chain(live.edges()) {
+            let Some(cost) = live.cost(graph, edge) else { continue };
+            if before.cost(graph, edge) != Some(cost) {
+                repriced.insert(edge, cost);
+                has_changed = true;
+            }
+        }
+        Ok(has_changed)
+    }
+
+    /// Forgets traversals that other planners have not been told of, if reporters of this name reported them.
+    pub fn drop_unsent(&self, name: &str) {
+        let _turn = self.exchanging.lock().expect(POISON);
+        self.unsent.lock().expect(POISON).retain(|counts| counts.reporter.name != name);
     }
 
     /// Makes a new router from the live evidence so far, with hub labels if the old one has them.

@@ -19,11 +19,26 @@ const KEPT_FOR: Duration = Duration::from_secs(600);
 /// Maximum number of ended builds that are listed; the oldest are removed first.
 const MAX_ENDED: usize = 256;
 
-/// Identifies a build on this service until the service restarts.
+/// Longest wait until other planners know of a build.
+const KNOWN_WITHIN: Duration = Duration::from_secs(1);
+/// Bits of a build's id that tell planners apart.
+const SITE_BITS: u32 = 12;
+
+/// Identifies a build, also among those of planners that share a store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BuildId(u64);
 
 impl BuildId {
+    /// Returns the id as a number.
+    pub fn bits(self) -> u64 {
+        self.0
+    }
+
+    /// Returns the id with this number.
+    pub fn of_bits(bits: u64) -> Self {
+        Self(bits)
+    }
+
     /// Parses 16 lower-case hexadecimal digits, as [`Display`](fmt::Display) writes them; `None` if `text` is anything else.
     pub fn parse(text: &str) -> Option<Self> {
         let is_ours = text.len() == 16 && text.bytes().all(|digit| matches!(digit, b'0'..=b'9' | b'a'..=b'f'));
@@ -78,6 +93,8 @@ pub struct BuildResult {
 struct State {
     /// All stages so far, the current one last.
     stages: Vec<Stage>,
+    /// Whether other planners have been told of the build, or cannot be.
+    is_known: bool,
     /// The graph, once plans can be made on it.
     usable: Option<GraphId>,
     /// When and how the build ended.
@@ -103,6 +120,15 @@ pub struct Job {
 }
 
 impl Job {
+    fn new(
+        id: BuildId,
+        (source, body, settings): (MapSource, CharacterProfile, BuildSettings),
+        started: SystemTime,
+    ) -> Self {
+        let state = State { stages: vec![Stage::Queued], is_known: false, usable: None, end: None };
+        Self { id, source, body, settings, started, progress: Arc::default(), state: watch::Sender::new(state) }
+    }
+
     /// Returns all stages so far, the current one last.
     pub fn stages(&self) -> Vec<Stage> {
         let mut stages = self.state.borrow().stages.clone();
@@ -134,6 +160,18 @@ impl Job {
             // An error means that the job was dropped: nothing changes any more.
             let _ = changes.changed().await;
         }
+    }
+
+    /// Resolves when other planners know of the build, or cannot be told for now.
+    pub(crate) async fn known(&self) {
+        let mut changes = self.state.subscribe();
+        // An error means that the job was dropped. If the store is away, others learn of the build later.
+        let _ = tokio::time::timeout(KNOWN_WITHIN, changes.wait_for(|state| state.is_known)).await;
+    }
+
+    /// Notes that other planners know of the build, or cannot be told.
+    pub(crate) fn note_known(&self) {
+        self.state.send_modify(|state| state.is_known = true);
     }
 
     /// Resolves when the build has ended.
@@ -171,6 +209,13 @@ impl Job {
         });
     }
 
+    /// Enters a stage, unless the build has been in it already.
+    pub(crate) fn reach(&self, stage: Stage) {
+        if self.stages().last().is_none_or(|latest| *latest < stage) {
+            self.enter(stage);
+        }
+    }
+
     /// Notes that plans can be made on the graph although the build goes on.
     pub(crate) fn note_usable(&self, graph: GraphId) {
         self.state.send_modify(|state| state.usable = Some(graph));
@@ -199,12 +244,19 @@ impl Job {
 }
 
 /// All builds of a service: those that are running or waiting, and those that ended recently.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Jobs {
+    /// Distinguishes ids from those of other planners.
+    site: u64,
     jobs: Mutex<BTreeMap<BuildId, Arc<Job>>>,
 }
 
 impl Jobs {
+    /// No builds yet; ids contain `site`.
+    pub fn new(site: u64) -> Self {
+        Self { site: site & ((1 << SITE_BITS) - 1), jobs: Mutex::default() }
+    }
+
     /// Returns the build of this graph that is running or waiting, or adds a new one. The second value says whether the build is
     /// new.
     ///
@@ -222,15 +274,9 @@ impl Jobs {
         let started = SystemTime::now();
         let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let last = jobs.last_key_value().map_or(0, |(id, _)| id.0);
-        let job = Job {
-            id: BuildId((since.as_micros() as u64).max(last + 1)),
-            source,
-            body,
-            settings,
-            started,
-            progress: Arc::default(),
-            state: watch::Sender::new(State { stages: vec![Stage::Queued], usable: None, end: None }),
-        };
+        let now = (since.as_micros() as u64).max((last >> SITE_BITS) + 1);
+        let id = BuildId((now << SITE_BITS) | self.site);
+        let job = Job::new(id, (source, body, settings), started);
         let open = || jobs.values().filter(|other| !other.has_ended());
         if let Some(same) = open().find(|other| !other.is_cancelled() && other.key() == job.key()) {
             return Ok((same.clone(), false));
@@ -241,6 +287,23 @@ impl Jobs {
         let job = Arc::new(job);
         jobs.insert(job.id, job.clone());
         Ok((job, true))
+    }
+
+    /// Adds a build of another planner, or returns the one with this id that is already here. The second value says whether the build is
+    /// new.
+    pub(crate) fn follow(
+        &self,
+        id: BuildId,
+        wanted: (MapSource, CharacterProfile, BuildSettings),
+        started: SystemTime,
+    ) -> (Arc<Job>, bool) {
+        let mut jobs = self.jobs.lock().expect(POISON);
+        if let Some(job) = jobs.get(&id) {
+            return (job.clone(), false);
+        }
+        let job = Arc::new(Job::new(id, wanted, started));
+        jobs.insert(id, job.clone());
+        (job, true)
     }
 
     /// Returns a build by its id.

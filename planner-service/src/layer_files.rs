@@ -110,6 +110,7 @@ fn fail(path: &Path, what: &str) -> impl FnOnce(io::Error) -> StoreError {
     move |error| StoreError {
         place,
         reason: format!("{what}: {error}; check its permissions and the space on its disk"),
+        is_away: false,
     }
 }
 

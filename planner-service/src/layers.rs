@@ -7,9 +7,9 @@ use crate::locks::POISON;
 use crate::planner::Planner;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard};
-use surefoot_planner::Progress;
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::store::{LevelId, LevelLayers};
+use surefoot_planner::{BuildError, Progress};
 
 /// Maximum number of layers of a level.
 pub const MAX_LAYERS: usize = 64;
@@ -161,7 +161,7 @@ impl Planner {
         if_revision: Option<Revision>,
         change: LayerChange,
     ) -> Result<Changed, PlannerError> {
-        let hosted = self.ready(graph_id)?;
+        let hosted = self.ready(graph_id).await?;
         let work = async {
             let _turn = match change.is_probed() {
                 false => None,
@@ -207,7 +207,10 @@ impl Planner {
             if read()? != stored || !has_all(&self.graphs_of(&level, &hosted)) {
                 continue;
             }
-            store.put_layer(&level, &changed).map_err(PlannerError::store("the layer cannot be stored"))?;
+            let replaced = store.replace_layer(&level, stored.version, &changed);
+            if !replaced.map_err(PlannerError::store("the layer cannot be stored"))? {
+                continue;
+            }
             for (graph, prepared) in graphs.iter().zip(prepared) {
                 graph.apply(prepared);
                 self.label_later(graph);
@@ -229,30 +232,34 @@ impl Planner {
     }
 
     /// Prepares a graph with the layers of a level, and returns it with the level's `lock`, which is held so that the layers stay as
-    /// they are. `None` if `prepare` was cancelled.
+    /// they are. If they cannot be read, the graph refuses plans.
+    ///
+    /// # Errors
+    /// If `prepare` was cancelled, or the store that planners share is away.
     pub(crate) fn with_layers<'a>(
         &self,
         lock: &'a Mutex<()>,
         level: &LevelId,
         prepare: impl Fn(Result<Vec<Layer>, PlannerError>) -> Option<Prepared>,
-    ) -> Option<(Prepared, MutexGuard<'a, ()>)> {
+    ) -> Result<(Prepared, MutexGuard<'a, ()>), PlannerError> {
         loop {
             let stored = self.shared.store.layers(level);
             let layers = match stored.clone() {
                 Ok(layers) => readable(layers),
+                Err(error) if error.is_away => return Err(PlannerError::store("the layers cannot be read")(error)),
                 Err(error) => Err(PlannerError::LayersUnreadable(error.to_string())),
             };
-            let prepared = prepare(layers)?;
+            let prepared = prepare(layers).ok_or(BuildError::Cancelled)?;
             let held = lock.lock().expect(POISON);
             // A change that was stored in the meantime did not apply to this graph.
             if self.shared.store.layers(level) == stored {
-                return Some((prepared, held));
+                return Ok((prepared, held));
             }
         }
     }
 }
 
 /// Returns all layers of a level, or why they cannot be used.
-fn readable(layers: LevelLayers) -> Result<Vec<Layer>, PlannerError> {
+pub(crate) fn readable(layers: LevelLayers) -> Result<Vec<Layer>, PlannerError> {
     layers.whole().map_err(|damaged| PlannerError::LayersUnreadable(damaged.to_string()))
 }

@@ -2,26 +2,31 @@
 //!
 //! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and
 //! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers. [`grpc`] decodes requests, calls the
-//! planner and encodes responses; [`wire`] converts types. Only these two and `serve` use wire types. Building and searching
+//! planner and encodes responses; [`replicas`] is what planners that share a store agree on: `operations` has their builds, `sharing` what
+//! they change. [`wire`] converts types. Only these two and `serve` use wire types. Building and searching
 //! are in the pure library `surefoot-planner`.
 
 pub mod builds;
 mod config;
 mod error;
+pub mod faults;
 pub mod grpc;
 pub mod hosted;
 pub mod jobs;
 mod layer_files;
 pub mod layers;
 mod locks;
+mod operations;
 pub mod origin;
 pub mod planner;
 mod proofs;
+pub mod replicas;
 mod serve;
+mod sharing;
 pub mod store;
 pub mod wire;
 
 pub use config::PlannerConfig;
-pub use error::PlannerError;
-pub use planner::Planner;
+pub use error::{Failure, PlannerError};
+pub use planner::{Common, Planner};
 pub use serve::serve;

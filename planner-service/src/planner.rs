@@ -6,14 +6,15 @@
 
 use crate::config::PlannerConfig;
 use crate::error::PlannerError;
-use crate::hosted::{Hosted, Provenance};
+use crate::hosted::Hosted;
 use crate::jobs::Jobs;
 use crate::locks::{LevelLocks, POISON};
+use crate::replicas::{Alone, Replicas};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use surefoot_net::levels::{LevelStore, MapSource, SharedMap};
+use surefoot_net::levels::{LevelArchive, LevelStore, MapSource, SharedMap};
 use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::Shutdown;
 use surefoot_planner::live::{Reporter, Traversal};
@@ -24,7 +25,8 @@ use surefoot_planner::{GraphId, Plan, Query, Traffic, VertexId};
 use surefoot_policy::Policy;
 use surefoot_rollout::probe::{self, ProbeContext};
 use surefoot_world::{Map, Seed, Vec3};
-use tokio::sync::Semaphore;
+use tokio::runtime::Handle;
+use tokio::sync::{Semaphore, watch};
 use tracing::warn;
 
 /// Delay from a report of traversals to the new table of next hops.
@@ -37,6 +39,23 @@ const MAX_LOADS: usize = 2;
 /// Number of maps that are kept although no graph needs them just now.
 const RECENT_MAPS: usize = 2;
 
+/// The stores of a planner, which others may share.
+pub struct Common {
+    /// Graphs, layers and evidence.
+    pub store: Arc<dyn GraphStore>,
+    /// What planners that share it agree on.
+    pub replicas: Arc<dyn Replicas>,
+    /// Imported levels; `None` if they are kept in memory only.
+    pub levels: Option<Arc<dyn LevelArchive>>,
+}
+
+impl<S: GraphStore + 'static> From<Box<S>> for Common {
+    fn from(store: Box<S>) -> Self {
+        let store: Arc<dyn GraphStore> = Arc::from(store as Box<dyn GraphStore>);
+        Self { replicas: Arc::new(Alone(store.clone())), store, levels: None }
+    }
+}
+
 /// A planner. Clones share all state.
 #[derive(Clone)]
 pub struct Planner {
@@ -46,7 +65,10 @@ pub struct Planner {
 pub(crate) struct Shared {
     pub config: PlannerConfig,
     pub policy: Policy,
-    pub store: Box<dyn GraphStore>,
+    pub store: Arc<dyn GraphStore>,
+    pub replicas: Arc<dyn Replicas>,
+    /// Where tasks run that threads without a runtime start.
+    pub runtime: Handle,
     pub levels: LevelStore,
     /// Graphs in memory, the most recently used last.
     ready: Mutex<VecDeque<Arc<Hosted>>>,
@@ -66,20 +88,33 @@ pub(crate) struct Shared {
     pub updating: Arc<Semaphore>,
     /// The maps that were needed last, without pieces, the latest last.
     recent_maps: Mutex<VecDeque<Arc<SharedMap>>>,
+    /// Notified when another planner has published a graph, or has given up.
+    pub graph_news: watch::Sender<()>,
     /// Number of plans answered.
     plans: AtomicU64,
+    /// Number of graphs built here.
+    pub built: AtomicU64,
     pub shutdown: Shutdown,
 }
 
 impl Planner {
-    /// Creates a planner that proves edges with `policy`.
-    pub fn new(config: PlannerConfig, policy: Policy, store: Box<dyn GraphStore>, shutdown: Shutdown) -> Self {
+    /// Creates a planner that proves edges with `policy`, on the runtime that calls it.
+    pub fn new(config: PlannerConfig, policy: Policy, store: Common, shutdown: Shutdown) -> Self {
+        let Common { store, replicas, levels: archive } = store;
+        let levels = LevelStore::new(config.max_maps, MemoryBudget::new(config.max_memory_bytes));
         let shared = Shared {
             policy,
             store,
-            levels: LevelStore::new(config.max_maps, MemoryBudget::new(config.max_memory_bytes)),
+            runtime: Handle::current(),
+            levels: match archive {
+                Some(archive) => levels.archived(archive),
+                None => levels,
+            },
             ready: Mutex::default(),
-            jobs: Jobs::default(),
+            jobs: Jobs::new(replicas.site()),
+            replicas,
+            graph_news: watch::Sender::new(()),
+            built: AtomicU64::new(0),
             build_slot: Arc::new(Semaphore::new(1)),
             loading: Arc::new(Semaphore::new(MAX_LOADS)),
             proving: Semaphore::new(1),
@@ -115,10 +150,13 @@ impl Planner {
         let plans = self.shared.plans.load(Ordering::Relaxed);
         let graphs = self.shared.ready.lock().expect(POISON).len();
         let builds = self.shared.jobs.open_count();
+        let (built, shared) = (self.shared.built.load(Ordering::Relaxed), self.shared.replicas.metrics());
         format!(
             "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
-             # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n"
+             # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n\
+             # HELP surefoot_graphs_built_total Graphs built by this planner.\n# TYPE surefoot_graphs_built_total counter\nsurefoot_graphs_built_total {built}\n\
+             {shared}"
         )
     }
 
@@ -163,19 +201,9 @@ impl Planner {
     ///
     /// # Errors
     /// If the id is malformed, or the graph is not in memory.
-    pub fn ready(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
+    pub fn in_memory(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
         let hosted = self.find(graph_id)?;
         self.note_use(&hosted.origin.id);
-        Ok(hosted)
-    }
-
-    /// Returns a graph in memory that may be used for plans, and marks it as used.
-    ///
-    /// # Errors
-    /// If the id is malformed, the graph is not in memory, or its layers could not be read.
-    pub fn usable(&self, graph_id: &str) -> Result<Arc<Hosted>, PlannerError> {
-        let hosted = self.ready(graph_id)?;
-        hosted.check_layers()?;
         Ok(hosted)
     }
 
@@ -268,19 +296,23 @@ impl Planner {
     pub fn report(&self, hosted: &Arc<Hosted>, reporter: &Reporter, traversals: &[Traversal]) -> u32 {
         let accepted = hosted.report(reporter, traversals);
         if accepted > 0 {
+            if self.shared.replicas.are_several() {
+                hosted.send_later(reporter, traversals);
+                self.exchange_later(hosted);
+            }
             self.refresh_later(hosted.clone());
         }
         accepted
     }
 
     /// Schedules a new table of next hops, unless one is already scheduled.
-    fn refresh_later(&self, hosted: Arc<Hosted>) {
+    pub(crate) fn refresh_later(&self, hosted: Arc<Hosted>) {
         if hosted.refresh_is_due.swap(true, Ordering::Relaxed) {
             return;
         }
         let planner = self.clone();
         let last = Duration::from_millis(hosted.refresh_took_ms.load(Ordering::Relaxed));
-        tokio::spawn(async move {
+        self.shared.runtime.spawn(async move {
             tokio::select! {
                 () = tokio::time::sleep(REFRESH_AFTER.max(last * REFRESH_PAUSE)) => {}
                 () = planner.shared.shutdown.wait() => return,
@@ -298,16 +330,20 @@ impl Planner {
         });
     }
 
-    /// Stores the live evidence of all graphs in memory.
-    pub(crate) fn store_reports(&self) {
+    /// Stores the live evidence of all graphs in memory, and leaves builds to other planners.
+    pub(crate) fn leave(&self) {
         for hosted in self.all_ready() {
             self.store_report(&hosted);
         }
+        self.shared.replicas.leave();
     }
 
-    fn store_report(&self, hosted: &Hosted) {
+    fn store_report(&self, hosted: &Arc<Hosted>) {
+        if self.shared.replicas.are_several() {
+            return self.exchange(hosted);
+        }
         // These are not in the store. The next graph of an interim one's build takes its live evidence over.
-        if matches!(hosted.provenance, Provenance::Interim | Provenance::Updated) {
+        if !Self::has_row(hosted) {
             return;
         }
         let stored = hosted.store_live(|live| match live.is_empty() {
@@ -329,8 +365,17 @@ impl Planner {
         }
         let planner = self.clone();
         let task = tokio::task::spawn_blocking(move || {
+            let is_shared = planner.shared.replicas.are_several() && Self::has_row(&hosted);
+            if is_shared {
+                hosted.drop_unsent(&name);
+                let dropped = planner.shared.replicas.drop_evidence(&hosted.origin.id, &name);
+                dropped.map_err(PlannerError::store("the reports cannot be removed"))?;
+            }
             let dropped = hosted.drop_reports(&name);
             hosted.refresh();
+            if is_shared {
+                return Ok(dropped);
+            }
             let stored = hosted.store_live(|live| planner.shared.store.put_live(&hosted.origin.id, live));
             stored.map_err(PlannerError::store("the remaining reports cannot be stored"))?;
             Ok(dropped)

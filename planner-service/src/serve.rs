@@ -2,9 +2,8 @@
 
 use crate::config::PlannerConfig;
 use crate::grpc::PlannerApi;
-use crate::planner::Planner;
+use crate::planner::{Common, Planner};
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
-use surefoot_planner::store::GraphStore;
 use surefoot_policy::Policy;
 use surefoot_proto::planner::v1::planner_service_server::{PlannerServiceServer, SERVICE_NAME};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
@@ -17,10 +16,11 @@ pub async fn serve(
     endpoint: Endpoint,
     config: PlannerConfig,
     policy: Policy,
-    store: Box<dyn GraphStore>,
+    store: impl Into<Common>,
     shutdown: Shutdown,
 ) -> Result<(), ServeError> {
-    let planner = Planner::new(config, policy, store, shutdown.clone());
+    let planner = Planner::new(config, policy, store.into(), shutdown.clone());
+    tokio::spawn(planner.clone().follow_news());
     let metrics = {
         let planner = planner.clone();
         move || {
@@ -38,6 +38,8 @@ pub async fn serve(
     routes.add_service(with_grpc_web(grpc)).add_service(with_grpc_web(maps));
     let result = endpoint.serve(routes, &[SERVICE_NAME, MAP_SERVICE], metrics, shutdown).await;
     planner.cancel_builds();
-    planner.store_reports();
+    let end = tokio::task::spawn_blocking(move || planner.leave());
+    // Only a panic ends it otherwise, which has been printed.
+    let _ = end.await;
     result
 }

@@ -88,7 +88,7 @@ impl DiskStore {
     /// that this version does not read.
     pub fn open(folder: &Path, limit_bytes: u64) -> Result<Self, StoreError> {
         let path = folder.join("graphs.redb");
-        let fail = |reason: String| StoreError { place: path.display().to_string(), reason };
+        let fail = |reason: String| StoreError { place: path.display().to_string(), reason, is_away: false };
         std::fs::create_dir_all(folder).map_err(|error| fail(error.to_string()))?;
         let database = match open_file(&path) {
             Ok(database) => database,
@@ -129,6 +129,7 @@ impl DiskStore {
                 reason:
                     "a layer of an earlier version belongs to no level: move the file away to begin with an empty cache"
                         .to_owned(),
+                is_away: false,
             })?;
             self.layers.add(&LevelId(*level), name, bytes)?;
         }
@@ -145,7 +146,7 @@ impl DiskStore {
 
     /// Runs one access to the file, and turns a panic of redb on damaged data into an error.
     fn guarded<T>(&self, access: impl FnOnce() -> Result<T, redb::Error>) -> Result<T, StoreError> {
-        let fail = |reason: String| StoreError { place: self.path.display().to_string(), reason };
+        let fail = |reason: String| StoreError { place: self.path.display().to_string(), reason, is_away: false };
         match catch_unwind(AssertUnwindSafe(access)) {
             Ok(result) => result.map_err(|error| fail(error.to_string())),
             Err(_) => Err(fail("the file is damaged: stop all processes that use it and delete it".to_owned())),

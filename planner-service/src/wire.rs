@@ -1,12 +1,13 @@
 //! Conversions between the wire types of `surefoot.planner.v1` and the planner's own types. Incoming values are checked here.
 
 use crate::config::PlannerConfig;
-use crate::error::PlannerError;
+use crate::error::{Failure, PlannerError};
 use crate::hosted::{Figures, GraphView, Hosted, Revision};
 use crate::jobs::{Job, Stage};
+use prost::Message;
 use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;
-use surefoot_net::levels::{Made, MapSource};
+use surefoot_net::levels::{LevelStore, Made, MapSource, grpc};
 use surefoot_net::status;
 use surefoot_planner::edits::{Edit, Layer, Unapplied};
 use surefoot_planner::live::{Reported, Reporter};
@@ -14,12 +15,78 @@ use surefoot_planner::reachability::Difference;
 use surefoot_planner::settings::MAX_VERTICES;
 use surefoot_planner::{BuildSettings, Edge, Placement, Probing, RawBuildSettings, Traffic};
 use surefoot_proto::convert::{self, FieldError};
+use surefoot_proto::pieces::piece_to_wire;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::plans::{MAX_CROWDS, needs_to_wire, settings_to_wire};
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::MapSpec;
-use surefoot_world::{DECISION_SECONDS, Vec3};
+use surefoot_world::{CharacterProfile, DECISION_SECONDS, Vec3};
 use tonic::Status;
+
+/// What a graph is built of.
+pub type Wanted = (MapSource, CharacterProfile, BuildSettings);
+
+/// Encodes how to make a graph, for all planners that share a store: as the request that asks for it.
+pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSettings)) -> Vec<u8> {
+    let (map, map_hash) = match source.made() {
+        Made::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
+        Made::Level(level) => (None, level.map.hash().to_hex()),
+    };
+    let request = wire::StartBuildRequest {
+        map,
+        settings: Some(settings_to_wire(settings)),
+        map_hash,
+        policy_hash: String::new(),
+        body: Some(convert::body_to_wire(body)),
+        pieces: source.pieces().iter().map(piece_to_wire).collect(),
+    };
+    request.encode_to_vec()
+}
+
+/// Decodes what [`recipe`] encoded.
+///
+/// # Errors
+/// If this planner's limits or levels do not allow what is asked for, or another version encoded it.
+pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConfig) -> Result<Wanted, PlannerError> {
+    let read = async {
+        let request = wire::StartBuildRequest::decode(bytes)
+            .map_err(|error| status::failure(Reason::Internal, format!("the recipe of a graph is damaged: {error}")))?;
+        wanted(&request, levels, config).await
+    };
+    read.await.map_err(|status: Status| PlannerError::Elsewhere(as_failure(&status)))
+}
+
+/// Reads what a request wants built.
+///
+/// # Errors
+/// If it is not valid, or names a level that is not known.
+pub async fn wanted(
+    request: &wire::StartBuildRequest,
+    levels: &LevelStore,
+    config: &PlannerConfig,
+) -> Result<Wanted, Status> {
+    // Held until the source holds it.
+    let _level = match request.map_hash.as_str() {
+        "" => None,
+        hash if request.map.is_none() => Some(levels.fetch(hash).await?),
+        _ => None,
+    };
+    let made = grpc::source(levels, request.map.as_ref(), &request.map_hash)?;
+    let source = grpc::with_pieces(made, &request.pieces)?;
+    let settings = settings_from_wire(request.settings.as_ref(), config)?;
+    let body = convert::body(request.body.as_ref())?;
+    Ok((source, body, settings))
+}
+
+/// How other planners are told why a build failed.
+pub fn failure_of(error: &PlannerError) -> Failure {
+    as_failure(&Status::from(error.clone()))
+}
+
+fn as_failure(status: &Status) -> Failure {
+    let reason = Reason::of(status).unwrap_or(Reason::Internal);
+    Failure { reason: reason.name().to_owned(), message: status.message().to_owned() }
+}
 
 /// Reads where NPCs are about to be.
 ///

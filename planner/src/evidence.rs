@@ -65,6 +65,11 @@ impl Evidence {
         Self { prior, ..Self::default() }
     }
 
+    /// Evidence of tries that were counted elsewhere; the sums are those of the decisions of tries that arrived and of their squares.
+    pub(crate) fn counted([tries, successes, deaths]: [u32; 3], [decisions_sum, decisions_squared]: [f64; 2]) -> Self {
+        Self { tries, successes, deaths, decisions_sum, decisions_squared, ..Self::default() }
+    }
+
     /// Evidence of an edge that has not been tried yet, with a prior in [0, 1] and the decisions that it is expected to take.
     pub fn of_expected_edge(prior: f32, Decisions(decisions): Decisions) -> Self {
         Self { decisions_sum: decisions, decisions_squared: decisions * decisions, ..Self::expected(prior) }

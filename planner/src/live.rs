@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 /// Number of tries of an edge, of all trusted or of all other reporters, at which these tries are halved in weight, so that
 /// recent tries can change the estimate.
-const MEMORY: u32 = 64;
+pub const MEMORY: u32 = 64;
 /// Maximum number of reporters with an entry of their own; further ones share the entry [`OTHERS`].
 const MAX_REPORTERS: usize = 64;
 /// Name of the entry that reporters share who have none of their own.
@@ -50,6 +50,33 @@ pub struct Reported {
     pub failures: u64,
 }
 
+/// Traversals of one edge by one reporter, as sums: those of several planners add up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Counts {
+    /// Who reported them.
+    pub reporter: Reporter,
+    /// The edge.
+    pub edge: EdgeKey,
+    /// Numbers of traversals, of those that arrived, and of those that ended in death.
+    pub tries: [u32; 3],
+    /// Sums of the decisions of those that arrived, and of the squares of these.
+    pub decisions: [f64; 2],
+}
+
+impl Counts {
+    /// The sum that consists of one traversal.
+    pub fn of(reporter: &Reporter, traversal: &Traversal) -> Self {
+        let arrived = traversal.end == TryEnd::Arrived;
+        let decisions = if arrived { f64::from(traversal.decisions) } else { 0.0 };
+        Self {
+            reporter: reporter.clone(),
+            edge: traversal.edge,
+            tries: [1, u32::from(arrived), u32::from(traversal.end == TryEnd::Died)],
+            decisions: [decisions, decisions * decisions],
+        }
+    }
+}
+
 /// Evidence from traversals, by reporter and edge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LiveEvidence {
@@ -66,15 +93,68 @@ impl LiveEvidence {
     pub fn note(&mut self, graph: &NavGraph, reporter: &Reporter, traversal: &Traversal) -> Option<EdgeCost> {
         let edge = graph.edge(traversal.edge)?;
         let is_trusted = reporter.is_trusted;
-        let has_entry = self.reporters.contains_key(reporter) || self.reporters.len() < MAX_REPORTERS;
-        let entry = if has_entry { reporter.clone() } else { Reporter { name: OTHERS.to_owned(), is_trusted } };
-        let own = self.reporters.entry(entry).or_default().entry(edge.key).or_default();
+        let own = self.entry(reporter).entry(edge.key).or_default();
         own.note(traversal.end, traversal.decisions, edge.evidence.ability);
         if self.sum(edge.key, is_trusted).tries >= MEMORY {
-            let alike = self.reporters.iter_mut().filter(|(other, _)| other.is_trusted == is_trusted);
-            alike.filter_map(|(_, edges)| edges.get_mut(&edge.key)).for_each(Evidence::halve);
+            self.halve(edge.key, is_trusted);
         }
         Some(self.added_to(edge).edge_cost())
+    }
+
+    /// Evidence that was counted elsewhere. Reporters beyond the limit share an entry; counts that contradict each other are left out.
+    pub fn of_counts(counts: impl IntoIterator<Item = Counts>) -> Self {
+        let mut live = Self::default();
+        counts.into_iter().for_each(|counts| live.add(&counts));
+        live
+    }
+
+    /// Adds traversals that were counted, unless the counts contradict each other.
+    pub fn add(&mut self, Counts { reporter, edge, tries, decisions }: &Counts) {
+        let counted = Evidence::counted(*tries, *decisions);
+        if !counted.is_consistent() {
+            return;
+        }
+        let own = self.entry(reporter).entry(*edge).or_default();
+        *own = own.and(&counted);
+        while self.sum(*edge, reporter.is_trusted).tries >= MEMORY {
+            self.halve(*edge, reporter.is_trusted);
+        }
+    }
+
+    /// Takes over evidence that was counted elsewhere, but for edges with a vertex whose index is `count` or higher: these are added by
+    /// layers, and known here only.
+    pub fn renew(&mut self, counted: Self, count: usize) {
+        let is_of_layer = |key: &EdgeKey| key.from.idx() >= count || key.to.idx() >= count;
+        let old = std::mem::replace(self, counted);
+        for (reporter, edges) in old.reporters {
+            let kept: Vec<_> = edges.into_iter().filter(|(key, _)| is_of_layer(key)).collect();
+            if !kept.is_empty() {
+                self.entry(&reporter).extend(kept);
+            }
+        }
+    }
+
+    /// Returns all edges with evidence, some of them more than once.
+    pub fn edges(&self) -> impl Iterator<Item = EdgeKey> {
+        self.reporters.values().flat_map(|edges| edges.keys().copied())
+    }
+
+    /// Returns the cost of an edge of `graph`; `None` if `graph` has no such edge.
+    pub fn cost(&self, graph: &NavGraph, edge: EdgeKey) -> Option<EdgeCost> {
+        graph.edge(edge).map(|edge| self.added_to(edge).edge_cost())
+    }
+
+    /// Returns the entry of a reporter, which may be one that several share.
+    fn entry(&mut self, reporter: &Reporter) -> &mut BTreeMap<EdgeKey, Evidence> {
+        let has_entry = self.reporters.contains_key(reporter) || self.reporters.len() < MAX_REPORTERS;
+        let shared = || Reporter { name: OTHERS.to_owned(), is_trusted: reporter.is_trusted };
+        self.reporters.entry(if has_entry { reporter.clone() } else { shared() }).or_default()
+    }
+
+    /// Halves the weight of all trusted or of all other tries of an edge.
+    fn halve(&mut self, edge: EdgeKey, is_trusted: bool) {
+        let alike = self.reporters.iter_mut().filter(|(other, _)| other.is_trusted == is_trusted);
+        alike.filter_map(|(_, edges)| edges.get_mut(&edge)).for_each(Evidence::halve);
     }
 
     /// Returns the sum of the evidence of an edge, of all trusted or of all other reporters.

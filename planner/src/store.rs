@@ -65,6 +65,16 @@ pub trait GraphStore: Send + Sync {
     /// # Errors
     /// If the store cannot be written; the layers are then as before.
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError>;
+
+    /// Does the same if the layers of the level are still of this [`version`](LevelLayers::version), and returns whether they were. A
+    /// store of one process needs no versions: whoever changes layers holds the lock of their level.
+    ///
+    /// # Errors
+    /// Same as [`put_layer`](Self::put_layer). If the store became unreachable, the layer may have been stored nevertheless.
+    fn replace_layer(&self, level: &LevelId, version: u64, layer: &Layer) -> Result<bool, StoreError> {
+        debug_assert_eq!(version, 0, "only stores of several processes count versions");
+        self.put_layer(level, layer).map(|()| true)
+    }
 }
 
 /// The layers of a level.
@@ -74,6 +84,8 @@ pub struct LevelLayers {
     pub layers: Vec<Layer>,
     /// Layers that cannot be read, by name.
     pub damaged: Vec<DamagedLayer>,
+    /// Number of changes so far, in a store that several processes share; otherwise 0.
+    pub version: u64,
 }
 
 impl LevelLayers {
@@ -106,6 +118,8 @@ pub struct StoreError {
     pub place: String,
     /// What went wrong.
     pub reason: String,
+    /// Whether the store cannot be reached now, and may be reached again later.
+    pub is_away: bool,
 }
 
 /// Content of a graph's entry.

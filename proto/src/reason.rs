@@ -79,6 +79,7 @@ reasons! {
     Starting "STARTING" Unavailable "The service is starting: it restores what was saved.",
     Busy "BUSY" Unavailable "The world has too many calls waiting.",
     WorldStopped "WORLD_STOPPED" Unavailable "The world has stopped.",
+    StoreUnavailable "STORE_UNAVAILABLE" Unavailable "What several services share, the record or the blobs, cannot be reached now: what is in memory goes on being served, nothing is stored.",
     ShuttingDown "SHUTTING_DOWN" Unavailable "The service is shutting down.",
     DeadlineExceeded "DEADLINE_EXCEEDED" DeadlineExceeded "There was no answer in time.",
     BuildCancelled "BUILD_CANCELLED" Cancelled "The build was cancelled.",

@@ -7,4 +7,5 @@ mod relay;
 mod services;
 
 mod harness;
+mod planners;
 mod whole;

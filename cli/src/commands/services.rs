@@ -2,6 +2,7 @@
 
 use super::agones::AgonesArgs;
 use super::endpoint::{CredentialArgs, EndpointArgs};
+use super::fleet::FleetArgs;
 use super::{core_count, load_policy};
 use crate::signals::shutdown_signal;
 use anyhow::Context;
@@ -13,7 +14,7 @@ use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
-use surefoot_planner_service::{self as planner, PlannerConfig};
+use surefoot_planner_service::{self as planner, Common, PlannerConfig};
 use surefoot_server::ServerConfig;
 use surefoot_studio::{Origin, PlannerAddress, Settings};
 use tracing::info;
@@ -128,6 +129,8 @@ pub struct PlanArgs {
     listen: SocketAddr,
     #[command(flatten)]
     cache: CacheArgs,
+    #[command(flatten)]
+    fleet: FleetArgs,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
@@ -326,8 +329,7 @@ fn default_name() -> String {
 pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     let endpoint_config = args.endpoint.config()?;
     let policy = load_policy(args.model.as_deref())?;
-    let folder = args.cache.folder()?;
-    let store = args.cache.open()?;
+    let fleet = args.fleet.place(args.listen)?;
     let config = PlannerConfig {
         max_vertices: args.max_vertices,
         max_queries: args.max_queries,
@@ -340,9 +342,13 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         maps: MapPool::within(args.max_memory.saturating_mul(MB)),
     };
     run_until_signal(|shutdown| async move {
+        let (stores, place): (Common, _) = match fleet {
+            Some(fleet) => (fleet.planner_stores().await?, fleet.to_string()),
+            None => (Box::new(args.cache.open()?).into(), args.cache.folder()?.display().to_string()),
+        };
         let endpoint = Endpoint::open(args.listen, endpoint_config)?;
-        info!(address = %endpoint.address(), cache = %folder.display(), "planner ready");
-        Ok(planner::serve(endpoint, config, policy, Box::new(store), shutdown).await?)
+        info!(address = %endpoint.address(), store = %place, "planner ready");
+        Ok(planner::serve(endpoint, config, policy, stores, shutdown).await?)
     })
 }
 

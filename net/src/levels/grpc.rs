@@ -8,6 +8,7 @@ use crate::serving::Caller;
 use crate::status;
 use std::pin::Pin;
 use std::sync::Arc;
+use std::time::Duration;
 use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
@@ -21,6 +22,8 @@ use tonic::{Request, Response, Status};
 const MAX_NAME: f64 = 128.0;
 /// Largest chunk of a file that is sent, bytes.
 const CHUNK_BYTES: usize = 1 << 20;
+/// Typical time for which an archive is away.
+const RETRY_AFTER: Duration = Duration::from_secs(2);
 
 impl From<LevelError> for Status {
     fn from(error: LevelError) -> Self {
@@ -31,6 +34,7 @@ impl From<LevelError> for Status {
             LevelError::Full(_) => status::quota(Reason::TooManyMaps, "server", message),
             LevelError::Unknown(map_hash) => status::not_found(Reason::MapNotFound, "map", map_hash, message),
             LevelError::File(_) => status::invalid("file", message),
+            LevelError::Away(_) => status::retry(Reason::StoreUnavailable, RETRY_AFTER, message),
         }
     }
 }
@@ -150,6 +154,9 @@ impl MapService for LevelStore {
         let Read { map, origin, warnings } =
             task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
         let level = self.put(&caller, name, Arc::new(map))?;
+        let (levels, kept) = (self.clone(), level.clone());
+        let task = tokio::task::spawn_blocking(move || levels.archive(&kept));
+        task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
         Ok(Response::new(wire::ImportMapResponse {
             map: Some(level_to_wire(&level)),
             warnings,
@@ -170,7 +177,7 @@ impl MapService for LevelStore {
     type GetMapStream = Pin<Box<dyn Stream<Item = Result<wire::GetMapResponse, Status>> + Send>>;
 
     async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Result<Response<Self::GetMapStream>, Status> {
-        let level = self.get(&request.into_inner().map_hash)?;
+        let level = self.fetch(&request.into_inner().map_hash).await?;
         let map = level_to_wire(&level);
         let task = tokio::task::spawn_blocking(move || exchange::encode(&level.map));
         let file = task

@@ -1,5 +1,6 @@
 //! The levels that a service keeps, and the sources of maps.
 
+use super::archive::{LevelArchive, SavedLevel};
 use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use crate::serving::Caller;
@@ -129,6 +130,9 @@ pub enum LevelError {
     /// The file holds no valid map; says why.
     #[error("{0}")]
     File(String),
+    /// The archive that services share cannot be used now; says why.
+    #[error("{0}")]
+    Away(String),
 }
 
 /// The levels that a service keeps; clones share one store.
@@ -140,6 +144,7 @@ pub struct LevelStore {
     /// One import at a time: what it needs is known only when it has been read.
     importing: Arc<Semaphore>,
     kept: Arc<Mutex<Kept>>,
+    archive: Option<Arc<dyn LevelArchive>>,
 }
 
 #[derive(Debug, Default)]
@@ -158,7 +163,49 @@ impl LevelStore {
             memory,
             importing: Arc::new(Semaphore::new(1)),
             kept: Arc::default(),
+            archive: None,
         }
+    }
+
+    /// Keeps levels in an archive as well, where other services find them.
+    #[must_use]
+    pub fn archived(self, archive: Arc<dyn LevelArchive>) -> Self {
+        Self { archive: Some(archive), ..self }
+    }
+
+    /// Keeps a level in the archive as well, if there is one. Call this from a thread that may block.
+    pub(super) fn archive(&self, level: &Level) -> Result<(), LevelError> {
+        let Some(archive) = &self.archive else { return Ok(()) };
+        let saved = SavedLevel {
+            map_hash: level.map.hash().to_hex(),
+            name: level.name.clone(),
+            owner: level.owner.to_string(),
+            file: exchange::encode(&level.map),
+        };
+        archive.save(saved).map_err(LevelError::Away)
+    }
+
+    /// Returns the level whose map has the hash `map_hash`, which is loaded from the archive if it is not in memory.
+    ///
+    /// # Errors
+    /// [`LevelError::Unknown`] if there is none; if the archive cannot be read, or there is no room for the level.
+    pub async fn fetch(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
+        let found = self.get(map_hash);
+        let (Some(archive), Err(LevelError::Unknown(_))) = (self.archive.clone(), &found) else { return found };
+        let hash = map_hash.to_owned();
+        let task = tokio::task::spawn_blocking(move || {
+            let Some(saved) = archive.load(&hash).map_err(LevelError::Away)? else {
+                return Err(LevelError::Unknown(hash));
+            };
+            let map = exchange::decode(&saved.file).map_err(|error| LevelError::File(error.to_string()))?;
+            match map.hash().to_hex() == hash {
+                true => Ok((saved, map)),
+                false => Err(LevelError::File(format!("the archive holds another map as {hash}"))),
+            }
+        });
+        let (saved, map) =
+            task.await.map_err(|error| LevelError::File(format!("the map cannot be read: {error}")))??;
+        self.keep(&saved.owner.into(), |_| true, saved.name, Arc::new(map))
     }
 
     /// Files that arrive in parts.
@@ -189,6 +236,16 @@ impl LevelStore {
     /// # Errors
     /// If all kept maps are in use, or somebody else has named the level otherwise.
     pub fn put(&self, caller: &Caller, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
+        self.keep(&caller.name, |owner| caller.may_change(owner), name, map)
+    }
+
+    fn keep(
+        &self,
+        owner: &Arc<str>,
+        may_change: impl Fn(&str) -> bool,
+        name: String,
+        map: Arc<Map>,
+    ) -> Result<Arc<Level>, LevelError> {
         let mut kept = self.kept();
         kept.uses += 1;
         let (uses, hash) = (kept.uses, map.hash().to_hex());
@@ -197,7 +254,7 @@ impl LevelStore {
                 *used = uses;
                 return Ok(level.clone());
             }
-            if !caller.may_change(&level.owner) {
+            if !may_change(&level.owner) {
                 return Err(LevelError::OtherName(level.name.clone()));
             }
         } else if kept.levels.len() >= self.limit {
@@ -205,12 +262,12 @@ impl LevelStore {
         }
         let bytes = map.memory_bytes() as u64;
         let memory = loop {
-            match self.memory.reserve(&caller.name, bytes) {
+            match self.memory.reserve(owner, bytes) {
                 Ok(memory) => break memory,
                 Err(error) => kept.forget_oldest().ok_or(error)?,
             }
         };
-        let level = Arc::new(Level { name, map, owner: caller.name.clone(), _memory: memory });
+        let level = Arc::new(Level { name, map, owner: owner.clone(), _memory: memory });
         kept.levels.insert(hash, (uses, level.clone()));
         Ok(level)
     }

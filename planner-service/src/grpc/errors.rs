@@ -1,6 +1,6 @@
 //! Conversion of the planner's errors to gRPC statuses: one exhaustive match.
 
-use crate::error::PlannerError;
+use crate::error::{Failure, PlannerError};
 use std::time::Duration;
 use surefoot_net::status;
 use surefoot_planner::BuildError;
@@ -9,6 +9,8 @@ use tonic::Status;
 
 /// Typical duration of a build, sent as the retry delay when there are too many builds.
 const BUILD_TIME: Duration = Duration::from_secs(5);
+/// Typical time for which a store is away.
+const RETRY_AFTER: Duration = Duration::from_secs(2);
 
 impl From<PlannerError> for Status {
     fn from(error: PlannerError) -> Self {
@@ -35,6 +37,11 @@ impl From<PlannerError> for Status {
             PlannerError::OutsideMap { field, .. } => status::invalid(field, message),
             PlannerError::LayersUnreadable(_) | PlannerError::Store { .. } => {
                 status::failure(Reason::StoreFailed, message)
+            }
+            PlannerError::StoreAway { .. } => status::retry(Reason::StoreUnavailable, RETRY_AFTER, message),
+            PlannerError::Elsewhere(Failure { reason, message }) => {
+                let known = Reason::ALL.iter().find(|known| known.name() == reason);
+                status::failure(known.copied().unwrap_or(Reason::Internal), message)
             }
             PlannerError::Lost { .. } => status::failure(Reason::Internal, message),
             PlannerError::ShuttingDown => surefoot_net::serving::shutting_down(),

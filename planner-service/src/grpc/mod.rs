@@ -12,11 +12,10 @@ use crate::layers::LayerChange;
 use crate::planner::Planner;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
-    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, settings_from_wire, summary_to_wire,
-    traffic_of, unapplied_to_wire,
+    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, summary_to_wire, traffic_of,
+    unapplied_to_wire, wanted,
 };
 use std::pin::Pin;
-use surefoot_net::levels::grpc as levels;
 use surefoot_net::paging::{PageSize, page};
 use surefoot_net::serving::Caller;
 use surefoot_net::status;
@@ -84,11 +83,9 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::StartBuildResponse>, Status> {
         let request = request.into_inner();
         self.planner.check_policy(&request.policy_hash)?;
-        let made = levels::source(self.planner.levels(), request.map.as_ref(), &request.map_hash)?;
-        let source = levels::with_pieces(made, &request.pieces)?;
-        let settings = settings_from_wire(request.settings.as_ref(), self.planner.config())?;
-        let body = convert::body(request.body.as_ref())?;
+        let (source, body, settings) = wanted(&request, self.planner.levels(), self.planner.config()).await?;
         let job = self.planner.start_build(source, body, settings)?;
+        job.known().await;
         Ok(Response::new(wire::StartBuildResponse { build: Some(build_now(&job)) }))
     }
 
@@ -98,7 +95,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::WatchBuildRequest>,
     ) -> Result<Response<Self::WatchBuildStream>, Status> {
-        let job = self.planner.jobs().find(&request.into_inner().build_id)?;
+        let job = self.planner.job(&request.into_inner().build_id).await?;
         let (queue, stream) = mpsc::channel(4);
         tokio::spawn(streams::stream_progress(job, queue, self.planner.shutdown().clone()));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
@@ -119,7 +116,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::CancelBuildRequest>,
     ) -> Result<Response<wire::CancelBuildResponse>, Status> {
-        let job = self.planner.jobs().find(&request.into_inner().build_id)?;
+        let job = self.planner.job(&request.into_inner().build_id).await?;
         job.cancel();
         Ok(Response::new(wire::CancelBuildResponse { build: Some(build_now(&job)) }))
     }
@@ -128,7 +125,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::GetGraphRequest>,
     ) -> Result<Response<wire::GetGraphResponse>, Status> {
-        let hosted = self.planner.usable(&request.into_inner().graph_id)?;
+        let hosted = self.planner.usable(&request.into_inner().graph_id).await?;
         Ok(Response::new(graph_to_wire(&hosted)))
     }
 
@@ -139,7 +136,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::WatchGraphRequest>,
     ) -> Result<Response<Self::WatchGraphStream>, Status> {
         let graph_id = request.into_inner().graph_id;
-        let changes = self.planner.ready(&graph_id)?.changes();
+        let changes = self.planner.ready(&graph_id).await?.changes();
         let (queue, stream) = mpsc::channel(1);
         tokio::spawn(streams::stream_changes(self.planner.clone(), graph_id, changes, queue));
         Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
@@ -161,7 +158,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::ProbeEdgeRequest>,
     ) -> Result<Response<wire::ProbeEdgeResponse>, Status> {
         let wire::ProbeEdgeRequest { graph_id, from, to, seed } = request.into_inner();
-        let hosted = self.planner.usable(&graph_id)?;
+        let hosted = self.planner.usable(&graph_id).await?;
         let (outcome, track) = self.planner.probe(hosted, VertexId(from), VertexId(to), Seed(seed)).await?;
         Ok(Response::new(wire::ProbeEdgeResponse {
             reached: outcome.reached,
@@ -176,7 +173,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::CompareGraphsRequest>,
     ) -> Result<Response<wire::CompareGraphsResponse>, Status> {
         let request = request.into_inner();
-        let (before, after) = (self.planner.usable(&request.before)?, self.planner.usable(&request.after)?);
+        let (before, after) = (self.planner.usable(&request.before).await?, self.planner.usable(&request.after).await?);
         Ok(Response::new(difference_to_wire(self.planner.compare(before, after).await?)))
     }
 
@@ -185,7 +182,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::FindPathRequest>,
     ) -> Result<Response<wire::FindPathResponse>, Status> {
         let request = request.into_inner();
-        let hosted = self.planner.usable(&request.graph_id)?;
+        let hosted = self.planner.usable(&request.graph_id).await?;
         let query = Self::query(&hosted, &request.query.ok_or(FieldError::Missing("query"))?)?;
         let plan = self.planner.plan(&hosted, &query);
         Ok(Response::new(wire::FindPathResponse { plan: Some(plan_to_wire(&plan)), interim: hosted.is_interim() }))
@@ -196,7 +193,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::FindPathsRequest>,
     ) -> Result<Response<wire::FindPathsResponse>, Status> {
         let request = request.into_inner();
-        let hosted = self.planner.usable(&request.graph_id)?;
+        let hosted = self.planner.usable(&request.graph_id).await?;
         let (count, limit) = (request.queries.len(), self.planner.config().max_queries);
         if count > limit {
             let message =
@@ -225,7 +222,7 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::ReportTraversalsResponse>, Status> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
-        let hosted = self.planner.usable(&request.graph_id)?;
+        let hosted = self.planner.usable(&request.graph_id).await?;
         let count = request.traversals.len();
         if count > MAX_TRAVERSALS {
             let message =
@@ -242,7 +239,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::ListReportsRequest>,
     ) -> Result<Response<wire::ListReportsResponse>, Status> {
-        let reports = self.planner.ready(&request.into_inner().graph_id)?.reports();
+        let reports = self.planner.ready(&request.into_inner().graph_id).await?.reports();
         Ok(Response::new(wire::ListReportsResponse { reports: reports.into_iter().map(report_to_wire).collect() }))
     }
 
@@ -251,7 +248,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::DropReportsRequest>,
     ) -> Result<Response<wire::DropReportsResponse>, Status> {
         let wire::DropReportsRequest { graph_id, reporter } = request.into_inner();
-        let hosted = self.planner.ready(&graph_id)?;
+        let hosted = self.planner.ready(&graph_id).await?;
         let dropped = self.planner.drop_reports(hosted, reporter).await?;
         Ok(Response::new(wire::DropReportsResponse { dropped }))
     }
@@ -260,7 +257,7 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::GetLayersRequest>,
     ) -> Result<Response<wire::GetLayersResponse>, Status> {
-        let (layers, unapplied) = self.planner.usable(&request.into_inner().graph_id)?.layers();
+        let (layers, unapplied) = self.planner.usable(&request.into_inner().graph_id).await?.layers();
         let revision = revision_to_wire(Revision::of(&layers));
         let layers = layers.iter().map(layer_to_wire).collect();
         Ok(Response::new(wire::GetLayersResponse { layers, unapplied: unapplied_to_wire(&unapplied), revision }))

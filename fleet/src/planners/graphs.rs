@@ -1,0 +1,214 @@
+//! Graphs: who builds which, and publishing, which checks the claim and the lease in the transaction that stores the graph.
+
+use super::shared::{BLOB_PATIENCE, Note, Shared, unsigned};
+use crate::blobs::BlobId;
+use crate::error::FleetError;
+use std::sync::atomic::Ordering;
+use surefoot_planner::store::{StoreError, decode_entry, encode_entry};
+use surefoot_planner::{BuildStats, Built, GraphId};
+use surefoot_planner_service::faults;
+use surefoot_planner_service::jobs::BuildId;
+use surefoot_planner_service::replicas::{Claim, Posted, Token};
+use tracing::warn;
+
+use super::operations::stage_of;
+
+const POISON: &str = "no holder of this lock panics";
+
+/// See [`GraphStore::get`](surefoot_planner::store::GraphStore::get).
+pub fn get(shared: &Shared, id: &GraphId) -> Result<Option<Built>, StoreError> {
+    shared.block_for(BLOB_PATIENCE, async {
+        let row = sqlx::query!(
+            r#"UPDATE graphs SET used_at = now() WHERE id = $1 AND blob IS NOT NULL RETURNING blob AS "blob!", times"#,
+            &id.0[..],
+        );
+        let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let Some(row) = row else { return Ok(None) };
+        let blob = blob_id(&row.blob);
+        let fail =
+            |reason: String| FleetError::new(shared.blobs.place(), format!("blob {blob} of graph {id}: {reason}"));
+        let bytes = shared.blobs.get(blob).await?.ok_or_else(|| fail("there is no such blob".to_owned()))?;
+        let Built { graph, stats } = decode_entry(&bytes).map_err(fail)?;
+        let [placing_s, probing_s, seconds] = row.times[..] else { return Ok(Some(Built { graph, stats })) };
+        Ok(Some(Built { graph, stats: BuildStats { placing_s, probing_s, seconds, ..stats } }))
+    })
+}
+
+fn blob_id(bytes: &[u8]) -> BlobId {
+    BlobId(bytes.try_into().expect("the table has hashes of 32 bytes only"))
+}
+
+/// See [`Replicas::claim`](surefoot_planner_service::replicas::Replicas::claim).
+pub fn claim(shared: &Shared, graph: &GraphId, build: BuildId) -> Result<Claim, StoreError> {
+    shared.building.lock().expect(POISON).insert(graph.0);
+    let claimed = shared.block(async {
+        match try_claim(shared, graph, build).await? {
+            Some(claim) => Ok(claim),
+            None => {
+                shared.membership.renew().await?;
+                let dead = || FleetError::new(shared.record.place(), "this planner counts as dead at the moment");
+                try_claim(shared, graph, build).await?.ok_or_else(dead)
+            }
+        }
+    });
+    if !matches!(claimed, Ok(Claim::Ours(_))) {
+        shared.building.lock().expect(POISON).remove(&graph.0);
+    }
+    claimed
+}
+
+/// `None` if this planner counts as dead.
+async fn try_claim(shared: &Shared, graph: &GraphId, build: BuildId) -> Result<Option<Claim>, FleetError> {
+    let fail = |error| shared.failed(error);
+    let member = shared.membership.id();
+    let mut transaction = shared.begin().await?;
+    let token = sqlx::query_scalar!(
+        "INSERT INTO claims (graph, member, token, build)
+         SELECT $1, id, nextval('tokens'), $3 FROM members WHERE id = $2 AND expires_at > now()
+         ON CONFLICT (graph) DO UPDATE SET member = excluded.member, token = excluded.token, build = excluded.build
+         WHERE claims.member = excluded.member
+            OR NOT EXISTS (SELECT FROM members WHERE id = claims.member AND expires_at > now())
+         RETURNING token",
+        &graph.0[..],
+        member,
+        build.bits() as i64,
+    );
+    let token = token.fetch_optional(&mut *transaction).await.map_err(fail)?;
+    let found = sqlx::query!(
+        r#"SELECT EXISTS (SELECT FROM graphs WHERE id = $1 AND blob IS NOT NULL) AS "is_published!",
+                  EXISTS (SELECT FROM members WHERE id = $2 AND expires_at > now()) AS "lives!""#,
+        &graph.0[..],
+        member,
+    );
+    let found = found.fetch_one(&mut *transaction).await.map_err(fail)?;
+    if found.is_published {
+        // Without the claim, which would be in nobody's way but for no reason.
+        transaction.rollback().await.map_err(fail)?;
+        return Ok(Some(Claim::Published));
+    }
+    if let Some(token) = token {
+        transaction.commit().await.map_err(fail)?;
+        return Ok(Some(Claim::Ours(Token(token))));
+    }
+    if !found.lives {
+        return Ok(None);
+    }
+    let posted = sqlx::query!(
+        "SELECT stage, probes_done, probes_total FROM claims JOIN operations ON operations.id = claims.build
+         WHERE claims.graph = $1",
+        &graph.0[..],
+    );
+    let posted = posted.fetch_optional(&mut *transaction).await.map_err(fail)?;
+    Ok(Some(Claim::Theirs(posted.map(|row| Posted {
+        stage: stage_of(row.stage),
+        done: unsigned(row.probes_done),
+        total: unsigned(row.probes_total),
+    }))))
+}
+
+/// See [`Replicas::release`](surefoot_planner_service::replicas::Replicas::release). What cannot be released now is by [`sweep`].
+pub fn release(shared: &Shared, graph: &GraphId) {
+    shared.building.lock().expect(POISON).remove(&graph.0);
+    let released = shared.block(async {
+        let fail = |error| shared.failed(error);
+        let mut transaction = shared.begin().await?;
+        let gone =
+            sqlx::query!("DELETE FROM claims WHERE graph = $1 AND member = $2", &graph.0[..], shared.membership.id());
+        if gone.execute(&mut *transaction).await.map_err(fail)?.rows_affected() > 0 {
+            shared.notify(&mut transaction, &Note::Graph(*graph)).await?;
+        }
+        transaction.commit().await.map_err(fail)
+    });
+    if let Err(error) = released {
+        warn!(%error, %graph, "the claim of a build is not given up yet");
+    }
+}
+
+/// Gives up all claims of this planner for which it does not build.
+///
+/// # Errors
+/// If the database is away.
+pub async fn sweep(shared: &Shared) -> Result<(), FleetError> {
+    let building: Vec<Vec<u8>> = shared.building.lock().expect(POISON).iter().map(|id| id.to_vec()).collect();
+    let member = shared.membership.id();
+    let gone = sqlx::query!("DELETE FROM claims WHERE member = $1 AND NOT graph = ANY($2)", member, &building);
+    gone.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+}
+
+/// See [`Replicas::publish`](surefoot_planner_service::replicas::Replicas::publish).
+pub fn publish(
+    shared: &Shared,
+    graph: &GraphId,
+    Token(token): Token,
+    recipe: &[u8],
+    Built { graph: nav, stats }: &Built,
+) -> Result<bool, StoreError> {
+    // Whoever builds the graph gets the same bytes.
+    let times = [stats.placing_s, stats.probing_s, stats.seconds];
+    let timeless = BuildStats { placing_s: 0.0, probing_s: 0.0, seconds: 0.0, ..*stats };
+    let bytes = encode_entry(&Built { graph: nav.clone(), stats: timeless });
+    let blob = shared.block_for(BLOB_PATIENCE, shared.blobs.put(bytes))?;
+    faults::pass("stored");
+    let is_published = shared.block(async {
+        let fail = |error| shared.failed(error);
+        let mut transaction = shared.begin().await?;
+        // Locked, so that nobody takes the claim over, and the lease is checked after the lock, however long that took.
+        let locked = sqlx::query!("SELECT token FROM claims WHERE graph = $1 FOR UPDATE", &graph.0[..]);
+        locked.fetch_optional(&mut *transaction).await.map_err(fail)?;
+        let holds = sqlx::query_scalar!(
+            r#"SELECT true AS "holds!" FROM claims JOIN members ON members.id = claims.member
+               WHERE claims.graph = $1 AND claims.token = $2 AND members.expires_at > clock_timestamp()
+               FOR UPDATE OF members"#,
+            &graph.0[..],
+            token,
+        );
+        if holds.fetch_optional(&mut *transaction).await.map_err(fail)?.is_none() {
+            transaction.rollback().await.map_err(fail)?;
+            return Ok(false);
+        }
+        let stored = sqlx::query!(
+            "INSERT INTO graphs (id, recipe, blob, times, token) VALUES ($1, $2, $3, $4, $5)
+             ON CONFLICT (id) DO UPDATE SET recipe = excluded.recipe, blob = excluded.blob, times = excluded.times,
+                 token = excluded.token
+             WHERE graphs.blob IS NULL",
+            &graph.0[..],
+            recipe,
+            &blob.0[..],
+            &times[..],
+            token,
+        );
+        stored.execute(&mut *transaction).await.map_err(fail)?;
+        let done = sqlx::query!("DELETE FROM claims WHERE graph = $1", &graph.0[..]);
+        done.execute(&mut *transaction).await.map_err(fail)?;
+        shared.notify(&mut transaction, &Note::Graph(*graph)).await?;
+        transaction.commit().await.map_err(fail)?;
+        Ok(true)
+    })?;
+    if is_published {
+        faults::pass("published");
+    } else {
+        shared.stale_publishes.fetch_add(1, Ordering::Relaxed);
+        warn!(%graph, "this planner was taken for dead while it built a graph, which it does not publish");
+    }
+    Ok(is_published)
+}
+
+/// See [`Replicas::recipe`](surefoot_planner_service::replicas::Replicas::recipe).
+pub fn recipe(shared: &Shared, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
+    shared.block(async {
+        let found = sqlx::query_scalar!("SELECT recipe FROM graphs WHERE id = $1", &graph.0[..]);
+        found.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))
+    })
+}
+
+/// See [`Replicas::note_recipe`](surefoot_planner_service::replicas::Replicas::note_recipe).
+pub fn note_recipe(shared: &Shared, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError> {
+    shared.block(async {
+        let noted = sqlx::query!(
+            "INSERT INTO graphs (id, recipe, times, token) VALUES ($1, $2, '{}', 0) ON CONFLICT DO NOTHING",
+            &graph.0[..],
+            recipe,
+        );
+        noted.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    })
+}

@@ -1,0 +1,74 @@
+//! Layers of designers. A change is stored only if the layers are those that it was made for: the database compares their version.
+
+use super::shared::{Note, Shared, signed, unsigned};
+use surefoot_planner::edits::Layer;
+use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, StoreError, decode_layer, encode_layer};
+
+/// See [`GraphStore::layers`](surefoot_planner::store::GraphStore::layers).
+pub fn read(shared: &Shared, level: &LevelId) -> Result<LevelLayers, StoreError> {
+    shared.block(async {
+        // One statement, so that version and layers belong together.
+        let rows = sqlx::query!(
+            r#"SELECT version, name AS "name?", content AS "content?" FROM level_versions LEFT JOIN layers USING (level)
+               WHERE level = $1"#,
+            &level.0[..],
+        );
+        let rows = rows.fetch_all(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let mut found = LevelLayers::default();
+        for row in rows {
+            found.version = unsigned(row.version);
+            let (Some(name), Some(content)) = (row.name, row.content) else { continue };
+            match decode_layer(&content) {
+                Ok(layer) => found.layers.push(layer),
+                Err(reason) => {
+                    let place = shared.record.place().to_owned();
+                    found.damaged.push(DamagedLayer { name, place, reason });
+                }
+            }
+        }
+        found.layers.sort_by(|a, b| a.name.cmp(&b.name));
+        found.damaged.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(found)
+    })
+}
+
+/// See [`GraphStore::replace_layer`](surefoot_planner::store::GraphStore::replace_layer).
+pub fn replace(shared: &Shared, level: &LevelId, version: u64, layer: &Layer) -> Result<bool, StoreError> {
+    let (level_bytes, content) = (&level.0[..], encode_layer(layer));
+    shared.block(async {
+        let fail = |error| shared.failed(error);
+        let mut transaction = shared.begin().await?;
+        let begun = sqlx::query!(
+            "INSERT INTO level_versions (level, version) VALUES ($1, 0) ON CONFLICT DO NOTHING",
+            level_bytes
+        );
+        begun.execute(&mut *transaction).await.map_err(fail)?;
+        let counted = sqlx::query!(
+            "UPDATE level_versions SET version = version + 1 WHERE level = $1 AND version = $2",
+            level_bytes,
+            signed(version),
+        );
+        if counted.execute(&mut *transaction).await.map_err(fail)?.rows_affected() == 0 {
+            transaction.rollback().await.map_err(fail)?;
+            return Ok(false);
+        }
+        let stored = if layer.edits.is_empty() {
+            sqlx::query!("DELETE FROM layers WHERE level = $1 AND name = $2", level_bytes, layer.name)
+                .execute(&mut *transaction)
+                .await
+        } else {
+            let stored = sqlx::query!(
+                "INSERT INTO layers (level, name, content) VALUES ($1, $2, $3)
+                 ON CONFLICT (level, name) DO UPDATE SET content = excluded.content",
+                level_bytes,
+                layer.name,
+                content,
+            );
+            stored.execute(&mut *transaction).await
+        };
+        stored.map_err(fail)?;
+        shared.notify(&mut transaction, &Note::Layers(*level)).await?;
+        transaction.commit().await.map_err(fail)?;
+        Ok(true)
+    })
+}

@@ -1,0 +1,48 @@
+//! Imported levels: a row with name and owner, a blob with the map.
+
+use super::shared::{BLOB_PATIENCE, Shared};
+use crate::blobs::BlobId;
+use crate::error::FleetError;
+use std::sync::Arc;
+use surefoot_net::levels::{LevelArchive, SavedLevel};
+
+/// The levels of all planners.
+#[derive(Debug)]
+pub struct Levels(pub Arc<Shared>);
+
+impl LevelArchive for Levels {
+    fn save(&self, SavedLevel { map_hash, name, owner, file }: SavedLevel) -> Result<(), String> {
+        let Self(shared) = self;
+        let hash: BlobId = map_hash.parse()?;
+        let saved = shared.block_for(BLOB_PATIENCE, async {
+            let blob = shared.blobs.put(file).await?;
+            let saved = sqlx::query!(
+                "INSERT INTO levels (map_hash, name, owner, blob) VALUES ($1, $2, $3, $4)
+                 ON CONFLICT (map_hash) DO UPDATE SET name = excluded.name, owner = excluded.owner, blob = excluded.blob",
+                &hash.0[..],
+                name,
+                owner,
+                &blob.0[..],
+            );
+            saved.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+        });
+        saved.map_err(|error| error.to_string())
+    }
+
+    fn load(&self, map_hash: &str) -> Result<Option<SavedLevel>, String> {
+        let Self(shared) = self;
+        // What is no hash names no level.
+        let Ok(hash) = map_hash.parse::<BlobId>() else { return Ok(None) };
+        let found = shared.block_for(BLOB_PATIENCE, async {
+            let row = sqlx::query!("SELECT name, owner, blob FROM levels WHERE map_hash = $1", &hash.0[..]);
+            let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+            let Some(row) = row else { return Ok(None) };
+            let blob = BlobId(row.blob.try_into().expect("the table has hashes of 32 bytes only"));
+            let gone =
+                || FleetError::new(shared.blobs.place(), format!("there is no blob {blob} of level {}", row.name));
+            let file = shared.blobs.get(blob).await?.ok_or_else(gone)?;
+            Ok(Some(SavedLevel { map_hash: map_hash.to_owned(), name: row.name, owner: row.owner, file }))
+        });
+        found.map_err(|error| error.to_string())
+    }
+}

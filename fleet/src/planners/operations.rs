@@ -1,0 +1,150 @@
+//! Builds as clients see them, of all planners.
+
+use super::shared::{Shared, signed, unsigned};
+use std::time::{Duration, SystemTime};
+use surefoot_planner::GraphId;
+use surefoot_planner::store::StoreError;
+use surefoot_planner_service::Failure;
+use surefoot_planner_service::jobs::{BuildId, Stage};
+use surefoot_planner_service::replicas::{Operation, Posted};
+
+use crate::error::FleetError;
+
+/// Builds of dead planners that are taken over at a time: others take over the rest.
+const ADOPTED_AT_A_TIME: i64 = 4;
+/// Stages by their number in the record.
+const STAGES: [Stage; 8] = [
+    Stage::Queued,
+    Stage::Map,
+    Stage::Vertices,
+    Stage::Probes,
+    Stage::Index,
+    Stage::Done,
+    Stage::Failed,
+    Stage::Cancelled,
+];
+
+/// The stage with this number.
+pub fn stage_of(number: i16) -> Stage {
+    usize::try_from(number).ok().and_then(|idx| STAGES.get(idx)).copied().unwrap_or(Stage::Failed)
+}
+
+fn number_of(stage: Stage) -> i16 {
+    STAGES.iter().position(|other| *other == stage).expect("all stages have a number") as i16
+}
+
+/// A row of the table.
+struct Row {
+    id: i64,
+    recipe: Vec<u8>,
+    member: i64,
+    stage: i16,
+    probes_done: i64,
+    probes_total: i64,
+    graph: Option<Vec<u8>>,
+    reason: Option<String>,
+    message: Option<String>,
+    started: f64,
+}
+
+impl Row {
+    fn read(self, own: i64) -> Operation {
+        let failure = self.reason.zip(self.message).map(|(reason, message)| Failure { reason, message });
+        let since = Duration::try_from_secs_f64(self.started).unwrap_or_default();
+        Operation {
+            id: BuildId::of_bits(unsigned(self.id)),
+            recipe: self.recipe,
+            posted: Posted {
+                stage: stage_of(self.stage),
+                done: unsigned(self.probes_done),
+                total: unsigned(self.probes_total),
+            },
+            graph: self.graph.and_then(|id| id.try_into().ok()).map(GraphId),
+            failure,
+            started: SystemTime::UNIX_EPOCH + since,
+            is_ours: self.member == own,
+        }
+    }
+}
+
+/// See [`Replicas::post`](surefoot_planner_service::replicas::Replicas::post).
+pub fn post(shared: &Shared, operation: &Operation) -> Result<bool, StoreError> {
+    let Operation { id, recipe, posted: Posted { stage, done, total }, graph, failure, started, .. } = operation;
+    let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    shared.block(async {
+        // Another planner that has taken the build over knows better.
+        let posted = sqlx::query_scalar!(
+            "INSERT INTO operations (id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started)
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)
+             ON CONFLICT (id) DO UPDATE SET
+                 member = excluded.member, stage = excluded.stage, probes_done = excluded.probes_done,
+                 probes_total = excluded.probes_total, graph = excluded.graph, reason = excluded.reason,
+                 message = excluded.message, noted_at = now()
+             WHERE operations.member = excluded.member
+                OR NOT EXISTS (SELECT FROM members WHERE id = operations.member AND expires_at > now())
+             RETURNING is_cancelled",
+            signed(id.bits()),
+            recipe,
+            shared.membership.id(),
+            number_of(*stage),
+            signed(*done),
+            signed(*total),
+            graph.as_ref().map(|id| &id.0[..]),
+            failure.as_ref().map(|failure| &failure.reason[..]),
+            failure.as_ref().map(|failure| &failure.message[..]),
+            since.as_secs_f64(),
+        );
+        let posted = posted.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        Ok(posted.unwrap_or(false))
+    })
+}
+
+/// See [`Replicas::operation`](surefoot_planner_service::replicas::Replicas::operation).
+pub fn find(shared: &Shared, id: BuildId) -> Result<Option<Operation>, StoreError> {
+    shared.block(async {
+        let found = sqlx::query_as!(
+            Row,
+            "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started
+             FROM operations WHERE id = $1",
+            signed(id.bits()),
+        );
+        let found = found.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        Ok(found.map(|row| row.read(shared.membership.id())))
+    })
+}
+
+/// See [`Replicas::cancel`](surefoot_planner_service::replicas::Replicas::cancel).
+pub fn cancel(shared: &Shared, id: BuildId) -> Result<(), StoreError> {
+    shared.block(async {
+        let cancelled = sqlx::query!("UPDATE operations SET is_cancelled = true WHERE id = $1", signed(id.bits()));
+        cancelled.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    })
+}
+
+/// See [`Replicas::adopt`](surefoot_planner_service::replicas::Replicas::adopt).
+pub fn adopt(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
+    let own = shared.membership.id();
+    shared.block(async {
+        let adopted = sqlx::query_as!(
+            Row,
+            "UPDATE operations SET member = $1, noted_at = now() WHERE id IN (
+                 SELECT id FROM operations AS open WHERE stage < 5
+                     AND NOT EXISTS (SELECT FROM members WHERE members.id = open.member AND expires_at > now())
+                 ORDER BY id LIMIT $2 FOR UPDATE SKIP LOCKED)
+             RETURNING id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started",
+            own,
+            ADOPTED_AT_A_TIME,
+        );
+        let adopted = adopted.fetch_all(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        Ok(adopted.into_iter().map(|row| row.read(own)).collect())
+    })
+}
+
+/// Forgets builds that ended more than ten minutes ago.
+///
+/// # Errors
+/// If the database is away.
+pub async fn forget(shared: &Shared) -> Result<(), FleetError> {
+    let old = sqlx::query!("DELETE FROM operations WHERE stage >= 5 AND noted_at < now() - interval '10 minutes'");
+    old.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+}

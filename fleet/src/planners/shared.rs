@@ -1,0 +1,181 @@
+//! What the parts of a planner's record have in common: connections, membership, and how a call that blocks waits for them.
+
+use super::membership::Membership;
+use crate::blobs::{BlobId, Blobs};
+use crate::error::FleetError;
+use crate::record::Record;
+use sqlx::{PgConnection, Postgres, Transaction};
+use std::collections::BTreeSet;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+use surefoot_planner::store::StoreError;
+use surefoot_planner::{GraphId, store::LevelId};
+use tokio::runtime::Handle;
+
+/// Longest wait for the database, such as behind a network that passes nothing on.
+pub const PATIENCE: Duration = Duration::from_secs(5);
+/// The same for a call that moves a blob.
+pub const BLOB_PATIENCE: Duration = Duration::from_secs(30);
+/// Channel of the notifications of all planners.
+pub const CHANNEL: &str = "surefoot_planners";
+
+/// What the parts of a planner's record have in common.
+#[derive(Debug)]
+pub struct Shared {
+    /// The database.
+    pub record: Record,
+    /// Graphs and levels.
+    pub blobs: Blobs,
+    /// This planner among the others.
+    pub membership: Membership,
+    /// Graphs that this process builds.
+    pub building: Mutex<BTreeSet<[u8; 32]>>,
+    /// Number of graphs that were built here but not published, because the claim had been lost.
+    pub stale_publishes: AtomicU64,
+    has_left: AtomicBool,
+    /// Where calls that block run what they wait for.
+    runtime: Handle,
+}
+
+impl Shared {
+    /// A planner that builds nothing yet.
+    pub fn new(record: Record, blobs: Blobs, membership: Membership, runtime: Handle) -> Self {
+        Self {
+            record,
+            blobs,
+            membership,
+            building: Mutex::default(),
+            stale_publishes: AtomicU64::new(0),
+            has_left: AtomicBool::new(false),
+            runtime,
+        }
+    }
+
+    /// The lease is not renewed any more.
+    pub fn leave(&self) {
+        self.has_left.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the planner has left the others.
+    pub fn has_left(&self) -> bool {
+        self.has_left.load(Ordering::Relaxed)
+    }
+
+    /// Waits for a call of the database.
+    pub fn block<T>(&self, call: impl Future<Output = Result<T, FleetError>>) -> Result<T, StoreError> {
+        self.block_for(PATIENCE, call)
+    }
+
+    /// Waits for a call, so long at most.
+    pub fn block_for<T>(
+        &self,
+        patience: Duration,
+        call: impl Future<Output = Result<T, FleetError>>,
+    ) -> Result<T, StoreError> {
+        let silent = || FleetError::new(self.record.place(), format!("no answer within {} s", patience.as_secs()));
+        let within = async { tokio::time::timeout(patience, call).await.unwrap_or_else(|_| Err(silent())) };
+        self.runtime.block_on(within).map_err(|FleetError { place, reason }| StoreError {
+            place,
+            reason,
+            is_away: true,
+        })
+    }
+
+    /// Converts a failure of a query.
+    pub fn failed(&self, error: sqlx::Error) -> FleetError {
+        self.record.failed(error)
+    }
+
+    /// Begins a transaction.
+    ///
+    /// # Errors
+    /// If the database is away.
+    pub async fn begin(&self) -> Result<Transaction<'static, Postgres>, FleetError> {
+        self.record.pool.begin().await.map_err(|error| self.failed(error))
+    }
+
+    /// Tells all planners, once the transaction is committed.
+    ///
+    /// # Errors
+    /// If the database is away.
+    pub async fn notify(&self, connection: &mut PgConnection, note: &Note) -> Result<(), FleetError> {
+        let told = sqlx::query!("SELECT pg_notify($1, $2)", CHANNEL, note.encode(self.membership.id()));
+        told.execute(connection).await.map(drop).map_err(|error| self.failed(error))
+    }
+}
+
+/// A notification.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Note {
+    /// A graph was published, or whoever built it gave up.
+    Graph(GraphId),
+    /// The layers of a level have changed.
+    Layers(LevelId),
+    /// The evidence of a graph has changed.
+    Evidence(GraphId),
+    /// A planner has left.
+    Left,
+    /// The notifications arrive.
+    Ping,
+}
+
+impl Note {
+    fn encode(&self, member: i64) -> String {
+        let hex = |hash: [u8; 32]| BlobId(hash);
+        match *self {
+            Self::Graph(id) => format!("graph {member} {}", hex(id.0)),
+            Self::Layers(level) => format!("layers {member} {}", hex(level.0)),
+            Self::Evidence(id) => format!("evidence {member} {}", hex(id.0)),
+            Self::Left => format!("left {member}"),
+            Self::Ping => format!("ping {member}"),
+        }
+    }
+
+    /// Decodes a notification, and the member that it came from; `None` for those of later versions.
+    pub fn decode(text: &str) -> Option<(Self, i64)> {
+        let mut words = text.split(' ');
+        let (kind, member) = (words.next()?, words.next()?.parse().ok()?);
+        let mut hash = || Some(words.next()?.parse::<BlobId>().ok()?.0);
+        let note = match kind {
+            "graph" => Self::Graph(GraphId(hash()?)),
+            "layers" => Self::Layers(LevelId(hash()?)),
+            "evidence" => Self::Evidence(GraphId(hash()?)),
+            "left" => Self::Left,
+            "ping" => Self::Ping,
+            _ => return None,
+        };
+        Some((note, member))
+    }
+}
+
+/// A number of the database that is never negative.
+pub fn unsigned(number: i64) -> u64 {
+    u64::try_from(number).unwrap_or(0)
+}
+
+/// A number that fits the database.
+pub fn signed(number: u64) -> i64 {
+    i64::try_from(number).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn notes_come_back_and_those_of_later_versions_are_passed_over() {
+        for note in [
+            Note::Graph(GraphId([1; 32])),
+            Note::Layers(LevelId([2; 32])),
+            Note::Evidence(GraphId([255; 32])),
+            Note::Left,
+            Note::Ping,
+        ] {
+            assert_eq!(Note::decode(&note.encode(77)), Some((note, 77)));
+        }
+        for text in ["", "graph", "graph 7", "graph 7 zz", "worlds 7", "ping me"] {
+            assert_eq!(Note::decode(text), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! What runs besides: the lease is renewed, notifications are listened to, and what is left over is cleared away.
+
+use super::graphs;
+use super::operations;
+use super::shared::{CHANNEL, Note, PATIENCE, Shared};
+use crate::error::FleetError;
+use sqlx::postgres::PgListener;
+use std::sync::{Arc, Mutex, Weak};
+use std::time::{Duration, Instant};
+use surefoot_planner_service::replicas::News;
+use tokio::sync::mpsc;
+use tracing::{info, warn};
+
+/// Silence after which the connection that listens counts as broken: pings come more than once a second.
+const SILENCE: Duration = Duration::from_secs(3);
+/// Pause before listening again.
+const PAUSE: Duration = Duration::from_millis(200);
+/// Longest pause between two pings.
+const PING: Duration = Duration::from_secs(1);
+
+/// Renews the lease and clears away until the planner is gone or leaves.
+pub async fn keep(shared: Weak<Shared>, news: mpsc::Sender<News>, lease: Duration) {
+    let mut due = tokio::time::interval((lease / 3).min(PING));
+    due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        due.tick().await;
+        let Some(shared) = shared.upgrade() else { return };
+        if shared.has_left() {
+            return;
+        }
+        let renewed = tokio::time::timeout(PATIENCE.min(lease), renew(&shared)).await;
+        match renewed {
+            Ok(Ok(())) => {
+                // While it is full, there is enough to do.
+                let _ = news.try_send(News::Orphans);
+            }
+            Ok(Err(error)) => warn!(%error, "the lease of this planner is not renewed"),
+            Err(_) => warn!("the lease of this planner is not renewed: the record does not answer"),
+        }
+    }
+}
+
+async fn renew(shared: &Shared) -> Result<(), FleetError> {
+    shared.membership.renew().await?;
+    let mut connection = shared.record.pool.acquire().await.map_err(|error| shared.failed(error))?;
+    shared.notify(&mut connection, &Note::Ping).await?;
+    drop(connection);
+    graphs::sweep(shared).await?;
+    operations::forget(shared).await
+}
+
+/// Passes on news of other planners until this one is gone.
+pub async fn listen(shared: Weak<Shared>, news: mpsc::Sender<News>) {
+    loop {
+        let Some(living) = shared.upgrade() else { return };
+        let heard = Mutex::new(Instant::now());
+        let silent = async {
+            let since = || heard.lock().expect("no holder of this lock panics").elapsed();
+            while since() < SILENCE {
+                tokio::time::sleep(PAUSE).await;
+            }
+            FleetError::new(living.record.place(), "no notification arrives")
+        };
+        // Not cancelled between two notifications: one that was read in part would be lost.
+        let error = tokio::select! {
+            error = listen_once(&living, &news, &heard) => error,
+            error = silent => error,
+        };
+        if living.has_left() || news.is_closed() {
+            return;
+        }
+        warn!(%error, "news of other planners may be lost; listening again");
+        drop(living);
+        tokio::time::sleep(PAUSE).await;
+    }
+}
+
+async fn listen_once(shared: &Arc<Shared>, news: &mpsc::Sender<News>, heard: &Mutex<Instant>) -> FleetError {
+    let mut listener = match connect(shared).await {
+        Ok(listener) => listener,
+        Err(error) => return error,
+    };
+    info!("listening to other planners");
+    // What came before is known only to the record.
+    let mut latest = Some(News::Everything);
+    loop {
+        if let Some(latest) = latest
+            && news.send(latest).await.is_err()
+        {
+            return FleetError::new(shared.record.place(), "nobody listens any more");
+        }
+        let (note, member) = match listener.try_recv().await {
+            Ok(Some(notification)) => match Note::decode(notification.payload()) {
+                Some(note) => note,
+                None => continue,
+            },
+            Ok(None) => return FleetError::new(shared.record.place(), "the connection is broken"),
+            Err(error) => return shared.failed(error),
+        };
+        *heard.lock().expect("no holder of this lock panics") = Instant::now();
+        let is_own = member == shared.membership.id();
+        latest = match note {
+            Note::Ping => None,
+            _ if is_own => None,
+            Note::Graph(id) => Some(News::Graph(id)),
+            Note::Layers(level) => Some(News::Layers(level)),
+            Note::Evidence(id) => Some(News::Evidence(id)),
+            Note::Left => Some(News::Orphans),
+        };
+    }
+}
+
+async fn connect(shared: &Shared) -> Result<PgListener, FleetError> {
+    let fail = |error| shared.failed(error);
+    let mut listener = PgListener::connect_with(&shared.record.pool).await.map_err(fail)?;
+    // Whoever reconnects has to read everything again.
+    listener.eager_reconnect(false);
+    listener.listen(CHANNEL).await.map_err(fail)?;
+    Ok(listener)
+}

@@ -1,0 +1,217 @@
+//! What planners that share a store agree on: who builds which graph, which builds there are, what changed elsewhere. [`Alone`] is the
+//! planner that has its store for itself; crates that know databases implement [`Replicas`] for several.
+
+use crate::error::Failure;
+use crate::jobs::{BuildId, Stage};
+use std::sync::Arc;
+use std::time::SystemTime;
+use surefoot_planner::live::Counts;
+use surefoot_planner::store::{GraphStore, LevelId, StoreError};
+use surefoot_planner::{Built, GraphId};
+use tokio::sync::mpsc;
+use tracing::warn;
+
+/// The right to publish one graph. It is lost when the planner falls silent for its lease; a later one has a greater number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Token(pub i64);
+
+/// Who builds a graph.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Claim {
+    /// This planner does.
+    Ours(Token),
+    /// Nobody: the graph is in the store.
+    Published,
+    /// Another planner, which has come so far; `None` if it has not said.
+    Theirs(Option<Posted>),
+}
+
+/// How far a build has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Posted {
+    /// The stage.
+    pub stage: Stage,
+    /// Number of probes that have finished.
+    pub done: u64,
+    /// Number of probes that are known to be needed.
+    pub total: u64,
+}
+
+/// A build as all planners see it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Operation {
+    /// Identifies the build.
+    pub id: BuildId,
+    /// What is built: `wire::recipe` encodes it.
+    pub recipe: Vec<u8>,
+    /// How far it has come.
+    pub posted: Posted,
+    /// The graph, when it is done.
+    pub graph: Option<GraphId>,
+    /// Why it failed, if it did.
+    pub failure: Option<Failure>,
+    /// When it was requested.
+    pub started: SystemTime,
+    /// Whether this planner runs it.
+    pub is_ours: bool,
+}
+
+/// Something that changed elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum News {
+    /// A graph was published, or whoever built it gave up.
+    Graph(GraphId),
+    /// The layers of a level have changed.
+    Layers(LevelId),
+    /// The live evidence of a graph has changed.
+    Evidence(GraphId),
+    /// It is time to look for builds whose planners have died.
+    Orphans,
+    /// News may have been lost: anything may have changed.
+    Everything,
+}
+
+/// What planners that share a store agree on. Calls block.
+pub trait Replicas: Send + Sync {
+    /// Whether other planners may share the store.
+    fn are_several(&self) -> bool {
+        true
+    }
+
+    /// A number that tells the planners that run at a time apart.
+    fn site(&self) -> u64;
+
+    /// Metrics in Prometheus text format.
+    fn metrics(&self) -> String {
+        String::new()
+    }
+
+    /// News of other planners, of whom this one is to take note; `None` after the first call.
+    fn news(&self) -> Option<mpsc::Receiver<News>> {
+        None
+    }
+
+    /// Claims the build of a graph for `build`, unless the graph is in the store or another planner that lives has claimed it.
+    ///
+    /// # Errors
+    /// If the store is away, or this planner counts as dead at the moment.
+    fn claim(&self, graph: &GraphId, build: BuildId) -> Result<Claim, StoreError>;
+
+    /// Gives a claim up.
+    fn release(&self, graph: &GraphId);
+
+    /// Stores a graph that this planner built, if its claim still holds; returns whether it does.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn publish(&self, graph: &GraphId, token: Token, recipe: &[u8], built: &Built) -> Result<bool, StoreError>;
+
+    /// Returns how to make a graph that some planner has; `None` if none has.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn recipe(&self, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError>;
+
+    /// Notes how to make a graph that is not stored itself, since it follows quickly from another.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn note_recipe(&self, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError>;
+
+    /// Tells the others of a build of this planner. Returns whether one of them was asked to cancel it.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn post(&self, operation: &Operation) -> Result<bool, StoreError>;
+
+    /// Returns a build of any planner.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn operation(&self, id: BuildId) -> Result<Option<Operation>, StoreError>;
+
+    /// Asks the planner that runs a build to cancel it.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn cancel(&self, id: BuildId) -> Result<(), StoreError>;
+
+    /// Takes over builds whose planners have died, a few at a time.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn adopt(&self) -> Result<Vec<Operation>, StoreError>;
+
+    /// Adds traversals to the live evidence of a graph.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn add_evidence(&self, graph: &GraphId, counts: &[Counts]) -> Result<(), StoreError>;
+
+    /// Removes the live evidence of a graph that reporters of this name reported.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn drop_evidence(&self, graph: &GraphId, name: &str) -> Result<(), StoreError>;
+
+    /// Leaves: others take over at once.
+    fn leave(&self) {}
+}
+
+/// A planner that has its store for itself.
+pub struct Alone(pub Arc<dyn GraphStore>);
+
+impl Replicas for Alone {
+    fn are_several(&self) -> bool {
+        false
+    }
+
+    fn site(&self) -> u64 {
+        0
+    }
+
+    fn claim(&self, _: &GraphId, _: BuildId) -> Result<Claim, StoreError> {
+        Ok(Claim::Ours(Token(0)))
+    }
+
+    fn release(&self, _: &GraphId) {}
+
+    fn publish(&self, graph: &GraphId, _: Token, _: &[u8], built: &Built) -> Result<bool, StoreError> {
+        if let Err(error) = self.0.put(graph, built) {
+            warn!(%error, "graph could not be stored in the cache");
+        }
+        Ok(true)
+    }
+
+    fn recipe(&self, _: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
+        Ok(None)
+    }
+
+    fn note_recipe(&self, _: &GraphId, _: &[u8]) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn post(&self, _: &Operation) -> Result<bool, StoreError> {
+        Ok(false)
+    }
+
+    fn operation(&self, _: BuildId) -> Result<Option<Operation>, StoreError> {
+        Ok(None)
+    }
+
+    fn cancel(&self, _: BuildId) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn adopt(&self) -> Result<Vec<Operation>, StoreError> {
+        Ok(Vec::new())
+    }
+
+    fn add_evidence(&self, _: &GraphId, _: &[Counts]) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    fn drop_evidence(&self, _: &GraphId, _: &str) -> Result<(), StoreError> {
+        Ok(())
+    }
+}
