@@ -18,7 +18,7 @@ const COMMON: &str = "common";
 /// The environment variable with the path of the file.
 const FILE_VARIABLE: &str = "SUREFOOT_CONFIG";
 /// Flags whose values are never shown.
-const SECRETS: [&str; 1] = ["token"];
+const SECRETS: [&str; 2] = ["token", "store"];
 
 /// Parses the command line, the environment and the file; `None` if `--print-config` was given and handled.
 ///

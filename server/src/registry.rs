@@ -103,11 +103,12 @@ impl Registry {
         observation_len(self.inner().workers.get(&id).is_some_and(|entry| entry.hello.sees_others))
     }
 
-    /// Changes the capacity of a worker, which keeps the NPCs that it has.
-    pub fn set_capacity(&self, id: WorkerId, capacity: u32) {
-        if let Some(entry) = self.inner().workers.get_mut(&id) {
-            entry.hello.capacity = capacity;
-        }
+    /// Changes the capacity of a worker, which keeps the NPCs that it has. Returns whether it grows.
+    pub fn set_capacity(&self, id: WorkerId, capacity: u32) -> bool {
+        self.inner().workers.get_mut(&id).is_some_and(|entry| {
+            let before = std::mem::replace(&mut entry.hello.capacity, capacity);
+            before < capacity
+        })
     }
 
     /// Removes a worker.

@@ -609,9 +609,11 @@ impl Worlds {
         joined
     }
 
-    /// Changes how many NPCs a worker can decide for. Worlds find room within half a second.
+    /// Changes how many NPCs a worker can decide for. Worlds use what is added at once.
     pub fn set_capacity(&self, worker: WorkerId, capacity: u32) {
-        self.shared.registry.set_capacity(worker, capacity);
+        if self.shared.registry.set_capacity(worker, capacity) {
+            self.cast_all(HostedWorld::assign_workers);
+        }
     }
 
     /// Removes a worker and assigns its NPCs to others.
