@@ -6,6 +6,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let files = [
         "surefoot/world/v1/world.proto",
         "surefoot/world/v1/env.proto",
+        "surefoot/world/v1/directory.proto",
         "surefoot/world/v1/maps.proto",
         "surefoot/planner/v1/planner.proto",
         "surefoot/learn/v1/learn.proto",

@@ -1,5 +1,5 @@
 //! What several servers and planners share: a record in PostgreSQL, blobs in an object store, work in NATS JetStream. `planners` has what
-//! planners share, `worlds` what servers do, `work` what everybody who has jobs and whoever does them.
+//! planners share, `worlds` what servers do, `work` how jobs are sent and done.
 //!
 //! The crate is empty without its feature `service`.
 #![cfg(feature = "service")]
@@ -9,3 +9,4 @@ pub mod error;
 pub mod member;
 pub mod planners;
 pub mod record;
+pub mod worlds;

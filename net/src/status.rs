@@ -36,6 +36,15 @@ pub fn quota(reason: Reason, subject: impl Into<String>, message: impl Into<Stri
     with_details(reason, message.clone(), ErrorDetails::with_quota_failure_violation(subject, message))
 }
 
+/// Returns the status for a world that runs on the server at `address`.
+pub fn elsewhere(world: impl Into<String>, address: &str) -> Status {
+    let (reason, world) = (Reason::WorldElsewhere, world.into());
+    let message = format!("world {world} runs on {address}");
+    let mut details = ErrorDetails::with_resource_info("world", world, "", &message);
+    details.set_error_info(reason.name(), DOMAIN, [("address".to_owned(), address.to_owned())]);
+    Status::with_error_details(reason.code(), message, details)
+}
+
 /// Returns the status for a call that is likely to succeed if it is repeated after `after`.
 pub fn retry(reason: Reason, after: Duration, message: impl Into<String>) -> Status {
     with_details(reason, message.into(), ErrorDetails::with_retry_info(Some(after)))

@@ -1,6 +1,8 @@
 //! Configuration of a world server: limits, and how worlds are saved.
 
+use crate::store::WorldStore;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
 
@@ -26,6 +28,8 @@ pub struct ServerConfig {
     /// Folder where worlds are saved when the server stops, and restored from when it starts (`--state`); `None`: worlds end
     /// with the server.
     pub state: Option<PathBuf>,
+    /// Where worlds are saved instead of a folder: the store of a fleet.
+    pub store: Option<Arc<dyn WorldStore>>,
     /// Time between two saves while the server runs, so that little is lost if it is killed (`--save-every`).
     pub save_every: Duration,
 }
@@ -42,6 +46,7 @@ impl Default for ServerConfig {
             maps: MapPool::default(),
             reader_patience: Duration::from_secs(5),
             state: None,
+            store: None,
             save_every: Duration::from_secs(30),
         }
     }

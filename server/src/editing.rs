@@ -29,6 +29,10 @@ impl Worlds {
                 Ok::<_, EditError>(done)
             });
             if let Some(done) = done.await?? {
+                if self.shared_store().is_some() {
+                    // What the servers of a fleet know of between two saves is only what NPCs do.
+                    self.save(id, false).await?;
+                }
                 return Ok(done);
             }
         }

@@ -56,7 +56,8 @@ impl Entry {
 
     /// Share of the capacity that `npc_count` NPCs take.
     fn share(&self, npc_count: u32) -> f64 {
-        f64::from(npc_count) / f64::from(self.hello.capacity)
+        // A worker without capacity gets no NPCs, and is relieved of those that it has.
+        f64::from(npc_count) / f64::from(self.hello.capacity.max(1))
     }
 }
 
@@ -100,6 +101,14 @@ impl Registry {
     /// Number of values of the observations that a worker expects; without others if it has left.
     pub fn observation_len(&self, id: WorkerId) -> usize {
         observation_len(self.inner().workers.get(&id).is_some_and(|entry| entry.hello.sees_others))
+    }
+
+    /// Changes the capacity of a worker, which keeps the NPCs that it has. Returns whether it grows.
+    pub fn set_capacity(&self, id: WorkerId, capacity: u32) -> bool {
+        self.inner().workers.get_mut(&id).is_some_and(|entry| {
+            let before = std::mem::replace(&mut entry.hello.capacity, capacity);
+            before < capacity
+        })
     }
 
     /// Removes a worker.

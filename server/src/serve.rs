@@ -3,8 +3,12 @@
 use crate::config::ServerConfig;
 use crate::envs::{Envs, Grounds, Host};
 use crate::grpc::WorldApi;
+use crate::grpc::directory::DirectoryApi;
+use crate::grpc::elsewhere::Elsewhere;
 use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
+use crate::store::StoreError;
+use crate::tenure;
 use crate::observer::Observer;
 use crate::worlds::Worlds;
 use std::sync::Arc;
@@ -12,11 +16,15 @@ use std::time::Duration;
 use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::levels::LevelStore;
 use surefoot_net::serving::{Endpoint, Limits, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
+use surefoot_proto::world::v1::directory_service_server::{
+    DirectoryServiceServer, SERVICE_NAME as DIRECTORY_SERVICE,
+};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 use surefoot_proto::world::v1::world_service_server::{SERVICE_NAME as WORLD_SERVICE, WorldServiceServer};
 use tokio::sync::watch;
 use tonic::service::RoutesBuilder;
+use tracing::warn;
 
 /// Time for saving all worlds at a shutdown. With the drain of the endpoint it makes less than ten seconds.
 const LAST_SAVE: Duration = Duration::from_secs(4);
@@ -38,7 +46,8 @@ pub fn serve_observed(
 ) -> (Observer, impl Future<Output = Result<(), ServerError>> + Send) {
     let worlds = Worlds::new(config, shutdown.clone());
     // Without saved worlds there is nothing to wait for.
-    let (ready, is_ready) = watch::channel(worlds.config().state.is_none());
+    let config = worlds.config();
+    let (ready, is_ready) = watch::channel(config.state.is_none() && config.store.is_none());
     (Observer::new(worlds.clone(), is_ready), run(endpoint, worlds, ready, shutdown))
 }
 
@@ -60,11 +69,17 @@ async fn run(
     };
     let endpoint = endpoint.with_readiness(is_ready);
     let routes = routes(&endpoint, &worlds, &shutdown);
-    let result = endpoint.serve(routes, &[WORLD_SERVICE, ENV_SERVICE, MAP_SERVICE], metrics, shutdown.clone()).await;
+    let services = [WORLD_SERVICE, DIRECTORY_SERVICE, ENV_SERVICE, MAP_SERVICE];
+    let result = endpoint.serve(routes, &services, metrics, shutdown.clone()).await;
     // Also if the transport failed.
     shutdown.trigger();
     let saved = worlds.save_all(true, LAST_SAVE).await;
     worlds.stop();
+    if let Some(shared) = worlds.shared_store()
+        && let Err(error) = shared.leave().await
+    {
+        warn!(%error, "others take over the worlds only when the lease of this server is over");
+    }
     result?;
     if let Ok(restored) = restoring.await {
         restored?;
@@ -73,7 +88,13 @@ async fn run(
 }
 
 /// Restores saved worlds, then saves all worlds now and then.
-async fn restore(worlds: Worlds, ready: watch::Sender<bool>, shutdown: Shutdown) -> Result<(), SavedError> {
+async fn restore(worlds: Worlds, ready: watch::Sender<bool>, shutdown: Shutdown) -> Result<(), StoreError> {
+    if worlds.shared_store().is_some() {
+        tokio::spawn(worlds.clone().keep_saving());
+        // Until the process ends: what happens while it drains is recorded too.
+        tokio::spawn(tenure::hold(worlds, ready));
+        return Ok(());
+    }
     if let Err(error) = worlds.restore_all().await {
         // A server that cannot read its worlds must not run without them.
         shutdown.trigger();
@@ -95,10 +116,13 @@ fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBu
     let maps = MapServiceServer::new(worlds.levels().clone())
         .max_decoding_message_size(limits.max_import_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    let worlds = WorldServiceServer::new(WorldApi::new(worlds.clone()))
+    let directory = DirectoryServiceServer::new(DirectoryApi { worlds: worlds.clone() });
+    let inner = WorldServiceServer::new(WorldApi::new(worlds.clone()))
         .max_decoding_message_size(limits.max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let worlds = Elsewhere { inner, worlds: worlds.clone() };
     let mut routes = tonic::service::Routes::builder();
+    routes.add_service(with_grpc_web(directory));
     routes.add_service(with_grpc_web(worlds)).add_service(with_grpc_web(envs)).add_service(with_grpc_web(maps));
     routes
 }
@@ -136,7 +160,10 @@ pub enum ServerError {
     /// The endpoint failed.
     #[error(transparent)]
     Serve(#[from] ServeError),
+    /// The folder for worlds cannot be used.
+    #[error("cannot save or restore worlds: {0}")]
+    Folder(#[from] SavedError),
     /// Worlds cannot be saved or restored.
     #[error("cannot save or restore worlds: {0}")]
-    Saved(#[from] SavedError),
+    Saved(#[from] StoreError),
 }

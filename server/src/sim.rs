@@ -53,6 +53,24 @@ impl Schedule {
 
 type Call = Box<dyn FnOnce(&mut SimState) + Send>;
 
+/// Proof that a change is known to the fleet, for which its caller waits.
+#[derive(Debug)]
+pub struct Receipt {
+    sequence: u64,
+    confirmed: watch::Receiver<u64>,
+}
+
+impl Receipt {
+    /// Waits until the change is confirmed.
+    ///
+    /// # Errors
+    /// If the world ends before.
+    pub async fn confirmed(mut self) -> Result<(), SimError> {
+        let result = self.confirmed.wait_for(|latest| *latest >= self.sequence).await;
+        result.map(drop).map_err(|_| SimError::Stopped)
+    }
+}
+
 /// A world with the channels to its readers; owned by the world's thread.
 #[derive(Debug)]
 pub struct SimState {
@@ -60,7 +78,7 @@ pub struct SimState {
     pub world: HostedWorld,
     /// Latest snapshot; each overwrites the one before, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
-    /// Sequence number of the latest event; when it grows, readers fetch the events from the world's log.
+    /// Sequence number of the latest event that readers may see; when it grows, they fetch the events from the world's log.
     pub latest_event: watch::Sender<u64>,
     /// Whether the thread is to end.
     pub is_over: bool,
@@ -222,6 +240,12 @@ impl SimState {
             self.snapshots.send_replace(Arc::new(self.world.snapshot()));
         }
         self.notify_events();
+    }
+
+    /// What confirms all that has happened; `None` if it is confirmed already, or need not be.
+    pub fn receipt(&self) -> Option<Receipt> {
+        let (sequence, events) = (self.world.events().written(), self.world.events());
+        (events.latest() < sequence).then(|| Receipt { sequence, confirmed: self.latest_event.subscribe() })
     }
 
     /// Wakes readers that wait for events, if there are new ones.

@@ -1,33 +1,33 @@
-//! All worlds of a server: their owners and lifecycle, calls to them, and how they outlive the process.
+//! All worlds of a server: their owners and lifecycle, and calls to them. `keeping` has how they outlive the process.
+
+mod keeping;
 
 use crate::ServerConfig;
 use crate::errors::SimError;
-use crate::hosted::{
-    EditError, HostedWorld, NpcError, RestoredMap, SavedError, SavedMap, SavedWorld, SpawnOrder, StateFolder, TimeMode,
-};
+use crate::hosted::{EditError, HostedWorld, NpcError, SpawnOrder, TimeMode};
 use crate::ids::{ID_PERIOD, NpcId, WorkerId, WorldId};
 use crate::messages::{Answer, Hello, ToWorker};
 use crate::metrics::{self, ProcessFigures, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry};
-use crate::sim::{Schedule, SimHandle, SimState};
+use crate::sim::{Receipt, Schedule, SimHandle, SimState};
+use crate::store::{StoreError, WorldStore};
 use crate::survey::Survey;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, RwLock};
+use std::sync::{Arc, OnceLock, RwLock};
 use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
 use tokio::sync::{Semaphore, mpsc};
-use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tracing::{info, warn};
 
 /// Longest wait for the clock to reach a new id: far more than the ids that are created in a burst.
 const MAX_ID_WAIT: Duration = Duration::from_secs(1);
-/// How long saving all worlds may take while the server runs.
-const SAVE_LIMIT: Duration = Duration::from_secs(60);
+/// Longest wait until a change is durable in a fleet.
+const CONFIRM_LIMIT: Duration = Duration::from_secs(5);
 
 /// Why the server cannot do what a client requests.
 #[derive(Debug, thiserror::Error)]
@@ -65,9 +65,15 @@ pub enum WorldsError {
     /// Its map cannot be edited.
     #[error(transparent)]
     Edit(#[from] EditError),
-    /// A saved world cannot be changed.
+    /// What is saved cannot be changed.
     #[error(transparent)]
-    Saved(#[from] SavedError),
+    Store(#[from] StoreError),
+    /// The server may have lost its worlds to others.
+    #[error("world {0} may be moving to another server: look where it runs, and try again")]
+    Moving(WorldId),
+    /// A change was made, and is not known to be durable.
+    #[error("world {0} has made the change, but the record of the fleet does not answer: it may be lost with this server")]
+    Unconfirmed(WorldId),
     /// Work in the background ended without a result.
     #[error("{0} failed: {1}")]
     Lost(&'static str, tokio::task::JoinError),
@@ -90,8 +96,8 @@ pub struct WorldHandle {
     ticket: Arc<Ticket>,
     /// What the map takes of the memory budget.
     _memory: Arc<SharedMap>,
-    /// Nothing of it is to be saved any more.
-    is_dropped: Arc<Mutex<bool>>,
+    /// Nothing of it is to be saved any more. Locked while it is saved.
+    is_dropped: Arc<tokio::sync::Mutex<bool>>,
 }
 
 /// The map of a running world, for those who only look at it.
@@ -174,8 +180,8 @@ struct Shared {
     levels: LevelStore,
     /// Held while saving: two saves at a time would write the same files.
     saving: tokio::sync::Mutex<()>,
-    /// The folder for saved worlds, locked against other processes.
-    state: OnceLock<StateFolder>,
+    /// Where worlds are saved.
+    store: OnceLock<Arc<dyn WorldStore>>,
     /// Worlds that panicked.
     failed_count: AtomicU64,
     /// Times that a world could not be saved.
@@ -205,7 +211,7 @@ impl Worlds {
             registry: Arc::default(),
             saving: tokio::sync::Mutex::default(),
             surveying: Arc::new(Semaphore::new(1)),
-            state: OnceLock::new(),
+            store: OnceLock::new(),
             failed_count: AtomicU64::new(0),
             failed_save_count: AtomicU64::new(0),
             shutdown,
@@ -251,7 +257,7 @@ impl Worlds {
         }
         let ticket = self.shared.world_quota.acquire(&caller.name).map_err(WorldsError::WorldQuota)?;
         let made = self.maps().get(&caller.name, source.made()).await?;
-        let id = self.next_id().await;
+        let id = self.next_id().await?;
         let map = {
             let made = made.clone();
             in_background("putting pieces onto a map", move || source.finish(made.map())).await?
@@ -261,12 +267,16 @@ impl Worlds {
             .with_bodies(vec![body])
             .with_solid_npcs(solid_npcs);
         self.start(id, world, made, ticket)?;
+        self.keep_new(id).await?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
         self.describe(caller, id).await
     }
 
     /// Returns an id that no world of this or an earlier epoch has had.
-    async fn next_id(&self) -> WorldId {
+    async fn next_id(&self) -> Result<WorldId, StoreError> {
+        if let Some(shared) = self.shared_store() {
+            return shared.new_id(WorldId::at(SystemTime::now())).await;
+        }
         let earliest = WorldId::at(SystemTime::now()).0;
         let last = &self.shared.last_world;
         let next = |last: u64| earliest.max(last + 1);
@@ -278,7 +288,7 @@ impl Worlds {
         while WorldId::at(SystemTime::now()) < id && Instant::now() < enough {
             tokio::time::sleep(ID_PERIOD).await;
         }
-        id
+        Ok(id)
     }
 
     /// Returns the epoch, which is greater after every restart of the server.
@@ -287,9 +297,12 @@ impl Worlds {
     }
 
     /// Starts a world's thread and lists it; `made` is its map without pieces.
-    fn start(&self, id: WorldId, world: HostedWorld, made: Arc<SharedMap>, ticket: Ticket) -> Result<(), WorldsError> {
+    fn start(&self, id: WorldId, mut world: HostedWorld, made: Arc<SharedMap>, ticket: Ticket) -> Result<(), WorldsError> {
         let limit = self.shared.config.max_worlds;
         let (mode, body, map) = (world.mode(), world.bodies()[0].clone(), world.map().clone());
+        if self.shared_store().is_some() {
+            world.await_confirmation();
+        }
         let mut worlds = self.shared.worlds.write().expect(POISON);
         if worlds.len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
@@ -325,8 +338,11 @@ impl Worlds {
     /// Returns the handle of a running world.
     ///
     /// # Errors
-    /// If no world has this id.
+    /// If no world has this id, or this server may have lost it to another.
     pub fn handle(&self, id: WorldId) -> Result<WorldHandle, WorldsError> {
+        if self.shared_store().is_some_and(|shared| !shared.is_sure()) {
+            return Err(WorldsError::Moving(id));
+        }
         let worlds = self.shared.worlds.read().expect(POISON);
         worlds.get(&id).cloned().ok_or(WorldsError::UnknownWorld(id))
     }
@@ -381,16 +397,18 @@ impl Worlds {
         if !caller.may_change(handle.ticket.client()) {
             return Err(WorldsError::NotOwner(id));
         }
-        if let Some(folder) = self.shared.state.get().cloned() {
+        if let Some(store) = self.store().cloned() {
             let is_dropped = handle.is_dropped.clone();
-            let forget = move || {
+            let forget = async move {
                 // Whoever saves the world just now finishes first, and nobody saves it any more.
-                let mut is_dropped = is_dropped.lock().expect(POISON);
-                folder.forget(id)?;
+                let mut is_dropped = is_dropped.lock().await;
+                store.forget(id).await?;
                 *is_dropped = true;
-                Ok::<(), SavedError>(())
+                Ok::<(), StoreError>(())
             };
-            in_background("dropping a world", forget).await??;
+            // Goes on if the client disconnects.
+            let forgotten = tokio::spawn(forget).await;
+            forgotten.map_err(|error| WorldsError::Lost("dropping a world", error))??;
         }
         let dropped = self.shared.worlds.write().expect(POISON).remove(&id);
         let handle = dropped.ok_or(WorldsError::UnknownWorld(id))?;
@@ -457,11 +475,14 @@ impl Worlds {
         let limit = self.shared.config.max_npcs_per_world;
         let take = |order| Ok((order?, self.shared.npc_quota.acquire(&caller.name).map_err(WorldsError::NpcQuota)?));
         let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();
-        let results = handle.sim.call(move |state| {
+        let spawn = handle.sim.call(move |state| {
             let mut spawn = |(order, ticket)| Ok(state.world.spawn_to(order, limit, ticket)?);
-            orders.into_iter().map(|order| order.and_then(&mut spawn)).collect()
+            let results = orders.into_iter().map(|order| order.and_then(&mut spawn)).collect();
+            (results, state.receipt())
         });
-        Ok(results.await?)
+        let (results, receipt) = spawn.await?;
+        confirmed(world, receipt).await?;
+        Ok(results)
     }
 
     /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of one world are
@@ -488,7 +509,7 @@ impl Worlds {
                 Ok(handle) => {
                     let may_change_all = access == NpcAccess::Read || caller.may_change(handle.ticket.client());
                     let caller = caller.clone();
-                    let work = move |state: &mut SimState| -> Vec<_> {
+                    let work = move |state: &mut SimState| -> (Vec<_>, Option<Receipt>) {
                         let world = &mut state.world;
                         let one = |(_, npc, item)| {
                             if !may_change_all && !caller.may_change(world.owner_of(npc)?) {
@@ -496,16 +517,24 @@ impl Worlds {
                             }
                             call(world, npc, item)
                         };
-                        items.into_iter().map(one).collect()
+                        let done = items.into_iter().map(one).collect();
+                        (done, if access == NpcAccess::Change { state.receipt() } else { None })
                     };
                     handle.sim.call(work).await
                 }
-                Err(_) => Ok(places.iter().map(|(_, npc)| Err(NpcError::Unknown(*npc))).collect()),
+                Err(WorldsError::Moving(_)) => {
+                    places.into_iter().for_each(|(idx, _)| results[idx] = Some(Err(WorldsError::Moving(world))));
+                    continue;
+                }
+                Err(_) => Ok((places.iter().map(|(_, npc)| Err(NpcError::Unknown(*npc))).collect(), None)),
             };
             match done {
-                Ok(done) => {
+                Ok((done, receipt)) => {
+                    let is_confirmed = confirmed(world, receipt).await.is_ok();
                     for ((idx, _), result) in places.into_iter().zip(done) {
-                        results[idx] = Some(result.map_err(WorldsError::from));
+                        let result = result.map_err(WorldsError::from);
+                        let result = result.and_then(|it| is_confirmed.then_some(it).ok_or(WorldsError::Unconfirmed(world)));
+                        results[idx] = Some(result);
                     }
                 }
                 Err(error) => places.into_iter().for_each(|(idx, _)| results[idx] = Some(Err(error.into()))),
@@ -580,6 +609,13 @@ impl Worlds {
         joined
     }
 
+    /// Changes how many NPCs a worker can decide for. Worlds use what is added at once.
+    pub fn set_capacity(&self, worker: WorkerId, capacity: u32) {
+        if self.shared.registry.set_capacity(worker, capacity) {
+            self.cast_all(HostedWorld::assign_workers);
+        }
+    }
+
     /// Removes a worker and assigns its NPCs to others.
     pub fn leave(&self, worker: WorkerId) {
         info!(worker = worker.0, "worker left");
@@ -606,132 +642,16 @@ impl Worlds {
             }
         }
     }
-
-    // --- what outlives the process ---
-
-    /// Locks the folder for saved worlds, where the configuration names one.
-    ///
-    /// # Errors
-    /// If it cannot be created, or another process uses it.
-    pub fn open_state(&self) -> Result<(), SavedError> {
-        if let Some(path) = &self.shared.config.state {
-            let folder = StateFolder::open(path)?;
-            // Opened once, at the start.
-            let _ = self.shared.state.set(folder);
-        }
-        Ok(())
-    }
-
-    /// Restores saved worlds, until the server shuts down. A file that cannot be used is named and left where it is; its id is not
-    /// given to another world.
-    ///
-    /// # Errors
-    /// If the folder cannot be read.
-    pub async fn restore_all(&self) -> Result<(), SavedError> {
-        let Some(folder) = self.shared.state.get() else { return Ok(()) };
-        for (id, path) in folder.list()? {
-            self.shared.last_world.fetch_max(id.0, Ordering::Relaxed);
-            let read = move || SavedWorld::read(&path).and_then(|saved| Ok((saved.maps()?, saved)));
-            let restored = tokio::select! {
-                restored = tokio::task::spawn_blocking(read) => restored,
-                () = self.shared.shutdown.wait() => return Ok(()),
-            };
-            match restored {
-                Ok(Ok((maps, saved))) => self.restore(&saved, maps),
-                Ok(Err(error)) => warn!(world_id = id.0, %error, "a saved world is not restored; its file stays"),
-                Err(error) => warn!(world_id = id.0, %error, "a saved world is not restored; its file stays"),
-            }
-        }
-        Ok(())
-    }
-
-    fn restore(&self, saved: &SavedWorld, RestoredMap { made, map }: RestoredMap) {
-        let world_id = saved.id().0;
-        let world = HostedWorld::restore(saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
-        info!(world_id, npcs = world.npc_count(), tick = world.tick().0, "world restored");
-        let ticket = self.shared.world_quota.grant(saved.owner());
-        if made.spec().is_none()
-            && let Err(error) =
-                self.shared.levels.put(&Caller::on_behalf_of(saved.owner()), saved.level().to_owned(), made.clone())
-        {
-            warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
-        }
-        if let Err(error) = self.start(saved.id(), world, self.maps().adopt(saved.owner(), made), ticket) {
-            warn!(world_id, %error, "a saved world is not restored");
-        }
-    }
-
-    /// Saves all worlds, where the configuration says so; with `is_last` they end. What cannot be saved within `limit` stays as it
-    /// was saved before.
-    ///
-    /// # Errors
-    /// The first error; the other worlds are saved all the same.
-    pub async fn save_all(&self, is_last: bool, limit: Duration) -> Result<(), SavedError> {
-        let Some(folder) = self.shared.state.get() else { return Ok(()) };
-        let deadline = Instant::now() + limit;
-        let Ok(_saving) = tokio::time::timeout_at(deadline, self.shared.saving.lock()).await else {
-            return Err(SavedError::TooSlow(limit));
-        };
-        let worlds = self.shared.worlds.read().expect(POISON).clone();
-        let mut saving = JoinSet::new();
-        for handle in worlds.into_values() {
-            saving.spawn(save(handle, self.shared.levels.clone(), folder.clone(), is_last));
-        }
-        let mut first_error = None;
-        loop {
-            match tokio::time::timeout_at(deadline, saving.join_next()).await {
-                Ok(None) => break,
-                Ok(Some(Ok(Ok(())) | Err(_))) => {}
-                Ok(Some(Ok(Err(error)))) => {
-                    warn!(%error, "a world is not saved");
-                    self.shared.failed_save_count.fetch_add(1, Ordering::Relaxed);
-                    first_error.get_or_insert(error);
-                }
-                Err(_) => {
-                    first_error.get_or_insert(SavedError::TooSlow(limit));
-                    break;
-                }
-            }
-        }
-        first_error.map_or(Ok(()), Err)
-    }
-
-    /// Saves all worlds periodically until the shutdown.
-    pub async fn keep_saving(self) {
-        let mut due = tokio::time::interval(self.shared.config.save_every);
-        due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        let stopping = self.shared.shutdown.wait();
-        tokio::pin!(stopping);
-        // The first tick of an interval is due at once.
-        due.tick().await;
-        loop {
-            tokio::select! {
-                _ = due.tick() => {}
-                () = &mut stopping => return,
-            }
-            // Each failure has been logged.
-            let _ = self.save_all(false, SAVE_LIMIT).await;
-        }
-    }
 }
 
-/// Saves one world. A world that does not answer, because it was just dropped, stays as it was saved before.
-async fn save(handle: WorldHandle, levels: LevelStore, folder: StateFolder, is_last: bool) -> Result<(), SavedError> {
-    let WorldHandle { sim, ticket, shown, is_dropped, .. } = handle;
-    let map = shown.get();
-    let level = levels.name_of(map.built_hash()).unwrap_or_default();
-    let Ok(source) = tokio::task::spawn_blocking(move || SavedMap::of(&map, level)).await else { return Ok(()) };
-    let saved = sim.call(move |state| {
-        state.is_over |= is_last;
-        state.world.save(ticket.client(), source)
-    });
-    let Ok(saved) = saved.await else { return Ok(()) };
-    let write = move || {
-        // Held while it is written: a world that is dropped meanwhile must not come back.
-        let is_dropped = is_dropped.lock().expect(POISON);
-        if *is_dropped { Ok(()) } else { folder.write(&saved) }
-    };
-    tokio::task::spawn_blocking(write).await.unwrap_or(Ok(()))
+/// Waits until a change is durable, where the servers of a fleet have to know it.
+async fn confirmed(world: WorldId, receipt: Option<Receipt>) -> Result<(), WorldsError> {
+    let Some(receipt) = receipt else { return Ok(()) };
+    match tokio::time::timeout(CONFIRM_LIMIT, receipt.confirmed()).await {
+        Ok(Ok(())) => Ok(()),
+        // The world ended, or nobody answers.
+        Ok(Err(_)) | Err(_) => Err(WorldsError::Unconfirmed(world)),
+    }
 }
 
 /// Runs CPU work on a thread of its own.

@@ -160,7 +160,8 @@ pub fn start_worker_of(config: WorkConfig, policy: Policy) -> Worker {
 /// What workers run with unless a test wants it otherwise.
 pub fn worker_config(server: &Running, planner: Option<&Running>, capacity: u32) -> WorkConfig {
     WorkConfig {
-        server: server.uri.clone(),
+        servers: vec![server.uri.clone()],
+        is_of_fleet: false,
         planners: planner.map(|planner| planner.uri.clone()).into_iter().collect(),
         credentials: Credentials::default(),
         capacity,

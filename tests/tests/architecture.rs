@@ -85,13 +85,15 @@ const FOREIGN: [(&str, &[&str]); 6] = [
 ];
 
 /// Files that may use generated wire types, besides `proto`, the command line and the tests.
-const KNOW_THE_WIRE: [&str; 28] = [
+const KNOW_THE_WIRE: [&str; 31] = [
     "net/src/levels/grpc.rs",
     "server/src/wire.rs",
     "server/src/wire/living.rs",
     "server/src/serve.rs",
     "server/src/grpc/mod.rs",
     "server/src/grpc/batches.rs",
+    "server/src/grpc/directory.rs",
+    "server/src/grpc/elsewhere.rs",
     "server/src/grpc/env.rs",
     "server/src/grpc/living.rs",
     "server/src/grpc/errors.rs",
@@ -103,6 +105,7 @@ const KNOW_THE_WIRE: [&str; 28] = [
     "planner-service/src/grpc/errors.rs",
     "planner-service/src/grpc/streams.rs",
     // Clients of services in other processes.
+    "agent/src/work/servers.rs",
     "agent/src/work/session.rs",
     "agent/src/work/world.rs",
     "agent/src/work/graph.rs",

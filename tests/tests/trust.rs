@@ -155,7 +155,8 @@ async fn a_planner_that_never_answers_stops_no_world_and_is_counted() {
 /// A worker with a planner at any address.
 fn start_worker_to(server: &Running, planner: &str) -> tokio::task::JoinHandle<Result<(), WorkError>> {
     let config = surefoot_agent::work::WorkConfig {
-        server: server.uri.clone(),
+        servers: vec![server.uri.clone()],
+        is_of_fleet: false,
         planners: vec![planner.to_owned()],
         credentials: Credentials::default(),
         capacity: 64,

@@ -8,8 +8,10 @@ use surefoot_planner::BuildSettings;
 /// Configuration of a worker.
 #[derive(Debug, Clone)]
 pub struct WorkConfig {
-    /// URI of the world server, such as `http://127.0.0.1:7600`.
-    pub server: String,
+    /// URIs of world servers, such as `http://127.0.0.1:7600`.
+    pub servers: Vec<String>,
+    /// Whether these only say which servers there are in their fleet, all of which the worker serves.
+    pub is_of_fleet: bool,
     /// URIs of the planner's replicas; without any NPCs head straight for their goals.
     pub planners: Vec<String>,
     /// Credentials for the world server and the planner.

@@ -4,8 +4,9 @@ use super::ahead::Maps;
 use super::config::WorkConfig;
 use super::graph::{Graph, GraphKey, Graphs};
 use super::inference::Inference;
+use super::room::Room;
 use super::world::{Manner, Stage, WorldError, WorldMessage, WorldTask};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_net::client::{Dialer, Link};
@@ -29,14 +30,18 @@ const OUT_QUEUE: usize = 256;
 /// Most messages waiting for a world's task. When full, observations are dropped, and the server counts missed decisions.
 const WORLD_QUEUE: usize = 256;
 
-/// One connection to the server.
+/// One connection to a server.
 pub(super) struct Session<'a> {
+    /// URI of the server.
+    pub address: &'a str,
     pub config: &'a WorkConfig,
     pub policy: &'a Policy,
     /// The planner's graphs; none without a planner.
     pub graphs: Option<&'a Graphs>,
     /// Maps to rehearse on; none without rehearsals.
     pub maps: Option<&'a Arc<Maps>>,
+    /// The worker's capacity, of which the server gets a share.
+    pub room: &'a Room,
 }
 
 /// How a connection ended.
@@ -52,6 +57,8 @@ pub(super) enum SessionEnd {
 
 /// Tasks of worlds, one for each body of their NPCs. They end with the session.
 struct Worlds {
+    /// The NPCs of each world.
+    npcs: BTreeMap<u64, BTreeSet<u64>>,
     /// By the id of the world and the index of the body.
     queues: BTreeMap<(u64, u32), mpsc::Sender<WorldMessage>>,
     /// What each task decides on.
@@ -63,7 +70,9 @@ struct Worlds {
 impl Session<'_> {
     /// Decides for NPCs until the connection is lost.
     pub async fn run(&self, server: &Dialer) -> SessionEnd {
-        let (channel, mut responses, out) = match self.connect(server).await {
+        // Other servers get their share of it as soon as they are connected.
+        let room = self.room.offer_next().max(1);
+        let (channel, mut responses, out) = match self.connect(server, room).await {
             Ok(connected) => connected,
             Err(status) => return SessionEnd::Refused(status),
         };
@@ -72,7 +81,8 @@ impl Session<'_> {
             Ok(inference) => inference,
             Err(error) => return SessionEnd::Refused(Status::resource_exhausted(format!("no thread: {error}"))),
         };
-        let mut worlds = Worlds { queues: BTreeMap::new(), keys: BTreeMap::new(), tasks: JoinSet::new(), inference };
+        let mut worlds =
+            Worlds { npcs: BTreeMap::new(), queues: BTreeMap::new(), keys: BTreeMap::new(), tasks: JoinSet::new(), inference };
         let other_policy = async {
             match self.graphs {
                 Some(graphs) => graphs.other_policy().await,
@@ -80,9 +90,20 @@ impl Session<'_> {
             }
         };
         tokio::pin!(other_policy);
+        let (mut changes, mut offered) = (self.room.changes(), room);
         loop {
             let response = tokio::select! {
                 response = responses.next() => response,
+                Ok(()) = changes.changed(), if is_welcome => {
+                    let offer = self.room.offer(self.address);
+                    if offer != offered {
+                        let message = wire::work_request::Message::Capacity(offer);
+                        // When too many answers wait, the next change says it.
+                        let is_sent = out.try_send(wire::WorkRequest { message: Some(message) }).is_ok();
+                        offered = if is_sent { offer } else { offered };
+                    }
+                    continue;
+                }
                 status = &mut other_policy => return SessionEnd::OtherPolicy(status),
                 Some(ended) = worlds.tasks.join_next() => match ended {
                     // The server ended the world.
@@ -98,10 +119,13 @@ impl Session<'_> {
                 Some(Err(status)) => return SessionEnd::Lost(status),
                 None => return SessionEnd::Lost(Status::unavailable("the server ended the stream")),
             };
+            if worlds.note(message.as_ref()) {
+                self.room.note(self.address, worlds.npc_count());
+            }
             let passed = match message {
                 Some(Message::Welcome(welcome)) => {
                     is_welcome = true;
-                    info!(worker = welcome.worker_id, server = self.config.server, "deciding for NPCs");
+                    info!(worker = welcome.worker_id, server = self.address, "deciding for NPCs");
                     Ok(())
                 }
                 Some(Message::Assignment(assignment)) => {
@@ -138,13 +162,14 @@ impl Session<'_> {
     async fn connect(
         &self,
         server: &Dialer,
+        capacity: u32,
     ) -> Result<(Link, tonic::Streaming<wire::WorkResponse>, mpsc::Sender<wire::WorkRequest>), Status> {
         let channel = server.connect().await.map_err(|error| Status::unavailable(error.to_string()))?;
         let mut client = WorldServiceClient::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let (out, requests) = mpsc::channel(OUT_QUEUE);
         let hello = wire::Hello {
             name: self.config.name.clone(),
-            capacity: self.config.capacity,
+            capacity,
             observation_len: self.policy.observation_len() as u32,
             observation_version: OBSERVATION_VERSION,
             policy: self.policy.label(),
@@ -197,6 +222,27 @@ impl Session<'_> {
 }
 
 impl Worlds {
+    /// Takes in which NPCs are assigned; whether there may be another number of them.
+    fn note(&mut self, message: Option<&Message>) -> bool {
+        match message {
+            Some(Message::Assignment(assignment)) => {
+                self.npcs.entry(assignment.world_id).or_default().extend(&assignment.npc_ids);
+            }
+            Some(Message::Release(release)) => {
+                let npcs = self.npcs.entry(release.world_id).or_default();
+                npcs.retain(|npc| !release.npc_ids.contains(npc));
+            }
+            Some(Message::Over(over)) => _ = self.npcs.remove(&over.world_id),
+            Some(Message::Welcome(_)) => {}
+            _ => return false,
+        }
+        true
+    }
+
+    fn npc_count(&self) -> u32 {
+        self.npcs.values().map(BTreeSet::len).sum::<usize>() as u32
+    }
+
     /// Passes a message to all tasks of a world: each picks the NPCs that are its own.
     fn pass_to_all(&self, world_id: u64, message: impl Fn() -> WorldMessage) -> Result<(), Status> {
         self.queues.range((world_id, 0)..=(world_id, u32::MAX)).try_for_each(|(&task, _)| self.pass(task, message()))

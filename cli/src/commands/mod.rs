@@ -15,6 +15,7 @@ pub mod licenses;
 pub mod map;
 mod processes;
 pub mod services;
+mod tenure;
 pub mod top;
 pub mod train;
 pub mod up;

@@ -3,6 +3,7 @@
 use super::agones::AgonesArgs;
 use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::fleet::FleetArgs;
+use super::tenure::TenureArgs;
 use super::{core_count, load_policy};
 use crate::signals::shutdown_signal;
 use anyhow::Context;
@@ -35,6 +36,8 @@ pub struct ServeArgs {
     studio: StudioArgs,
     #[command(flatten)]
     limits: ServerLimits,
+    #[command(flatten)]
+    tenure: TenureArgs,
     #[command(flatten)]
     agones: AgonesArgs,
     #[command(flatten)]
@@ -88,9 +91,9 @@ pub struct ServerLimits {
     /// Folder to save worlds in, and to restore them from at start; default: worlds are not saved
     #[arg(long, value_name = "FOLDER")]
     state: Option<PathBuf>,
-    /// Interval at which a running server saves its worlds
-    #[arg(long, default_value_t = ServerConfig::default().save_every.as_secs_f64(), value_name = "SECONDS", value_parser = parse_seconds)]
-    save_every: f64,
+    /// Interval at which a running server saves its worlds; default: 30 s, in a fleet 2 s
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    save_every: Option<f64>,
 }
 
 /// Bytes.
@@ -113,7 +116,8 @@ impl ServerLimits {
             maps: MapPool::within(self.max_memory.saturating_mul(MB)),
             reader_patience: std::time::Duration::from_secs_f64(self.reader_patience),
             state: self.state.clone(),
-            save_every: std::time::Duration::from_secs_f64(self.save_every),
+            store: None,
+            save_every: self.save_every.map_or(ServerConfig::default().save_every, std::time::Duration::from_secs_f64),
         }
     }
 }
@@ -198,9 +202,18 @@ impl CacheArgs {
     after_help = "Examples:\n  surefoot work\n  surefoot work --server http://server:7600 --planner http://planner:7601 --npcs 512\n  surefoot work --no-planner"
 )]
 pub struct WorkArgs {
-    /// URI of the world server
-    #[arg(long, default_value = "http://127.0.0.1:7600", value_name = "URI", env = "SUREFOOT_SERVER")]
-    server: String,
+    /// URI of the world server; those of several are divided by commas
+    #[arg(
+        long,
+        default_value = "http://127.0.0.1:7600",
+        value_name = "URI",
+        env = "SUREFOOT_SERVER",
+        value_delimiter = ','
+    )]
+    server: Vec<String>,
+    /// Serve all servers of the fleet to which these belong, also those that join it later
+    #[arg(long)]
+    fleet: bool,
     /// URI of the planner; those of several replicas are divided by commas
     #[arg(
         long,
@@ -312,7 +325,12 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
         let pages = surefoot_studio::pages(args.studio.settings(args.studio_planner.clone(), args.listen));
         let endpoint = Endpoint::open(args.listen, config)?.with_pages(pages);
         info!(address = %endpoint.address(), "world server ready");
-        let (observer, serving) = surefoot_server::serve_observed(endpoint, args.limits.config(), shutdown);
+        let mut limits = args.limits.config();
+        if args.limits.save_every.is_none() {
+            limits.save_every = args.tenure.save_every(limits.save_every);
+        }
+        let config = args.tenure.join(limits, endpoint.address()).await?;
+        let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown);
         args.agones.accompany(observer, serving).await
     })
 }
@@ -370,7 +388,8 @@ impl StyleArg {
 pub fn run_worker(args: &WorkArgs) -> anyhow::Result<()> {
     let policy = load_policy(args.model.as_deref())?;
     let config = WorkConfig {
-        server: args.server.clone(),
+        servers: args.server.clone(),
+        is_of_fleet: args.fleet,
         planners: if args.no_planner { Vec::new() } else { args.planner.clone() },
         credentials: args.credentials.credentials()?,
         capacity: args.npcs,

@@ -156,7 +156,8 @@ async fn scene(
     parts.spawn(async move { Ok(planner::serve(plans, config, prober, Box::new(store), stop).await?) });
     for idx in 0..args.workers {
         let config = WorkConfig {
-            server: server_uri.clone(),
+            servers: vec![server_uri.clone()],
+            is_of_fleet: false,
             planners: vec![planner_uri.clone()],
             credentials: credentials.clone(),
             capacity: (args.npcs as u32).max(1),

@@ -70,6 +70,8 @@ const METHODS: &[(&str, &[Role])] = &[
     ("surefoot.world.v1.WorldService/RemovePlayer", GAMES),
     ("surefoot.world.v1.WorldService/StallWorld", &[Admin]),
     ("surefoot.world.v1.WorldService/Work", WORKERS),
+    ("surefoot.world.v1.DirectoryService/LocateWorld", EVERYBODY),
+    ("surefoot.world.v1.DirectoryService/ListServers", EVERYBODY),
     ("surefoot.world.v1.EnvService/CreateEnv", GAMES),
     ("surefoot.world.v1.EnvService/StepEnv", GAMES),
     ("surefoot.world.v1.EnvService/StreamEnv", GAMES),

@@ -4,6 +4,7 @@ use crate::envs::EnvError;
 use crate::errors::SimError;
 use crate::hosted::{EditError, EventsLost, LivingError, NpcError};
 use crate::messages::Goodbye;
+use crate::store::StoreError;
 use crate::worlds::WorldsError;
 use std::time::Duration;
 use surefoot_net::levels::{MapError, grpc as levels};
@@ -13,6 +14,8 @@ use tonic::Status;
 
 /// When to retry a call to a busy world, which empties its inbox within a tick or two.
 const INBOX_TIME: Duration = Duration::from_millis(50);
+/// When to look again for a world whose server is gone.
+pub(super) const TAKEOVER_TIME: Duration = Duration::from_secs(1);
 
 impl From<NpcError> for Status {
     fn from(error: NpcError) -> Self {
@@ -83,7 +86,9 @@ impl From<WorldsError> for Status {
             WorldsError::Map(error) => map_error(error),
             WorldsError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             WorldsError::Edit(error) => error.into(),
-            WorldsError::Saved(_) => status::failure(Reason::Internal, message),
+            WorldsError::Store(error) => store_error(error),
+            WorldsError::Moving(_) => status::retry(Reason::WorldMoving, TAKEOVER_TIME, message),
+            WorldsError::Unconfirmed(_) => status::failure(Reason::NotConfirmed, message),
             WorldsError::Npc(error) => error.into(),
             WorldsError::Sim(error) => error.into(),
             WorldsError::BadItem(field, _) => status::invalid(field, message),
@@ -95,6 +100,15 @@ impl From<WorldsError> for Status {
 impl From<EventsLost> for Status {
     fn from(error: EventsLost) -> Self {
         status::failure(Reason::EventsLost, error.to_string())
+    }
+}
+
+fn store_error(error: StoreError) -> Status {
+    let message = error.to_string();
+    match error {
+        StoreError::Saved(_) => status::failure(Reason::Internal, message),
+        StoreError::Lost(_) | StoreError::Expired => status::retry(Reason::WorldMoving, TAKEOVER_TIME, message),
+        StoreError::Unavailable(_) => status::failure(Reason::NotConfirmed, message),
     }
 }
 

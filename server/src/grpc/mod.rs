@@ -2,9 +2,11 @@
 //!
 //! `batches` has the calls for many NPCs, `readers` the streams to readers, `living` the calls about movers and players, `work`
 //! the streams of workers, `env` implements
-//! `EnvService`, `errors` converts the server's errors to statuses.
+//! `EnvService`, `directory` `DirectoryService` (`elsewhere` says where worlds are that are not here), `errors` converts the server's errors to statuses.
 
 mod batches;
+pub mod directory;
+pub mod elsewhere;
 pub mod env;
 mod errors;
 mod living;
@@ -378,11 +380,11 @@ impl WorldService for WorldApi {
         let caller = Caller::of(&request);
         let wire::WatchEventsRequest { world_id, after, npc_ids } = request.into_inner();
         batches::check_count(npc_ids.len(), "npc_ids")?;
-        let (world, epoch) = (WorldId(world_id), self.worlds.epoch());
+        let (world, epoch) = (WorldId(world_id), self.worlds.epoch_of(WorldId(world_id)));
         let handle = self.worlds.handle_for(&caller, world)?;
         if let Some(after) = after.filter(|after| after.epoch != epoch && after.sequence != 0) {
             let message =
-                format!("after.epoch is {}, this server's epoch is {epoch}: it has restarted since", after.epoch);
+                format!("after.epoch is {}, the epoch is {epoch}: the server has restarted since", after.epoch);
             return Err(status::failure(Reason::EventsLost, message));
         }
         let sequence = after.map(|after| after.sequence);

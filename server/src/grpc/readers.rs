@@ -6,7 +6,7 @@ use crate::errors::SimError;
 use crate::geometry::Tiles;
 use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcPlan, NpcState, Snapshot};
 use crate::ids::{NpcId, WorldId};
-use crate::sim::SimHandle;
+use crate::sim::{SimHandle, SimState};
 use crate::view::View;
 use crate::wire::{
     ended_attempt_to_wire, events_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire, shown_to_wire, stats_to_wire,
@@ -173,8 +173,12 @@ pub fn watch_events(
         }
         loop {
             let read = after;
-            let events = match sim.call(move |state| state.world.events().after(read, EVENTS_AT_A_TIME)).await {
-                Ok(Ok(events)) => events,
+            let read_on = move |state: &mut SimState| {
+                let log = state.world.events();
+                log.after(read, EVENTS_AT_A_TIME).map(|events| (events, log.latest()))
+            };
+            let (events, now_latest) = match sim.call(read_on).await {
+                Ok(Ok(read)) => read,
                 // Events that were kept when the stream began are gone: the reader was too slow for the world.
                 Ok(Err(error)) => return reader.close(status::failure(Reason::ReaderTooSlow, error.to_string())),
                 Err(SimError::Busy) => {
@@ -193,6 +197,10 @@ pub fn watch_events(
                     Some(still) => reader = still,
                     None => return,
                 }
+            }
+            if events.len() < EVENTS_AT_A_TIME {
+                // The last numbers may be those of events that were lost with another server.
+                after = after.max(now_latest);
             }
             tokio::select! {
                 changed = latest.wait_for(|latest| *latest != after) => if changed.is_err() {

@@ -67,6 +67,10 @@ async fn read_answers(
                 let answer = convert_worker::answer(batch).map_err(|status| bad_answer(&status));
                 answer.map(|answer| worlds.answer(worker, world, answer))
             }
+            Some(Ok(wire::WorkRequest { message: Some(wire::work_request::Message::Capacity(capacity)) })) => {
+                worlds.set_capacity(worker, capacity);
+                Ok(())
+            }
             Some(Ok(_)) => Err(Goodbye::Unexpected),
         };
         if let Err(goodbye) = result {

@@ -133,16 +133,10 @@ impl HostedWorld {
     /// If the NPC does not exist.
     pub fn despawn(&mut self, id: NpcId) -> Result<(), NpcError> {
         self.log_replaced_attempt(id);
+        self.leave_worker(id);
         let record = self.records.remove(&id).ok_or(NpcError::Unknown(id))?;
         self.log_event(id, EventKind::Removed);
         self.world.despawn(record.slot);
-        if let Some(worker) = record.worker {
-            self.outbox.entry(worker).or_default().release(id);
-        }
-        // During a hand-over the NPC's place is with the next worker.
-        if let Some(holder) = record.next_worker.or(record.worker) {
-            self.registry.release(holder);
-        }
         Ok(())
     }
 

@@ -100,36 +100,74 @@ pub struct EventsLost {
 /// The latest events of a world.
 #[derive(Debug, Default)]
 pub struct EventLog {
-    latest: u64,
+    written: u64,
+    /// Sequence number of the last event before those that are kept.
+    dropped: u64,
+    /// Sequence number of the last event that readers may see; `None`: they see all.
+    confirmed: Option<u64>,
     kept: VecDeque<NpcEvent>,
 }
 
 impl EventLog {
-    /// Returns the sequence number of the latest event; 0 if there is none yet.
+    /// The events of a restored world, all of them confirmed: those in `kept`, in order, and no others after `dropped`. The next one follows
+    /// `written`.
+    pub(super) fn resumed(dropped: u64, kept: impl IntoIterator<Item = NpcEvent>, written: u64) -> Self {
+        Self { written, dropped, confirmed: Some(written), kept: kept.into_iter().collect() }
+    }
+
+    /// Returns the sequence number of the latest event that readers may see; 0 if there is none yet.
     pub fn latest(&self) -> u64 {
-        self.latest
+        self.confirmed.unwrap_or(self.written)
+    }
+
+    /// Returns the sequence number of the latest event.
+    pub fn written(&self) -> u64 {
+        self.written
+    }
+
+    /// Returns the sequence number of the last event before those that are kept.
+    pub(super) fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Hides events from readers until they are confirmed.
+    pub(super) fn await_confirmation(&mut self) {
+        self.confirmed.get_or_insert(self.written);
+    }
+
+    /// Lets readers see events up to that number.
+    pub(super) fn confirm(&mut self, through: u64) {
+        if let Some(confirmed) = &mut self.confirmed {
+            *confirmed = (*confirmed).max(through.min(self.written));
+        }
+    }
+
+    /// Events after that number, whether or not readers may see them.
+    pub(super) fn since(&self, after: u64) -> impl Iterator<Item = &NpcEvent> {
+        self.kept.range(self.kept.partition_point(|event| event.sequence <= after)..)
     }
 
     /// Appends an event.
     pub(super) fn push(&mut self, tick: Tick, time: SystemTime, npc: NpcId, kind: EventKind) {
-        if self.kept.len() == KEPT_EVENTS {
-            self.kept.pop_front();
+        if self.kept.len() == KEPT_EVENTS
+            && let Some(oldest) = self.kept.pop_front()
+        {
+            self.dropped = oldest.sequence;
         }
-        self.latest += 1;
-        self.kept.push_back(NpcEvent { sequence: self.latest, tick, time, npc, kind });
+        self.written += 1;
+        self.kept.push_back(NpcEvent { sequence: self.written, tick, time, npc, kind });
     }
 
     /// Returns the events after the sequence number `after`, at most `limit`; 0 means from the oldest event kept.
     ///
     /// # Errors
-    /// If some of these events are no longer kept, or `after` is greater than the latest number.
+    /// If some of these events are no longer kept, or `after` is greater than the latest number that readers may see.
     pub fn after(&self, after: u64, limit: usize) -> Result<Vec<NpcEvent>, EventsLost> {
-        let oldest = self.latest + 1 - self.kept.len() as u64;
-        let next = if after == 0 { oldest } else { after + 1 };
-        if next < oldest || after > self.latest {
-            return Err(EventsLost { after, oldest, latest: self.latest });
+        let latest = self.latest();
+        if after != 0 && after < self.dropped || after > latest {
+            return Err(EventsLost { after, oldest: self.dropped + 1, latest });
         }
-        Ok(self.kept.iter().skip((next - oldest) as usize).take(limit).copied().collect())
+        Ok(self.since(after).take_while(|event| event.sequence <= latest).take(limit).copied().collect())
     }
 }
 
@@ -152,5 +190,26 @@ mod tests {
         assert!(log.after(9, 1).is_err(), "the tenth is gone");
         assert_eq!(numbers(log.after(10, 1).unwrap()), [11]);
         assert_eq!(numbers(log.after(0, 1).unwrap()), [11]);
+    }
+
+    #[test]
+    fn what_is_not_confirmed_is_not_seen() {
+        let mut log = EventLog::default();
+        let npc = NpcId::new(WorldId(1), 1);
+        log.await_confirmation();
+        (0..4).for_each(|tick| log.push(Tick(tick), SystemTime::UNIX_EPOCH, npc, EventKind::Removed));
+        assert!(log.after(0, 10).unwrap().is_empty() && log.after(1, 10).is_err());
+        assert_eq!((log.latest(), log.written()), (0, 4));
+        log.confirm(3);
+        log.confirm(2);
+        assert_eq!(log.after(1, 10).unwrap().len(), 2);
+        // Restored without the second, which told of motion, and with a later one that nobody kept.
+        let kept: Vec<NpcEvent> = log.since(0).filter(|event| event.sequence != 2).take(2).copied().collect();
+        let mut resumed = EventLog::resumed(0, kept, 5);
+        assert_eq!(resumed.after(1, 10).unwrap().len(), 1);
+        assert!(resumed.after(5, 10).unwrap().is_empty());
+        resumed.push(Tick(9), SystemTime::UNIX_EPOCH, npc, EventKind::Removed);
+        resumed.confirm(6);
+        assert_eq!(resumed.after(3, 10).unwrap()[0].sequence, 6);
     }
 }

@@ -3,11 +3,12 @@
 //! A tick is [`HostedWorld::step`] (in `tick`): request decisions, move, end attempts. Answers arrive between ticks. `workers`
 //! hands NPCs from one worker to another, `commands` has the calls of clients (`living` those about movers and
 //! players, `pieces` edits of the map), `snapshot` and `events` what clients see (`motion`
-//! detects jumps and landings), `saved` what outlives the process.
+//! detects jumps and landings), `saved` what outlives the process (`journal`: what a fleet knows beyond it).
 //! Nothing here awaits, and nothing knows wire types.
 
 mod commands;
 mod events;
+mod journal;
 mod living;
 mod mode;
 mod motion;
@@ -21,6 +22,7 @@ mod world;
 
 pub use commands::{MAX_BODIES, NpcError, SpawnOrder};
 pub use events::{EventKind, EventLog, EventsLost, KEPT_EVENTS, NpcEvent};
+pub use journal::{Journal, KeptWorld, SavedLog};
 pub use living::{Destination, LivingError};
 pub use mode::TimeMode;
 pub use pieces::{EditError, MapEdit, MapEdited};

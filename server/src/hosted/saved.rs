@@ -222,7 +222,7 @@ impl StateFolder {
     ///
     /// # Errors
     /// If the folder cannot be read.
-    pub fn list(&self) -> Result<BTreeMap<WorldId, PathBuf>, SavedError> {
+    pub fn files(&self) -> Result<BTreeMap<WorldId, PathBuf>, SavedError> {
         let fail = |error| SavedError::Io(self.path.clone(), error);
         let mut found = BTreeMap::new();
         for entry in std::fs::read_dir(&self.path).map_err(fail)? {
@@ -242,7 +242,7 @@ impl StateFolder {
     ///
     /// # Errors
     /// If it cannot be written; what was saved before is kept.
-    pub fn write(&self, saved: &SavedWorld) -> Result<(), SavedError> {
+    pub fn replace(&self, saved: &SavedWorld) -> Result<(), SavedError> {
         let path = self.file_of(saved.id);
         durable::replace(&path, &saved.encode()).map_err(|error| SavedError::Io(path, error))
     }
@@ -251,7 +251,7 @@ impl StateFolder {
     ///
     /// # Errors
     /// If the file cannot be removed.
-    pub fn forget(&self, id: WorldId) -> Result<(), SavedError> {
+    pub fn remove(&self, id: WorldId) -> Result<(), SavedError> {
         let path = self.file_of(id);
         match durable::remove(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(SavedError::Io(path, error)),
@@ -259,7 +259,8 @@ impl StateFolder {
         }
     }
 
-    fn file_of(&self, id: WorldId) -> PathBuf {
+    /// The file of a world.
+    pub fn file_of(&self, id: WorldId) -> PathBuf {
         self.path.join(format!("{id}.{SUFFIX}"))
     }
 }

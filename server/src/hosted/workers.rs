@@ -115,6 +115,18 @@ impl HostedWorld {
         self.assign_workers();
     }
 
+    /// Gives back the place that an NPC, if it exists, has with its worker.
+    pub(super) fn leave_worker(&mut self, id: NpcId) {
+        let Some(record) = self.records.get(&id) else { return };
+        if let Some(worker) = record.worker {
+            self.outbox.entry(worker).or_default().release(id);
+        }
+        // During a hand-over the NPC's place is with the next worker.
+        if let Some(holder) = record.next_worker.or(record.worker) {
+            self.registry.release(holder);
+        }
+    }
+
     /// Removes all NPCs when the world ends, which gives their places back.
     pub fn release_all(&mut self) {
         let ids: Vec<NpcId> = self.records.keys().copied().collect();

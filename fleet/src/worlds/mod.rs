@@ -1,0 +1,230 @@
+//! Worlds of a fleet: who has them (`rows`, in the record), and what was saved of them (as blobs).
+//!
+//! A save is a blob of its own, whose name goes into the world's row in a statement that checks the token of the tenure and the lease of
+//! the server. So a server that was taken for dead writes blobs that nobody reads.
+
+mod rows;
+
+use crate::blobs::{BlobId, Blobs};
+use crate::error::FleetError;
+use crate::member::{Member, MemberKind};
+use crate::record::Record;
+use rows::Tenure;
+use std::collections::BTreeMap;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, RwLock};
+use std::time::Duration;
+use surefoot_server::WorldId;
+use surefoot_server::hosted::{Journal, KeptWorld, SavedError, SavedLog, SavedWorld};
+use surefoot_server::store::{Place, SharedStore, StoreCall, StoreError, StoredWorld, WorldStore};
+use tokio::sync::Notify;
+use tracing::warn;
+
+const POISON: &str = "no holder of this lock panics";
+
+/// The store of a fleet's worlds, for one of its servers.
+#[derive(Debug)]
+pub struct FleetWorlds {
+    record: Record,
+    blobs: Blobs,
+    address: String,
+    /// What this process is in the fleet; another member after its lease was over.
+    member: RwLock<Member>,
+    /// The worlds of this server.
+    held: Mutex<BTreeMap<WorldId, Held>>,
+    /// Notified when a server has left.
+    left: Arc<Notify>,
+}
+
+/// A world of this server.
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    tenure: Tenure,
+    /// Name of the blob with the last save.
+    blob: BlobId,
+}
+
+impl From<FleetError> for StoreError {
+    fn from(error: FleetError) -> Self {
+        Self::Unavailable(error.to_string())
+    }
+}
+
+impl FleetWorlds {
+    /// Makes this process a server of the fleet, which others reach at `address`.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub async fn join(record: Record, blobs: Blobs, address: &str, lease: Duration) -> Result<Self, FleetError> {
+        let member = Member::join(&record, MemberKind::Server, address, lease).await?;
+        let left = Arc::new(Notify::new());
+        tokio::spawn(rows::listen(record.clone(), left.clone()));
+        let (address, member) = (address.to_owned(), RwLock::new(member));
+        Ok(Self { record, blobs, address, member, held: Mutex::default(), left })
+    }
+
+    fn member(&self) -> Member {
+        self.member.read().expect(POISON).clone()
+    }
+
+    fn held(&self, id: WorldId) -> Option<Held> {
+        self.held.lock().expect(POISON).get(&id).copied()
+    }
+
+    async fn write_world(&self, world: SavedWorld, log: SavedLog) -> Result<(), StoreError> {
+        let (id, through, member) = (world.id(), log.written(), self.member());
+        let held = self.held(id);
+        let tenure = match held {
+            Some(held) => held.tenure,
+            None => rows::new_tenure(&self.record, &member).await?,
+        };
+        let encode = move || {
+            // Saves of two tenures are two blobs, also of a world that stands still.
+            let mut bytes = tenure.token.to_le_bytes().to_vec();
+            bytes.extend(KeptWorld { world, log }.encode());
+            bytes
+        };
+        let bytes = tokio::task::spawn_blocking(encode).await;
+        let bytes = bytes.map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        let blob = self.blobs.put(bytes).await?;
+        let is_ours = match held {
+            Some(_) => rows::save(&self.record, id, tenure, blob, through).await?,
+            None => rows::insert(&self.record, id, tenure, blob, through).await?,
+        };
+        let unneeded = if is_ours { held.map(|held| held.blob) } else { Some(blob) };
+        if is_ours {
+            self.held.lock().expect(POISON).insert(id, Held { tenure, blob });
+        } else {
+            self.held.lock().expect(POISON).remove(&id);
+        }
+        if let Some(unneeded) = unneeded.filter(|unneeded| *unneeded != blob || held.is_none_or(|it| it.blob != blob)) {
+            self.clear(unneeded).await;
+        }
+        if is_ours { Ok(()) } else { Err(StoreError::Lost(id)) }
+    }
+
+    async fn read_world(&self, id: WorldId) -> Result<StoredWorld, StoreError> {
+        let Held { blob, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
+        let damaged = || StoreError::Saved(SavedError::Damaged(format!("{} blob {blob}", self.blobs.place()).into()));
+        let bytes = self.blobs.get(blob).await?.ok_or_else(damaged)?;
+        let decode = move || KeptWorld::decode(bytes.get(8..).unwrap_or_default());
+        let kept = tokio::task::spawn_blocking(decode).await;
+        let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        let KeptWorld { world, log } = kept.ok().filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
+        let journals = rows::journals(&self.record, id).await?.into_iter();
+        let journals = journals.map(|(through, bytes)| Journal::decode(through, &bytes));
+        let journals = journals.collect::<Result<_, _>>().map_err(|_| damaged())?;
+        Ok(StoredWorld { world, since: Some((log, journals)) })
+    }
+
+    /// Removes a blob that no row refers to.
+    async fn clear(&self, blob: BlobId) {
+        if let Err(error) = self.blobs.remove(blob).await {
+            warn!(%error, %blob, "a blob that nobody needs stays");
+        }
+    }
+
+    async fn claim_worlds(&self, max_worlds: usize) -> Result<Vec<WorldId>, StoreError> {
+        let claimed = rows::claim(&self.record, &self.member(), max_worlds).await?;
+        let mut held = self.held.lock().expect(POISON);
+        Ok(claimed.into_iter().map(|(id, tenure, blob)| (held.insert(id, Held { tenure, blob }), id).1).collect())
+    }
+}
+
+impl WorldStore for FleetWorlds {
+    fn list(&self) -> StoreCall<'_, Vec<WorldId>> {
+        // They are claimed.
+        Box::pin(async { Ok(Vec::new()) })
+    }
+
+    fn read(&self, id: WorldId) -> StoreCall<'_, StoredWorld> {
+        Box::pin(self.read_world(id))
+    }
+
+    fn write(&self, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()> {
+        Box::pin(self.write_world(world, log))
+    }
+
+    fn forget(&self, id: WorldId) -> StoreCall<'_, ()> {
+        Box::pin(async move {
+            let Held { tenure, blob } = self.held(id).ok_or(StoreError::Lost(id))?;
+            if !rows::forget(&self.record, id, tenure).await? {
+                return Err(StoreError::Lost(id));
+            }
+            self.held.lock().expect(POISON).remove(&id);
+            self.clear(blob).await;
+            Ok(())
+        })
+    }
+
+    fn shared(&self) -> Option<&dyn SharedStore> {
+        Some(self)
+    }
+}
+
+impl SharedStore for FleetWorlds {
+    fn lease(&self) -> Duration {
+        self.member().lease()
+    }
+
+    fn is_sure(&self) -> bool {
+        self.member.read().expect(POISON).is_sure()
+    }
+
+    fn renew(&self) -> StoreCall<'_, ()> {
+        Box::pin(async {
+            let member = self.member();
+            match member.renew().await {
+                Ok(()) => Ok(()),
+                Err(_) if !member.is_sure() => Err(StoreError::Expired),
+                Err(error) => Err(error.into()),
+            }
+        })
+    }
+
+    fn rejoin(&self) -> StoreCall<'_, ()> {
+        Box::pin(async {
+            let former = self.member();
+            // Its lease may go on in the record, and with it the claim to worlds that are not served any more.
+            former.leave().await?;
+            self.held.lock().expect(POISON).clear();
+            let member = Member::join(&self.record, MemberKind::Server, &self.address, former.lease()).await?;
+            *self.member.write().expect(POISON) = member;
+            Ok(rows::notify(&self.record).await?)
+        })
+    }
+
+    fn leave(&self) -> StoreCall<'_, ()> {
+        Box::pin(async {
+            self.member().leave().await?;
+            Ok(rows::notify(&self.record).await?)
+        })
+    }
+
+    fn changed(&self) -> Pin<Box<dyn Future<Output = ()> + Send + '_>> {
+        Box::pin(self.left.notified())
+    }
+
+    fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId> {
+        Box::pin(async move { Ok(rows::new_id(&self.record, earliest).await?) })
+    }
+
+    fn claim(&self, max_worlds: usize) -> StoreCall<'_, Vec<WorldId>> {
+        Box::pin(self.claim_worlds(max_worlds))
+    }
+
+    fn record<'a>(&'a self, journals: &'a [(WorldId, Journal)]) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
+        Box::pin(async move {
+            let held = journals.iter().filter_map(|(id, journal)| Some((*id, self.held(*id)?.tenure, journal)));
+            Ok(rows::append(&self.record, held.collect()).await?)
+        })
+    }
+
+    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>> {
+        Box::pin(async move { Ok(rows::locate(&self.record, id, self.member().id).await?) })
+    }
+
+    fn servers(&self) -> StoreCall<'_, Vec<Place>> {
+        Box::pin(async move { Ok(rows::servers(&self.record, self.member().id).await?) })
+    }
+}

@@ -1,0 +1,254 @@
+//! Rows of worlds. Every call is a single statement, which commits by itself: a process that stops in the middle holds no lock.
+
+use crate::blobs::BlobId;
+use crate::error::FleetError;
+use crate::member::Member;
+use crate::record::Record;
+use sqlx::postgres::PgListener;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+use surefoot_server::WorldId;
+use surefoot_server::hosted::Journal;
+use surefoot_server::store::Place;
+use tokio::sync::Notify;
+use tracing::warn;
+
+/// Where servers that leave say so.
+const CHANNEL: &str = "surefoot_servers";
+/// Pause before a lost connection that listens is made again.
+const LISTEN_PAUSE: Duration = Duration::from_secs(1);
+
+/// The time in which a server has a world.
+#[derive(Debug, Clone, Copy)]
+pub struct Tenure {
+    /// The member that is the server.
+    pub member: i64,
+    /// Fencing token.
+    pub token: i64,
+}
+
+/// A new tenure of a world that nobody had before.
+pub async fn new_tenure(record: &Record, member: &Member) -> Result<Tenure, FleetError> {
+    let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&record.pool).await;
+    Ok(Tenure { member: member.id, token: token.map_err(|error| record.failed(error))? })
+}
+
+/// Returns an id that no world has had.
+pub async fn new_id(record: &Record, earliest: WorldId) -> Result<WorldId, FleetError> {
+    let id = sqlx::query_scalar!(
+        "UPDATE world_ids SET last = greatest(last + 1, $1) RETURNING last",
+        earliest.0 as i64
+    );
+    let id = id.fetch_one(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(WorldId(id as u64))
+}
+
+/// Adds a world; false if the lease of its server is over.
+pub async fn insert(
+    record: &Record,
+    id: WorldId,
+    tenure: Tenure,
+    blob: BlobId,
+    through: u64,
+) -> Result<bool, FleetError> {
+    let inserted = sqlx::query!(
+        "INSERT INTO worlds (id, owner, token, blob, through, saved_at)
+         SELECT $1, id, $3, $4, $5, now() FROM members WHERE id = $2 AND expires_at > now()
+         ON CONFLICT (id) DO NOTHING",
+        id.0 as i64,
+        tenure.member,
+        tenure.token,
+        &blob.0,
+        through as i64,
+    );
+    let inserted = inserted.execute(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(inserted.rows_affected() == 1)
+}
+
+/// Lets the row of a world refer to another save, and removes events that are in it; false if another server has the world, or the lease
+/// is over.
+pub async fn save(
+    record: &Record,
+    id: WorldId,
+    tenure: Tenure,
+    blob: BlobId,
+    through: u64,
+) -> Result<bool, FleetError> {
+    let saved = sqlx::query!(
+        r#"WITH saved AS (
+             UPDATE worlds SET blob = $4, through = $5, saved_at = now() FROM members
+             WHERE worlds.id = $1 AND owner = $2 AND token = $3 AND members.id = owner AND expires_at > now()
+             RETURNING worlds.id
+         ), cleared AS (
+             DELETE FROM world_events USING saved WHERE world = saved.id AND world_events.through <= $5
+         )
+         SELECT id FROM saved"#,
+        id.0 as i64,
+        tenure.member,
+        tenure.token,
+        &blob.0,
+        through as i64,
+    );
+    let saved = saved.fetch_optional(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(saved.is_some())
+}
+
+/// Removes a world; false if another server has it, or the lease is over.
+pub async fn forget(record: &Record, id: WorldId, tenure: Tenure) -> Result<bool, FleetError> {
+    let removed = sqlx::query!(
+        "DELETE FROM worlds USING members
+         WHERE worlds.id = $1 AND owner = $2 AND token = $3 AND members.id = owner AND expires_at > now()",
+        id.0 as i64,
+        tenure.member,
+        tenure.token,
+    );
+    let removed = removed.execute(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(removed.rows_affected() == 1)
+}
+
+/// Takes over worlds whose servers are gone: the member's share of all worlds among all servers, and what nobody has taken for as long as
+/// a lease, so that worlds find a place although others are full. It has at most `max_worlds` then.
+pub async fn claim(
+    record: &Record,
+    member: &Member,
+    max_worlds: usize,
+) -> Result<Vec<(WorldId, Tenure, BlobId)>, FleetError> {
+    let lease = member.lease().as_secs_f64();
+    let claimed = sqlx::query!(
+        r#"WITH own AS (SELECT count(*) AS count FROM worlds WHERE owner = $1),
+         living AS (SELECT count(*) AS count FROM members WHERE kind = 'server' AND expires_at > now()),
+         share AS (
+             SELECT (SELECT count(*) FROM worlds) / greatest(living.count, 1) + 1 - own.count AS room FROM living, own
+         ),
+         free AS (
+             SELECT worlds.id, row_number() OVER (ORDER BY worlds.id) AS number,
+                    expires_at <= now() - make_interval(secs => $3) AS is_overdue
+             FROM worlds JOIN members ON members.id = owner WHERE expires_at <= now()
+         ),
+         locked AS (
+             SELECT worlds.id FROM worlds JOIN members ON members.id = owner
+             WHERE worlds.id IN (SELECT free.id FROM free, share WHERE number <= room OR is_overdue)
+               AND expires_at <= now()
+             ORDER BY worlds.id
+             LIMIT greatest($2 - (SELECT count FROM own), 0) FOR UPDATE OF worlds SKIP LOCKED
+         )
+         UPDATE worlds SET owner = $1, token = nextval('tokens') FROM locked
+         WHERE worlds.id = locked.id AND EXISTS (SELECT FROM members WHERE id = $1 AND expires_at > now())
+         RETURNING worlds.id, token, blob"#,
+        member.id,
+        i64::try_from(max_worlds).unwrap_or(i64::MAX),
+        lease,
+    );
+    let claimed = claimed.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    let claim = |row: (i64, i64, Vec<u8>)| {
+        let blob = row.2.try_into().map_err(|_| FleetError::new(record.place(), "the name of a blob is no hash"))?;
+        Ok((WorldId(row.0 as u64), Tenure { member: member.id, token: row.1 }, BlobId(blob)))
+    };
+    claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
+}
+
+/// Appends what happened. Says for each world whether the server still has it, and it is recorded.
+pub async fn append(
+    record: &Record,
+    journals: Vec<(WorldId, Tenure, &Journal)>,
+) -> Result<BTreeMap<WorldId, bool>, FleetError> {
+    let column = |of: fn(&(WorldId, Tenure, &Journal)) -> i64| journals.iter().map(of).collect::<Vec<_>>();
+    let ids = column(|(id, ..)| id.0 as i64);
+    let owners = column(|(_, tenure, _)| tenure.member);
+    let tokens = column(|(_, tenure, _)| tenure.token);
+    let throughs = column(|(_, _, journal)| journal.through as i64);
+    let events: Vec<Vec<u8>> = journals.iter().map(|(_, _, journal)| journal.encode()).collect();
+    // Whoever takes a world over waits for this lock, or skips the world until the events are there; or has taken it, and the token is
+    // another one.
+    let appended = sqlx::query_scalar!(
+        r#"WITH given AS (
+             SELECT * FROM unnest($1::bigint[], $2::bigint[], $3::bigint[], $4::bigint[], $5::bytea[])
+                 AS given (world, owner, token, through, events)
+         ), own AS (
+             SELECT given.world, given.through, given.events FROM worlds
+             JOIN given ON worlds.id = given.world AND worlds.owner = given.owner AND worlds.token = given.token
+             JOIN members ON members.id = worlds.owner AND expires_at > now()
+             ORDER BY worlds.id FOR UPDATE OF worlds
+         )
+         INSERT INTO world_events (world, through, events) SELECT world, through, events FROM own
+         ON CONFLICT (world, through) DO UPDATE SET events = excluded.events
+         RETURNING world"#,
+        &ids,
+        &owners,
+        &tokens,
+        &throughs,
+        &events,
+    );
+    let appended = appended.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(journals.iter().map(|(id, ..)| (*id, appended.contains(&(id.0 as i64)))).collect())
+}
+
+/// What happened after the last save of a world, in order.
+pub async fn journals(record: &Record, id: WorldId) -> Result<Vec<(u64, Vec<u8>)>, FleetError> {
+    let rows = sqlx::query!(
+        "SELECT world_events.through, events FROM world_events JOIN worlds ON worlds.id = world
+         WHERE world = $1 AND world_events.through > worlds.through ORDER BY world_events.through",
+        id.0 as i64,
+    );
+    let rows = rows.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(rows.into_iter().map(|row| (row.through as u64, row.events)).collect())
+}
+
+/// Where a world runs, as the member `own` sees it.
+pub async fn locate(record: &Record, id: WorldId, own: i64) -> Result<Option<Place>, FleetError> {
+    let row = sqlx::query!(
+        r#"SELECT members.id, address, expires_at > now() AS "is_alive!",
+               (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
+         FROM worlds JOIN members ON members.id = owner WHERE worlds.id = $1"#,
+        id.0 as i64,
+    );
+    let row = row.fetch_optional(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(row.map(|row| Place {
+        address: row.address,
+        is_here: row.id == own,
+        is_alive: row.is_alive,
+        world_count: row.world_count as u64,
+    }))
+}
+
+/// All servers that hold their lease, by address.
+pub async fn servers(record: &Record, own: i64) -> Result<Vec<Place>, FleetError> {
+    let rows = sqlx::query!(
+        r#"SELECT id, address, (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
+         FROM members WHERE kind = 'server' AND expires_at > now() ORDER BY address, id"#,
+    );
+    let rows = rows.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    let place = |id: i64, address, world_count: i64| Place {
+        address,
+        is_here: id == own,
+        is_alive: true,
+        world_count: world_count as u64,
+    };
+    Ok(rows.into_iter().map(|row| place(row.id, row.address, row.world_count)).collect())
+}
+
+/// Tells all servers to look for worlds.
+pub async fn notify(record: &Record) -> Result<(), FleetError> {
+    let notified = sqlx::query!("NOTIFY surefoot_servers").execute(&record.pool).await;
+    notified.map(drop).map_err(|error| record.failed(error))
+}
+
+/// Notifies `left` of what others tell, until nobody else waits for it.
+pub async fn listen(record: Record, left: Arc<Notify>) {
+    while Arc::strong_count(&left) > 1 {
+        if let Err(error) = listen_once(&record, &left).await {
+            warn!(%error, "nobody tells that servers leave: worlds are looked for all the same");
+        }
+        tokio::time::sleep(LISTEN_PAUSE).await;
+    }
+}
+
+async fn listen_once(record: &Record, left: &Notify) -> Result<(), sqlx::Error> {
+    let mut listener = PgListener::connect_with(&record.pool).await?;
+    listener.listen(CHANNEL).await?;
+    loop {
+        listener.recv().await?;
+        left.notify_one();
+    }
+}

@@ -1,0 +1,84 @@
+//! What a server of a fleet answers about worlds that other servers have: where they run.
+//!
+//! Calls fail as those about worlds that do not exist; this looks at such answers on their way out, and asks the directory.
+
+use super::directory::moving;
+use crate::ids::{NpcId, WorldId};
+use crate::worlds::Worlds;
+use std::convert::Infallible;
+use std::pin::Pin;
+use std::task::{Context, Poll};
+use surefoot_net::status;
+use surefoot_proto::reason::Reason;
+use tonic::body::Body;
+use tonic::codegen::{Service, http};
+use tonic::server::NamedService;
+use tonic::{Code, Status};
+use tonic_types::StatusExt;
+
+/// A service whose callers learn where a world runs that is not here.
+#[derive(Debug, Clone)]
+pub struct Elsewhere<S> {
+    /// The service.
+    pub inner: S,
+    /// The worlds of this server.
+    pub worlds: Worlds,
+}
+
+impl<S: NamedService> NamedService for Elsewhere<S> {
+    const NAME: &'static str = S::NAME;
+}
+
+impl<S> Service<http::Request<Body>> for Elsewhere<S>
+where
+    S: Service<http::Request<Body>, Response = http::Response<Body>, Error = Infallible>,
+    S::Future: Send + 'static,
+{
+    type Response = http::Response<Body>;
+    type Error = Infallible;
+    type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Infallible>> + Send>>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
+        let answer = self.inner.call(request);
+        if self.worlds.shared_store().is_none() {
+            return Box::pin(answer);
+        }
+        let worlds = self.worlds.clone();
+        Box::pin(async move {
+            let answer = answer.await?;
+            match not_here(&answer) {
+                Some(id) => Ok(redirect(&worlds, id).await.map_or(answer, Status::into_http)),
+                None => Ok(answer),
+            }
+        })
+    }
+}
+
+/// The world that an answer says is not here.
+fn not_here(answer: &http::Response<Body>) -> Option<WorldId> {
+    let status = Status::from_header_map(answer.headers()).filter(|status| status.code() == Code::NotFound)?;
+    let id = status.get_details_resource_info()?.resource_name.parse().ok()?;
+    match Reason::of(&status)? {
+        Reason::WorldNotFound => Some(WorldId(id)),
+        Reason::NpcNotFound => Some(NpcId(id).world()),
+        _ => None,
+    }
+}
+
+/// What to answer about a world that is not here; `None`: what was answered is right.
+async fn redirect(worlds: &Worlds, id: WorldId) -> Option<Status> {
+    match worlds.locate(id).await {
+        Ok(Some(place)) if place.is_here => {
+            // It is about to be restored here; an NPC may really be unknown.
+            worlds.handle(id).is_err().then(|| moving(id))
+        }
+        Ok(Some(place)) if place.is_alive => Some(status::elsewhere(id.to_string(), &place.address)),
+        Ok(Some(_)) => Some(moving(id)),
+        Ok(None) => None,
+        Err(error) => Some(error.into()),
+    }
+}

@@ -1,0 +1,262 @@
+//! What a fleet must know of a world between two saves: which NPCs came and went, and which attempts began and ended. Whoever takes the
+//! world over applies it to the save, so that no attempt that a client knows of is lost or ends twice.
+//!
+//! Events that only describe motion are left out: they are gone with the server.
+
+use super::events::{EventKind, EventLog, NpcEvent};
+use super::saved::SavedWorld;
+use super::world::{HostedWorld, Record};
+use crate::ids::NpcId;
+use crate::quota::Quota;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::SystemTime;
+use surefoot_world::sealed::{self, SealError};
+use surefoot_world::{CharacterProfile, End, Seconds, Tick, Vec3};
+
+const MAGIC: &[u8; 8] = b"SFKEPT\n\0";
+/// Changed whenever [`KeptWorld`] or anything inside it is.
+const VERSION: u32 = 1;
+/// Most events that are saved with a world, so that readers can resume on the server that takes it over.
+const SAVED_EVENTS: usize = 4096;
+
+/// A world as it was saved, with its latest events.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeptWorld {
+    /// The world.
+    pub world: SavedWorld,
+    /// Its events.
+    pub log: SavedLog,
+}
+
+/// The latest events of a saved world.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SavedLog {
+    written: u64,
+    dropped: u64,
+    entries: Vec<Entry>,
+}
+
+/// What happened in a world up to an event.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Journal {
+    /// Sequence number of the event.
+    pub through: u64,
+    entries: Vec<Entry>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Entry {
+    sequence: u64,
+    tick: Tick,
+    time: SystemTime,
+    npc: NpcId,
+    change: Change,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+enum Change {
+    Spawned { position: Vec3, newcomer: Option<Newcomer> },
+    Began { attempt: u32, goal: Vec3 },
+    Ended { attempt: u32, end: Option<End>, goal: Option<Vec3>, seconds: Seconds },
+    Teleported { position: Vec3, yaw: f32 },
+    Removed,
+}
+
+/// What must be known of an NPC to add it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Newcomer {
+    yaw: f32,
+    body: CharacterProfile,
+    owner: String,
+}
+
+impl KeptWorld {
+    /// Encodes the world as the content of a blob.
+    pub fn encode(&self) -> Vec<u8> {
+        let content = postcard::to_stdvec(&(self.world.encode(), &self.log)).expect("plain data");
+        sealed::seal(MAGIC, VERSION, &content)
+    }
+
+    /// Decodes what [`encode`](Self::encode) returned.
+    ///
+    /// # Errors
+    /// If `bytes` are no such world, of another version, or damaged.
+    pub fn decode(bytes: &[u8]) -> Result<Self, SealError> {
+        let content = sealed::open(MAGIC, VERSION, bytes)?;
+        let (world, log): (Vec<u8>, SavedLog) = postcard::from_bytes(content).map_err(|_| SealError::Damaged)?;
+        let is_ascending = log.entries.is_sorted_by(|a, b| a.sequence < b.sequence);
+        let ends = log.entries.last().map_or(0, |entry| entry.sequence);
+        if !is_ascending || ends > log.written || log.dropped > log.written {
+            return Err(SealError::Damaged);
+        }
+        Ok(Self { world: SavedWorld::decode(&world)?, log })
+    }
+}
+
+impl SavedLog {
+    /// Sequence number of the latest event when the world was saved.
+    pub fn written(&self) -> u64 {
+        self.written
+    }
+}
+
+impl Journal {
+    /// Encodes what happened.
+    pub fn encode(&self) -> Vec<u8> {
+        postcard::to_stdvec(&self.entries).expect("plain data")
+    }
+
+    /// Decodes what [`encode`](Self::encode) returned.
+    ///
+    /// # Errors
+    /// If `bytes` are no such thing.
+    pub fn decode(through: u64, bytes: &[u8]) -> Result<Self, SealError> {
+        let entries: Vec<Entry> = postcard::from_bytes(bytes).map_err(|_| SealError::Damaged)?;
+        let is_sound = entries.is_sorted_by(|a, b| a.sequence < b.sequence)
+            && entries.last().is_none_or(|entry| entry.sequence <= through);
+        if is_sound { Ok(Self { through, entries }) } else { Err(SealError::Damaged) }
+    }
+}
+
+impl Entry {
+    /// The entry of an event; `None` if it only describes motion.
+    fn of(event: &NpcEvent, change_of: impl FnOnce(EventKind) -> Option<Change>) -> Option<Self> {
+        let NpcEvent { sequence, tick, time, npc, kind } = *event;
+        Some(Self { sequence, tick, time, npc, change: change_of(kind)? })
+    }
+
+    fn to_event(&self) -> NpcEvent {
+        let kind = match self.change {
+            Change::Spawned { position, .. } => EventKind::Spawned { position },
+            Change::Began { attempt, goal } => EventKind::AttemptBegan { attempt, goal },
+            Change::Ended { attempt, end, goal, seconds } => EventKind::AttemptEnded { attempt, end, goal, seconds },
+            Change::Teleported { position, .. } => EventKind::Teleported { position },
+            Change::Removed => EventKind::Removed,
+        };
+        NpcEvent { sequence: self.sequence, tick: self.tick, time: self.time, npc: self.npc, kind }
+    }
+}
+
+impl HostedWorld {
+    /// Hides events from readers until [`confirm`](Self::confirm) says that the fleet knows them.
+    pub fn await_confirmation(&mut self) {
+        self.events.await_confirmation();
+    }
+
+    /// Lets readers see events up to that number, if they are hidden.
+    pub fn confirm(&mut self, through: u64) {
+        self.events.confirm(through);
+    }
+
+    /// What happened that is not confirmed yet; `None` if nothing did.
+    pub fn unconfirmed(&self) -> Option<Journal> {
+        let (known, through) = (self.events.latest(), self.events.written());
+        let entries = || self.events.since(known).filter_map(|event| Entry::of(event, |it| self.change(event.npc, it)));
+        (through > known).then(|| Journal { through, entries: entries().collect() })
+    }
+
+    /// Copies the latest events.
+    pub fn save_log(&self) -> SavedLog {
+        let entries = self.events.since(0).filter_map(|event| Entry::of(event, |it| self.change(event.npc, it)));
+        let mut entries: Vec<Entry> = entries.collect();
+        let surplus = entries.len().saturating_sub(SAVED_EVENTS);
+        let dropped = entries.drain(..surplus).next_back().map_or(self.events.dropped(), |entry| entry.sequence);
+        for entry in &mut entries {
+            if let Change::Spawned { newcomer, .. } = &mut entry.change {
+                // The save has the NPC.
+                *newcomer = None;
+            }
+        }
+        SavedLog { written: self.events.written(), dropped, entries }
+    }
+
+    fn change(&self, npc: NpcId, kind: EventKind) -> Option<Change> {
+        let record = self.records.get(&npc);
+        let body = record.and_then(|record| self.world.npc(record.slot));
+        Some(match kind {
+            EventKind::Spawned { position } => {
+                let newcomer = record.zip(body).map(|(record, npc)| Newcomer {
+                    yaw: npc.body.yaw,
+                    body: self.world.profile_of(npc).clone(),
+                    owner: record.ticket.client().to_owned(),
+                });
+                Change::Spawned { position, newcomer }
+            }
+            EventKind::AttemptBegan { attempt, goal } => Change::Began { attempt, goal },
+            EventKind::AttemptEnded { attempt, end, goal, seconds } => Change::Ended { attempt, end, goal, seconds },
+            EventKind::Teleported { position } => {
+                Change::Teleported { position, yaw: body.map_or(0.0, |npc| npc.body.yaw) }
+            }
+            EventKind::Removed => Change::Removed,
+            EventKind::Jumped { .. } | EventKind::Landed { .. } | EventKind::Rode { .. } | EventKind::Died { .. } => {
+                return None;
+            }
+        })
+    }
+
+    /// Applies what happened to a restored world after it was saved. Events go on with the number after the last one.
+    pub fn resume(&mut self, log: SavedLog, journals: Vec<Journal>, npc_quota: &Arc<Quota>) {
+        let SavedLog { mut written, dropped, mut entries } = log;
+        for Journal { through, entries: later } in journals {
+            for entry in later {
+                // A journal may have been sent again together with what happened later.
+                if entry.sequence > written {
+                    self.apply(&entry, npc_quota);
+                    written = entry.sequence;
+                    entries.push(entry);
+                }
+            }
+            written = written.max(through);
+        }
+        self.events = EventLog::resumed(dropped, entries.iter().map(Entry::to_event), written);
+        self.assign_workers();
+    }
+
+    /// Repeats a change. What cannot be, because the record of the fleet was changed by hand, is left out.
+    fn apply(&mut self, entry: &Entry, npc_quota: &Arc<Quota>) {
+        if let Change::Spawned { position, newcomer: Some(newcomer) } = &entry.change {
+            let is_new = entry.npc.world() == self.id && !self.records.contains_key(&entry.npc);
+            if is_new
+                && self.within_map(*position).is_ok()
+                && let Some(body) = self.world.profile_idx(&newcomer.body)
+            {
+                let slot = self.world.spawn_as(body, *position, newcomer.yaw);
+                self.records.insert(entry.npc, Record::new(slot, npc_quota.grant(&newcomer.owner)));
+            }
+            return;
+        }
+        let (tick, saved) = (entry.tick, self.tick());
+        let Some(record) = self.records.get_mut(&entry.npc) else { return };
+        let slot = record.slot;
+        match entry.change {
+            Change::Spawned { .. } => {}
+            Change::Began { attempt, goal } => {
+                record.clear_goal();
+                (record.goal, record.attempts, record.began) = (Some(goal), attempt, saved);
+                self.world.set_goal(slot, goal);
+            }
+            Change::Ended { attempt, end, seconds, .. } => {
+                if let Some(end) = end.filter(|_| record.goal.is_some() && record.attempts == attempt) {
+                    record.note_end(end, tick);
+                    if let Some(last) = record.history.back_mut() {
+                        last.seconds = seconds;
+                    }
+                    let at = End::ALL.iter().position(|other| *other == end).expect("all ends are listed");
+                    self.counters.ends[at] += 1;
+                }
+                record.clear_goal();
+                self.world.clear_goal(slot);
+            }
+            Change::Teleported { position, yaw } => {
+                record.clear_goal();
+                self.world.teleport(slot, position, yaw);
+            }
+            Change::Removed => {
+                self.leave_worker(entry.npc);
+                self.records.remove(&entry.npc);
+                self.world.despawn(slot);
+            }
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Where worlds outlive the process: the interface of a store, and the folder of a single server, which implements it.
+//!
+//! A store may be shared by the servers of a fleet. Then a world belongs to one of them at a time, which has to hold a lease, and what
+//! happens between two saves is recorded before anybody is told.
+
+use crate::hosted::{Journal, SavedError, SavedLog, SavedWorld, StateFolder};
+use crate::ids::WorldId;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::pin::Pin;
+use std::time::Duration;
+
+/// A call of a store.
+pub type StoreCall<'a, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 'a>>;
+
+/// Why a store does not do what it is called for.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    Saved(#[from] SavedError),
+    /// Another server has the world.
+    #[error("world {0} runs on another server")]
+    Lost(WorldId),
+    /// The lease of this server is over: others may have its worlds.
+    #[error("the lease of this server has expired")]
+    Expired,
+    /// The store of the fleet does not answer, or refuses.
+    #[error("{0}")]
+    Unavailable(String),
+}
+
+/// What a store has of a world.
+#[derive(Debug)]
+pub struct StoredWorld {
+    /// The world as it was saved last.
+    pub world: SavedWorld,
+    /// Its events, and what has happened since; `None` if they end with the process.
+    pub since: Option<(SavedLog, Vec<Journal>)>,
+}
+
+/// A server of a fleet.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// URI at which clients and workers reach it; empty: where this one was reached.
+    pub address: String,
+    /// Whether it is this server.
+    pub is_here: bool,
+    /// Whether it holds its lease. Otherwise its worlds are about to be taken over.
+    pub is_alive: bool,
+    /// Number of its worlds.
+    pub world_count: u64,
+}
+
+/// Where worlds are saved.
+pub trait WorldStore: fmt::Debug + Send + Sync {
+    /// Worlds that this server restores at its start, in ascending order.
+    fn list(&self) -> StoreCall<'_, Vec<WorldId>>;
+
+    /// Reads a world.
+    fn read(&self, id: WorldId) -> StoreCall<'_, StoredWorld>;
+
+    /// Saves a world in place of what was saved of it before: whole or not at all, and durable when this returns.
+    fn write(&self, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()>;
+
+    /// Deletes what was saved of a world.
+    fn forget(&self, id: WorldId) -> StoreCall<'_, ()>;
+
+    /// The part that the servers of a fleet share; `None` if this server is alone.
+    fn shared(&self) -> Option<&dyn SharedStore>;
+}
+
+/// What the servers of a fleet share.
+pub trait SharedStore: fmt::Debug + Send + Sync {
+    /// How long a silent server keeps its worlds.
+    fn lease(&self) -> Duration;
+
+    /// Whether this server certainly holds its lease.
+    fn is_sure(&self) -> bool;
+
+    /// Extends the lease.
+    ///
+    /// # Errors
+    /// [`StoreError::Expired`] if it is over.
+    fn renew(&self) -> StoreCall<'_, ()>;
+
+    /// Gives up all worlds, and becomes a new server without any.
+    fn rejoin(&self) -> StoreCall<'_, ()>;
+
+    /// Ends the lease, so that others take over at once.
+    fn leave(&self) -> StoreCall<'_, ()>;
+
+    /// Resolves when servers may have left.
+    fn changed(&self) -> Pin<Box<dyn Future<Output = ()> + Send + '_>>;
+
+    /// Returns an id of at least `earliest` that no world of the fleet has had.
+    fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId>;
+
+    /// Takes over worlds without a living server: this server's share of them, as long as it has at most `max_worlds`.
+    fn claim(&self, max_worlds: usize) -> StoreCall<'_, Vec<WorldId>>;
+
+    /// Records what happened. Says for each world whether it is recorded; if not, the world is another server's. Worlds that were never saved
+    /// are left out.
+    fn record<'a>(&'a self, journals: &'a [(WorldId, Journal)]) -> StoreCall<'a, BTreeMap<WorldId, bool>>;
+
+    /// Where a world runs; `None` if there is no such world.
+    fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>>;
+
+    /// All servers that hold their lease.
+    fn servers(&self) -> StoreCall<'_, Vec<Place>>;
+}
+
+impl WorldStore for StateFolder {
+    fn list(&self) -> StoreCall<'_, Vec<WorldId>> {
+        Box::pin(async { Ok(self.files()?.into_keys().collect()) })
+    }
+
+    fn read(&self, id: WorldId) -> StoreCall<'_, StoredWorld> {
+        let path = self.file_of(id);
+        Box::pin(async move {
+            let world = on_disk(move || SavedWorld::read(&path)).await?;
+            Ok(StoredWorld { world, since: None })
+        })
+    }
+
+    fn write(&self, world: SavedWorld, _: SavedLog) -> StoreCall<'_, ()> {
+        let folder = self.clone();
+        Box::pin(on_disk(move || folder.replace(&world)))
+    }
+
+    fn forget(&self, id: WorldId) -> StoreCall<'_, ()> {
+        let folder = self.clone();
+        Box::pin(on_disk(move || folder.remove(id)))
+    }
+
+    fn shared(&self) -> Option<&dyn SharedStore> {
+        None
+    }
+}
+
+async fn on_disk<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, SavedError> + Send + 'static,
+) -> Result<T, StoreError> {
+    let done = tokio::task::spawn_blocking(work).await;
+    Ok(done.map_err(|error| StoreError::Unavailable(error.to_string()))??)
+}

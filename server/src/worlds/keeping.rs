@@ -1,0 +1,272 @@
+//! How worlds outlive the process: restored, saved now and then, and, in a fleet, lost to other servers.
+
+use super::{POISON, WorldHandle, Worlds, WorldsError};
+use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, StateFolder};
+use crate::ids::WorldId;
+use crate::store::{Place, SharedStore, StoreError, StoredWorld, WorldStore};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+use surefoot_net::levels::LevelStore;
+use surefoot_net::serving::Caller;
+use tokio::task::JoinSet;
+use tokio::time::Instant;
+use tracing::{info, warn};
+
+/// How long saving all worlds may take while the server runs.
+const SAVE_LIMIT: Duration = Duration::from_secs(60);
+/// Longest wait for what a world has to be recorded.
+const JOURNAL_LIMIT: Duration = Duration::from_millis(20);
+
+impl Worlds {
+    /// Opens what the configuration names for saved worlds: a store, or a folder, which is locked against other processes.
+    ///
+    /// # Errors
+    /// If the folder cannot be created, or another process uses it.
+    pub fn open_state(&self) -> Result<(), SavedError> {
+        let config = &self.shared.config;
+        let store = match (&config.store, &config.state) {
+            (Some(store), _) => store.clone(),
+            (None, Some(path)) => Arc::new(StateFolder::open(path)?),
+            (None, None) => return Ok(()),
+        };
+        // Opened once, at the start.
+        let _ = self.shared.store.set(store);
+        Ok(())
+    }
+
+    /// Where worlds are saved.
+    pub(crate) fn store(&self) -> Option<&Arc<dyn WorldStore>> {
+        self.shared.store.get()
+    }
+
+    /// What the servers of a fleet share; `None` if this server is alone.
+    pub(crate) fn shared_store(&self) -> Option<&dyn SharedStore> {
+        self.store()?.shared()
+    }
+
+    /// The epoch of a world's event cursors: in a fleet they outlive the server, and are those of the world.
+    pub fn epoch_of(&self, id: WorldId) -> u64 {
+        if self.shared_store().is_some() { id.0 } else { self.epoch() }
+    }
+
+    /// Where a world runs; `None` if there is no such world.
+    ///
+    /// # Errors
+    /// If the store of the fleet does not answer.
+    pub async fn locate(&self, id: WorldId) -> Result<Option<Place>, WorldsError> {
+        match self.shared_store() {
+            Some(shared) => Ok(shared.locate(id).await?),
+            None => Ok(self.handle(id).ok().map(|_| self.here())),
+        }
+    }
+
+    /// All servers of the fleet; this one if it is alone.
+    ///
+    /// # Errors
+    /// If the store of the fleet does not answer.
+    pub async fn servers(&self) -> Result<Vec<Place>, WorldsError> {
+        match self.shared_store() {
+            Some(shared) => Ok(shared.servers().await?),
+            None => Ok(vec![self.here()]),
+        }
+    }
+
+    fn here(&self) -> Place {
+        let world_count = self.ids().len() as u64;
+        Place { address: String::new(), is_here: true, is_alive: true, world_count }
+    }
+
+    /// Restores saved worlds, until the server shuts down. One that cannot be used is named and left as it is; its id is not given to
+    /// another world.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn restore_all(&self) -> Result<(), StoreError> {
+        let Some(store) = self.store() else { return Ok(()) };
+        for id in store.list().await? {
+            self.shared.last_world.fetch_max(id.0, Ordering::Relaxed);
+            let restored = tokio::select! {
+                restored = self.restore(id) => restored,
+                () = self.shared.shutdown.wait() => return Ok(()),
+            };
+            if let Err(error) = restored {
+                warn!(world_id = id.0, %error, "a saved world is not restored; its file stays");
+            }
+        }
+        Ok(())
+    }
+
+    /// Restores one world, and starts it.
+    ///
+    /// # Errors
+    /// If what is saved of it cannot be read, or not be used.
+    pub(crate) async fn restore(&self, id: WorldId) -> Result<(), StoreError> {
+        let Some(store) = self.store() else { return Ok(()) };
+        let StoredWorld { world: saved, since } = store.read(id).await?;
+        let made = tokio::task::spawn_blocking(move || Ok::<_, SavedError>((saved.maps()?, saved))).await;
+        let (RestoredMap { made, map }, saved) = made.map_err(|error| StoreError::Unavailable(error.to_string()))??;
+        let mut world = HostedWorld::restore(&saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
+        if let Some((log, journals)) = since {
+            world.resume(log, journals, &self.shared.npc_quota);
+        }
+        let world_id = id.0;
+        info!(world_id, npcs = world.npc_count(), tick = world.tick().0, "world restored");
+        let ticket = self.shared.world_quota.grant(saved.owner());
+        if made.spec().is_none()
+            && let Err(error) =
+                self.shared.levels.put(&Caller::on_behalf_of(saved.owner()), saved.level().to_owned(), made.clone())
+        {
+            warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
+        }
+        if let Err(error) = self.start(id, world, self.maps().adopt(saved.owner(), made), ticket) {
+            warn!(world_id, %error, "a saved world is not restored");
+        }
+        Ok(())
+    }
+
+    /// Saves all worlds, where the configuration says so; with `is_last` they end. What cannot be saved within `limit` stays as it
+    /// was saved before.
+    ///
+    /// # Errors
+    /// The first error; the other worlds are saved all the same.
+    pub async fn save_all(&self, is_last: bool, limit: Duration) -> Result<(), StoreError> {
+        if self.store().is_none() {
+            return Ok(());
+        }
+        let too_slow = || StoreError::Saved(SavedError::TooSlow(limit));
+        let deadline = Instant::now() + limit;
+        let Ok(_saving) = tokio::time::timeout_at(deadline, self.shared.saving.lock()).await else {
+            return Err(too_slow());
+        };
+        let mut saving = JoinSet::new();
+        for id in self.ids() {
+            let worlds = self.clone();
+            saving.spawn(async move { worlds.save(id, is_last).await });
+        }
+        let mut first_error = None;
+        loop {
+            match tokio::time::timeout_at(deadline, saving.join_next()).await {
+                Ok(None) => break,
+                Ok(Some(Ok(Ok(())) | Err(_))) => {}
+                Ok(Some(Ok(Err(error)))) => _ = first_error.get_or_insert(error),
+                Err(_) => {
+                    first_error.get_or_insert(too_slow());
+                    break;
+                }
+            }
+        }
+        first_error.map_or(Ok(()), Err)
+    }
+
+    /// Saves one world, and logs why not; with `is_last` it ends. A world that another server has is dropped.
+    pub(crate) async fn save(&self, id: WorldId, is_last: bool) -> Result<(), StoreError> {
+        let (Some(store), Ok(handle)) = (self.store(), self.handle(id)) else { return Ok(()) };
+        // Goes on if nobody waits any more: a world that is dropped meanwhile must not come back.
+        let saving = tokio::spawn(save(handle, self.shared.levels.clone(), store.clone(), is_last));
+        let saved = saving.await.unwrap_or(Ok(()));
+        match &saved {
+            Ok(()) => {}
+            Err(StoreError::Lost(_)) => self.lose(id, "another server has it"),
+            Err(error) => {
+                warn!(world_id = id.0, %error, "a world is not saved");
+                self.shared.failed_save_count.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        saved
+    }
+
+    /// Makes a new world known to the fleet, before its client learns of it.
+    pub(super) async fn keep_new(&self, id: WorldId) -> Result<(), WorldsError> {
+        if self.shared_store().is_none() {
+            return Ok(());
+        }
+        let saved = self.save(id, false).await;
+        if saved.is_err() {
+            self.lose(id, "it cannot be saved");
+        }
+        Ok(saved?)
+    }
+
+    /// Saves all worlds periodically until the shutdown.
+    pub async fn keep_saving(self) {
+        let mut due = tokio::time::interval(self.shared.config.save_every);
+        due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        let stopping = self.shared.shutdown.wait();
+        tokio::pin!(stopping);
+        // The first tick of an interval is due at once.
+        due.tick().await;
+        loop {
+            tokio::select! {
+                _ = due.tick() => {}
+                () = &mut stopping => return,
+            }
+            // Each failure has been logged.
+            let _ = self.save_all(false, SAVE_LIMIT).await;
+        }
+    }
+
+    /// What happened in all worlds that the fleet does not know yet. Worlds that do not answer at once are left out.
+    pub(crate) async fn unconfirmed(&self) -> Vec<(WorldId, Journal)> {
+        let deadline = Instant::now() + JOURNAL_LIMIT;
+        let mut asked = Vec::new();
+        for (id, sim) in self.running() {
+            asked.push((id, tokio::spawn(async move { sim.call(|state| state.world.unconfirmed()).await })));
+        }
+        let mut journals = Vec::new();
+        for (id, answer) in asked {
+            if let Ok(Ok(Ok(Some(journal)))) = tokio::time::timeout_at(deadline, answer).await {
+                journals.push((id, journal));
+            }
+        }
+        journals
+    }
+
+    /// Lets readers of a world see its events up to that number.
+    pub(crate) fn confirm(&self, id: WorldId, through: u64) {
+        let Some(sim) = self.running().remove(&id) else { return };
+        // A world that is too busy confirms with the next journal, which has the same events again.
+        let _ = sim.cast(move |state| state.world.confirm(through));
+    }
+
+    /// Drops a world, which goes on elsewhere.
+    pub(crate) fn lose(&self, id: WorldId, why: &str) {
+        let lost = self.shared.worlds.write().expect(POISON).remove(&id);
+        if let Some(handle) = lost {
+            warn!(world_id = id.0, why, "a world is dropped here");
+            let _ = handle.sim.cast(|state| state.is_over = true);
+        }
+    }
+
+    /// Drops all worlds, which go on elsewhere.
+    pub(crate) fn lose_all(&self, why: &str) {
+        self.ids().into_iter().for_each(|id| self.lose(id, why));
+    }
+}
+
+/// Saves one world. A world that does not answer, because it was just dropped, stays as it was saved before.
+async fn save(
+    handle: WorldHandle,
+    levels: LevelStore,
+    store: Arc<dyn WorldStore>,
+    is_last: bool,
+) -> Result<(), StoreError> {
+    let WorldHandle { sim, ticket, shown, is_dropped, .. } = handle;
+    let is_dropped = is_dropped.lock().await;
+    if *is_dropped {
+        return Ok(());
+    }
+    let map = shown.get();
+    let level = levels.name_of(map.built_hash()).unwrap_or_default();
+    let Ok(source) = tokio::task::spawn_blocking(move || SavedMap::of(&map, level)).await else { return Ok(()) };
+    let saved = sim.call(move |state| {
+        state.is_over |= is_last;
+        (state.world.save(ticket.client(), source), state.world.save_log())
+    });
+    let Ok((saved, log)) = saved.await else { return Ok(()) };
+    let through = log.written();
+    store.write(saved, log).await?;
+    // A world that has just ended has no readers.
+    let _ = sim.cast(move |state| state.world.confirm(through));
+    Ok(())
+}
