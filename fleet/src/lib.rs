@@ -1,4 +1,4 @@
-//! What several servers and planners share: the [`record`] in PostgreSQL, [`blobs`] in an object store.
+//! What several servers and planners share: the [`record`] in PostgreSQL, [`blobs`] in an object store, [`work`] in NATS JetStream.
 //!
 //! The crate is empty without its feature `service`.
 #![cfg(feature = "service")]
@@ -7,3 +7,4 @@ pub mod blobs;
 pub mod error;
 pub mod member;
 pub mod record;
+pub mod work;

@@ -6,6 +6,7 @@ use crate::hosted::{Hosted, Legacy, Prepared, Provenance};
 use crate::jobs::{BuildResult, Job, Jobs, Stage};
 use crate::origin::Origin;
 use crate::planner::Planner;
+use crate::provers::ProbeWork;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -185,13 +186,22 @@ impl Planner {
         let started = Instant::now();
         let threads = self.shared.config.threads;
         let interims = Interims { planner: self, wanted: &wanted, started };
-        let built = interims.publish_while(|| graphs::build(&wanted.context, &job.settings, threads, &job.progress))?;
+        let built = interims.publish_while(|| self.prove(&wanted, threads))?;
         info!(id = %wanted.id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
         job.enter(Stage::Index);
         if let Err(error) = self.shared.store.put(&wanted.id, &built) {
             warn!(%error, "graph could not be stored in the cache");
         }
         self.host(&wanted, built, Provenance::Built, interims.legacy())
+    }
+
+    /// Builds a graph, whose probes the provers of this service run.
+    fn prove(&self, Wanted { job, context, .. }: &Wanted<'_>, thread_count: usize) -> Result<Built, PlannerError> {
+        let work = ProbeWork { source: job.source.clone(), context: context.clone(), thread_count };
+        let probes = self.shared.config.provers.enlist(work);
+        let built = graphs::build_by(&*probes, context, &job.settings, thread_count, &job.progress);
+        let gave_up = |reason| PlannerError::Lost { what: "the probes of the build", reason };
+        built.map_err(|error| probes.failure().map_or_else(|| error.into(), gave_up))
     }
 
     /// Returns a graph from memory or else from the store; `None` if it is in neither. Calls `found` before a stored graph is loaded.

@@ -1,7 +1,7 @@
 //! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
 //! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and
-//! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers. [`grpc`] decodes requests, calls the
+//! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers, and [`provers`] run the probes of builds. [`grpc`] decodes requests, calls the
 //! planner and encodes responses; [`wire`] converts types. Only these two and `serve` use wire types. Building and searching
 //! are in the pure library `surefoot-planner`.
 
@@ -17,6 +17,7 @@ mod locks;
 pub mod origin;
 pub mod planner;
 mod proofs;
+pub mod provers;
 mod serve;
 pub mod store;
 pub mod wire;

@@ -118,7 +118,8 @@ impl Planner {
         format!(
             "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
-             # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n"
+             # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n{}",
+            self.shared.config.provers.metrics()
         )
     }
 
