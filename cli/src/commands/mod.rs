@@ -7,6 +7,7 @@ pub mod challenge;
 pub mod endpoint;
 pub mod eval;
 pub mod export;
+pub mod fleet;
 mod game;
 pub mod graph;
 pub mod health;

@@ -2,6 +2,7 @@
 
 use super::agones::AgonesArgs;
 use super::endpoint::{CredentialArgs, EndpointArgs};
+use super::fleet::NatsArg;
 use super::{core_count, load_policy};
 use crate::signals::shutdown_signal;
 use anyhow::Context;
@@ -10,6 +11,7 @@ use std::path::PathBuf;
 use surefoot_agent::work::{WorkConfig, work};
 use surefoot_net::levels::MapPool;
 use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
+use surefoot_policy::Policy;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
@@ -92,6 +94,10 @@ pub struct ServerLimits {
     save_every: f64,
 }
 
+/// Threads of a planner that probe beside provers; while no prover answers, all of them do.
+#[cfg(feature = "fleet")]
+const BESIDE_PROVERS: usize = 1;
+
 /// Bytes.
 const MB: u64 = 1_000_000;
 
@@ -155,6 +161,11 @@ pub struct PlanArgs {
     /// Memory budget for imported maps, in MB; imports beyond it are refused
     #[arg(long, default_value_t = PlannerConfig::default().max_memory_bytes / MB, value_name = "MB")]
     max_memory: u64,
+    #[command(flatten)]
+    nats: NatsArg,
+    // Stands in for the flag that comes with `--store`.
+    #[arg(long, hide = true, value_name = "URI")]
+    blobs: Option<String>,
     #[command(flatten)]
     endpoint: EndpointArgs,
 }
@@ -325,6 +336,7 @@ fn default_name() -> String {
 
 pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     let endpoint_config = args.endpoint.config()?;
+    args.nats.check()?;
     let policy = load_policy(args.model.as_deref())?;
     let folder = args.cache.folder()?;
     let store = args.cache.open()?;
@@ -338,12 +350,30 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         max_maps: args.max_maps,
         max_memory_bytes: args.max_memory.saturating_mul(MB),
         maps: MapPool::within(args.max_memory.saturating_mul(MB)),
+        ..PlannerConfig::default()
     };
     run_until_signal(|shutdown| async move {
+        let config = with_provers(config, args, &policy).await?;
         let endpoint = Endpoint::open(args.listen, endpoint_config)?;
         info!(address = %endpoint.address(), cache = %folder.display(), "planner ready");
         Ok(planner::serve(endpoint, config, policy, Box::new(store), shutdown).await?)
     })
+}
+
+/// Shares probes with provers if there is a queue.
+#[cfg(feature = "fleet")]
+async fn with_provers(config: PlannerConfig, args: &PlanArgs, policy: &Policy) -> anyhow::Result<PlannerConfig> {
+    let Some(nats) = &args.nats.nats else { return Ok(config) };
+    let shared = super::fleet::Shared::open(nats, args.blobs.as_deref(), policy).await?;
+    info!(lane = %shared.lane, nats = %shared.queue.place(), "provers share the probes of builds");
+    Ok(PlannerConfig { provers: std::sync::Arc::new(shared.provers(BESIDE_PROVERS)), ..config })
+}
+
+/// Shares probes with provers if there is a queue.
+#[cfg(not(feature = "fleet"))]
+async fn with_provers(config: PlannerConfig, args: &PlanArgs, _: &Policy) -> anyhow::Result<PlannerConfig> {
+    let _ = &args.blobs;
+    Ok(config)
 }
 
 /// How NPCs move.
