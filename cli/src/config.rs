@@ -1,6 +1,6 @@
 //! Sources of flag values, each overriding the one before: defaults, one TOML file, the environment, the command line.
 //!
-//! For `serve`, `plan`, `work` and `up`, a value in the file becomes the flag's default and every flag gets a variable
+//! For `serve`, `plan`, `work`, `prove` and `up`, a value in the file becomes the flag's default and every flag gets a variable
 //! before clap parses. So clap itself applies the precedence, checks types, and shows the effective values in `--help`. This
 //! module does not know what the flags mean.
 
@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Subcommands that can be configured, each in the table of its name.
-const CONFIGURED: [&str; 4] = ["serve", "plan", "work", "up"];
+const CONFIGURED: [&str; 5] = ["serve", "plan", "work", "prove", "up"];
 /// Name of the table with keys that several subcommands share.
 const COMMON: &str = "common";
 /// The environment variable with the path of the file.
 const FILE_VARIABLE: &str = "SUREFOOT_CONFIG";
 /// Flags whose values are never shown.
-const SECRETS: [&str; 2] = ["token", "store"];
+const SECRETS: [&str; 3] = ["token", "store", "nats"];
 
 /// Parses the command line, the environment and the file; `None` if `--print-config` was given and handled.
 ///

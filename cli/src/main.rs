@@ -11,6 +11,7 @@ mod signals;
 mod terminal;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use commands::fleet::prove;
 use commands::{act, bench, challenge, eval, export, graph, health, licenses, map, services, top, train, up};
 
 /// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
@@ -33,6 +34,8 @@ enum Command {
     Plan(services::PlanArgs),
     /// Run an NPC worker.
     Work(services::WorkArgs),
+    /// Run a prover: do jobs that planners and evaluations send over NATS.
+    Prove(prove::Args),
     /// Train a reactive or recurrent SAC agent.
     Train(train::Args),
     /// Feed a learner that runs elsewhere.
@@ -103,6 +106,7 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Serve(args) => services::serve(&args),
         Command::Plan(args) => services::plan(&args),
         Command::Work(args) => services::run_worker(&args),
+        Command::Prove(args) => prove::run(&args),
         Command::Train(args) => train::run(args),
         Command::Act(args) => act::run(args),
         Command::Eval(args) => eval::run(&args),

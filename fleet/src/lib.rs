@@ -9,4 +9,5 @@ pub mod error;
 pub mod member;
 pub mod planners;
 pub mod record;
+pub mod work;
 pub mod worlds;

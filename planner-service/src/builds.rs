@@ -7,6 +7,7 @@ use crate::hosted::{Hosted, Legacy, Prepared, Provenance};
 use crate::jobs::{BuildResult, Job, Jobs, Stage};
 use crate::origin::Origin;
 use crate::planner::Planner;
+use crate::provers::ProbeWork;
 use crate::replicas::{Claim, Token};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -252,7 +253,7 @@ impl Planner {
         job.progress.done.store(0, Ordering::Relaxed);
         job.progress.total.store(0, Ordering::Relaxed);
         let (started, threads) = (Instant::now(), self.shared.config.threads);
-        let built = interims.publish_while(|| graphs::build(context, &job.settings, threads, &job.progress))?;
+        let built = interims.publish_while(|| self.prove(interims.wanted, threads))?;
         self.shared.built.fetch_add(1, Ordering::Relaxed);
         info!(%id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
         job.reach(Stage::Index);
@@ -273,6 +274,15 @@ impl Planner {
                 published => return published.map_err(PlannerError::store("the graph cannot be stored")),
             }
         }
+    }
+
+    /// Builds a graph, whose probes the provers of this service run.
+    fn prove(&self, Wanted { job, context, .. }: &Wanted<'_>, thread_count: usize) -> Result<Built, PlannerError> {
+        let work = ProbeWork { source: job.source.clone(), context: context.clone(), thread_count };
+        let probes = self.shared.config.provers.enlist(work);
+        let built = graphs::build_by(&*probes, context, &job.settings, thread_count, &job.progress);
+        let gave_up = |reason| PlannerError::Lost { what: "the probes of the build", reason };
+        built.map_err(|error| probes.failure().map_or_else(|| error.into(), gave_up))
     }
 
     /// Returns a graph from memory or else from the store; `None` if it is in neither. Calls `found` before a stored graph is loaded.

@@ -1,5 +1,7 @@
 //! Limits and sizes of a planner.
 
+use crate::provers::{Embedded, Provers};
+use std::sync::Arc;
 use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
 use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
@@ -26,6 +28,8 @@ pub struct PlannerConfig {
     pub max_memory_bytes: u64,
     /// Generated maps in use, which others in this process may share.
     pub maps: MapPool,
+    /// Who runs the probes of builds.
+    pub provers: Arc<dyn Provers>,
 }
 
 impl Default for PlannerConfig {
@@ -41,6 +45,7 @@ impl Default for PlannerConfig {
             max_maps: DEFAULT_MAX_MAPS,
             max_memory_bytes: DEFAULT_MAX_MEMORY_BYTES,
             maps: MapPool::default(),
+            provers: Arc::new(Embedded),
         }
     }
 }

@@ -1,9 +1,10 @@
 //! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
 //! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and
-//! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers. [`grpc`] decodes requests, calls the
-//! planner and encodes responses; [`replicas`] is what planners that share a store agree on: `operations` has their builds, `sharing` what
-//! they change. [`wire`] converts types. Only these two and `serve` use wire types. Building and searching
+//! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers, and [`provers`] run the probes of builds.
+//! [`grpc`] decodes requests, calls the planner and encodes responses; [`replicas`] is what planners that share a store agree on:
+//! `operations` has their builds, `sharing` what they change. [`wire`] converts types. Only these two and `serve` use wire types. Building
+//! and searching
 //! are in the pure library `surefoot-planner`.
 
 pub mod builds;
@@ -20,6 +21,7 @@ mod operations;
 pub mod origin;
 pub mod planner;
 mod proofs;
+pub mod provers;
 pub mod replicas;
 mod serve;
 mod sharing;

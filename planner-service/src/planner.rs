@@ -150,13 +150,14 @@ impl Planner {
         let plans = self.shared.plans.load(Ordering::Relaxed);
         let graphs = self.shared.ready.lock().expect(POISON).len();
         let builds = self.shared.jobs.open_count();
-        let (built, shared) = (self.shared.built.load(Ordering::Relaxed), self.shared.replicas.metrics());
+        let built = self.shared.built.load(Ordering::Relaxed);
+        let (shared, provers) = (self.shared.replicas.metrics(), self.shared.config.provers.metrics());
         format!(
             "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
              # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n\
              # HELP surefoot_graphs_built_total Graphs built by this planner.\n# TYPE surefoot_graphs_built_total counter\nsurefoot_graphs_built_total {built}\n\
-             {shared}"
+             {shared}{provers}"
         )
     }
 

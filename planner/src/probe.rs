@@ -1,10 +1,11 @@
 //! Probes of candidate edges: their inputs, their outcomes, and the trait of those who run the policy, [`ProbeExecutor`].
 
 use crate::needs::{Needs, Ride};
+use serde::{Deserialize, Serialize};
 use surefoot_world::{Ability, Vec3};
 
 /// The input of one probe.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// Position of the feet at the start, m.
     pub start: Vec3,

@@ -22,9 +22,9 @@ use surefoot_world::{
     World,
 };
 
-/// Most trials handed to a thread at a time.
-const MAX_CHUNK: usize = 256;
-/// Fewest trials handed to a thread at a time, unless there are fewer in all.
+/// Most trials of a chunk.
+pub const MAX_CHUNK: usize = 256;
+/// Fewest trials of a chunk, unless there are fewer in all.
 const MIN_CHUNK: usize = 32;
 /// Most trials of a thread that run at once: the batch of the policy.
 const BATCH: usize = 192;
@@ -60,6 +60,12 @@ impl ProbeContext {
         PolicyHash::new(self.policy.weights_hash())
     }
 
+    /// Runs the trials of one of [`chunks`] and returns their outcomes, in order; `None` if `watch` cancelled. The same movers must be
+    /// held in all of them.
+    pub fn run_chunk(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+        run_chunk(self, trials, seed, watch)
+    }
+
     /// A world in which movers stand where edges are proved, and `held` at its stop.
     pub(crate) fn world_for(&self, held: Option<(u16, u8)>) -> World {
         let mut world = World::new(self.map.clone(), self.profile.clone(), TaskConfig::default());
@@ -81,13 +87,7 @@ pub struct InProcess {
 
 impl ProbeExecutor for InProcess {
     fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
-        // Chunks must not depend on the number of threads, since results may depend on what shares a batch. Many of them keep all
-        // threads busy to the end. The trials of one chunk share the movers of its world.
-        let chunk_len = (trials.len() / 32).clamp(MIN_CHUNK, MAX_CHUNK);
-        let mut order: Vec<usize> = (0..trials.len()).collect();
-        order.sort_by_key(|&idx| trials[idx].held);
-        let alike = order.chunk_by(|&one, &other| trials[one].held == trials[other].held);
-        let chunks: Vec<&[usize]> = alike.flat_map(|alike| alike.chunks(chunk_len)).collect();
+        let chunks = chunks(trials);
         let next = AtomicUsize::new(0);
         let results: Mutex<Vec<Option<Vec<Outcome>>>> = Mutex::new(vec![None; chunks.len()]);
         std::thread::scope(|scope| {
@@ -96,16 +96,52 @@ impl ProbeExecutor for InProcess {
                     loop {
                         let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
                         let Some(chunk) = chunks.get(chunk_idx) else { return };
-                        let outcomes = run_chunk(&self.context, trials, chunk, seed, watch);
+                        let alike: Vec<Trial> = chunk.iter().map(|&idx| trials[idx]).collect();
+                        let outcomes = self.context.run_chunk(&alike, seed, &OfChunk { chunk, watch });
                         results.lock().expect("no probe panics")[chunk_idx] = outcomes;
                     }
                 });
             }
         });
         let results: Option<Vec<Vec<Outcome>>> = results.into_inner().expect("no probe panics").into_iter().collect();
-        let mut outcomes: Vec<(usize, Outcome)> = order.iter().copied().zip(results?.into_iter().flatten()).collect();
-        outcomes.sort_by_key(|(idx, _)| *idx);
-        Some(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
+        Some(in_order(&chunks, results?))
+    }
+}
+
+/// Divides trials into chunks, of which each is run by itself ([`ProbeContext::run_chunk`]), here or elsewhere. Returns the indices of
+/// the trials of each chunk.
+///
+/// Chunks depend on nothing but the trials, since results may depend on what shares a batch. Many of them keep all threads busy to the
+/// end. The trials of one chunk share the movers of its world.
+pub fn chunks(trials: &[Trial]) -> Vec<Vec<usize>> {
+    let chunk_len = (trials.len() / 32).clamp(MIN_CHUNK, MAX_CHUNK);
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    order.sort_by_key(|&idx| trials[idx].held);
+    let alike = order.chunk_by(|&one, &other| trials[one].held == trials[other].held);
+    alike.flat_map(|alike| alike.chunks(chunk_len)).map(<[usize]>::to_vec).collect()
+}
+
+/// The outcomes of all trials in their order, from those of their chunks.
+pub fn in_order(chunks: &[Vec<usize>], outcomes: Vec<Vec<Outcome>>) -> Vec<Outcome> {
+    let mut all: Vec<(usize, Outcome)> = chunks.iter().flatten().copied().zip(outcomes.into_iter().flatten()).collect();
+    all.sort_by_key(|(idx, _)| *idx);
+    all.into_iter().map(|(_, outcome)| outcome).collect()
+}
+
+/// Sees the probes of a chunk finish.
+struct OfChunk<'a> {
+    /// The trials of the chunk, as indices among all.
+    chunk: &'a [usize],
+    watch: &'a dyn ProbeWatch,
+}
+
+impl ProbeWatch for OfChunk<'_> {
+    fn finished(&self, trial: usize, outcome: &Outcome) {
+        self.watch.finished(self.chunk[trial], outcome);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.watch.is_cancelled()
     }
 }
 
@@ -125,25 +161,18 @@ pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec
     }
 }
 
-/// Runs the trials of these indices, of which the same movers are held, and returns their outcomes in this order; `None` if `watch`
-/// cancelled.
-fn run_chunk(
-    context: &ProbeContext,
-    trials: &[Trial],
-    chunk: &[usize],
-    seed: u64,
-    watch: &dyn ProbeWatch,
-) -> Option<Vec<Outcome>> {
-    let mut probes = Probes::new(context, seed, chunk.first().and_then(|&idx| trials[idx].held));
-    let mut outcomes: Vec<Option<Outcome>> = vec![None; chunk.len()];
-    let mut waiting = chunk.iter().map(|&idx| &trials[idx]).enumerate();
+/// Runs the trials of a chunk, of which the same movers are held, and returns their outcomes; `None` if `watch` cancelled.
+fn run_chunk(context: &ProbeContext, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+    let mut probes = Probes::new(context, seed, trials.first().and_then(|trial| trial.held));
+    let mut outcomes: Vec<Option<Outcome>> = vec![None; trials.len()];
+    let mut waiting = trials.iter().enumerate();
     loop {
         while probes.running.len() < BATCH
             && let Some((at, trial)) = waiting.next()
         {
             if let Some(ride) = trial.ride {
                 let outcome = run_ride(context, trial, ride);
-                watch.finished(chunk[at], &outcome);
+                watch.finished(at, &outcome);
                 outcomes[at] = Some(outcome);
             } else {
                 probes.start(at, trial);
@@ -156,7 +185,7 @@ fn run_chunk(
             return None;
         }
         for (at, outcome) in probes.decide(None) {
-            watch.finished(chunk[at], &outcome);
+            watch.finished(at, &outcome);
             outcomes[at] = Some(outcome);
         }
     }

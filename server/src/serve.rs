@@ -7,18 +7,16 @@ use crate::grpc::directory::DirectoryApi;
 use crate::grpc::elsewhere::Elsewhere;
 use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
+use crate::observer::Observer;
 use crate::store::StoreError;
 use crate::tenure;
-use crate::observer::Observer;
 use crate::worlds::Worlds;
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::levels::LevelStore;
 use surefoot_net::serving::{Endpoint, Limits, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
-use surefoot_proto::world::v1::directory_service_server::{
-    DirectoryServiceServer, SERVICE_NAME as DIRECTORY_SERVICE,
-};
+use surefoot_proto::world::v1::directory_service_server::{DirectoryServiceServer, SERVICE_NAME as DIRECTORY_SERVICE};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 use surefoot_proto::world::v1::world_service_server::{SERVICE_NAME as WORLD_SERVICE, WorldServiceServer};

@@ -1,11 +1,14 @@
 //! A fleet of real processes, shown to hold while its parts are killed, stopped, restarted and cut off: `tests/fleet/check`.
 //!
-//! [`services`] starts the engines that it runs on, [`process`] our own program, [`relay`] stands between them.
+//! [`services`] starts the engines that it runs on, [`process`] our own program, [`relay`] stands between them, and [`raw`] says to NATS
+//! what ours never would.
 
 mod process;
+mod raw;
 mod relay;
 mod services;
 
 mod harness;
 mod planners;
 mod whole;
+mod work;

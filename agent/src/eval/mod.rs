@@ -25,5 +25,6 @@ pub use intervals::Interval;
 pub use maps::{EvalMap, MapName};
 pub(crate) use reachable::{Terrain, is_on_foot, reachable};
 pub use report::{Calibration, MapReport, Rate, Report, Success};
-pub use run::{evaluate, run_units};
+pub use run::{evaluate, missing, run_units};
 pub(crate) use site::draw_goals;
+pub use site::keep;

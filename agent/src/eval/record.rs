@@ -164,7 +164,7 @@ impl Record {
     }
 
     /// Whether tables are derived from this record instead of being made.
-    pub(super) fn is_checked(&self) -> bool {
+    pub fn is_checked(&self) -> bool {
         self.sample.is_some()
     }
 

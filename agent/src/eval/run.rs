@@ -1,6 +1,7 @@
 //! Runs an evaluation unit by unit and summarises it.
 
 use super::config::{EvalConfig, EvalError};
+use super::maps::EvalMap;
 use super::report::{self, Report};
 use super::site;
 use super::unit::Unit;
@@ -12,6 +13,14 @@ use surefoot_policy::Policy;
 /// If goals cannot be drawn, a graph cannot be built, or a unit cannot be saved.
 pub fn evaluate(policy: &Policy, config: &EvalConfig, progress: impl FnMut(usize, usize)) -> Result<Report, EvalError> {
     Ok(report::summarise(policy, config, &run_units(policy, config, progress)?))
+}
+
+/// The maps and seeds of which no unit is saved yet, map by map and seed by seed.
+pub fn missing(policy: &Policy, config: &EvalConfig) -> Vec<(EvalMap, u64)> {
+    let of_map = |choice| config.seeds.iter().map(move |&seed| (choice, seed));
+    let all = config.maps.iter().flat_map(of_map);
+    let missing = all.filter(|&(choice, seed)| !site::is_kept(policy, config, choice, seed));
+    missing.map(|(choice, seed)| (choice.clone(), seed)).collect()
 }
 
 /// Like [`evaluate`], but returns the units, map by map and seed by seed.

@@ -12,7 +12,7 @@ use rand::rngs::ChaCha8Rng;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
@@ -82,7 +82,7 @@ pub fn load_or_run(
         }
         return Ok(unit);
     }
-    let path = config.keep_in.as_ref().map(|folder| folder.join(format!("{key}.json")));
+    let path = path_of(policy, config, choice, seed);
     let unit = match path.as_deref().and_then(|path| load(path, config.goals)) {
         Some(unit) => unit,
         None if config.shard.is_some_and(|shard| !shard.holds(&choice.name().to_string(), seed)) => {
@@ -100,6 +100,29 @@ pub fn load_or_run(
         record.add(policy, &key, &unit);
     }
     Ok(unit)
+}
+
+/// Saves a unit that was run elsewhere, where [`load_or_run`] finds it.
+///
+/// # Errors
+/// If it cannot be saved.
+pub fn keep(
+    policy: &Policy,
+    config: &EvalConfig,
+    (choice, seed): (&EvalMap, u64),
+    unit: &Unit,
+) -> Result<(), EvalError> {
+    path_of(policy, config, choice, seed).map_or(Ok(()), |path| save(&path, unit))
+}
+
+/// Whether a unit need not be run, since it is saved.
+pub fn is_kept(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> bool {
+    path_of(policy, config, choice, seed).is_some_and(|path| load(&path, config.goals).is_some())
+}
+
+/// Where a unit is saved; `None` if none is.
+fn path_of(policy: &Policy, config: &EvalConfig, choice: &EvalMap, seed: u64) -> Option<PathBuf> {
+    config.keep_in.as_ref().map(|folder| folder.join(format!("{}.json", key(policy, config, choice, seed))))
 }
 
 /// Stands for a unit that is run elsewhere: every attempt in it is missing. It is neither saved nor recorded.

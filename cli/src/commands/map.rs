@@ -1,6 +1,7 @@
 //! `surefoot map`.
 
-use super::core_count;
+use super::fleet::{BlobsArg, NatsArg};
+use super::{core_count, parse_seeds};
 use crate::terminal::{print_json, progress_bar};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -196,13 +197,19 @@ impl Source {
 
 /// Generate a map and save it.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  surefoot map generate 7 --features all --out seven.sfmap")]
+#[command(
+    after_help = "Examples:\n  surefoot map generate 7 --features all --out seven.sfmap\n  surefoot map generate 0..64 --features all --out maps\n  surefoot map generate 0..64 --nats nats://127.0.0.1:4222 --blobs file:///srv/blobs --out maps"
+)]
 pub struct GenerateArgs {
     #[command(flatten)]
     source: Source,
-    /// File to write the map to
+    /// File to write the map to; of several seeds, such as 0..8 or 3,5: the folder, in which files are named after seeds
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    #[command(flatten)]
+    nats: NatsArg,
+    #[command(flatten)]
+    blobs: BlobsArg,
 }
 
 /// Describe a map, measure how it is connected, or draw it.
@@ -330,9 +337,68 @@ fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
 }
 
 fn generate(args: &GenerateArgs) -> anyhow::Result<()> {
+    args.nats.check()?;
+    let is_range = args.source.map.contains("..") || args.source.map.contains(',');
+    if let Some(seeds) = is_range.then(|| parse_seeds(&args.source.map).ok()).flatten() {
+        return generate_all(args, &seeds);
+    }
     let map = args.source.load()?;
     println!("hash {}", map.hash());
     write(&args.out, &exchange::encode(&map))
+}
+
+/// Maps that are sent together, and whose bytes are in memory together.
+const MAPS_AT_A_TIME: usize = 32;
+
+/// Generates the maps of several seeds into a folder.
+fn generate_all(args: &GenerateArgs, seeds: &[u64]) -> anyhow::Result<()> {
+    let specs: anyhow::Result<Vec<MapSpec>> =
+        seeds.iter().map(|&seed| args.source.generated.apply(&MapSpec::new(seed))).collect();
+    let specs = specs?;
+    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot create {}", args.out.display()))?;
+    let bar = progress_bar(specs.len() as u64, "maps");
+    let path = |spec: &MapSpec| args.out.join(format!("{}.sfmap", spec.seed));
+    for specs in specs.chunks(MAPS_AT_A_TIME) {
+        match share(args, specs, &|_| bar.inc(1))? {
+            Some(maps) => specs.iter().zip(maps).try_for_each(|(spec, bytes)| write(&path(spec), &bytes))?,
+            None => {
+                for spec in specs {
+                    write(&path(spec), &exchange::encode(&Map::generate(spec)))?;
+                    bar.inc(1);
+                }
+            }
+        }
+    }
+    bar.finish_and_clear();
+    println!("{} maps in {}", specs.len(), args.out.display());
+    Ok(())
+}
+
+/// Has provers generate maps, if there is a queue; they are returned as saved.
+#[cfg(feature = "fleet")]
+fn share(
+    args: &GenerateArgs,
+    specs: &[MapSpec],
+    is_made: &(dyn Fn(usize) + Sync),
+) -> anyhow::Result<Option<Vec<Vec<u8>>>> {
+    use super::fleet::Shared;
+    use surefoot_fleet::work::{dispatch::Threads, maps};
+
+    let Some(nats) = &args.nats.nats else { return Ok(None) };
+    // Any lane would do: maps need no policy. Provers with the usual model are those that are sure to be there.
+    let policy = super::load_policy(None)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let shared = runtime.block_on(Shared::open(nats, args.blobs.blobs.as_deref(), &policy))?;
+    let grounds = runtime.block_on(async { shared.grounds() });
+    let threads = Threads { beside_provers: 1, alone: core_count() };
+    Ok(Some(maps::generate_all(&shared.dispatcher(), &grounds, specs, threads, is_made)?))
+}
+
+/// There is no queue in this build.
+#[cfg(not(feature = "fleet"))]
+fn share(args: &GenerateArgs, _: &[MapSpec], _: &(dyn Fn(usize) + Sync)) -> anyhow::Result<Option<Vec<Vec<u8>>>> {
+    let _ = &args.blobs.blobs;
+    Ok(None)
 }
 
 fn show(args: &ShowArgs) -> anyhow::Result<()> {

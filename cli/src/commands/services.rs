@@ -2,13 +2,13 @@
 
 use super::agones::AgonesArgs;
 use super::endpoint::{CredentialArgs, EndpointArgs};
-use super::fleet::FleetArgs;
-use super::tenure::TenureArgs;
+use super::fleet::{NatsArg, StoreArgs};
 use super::{core_count, load_policy};
 use crate::signals::shutdown_signal;
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 use surefoot_agent::work::{WorkConfig, work};
 use surefoot_net::levels::MapPool;
 use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
@@ -37,11 +37,22 @@ pub struct ServeArgs {
     #[command(flatten)]
     limits: ServerLimits,
     #[command(flatten)]
-    tenure: TenureArgs,
+    store: StoreArgs,
     #[command(flatten)]
     agones: AgonesArgs,
     #[command(flatten)]
     endpoint: EndpointArgs,
+}
+
+impl ServeArgs {
+    /// The configuration of a server that listens at `address`, which has joined its fleet.
+    async fn world_config(&self, address: SocketAddr) -> anyhow::Result<ServerConfig> {
+        let config = self.limits.config();
+        let Some(place) = self.store.place(address)? else { return Ok(config) };
+        ensure!(config.state.is_none(), "--state is for a server alone, --store for one of a fleet");
+        let save_every = if self.limits.save_every.is_some() { config.save_every } else { SAVE_EVERY_IN_A_FLEET };
+        Ok(ServerConfig { store: Some(place.world_store().await?), save_every, ..config })
+    }
 }
 
 /// What Studio's page may call.
@@ -96,6 +107,13 @@ pub struct ServerLimits {
     save_every: Option<f64>,
 }
 
+/// Threads of a planner that probe beside provers; while no prover answers, all of them do.
+#[cfg(feature = "fleet")]
+const BESIDE_PROVERS: usize = 1;
+
+/// Interval at which a server of a fleet saves its worlds, unless told otherwise.
+const SAVE_EVERY_IN_A_FLEET: Duration = Duration::from_secs(2);
+
 /// Bytes.
 const MB: u64 = 1_000_000;
 
@@ -114,10 +132,10 @@ impl ServerLimits {
             max_envs: self.max_envs,
             max_maps: self.max_maps,
             maps: MapPool::within(self.max_memory.saturating_mul(MB)),
-            reader_patience: std::time::Duration::from_secs_f64(self.reader_patience),
+            reader_patience: Duration::from_secs_f64(self.reader_patience),
             state: self.state.clone(),
             store: None,
-            save_every: self.save_every.map_or(ServerConfig::default().save_every, std::time::Duration::from_secs_f64),
+            save_every: self.save_every.map_or(ServerConfig::default().save_every, Duration::from_secs_f64),
         }
     }
 }
@@ -133,8 +151,6 @@ pub struct PlanArgs {
     listen: SocketAddr,
     #[command(flatten)]
     cache: CacheArgs,
-    #[command(flatten)]
-    fleet: FleetArgs,
     /// Folder of the model, or general-reactive or general-lstm; default: general-reactive
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
@@ -162,6 +178,10 @@ pub struct PlanArgs {
     /// Memory budget for imported maps, in MB; imports beyond it are refused
     #[arg(long, default_value_t = PlannerConfig::default().max_memory_bytes / MB, value_name = "MB")]
     max_memory: u64,
+    #[command(flatten)]
+    store: StoreArgs,
+    #[command(flatten)]
+    nats: NatsArg,
     #[command(flatten)]
     endpoint: EndpointArgs,
 }
@@ -314,7 +334,7 @@ where
         body(shutdown).await
     });
     // Blocking work that is still running must not delay the exit.
-    runtime.shutdown_timeout(std::time::Duration::from_secs(1));
+    runtime.shutdown_timeout(Duration::from_secs(1));
     result
 }
 
@@ -325,11 +345,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
         let pages = surefoot_studio::pages(args.studio.settings(args.studio_planner.clone(), args.listen));
         let endpoint = Endpoint::open(args.listen, config)?.with_pages(pages);
         info!(address = %endpoint.address(), "world server ready");
-        let mut limits = args.limits.config();
-        if args.limits.save_every.is_none() {
-            limits.save_every = args.tenure.save_every(limits.save_every);
-        }
-        let config = args.tenure.join(limits, endpoint.address()).await?;
+        let config = args.world_config(endpoint.address()).await?;
         let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown);
         args.agones.accompany(observer, serving).await
     })
@@ -346,8 +362,8 @@ fn default_name() -> String {
 
 pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     let endpoint_config = args.endpoint.config()?;
+    args.nats.check()?;
     let policy = load_policy(args.model.as_deref())?;
-    let fleet = args.fleet.place(args.listen)?;
     let config = PlannerConfig {
         max_vertices: args.max_vertices,
         max_queries: args.max_queries,
@@ -358,16 +374,34 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         max_maps: args.max_maps,
         max_memory_bytes: args.max_memory.saturating_mul(MB),
         maps: MapPool::within(args.max_memory.saturating_mul(MB)),
+        ..PlannerConfig::default()
     };
     run_until_signal(|shutdown| async move {
-        let (stores, place): (Common, _) = match fleet {
-            Some(fleet) => (fleet.planner_stores().await?, fleet.to_string()),
+        let endpoint = Endpoint::open(args.listen, endpoint_config)?;
+        let (stores, place): (Common, _) = match args.store.place(endpoint.address())? {
+            Some(place) => (place.planner_stores().await?, place.to_string()),
             None => (Box::new(args.cache.open()?).into(), args.cache.folder()?.display().to_string()),
         };
-        let endpoint = Endpoint::open(args.listen, endpoint_config)?;
+        let config = with_provers(config, args, &policy).await?;
         info!(address = %endpoint.address(), store = %place, "planner ready");
         Ok(planner::serve(endpoint, config, policy, stores, shutdown).await?)
     })
+}
+
+/// Shares probes with provers if there is a queue.
+#[cfg(feature = "fleet")]
+async fn with_provers(config: PlannerConfig, args: &PlanArgs, policy: &Policy) -> anyhow::Result<PlannerConfig> {
+    let Some(nats) = &args.nats.nats else { return Ok(config) };
+    let shared = super::fleet::Shared::open(nats, args.store.blobs(), policy).await?;
+    info!(lane = %shared.lane, nats = %shared.queue.place(), "provers share the probes of builds");
+    Ok(PlannerConfig { provers: std::sync::Arc::new(shared.provers(BESIDE_PROVERS)), ..config })
+}
+
+/// Shares probes with provers if there is a queue.
+#[cfg(not(feature = "fleet"))]
+#[expect(clippy::unused_async, reason = "with the feature, it connects")]
+async fn with_provers(config: PlannerConfig, _: &PlanArgs, _: &Policy) -> anyhow::Result<PlannerConfig> {
+    Ok(config)
 }
 
 /// How NPCs move.

@@ -36,10 +36,8 @@ pub async fn new_tenure(record: &Record, member: &Member) -> Result<Tenure, Flee
 
 /// Returns an id that no world has had.
 pub async fn new_id(record: &Record, earliest: WorldId) -> Result<WorldId, FleetError> {
-    let id = sqlx::query_scalar!(
-        "UPDATE world_ids SET last = greatest(last + 1, $1) RETURNING last",
-        earliest.0 as i64
-    );
+    let id =
+        sqlx::query_scalar!("UPDATE world_ids SET last = greatest(last + 1, $1) RETURNING last", earliest.0 as i64);
     let id = id.fetch_one(&record.pool).await.map_err(|error| record.failed(error))?;
     Ok(WorldId(id as u64))
 }

@@ -1,5 +1,6 @@
 //! Arguments of `surefoot eval`, and the configuration that they stand for.
 
+use crate::commands::fleet::{BlobsArg, NatsArg};
 use crate::commands::game::WorldArgs;
 use crate::commands::map::{BodyArg, Generated, file_name, level_files, load_level};
 use crate::commands::services::{GraphArgs, StyleArg};
@@ -103,6 +104,10 @@ pub struct Args {
     pub(super) json: bool,
     #[command(flatten)]
     pub(super) world: WorldArgs,
+    #[command(flatten)]
+    pub(super) nats: NatsArg,
+    #[command(flatten)]
+    pub(super) blobs: BlobsArg,
 }
 
 /// Rules of attempts, where the paper's differ from ours.
@@ -192,6 +197,13 @@ impl Args {
         }
         if self.shard.is_some() && self.out.is_none() {
             bail!("--shard needs --out: the folder in which the units of all shards come together");
+        }
+        self.nats.check()?;
+        let is_whole = self.suite.is_none() && self.shard.is_none() && game.is_none() && graph.is_none();
+        if self.nats.nats.is_some() && !is_whole {
+            bail!(
+                "--nats cannot be combined with --suite, --shard, --world or --graph: provers run whole evaluations on one model"
+            );
         }
         if graph.is_some() && self.method == "policy" {
             bail!("--graph has no use with --method policy");

@@ -1,0 +1,42 @@
+//! What processes of a fleet share work through, as the flags say.
+
+use surefoot_fleet::blobs::Blobs;
+use surefoot_fleet::work::dispatch::Dispatcher;
+use surefoot_fleet::work::ground::Grounds;
+use surefoot_fleet::work::lane::Lane;
+use surefoot_fleet::work::probes::QueuedProvers;
+use surefoot_fleet::work::queue::Queue;
+use surefoot_policy::Policy;
+
+/// The queue, the lane of a policy, and the object store.
+pub struct Shared {
+    /// Jobs and results.
+    pub queue: Queue,
+    /// Who shares them.
+    pub lane: Lane,
+    /// Maps.
+    pub blobs: Option<Blobs>,
+}
+
+impl Shared {
+    /// Opens them. Call this on a tokio runtime.
+    pub async fn open(nats: &str, blobs: Option<&str>, policy: &Policy) -> anyhow::Result<Self> {
+        let blobs = blobs.map(Blobs::open).transpose()?;
+        Ok(Self { queue: Queue::open(nats).await?, lane: Lane::of(policy), blobs })
+    }
+
+    /// Who sends jobs.
+    pub fn dispatcher(&self) -> Dispatcher {
+        Dispatcher::new(self.queue.clone(), self.lane.clone())
+    }
+
+    /// Who keeps maps.
+    pub fn grounds(&self) -> Grounds {
+        Grounds::new(self.blobs.clone())
+    }
+
+    /// Who runs the probes of builds, with this many threads of this process beside provers.
+    pub fn provers(self, beside_provers: usize) -> QueuedProvers {
+        QueuedProvers { dispatcher: self.dispatcher(), blobs: self.blobs, beside_provers }
+    }
+}

@@ -1,0 +1,228 @@
+//! Units of evaluations as jobs, and the runner of a prover, which does every kind of job.
+
+use anyhow::Context;
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicU64, Ordering};
+use surefoot_agent::eval::unit::Unit;
+use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, keep, missing, run_units};
+use surefoot_fleet::error::FleetError;
+use surefoot_fleet::work::dispatch::{Dispatcher, Threads, Work};
+use surefoot_fleet::work::ground::{Grounds, MapRef};
+use surefoot_fleet::work::job::{Answer, Job, JobKind, Opened, Refusal};
+use surefoot_fleet::work::{maps, probes, prover};
+use surefoot_planner::{Attach, BuildSettings};
+use surefoot_policy::Policy;
+use surefoot_rollout::FollowConfig;
+use surefoot_world::CharacterProfile;
+
+/// Does jobs of every kind.
+pub struct Runner {
+    policy: Policy,
+    grounds: Grounds,
+    probes: AtomicU64,
+}
+
+impl Runner {
+    /// Does jobs with this policy.
+    pub fn new(policy: Policy, grounds: Grounds) -> Self {
+        Self { policy, grounds, probes: AtomicU64::new(0) }
+    }
+}
+
+impl prover::Runner for Runner {
+    fn run(&self, job: &Opened) -> Answer {
+        match job.kind {
+            JobKind::Probes => {
+                let (result, count) = probes::prove(job, &self.policy, &self.grounds)?;
+                self.probes.fetch_add(count as u64, Ordering::Relaxed);
+                Ok(result)
+            }
+            JobKind::Unit => evaluate(job, &self.policy, &self.grounds),
+            JobKind::Map => maps::generate(job, &self.grounds),
+        }
+    }
+
+    fn metrics(&self) -> String {
+        let probes = self.probes.load(Ordering::Relaxed);
+        format!(
+            "# HELP surefoot_probes_total Probes run.\n# TYPE surefoot_probes_total counter\nsurefoot_probes_total {probes}\n"
+        )
+    }
+}
+
+/// A unit, and all that its result depends on.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct UnitJob {
+    map: MapRef,
+    /// Name of a level in reports.
+    level: Option<String>,
+    profile: CharacterProfile,
+    policy: String,
+    senses_transports: bool,
+    goals: u32,
+    seed: u64,
+    graph: Option<BuildSettings>,
+    distance: (f32, f32),
+    noise_share: f32,
+    rehearses: bool,
+    follow: Follow,
+    is_priced_by_steps: bool,
+}
+
+/// Rules of following plans.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct Follow {
+    replan_after: u32,
+    patience: u32,
+    max_replans: u32,
+    remembers: bool,
+    attaches_to_several: bool,
+    composes: bool,
+}
+
+impl UnitJob {
+    fn new(policy: &Policy, config: &EvalConfig, (choice, map): (&EvalMap, MapRef), seed: u64) -> Self {
+        let FollowConfig { replan_after, patience, max_replans, remembers, attach, composes } = config.follow;
+        let attaches_to_several = attach == Attach::Several;
+        Self {
+            map,
+            level: match choice {
+                EvalMap::Generated(_) => None,
+                EvalMap::Level { name, .. } => Some(name.clone()),
+            },
+            profile: config.profile.clone(),
+            policy: policy.weights_hash().to_owned(),
+            senses_transports: policy.senses_transports(),
+            goals: config.goals as u32,
+            seed,
+            graph: match config.method {
+                Method::Policy => None,
+                Method::Graph(settings) => Some(settings),
+            },
+            distance: (config.distance.start, config.distance.end),
+            noise_share: config.noise_share,
+            rehearses: config.rehearses,
+            follow: Follow { replan_after, patience, max_replans, remembers, attaches_to_several, composes },
+            is_priced_by_steps: config.price == Price::Steps,
+        }
+    }
+
+    /// What the job says, if it can be run.
+    fn config(self, grounds: &Grounds) -> Result<EvalConfig, Refusal> {
+        let Follow { replan_after, patience, max_replans, remembers, attaches_to_several, composes } = self.follow;
+        let (low, high) = self.distance;
+        let is_sound = (1..=100_000).contains(&self.goals)
+            && (1..=100_000).contains(&patience)
+            && (1..=100_000).contains(&replan_after)
+            && (0.0..=1.0).contains(&self.noise_share)
+            && low >= 0.0
+            && low < high;
+        if !is_sound {
+            return Err(Refusal::of_all("a unit that cannot be run"));
+        }
+        let map = match (self.map, self.level) {
+            (MapRef::Spec(spec), None) => EvalMap::Generated(spec),
+            (name @ MapRef::Saved { .. }, Some(level)) => EvalMap::Level { name: level, map: grounds.map(&name)? },
+            _ => return Err(Refusal::of_all("a map without a name, or with one too many")),
+        };
+        let attach = if attaches_to_several { Attach::Several } else { Attach::Nearest };
+        Ok(EvalConfig {
+            maps: vec![map],
+            profile: self.profile,
+            goals: self.goals as usize,
+            seeds: vec![self.seed],
+            method: self.graph.map_or(Method::Policy, Method::Graph),
+            distance: low..high,
+            noise_share: self.noise_share,
+            rehearses: self.rehearses,
+            follow: FollowConfig { replan_after, patience, max_replans, remembers, attach, composes },
+            game: None,
+            graph: None,
+            price: if self.is_priced_by_steps { Price::Steps } else { Price::Risk },
+            thread_count: 1,
+            keep_in: None,
+            shard: None,
+            record: None,
+        })
+    }
+}
+
+/// Runs the unit of a job.
+fn evaluate(job: &Opened, policy: &Policy, grounds: &Grounds) -> Answer {
+    let unit: UnitJob = job.body().map_err(Refusal::of_all)?;
+    if unit.policy != policy.weights_hash() {
+        return Err(Refusal::of_this("this prover has another policy"));
+    }
+    let policy = if unit.senses_transports { policy.clone() } else { policy.clone().without_transports() };
+    let config = unit.config(grounds)?;
+    let units = run_units(&policy, &config, |_, _| {}).map_err(Refusal::of_all)?;
+    serde_json::to_vec(&units[0]).map_err(Refusal::of_all)
+}
+
+/// The units of an evaluation.
+struct Units<'a> {
+    policy: &'a Policy,
+    config: &'a EvalConfig,
+    choices: &'a [(EvalMap, u64)],
+    is_done: &'a (dyn Fn() + Sync),
+}
+
+impl Work for Units<'_> {
+    type Output = Unit;
+
+    fn do_here(&self, idx: usize, _: &(dyn Fn() -> bool + Sync)) -> Option<Result<Unit, String>> {
+        let (choice, seed) = &self.choices[idx];
+        let config = EvalConfig {
+            maps: vec![choice.clone()],
+            seeds: vec![*seed],
+            keep_in: None,
+            thread_count: 1,
+            ..self.config.clone()
+        };
+        let units = run_units(self.policy, &config, |_, _| {}).map_err(|error| error.to_string());
+        Some(units.map(|mut units| units.remove(0)))
+    }
+
+    fn read(&self, idx: usize, result: &[u8]) -> Result<Unit, String> {
+        let unit: Unit = serde_json::from_slice(result).map_err(|error| error.to_string())?;
+        let (choice, seed) = &self.choices[idx];
+        let counts = [unit.distances.len(), unit.reachable.len(), unit.on_foot.len(), unit.attempts.len()];
+        let is_wanted = unit.map == choice.name() && unit.seed == *seed && counts == [self.config.goals; 4];
+        if is_wanted { Ok(unit) } else { Err("another unit".to_owned()) }
+    }
+
+    fn settled(&self, _: usize, _: &Unit) {
+        (self.is_done)();
+    }
+}
+
+/// Has the units run that are missing in the folder of an evaluation, on provers and on `threads` of this process, and saves them there. Call
+/// this from a thread that may block.
+///
+/// # Errors
+/// If a unit cannot be run or saved, or a level cannot be given to provers.
+pub fn gather(
+    (dispatcher, grounds): (&Dispatcher, &Grounds),
+    policy: &Policy,
+    config: &EvalConfig,
+    threads: Threads,
+    is_done: &(dyn Fn() + Sync),
+) -> anyhow::Result<()> {
+    let choices = missing(policy, config);
+    let jobs: Result<Vec<Job>, FleetError> = (0..)
+        .zip(&choices)
+        .map(|(place, (choice, seed))| {
+            let map = match choice {
+                EvalMap::Generated(spec) => MapRef::Spec(*spec),
+                EvalMap::Level { map, .. } => grounds.runtime().block_on(MapRef::save(map, grounds.blobs()))?,
+            };
+            Ok(Job::new(JobKind::Unit, place, &UnitJob::new(policy, config, (choice, map), *seed)))
+        })
+        .collect();
+    let work = Units { policy, config, choices: &choices, is_done };
+    let units = dispatcher.run(jobs?, &work, threads)?.context("nobody cancels")?;
+    for ((choice, seed), unit) in choices.iter().zip(&units) {
+        keep(policy, config, (choice, *seed), unit)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,225 @@
+//! A dispatch: jobs that belong together, each done by whoever is first, a prover elsewhere or a thread of this process.
+//!
+//! Provers begin with the first jobs, threads here with the last, and both go on until all jobs are settled. So a prover that dies, a queue
+//! that is away, and no prover at all cost time, never the result.
+
+use super::board::Board;
+use super::feed::Feed;
+use super::job::{Answer, Job};
+use super::lane::Lane;
+use super::queue::{Queue, Scope};
+use crate::error::FleetError;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::time::{Duration, Instant};
+use tracing::warn;
+
+/// How often cancellation is looked for.
+const TURN: Duration = Duration::from_millis(20);
+/// Silence of all provers after which they are taken for gone.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Time for which provers that answered are expected to be there still.
+const MEMORY: Duration = Duration::from_secs(60);
+
+/// What jobs are about, and who can do without provers.
+pub trait Work: Sync {
+    /// Result of a job.
+    type Output: Send + 'static;
+
+    /// Does a job in this process; `None` if `is_settled` became true before it was done.
+    ///
+    /// # Errors
+    /// Why it cannot be done: the dispatch ends.
+    fn do_here(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Self::Output, String>>;
+
+    /// Reads and checks the result of a prover.
+    ///
+    /// # Errors
+    /// Why it is of no use: it is ignored.
+    fn read(&self, idx: usize, result: &[u8]) -> Result<Self::Output, String>;
+
+    /// Called once for each job, by the thread that dispatches.
+    fn settled(&self, _idx: usize, _output: &Self::Output) {}
+
+    /// Whether the rest need not be done.
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Threads of this process that do jobs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Threads {
+    /// Beside provers.
+    pub beside_provers: usize,
+    /// While no prover answers.
+    pub alone: usize,
+}
+
+/// Sends jobs. Clones share what they know of provers.
+#[derive(Debug, Clone)]
+pub struct Dispatcher {
+    queue: Queue,
+    lane: Lane,
+    known: Arc<Known>,
+}
+
+/// What is known of provers.
+#[derive(Debug, Default)]
+struct Known {
+    /// When one of them answered last.
+    heard: Mutex<Option<Instant>>,
+    done_here: AtomicU64,
+    done_there: AtomicU64,
+    ignored: AtomicU64,
+}
+
+impl Known {
+    fn hear(&self) {
+        *self.heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+    }
+
+    /// Whether no prover answers to what was sent at `since`.
+    fn is_silent(&self, since: Instant) -> bool {
+        let heard = *self.heard.lock().unwrap_or_else(PoisonError::into_inner);
+        heard.is_none_or(|heard| heard.elapsed() > MEMORY || heard.max(since).elapsed() > SILENCE)
+    }
+}
+
+/// What happened to a job.
+enum Event<T> {
+    /// A thread of this process did it.
+    Here(usize, Result<T, String>),
+    /// A prover answered.
+    There(usize, Answer),
+}
+
+impl Dispatcher {
+    /// Sends jobs to provers of a lane.
+    pub fn new(queue: Queue, lane: Lane) -> Self {
+        Self { queue, lane, known: Arc::default() }
+    }
+
+    /// The queue.
+    pub fn queue(&self) -> &Queue {
+        &self.queue
+    }
+
+    /// Has all jobs done and returns their results, in order; `None` if the work was cancelled. Call this from a thread that may block.
+    ///
+    /// # Errors
+    /// If a job cannot be done by anybody.
+    pub fn run<W: Work>(
+        &self,
+        jobs: Vec<Job>,
+        work: &W,
+        threads: Threads,
+    ) -> Result<Option<Vec<W::Output>>, FleetError> {
+        let count = jobs.len();
+        if count == 0 {
+            return Ok(Some(Vec::new()));
+        }
+        let (since, board) = (Instant::now(), Arc::new(Board::new(count)));
+        let (events, inbox) = mpsc::channel::<Event<W::Output>>();
+        let answers = events.clone();
+        // Whoever dispatches may have gone.
+        let hear = move |idx, answer| drop(answers.send(Event::There(idx, answer)));
+        let scope = Scope::of(&jobs);
+        let feed = Feed::start((self.queue.clone(), self.lane.clone(), scope), jobs, board.clone(), hear);
+        std::thread::scope(|scope| {
+            let thread_count = threads.alone.max(threads.beside_provers).max(1).min(count);
+            for idx in 0..thread_count {
+                let (events, board, feed, known) = (events.clone(), &*board, &feed, &*self.known);
+                scope.spawn(move || {
+                    let may_work = || idx < threads.beside_provers || board.is_forsaken() || known.is_silent(since);
+                    while !board.is_over() {
+                        if !may_work() {
+                            std::thread::sleep(TURN);
+                            continue;
+                        }
+                        let Some(idx) = board.take() else { return };
+                        feed.withdraw(idx);
+                        if let Some(done) = work.do_here(idx, &|| board.is_settled(idx)) {
+                            // Whoever dispatches may have given up.
+                            let _ = events.send(Event::Here(idx, done));
+                        }
+                    }
+                });
+            }
+            let ended = self.gather(&inbox, &board, work, count);
+            board.end();
+            ended
+        })
+    }
+
+    /// Takes the first result of each job.
+    fn gather<W: Work>(
+        &self,
+        inbox: &mpsc::Receiver<Event<W::Output>>,
+        board: &Board,
+        work: &W,
+        count: usize,
+    ) -> Result<Option<Vec<W::Output>>, FleetError> {
+        let mut outputs: Vec<Option<W::Output>> = (0..count).map(|_| None).collect();
+        let mut open = count;
+        while open > 0 {
+            if work.is_cancelled() {
+                return Ok(None);
+            }
+            let Ok(event) = inbox.recv_timeout(TURN) else { continue };
+            let (idx, output) = match event {
+                Event::Here(idx, done) => {
+                    self.known.done_here.fetch_add(1, Ordering::Relaxed);
+                    (idx, done.map_err(|reason| self.queue.failed(reason))?)
+                }
+                Event::There(idx, _) if board.is_settled(idx) => continue,
+                Event::There(idx, answer) => match self.read(work, idx, answer)? {
+                    Some(output) => (idx, output),
+                    None => {
+                        board.forsake();
+                        continue;
+                    }
+                },
+            };
+            if !board.settle(idx) {
+                continue;
+            }
+            work.settled(idx, &output);
+            outputs[idx] = Some(output);
+            open -= 1;
+        }
+        Ok(outputs.into_iter().collect())
+    }
+
+    /// The result of a prover; `None` if it is of no use.
+    fn read<W: Work>(&self, work: &W, idx: usize, answer: Answer) -> Result<Option<W::Output>, FleetError> {
+        self.known.hear();
+        let reason = match answer {
+            Ok(result) => match work.read(idx, &result) {
+                Ok(output) => {
+                    self.known.done_there.fetch_add(1, Ordering::Relaxed);
+                    return Ok(Some(output));
+                }
+                Err(reason) => reason,
+            },
+            Err(refusal) if refusal.is_final => return Err(self.queue.failed(refusal.reason)),
+            Err(refusal) => refusal.reason,
+        };
+        warn!(%reason, "the answer of a prover is of no use; the job is done here");
+        self.known.ignored.fetch_add(1, Ordering::Relaxed);
+        Ok(None)
+    }
+
+    /// Metrics in Prometheus text format.
+    pub fn metrics(&self) -> String {
+        let Known { done_here, done_there, ignored, .. } = &*self.known;
+        let [here, there, ignored] = [done_here, done_there, ignored].map(|count| count.load(Ordering::Relaxed));
+        let connected = u8::from(self.queue.is_connected());
+        format!(
+            "# HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\nsurefoot_queue_connected {connected}\n\
+             # HELP surefoot_jobs_settled_total Jobs of builds, by who did them.\n# TYPE surefoot_jobs_settled_total counter\n\
+             surefoot_jobs_settled_total{{by=\"provers\"}} {there}\nsurefoot_jobs_settled_total{{by=\"this\"}} {here}\n\
+             # HELP surefoot_answers_ignored_total Answers of provers that were of no use.\n# TYPE surefoot_answers_ignored_total counter\nsurefoot_answers_ignored_total {ignored}\n"
+        )
+    }
+}

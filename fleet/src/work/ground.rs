@@ -1,0 +1,119 @@
+//! The maps of jobs: how a job names its map, and the maps that a prover keeps.
+
+use super::job::Refusal;
+use crate::blobs::{BlobId, Blobs};
+use crate::error::FleetError;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use surefoot_world::{Map, MapSpec, exchange};
+use tokio::runtime::Handle;
+
+/// Maps that a prover keeps: its jobs come build by build.
+const KEPT: usize = 2;
+/// How often a blob is looked for that does not arrive.
+const TRIES: u32 = 3;
+/// Pause between these.
+const PAUSE: Duration = Duration::from_millis(500);
+
+/// Names a map: what it is made of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum MapRef {
+    /// It is generated.
+    Spec(MapSpec),
+    /// It is saved as a blob.
+    Saved {
+        /// Hash of the map.
+        map: [u8; 32],
+        /// Name of the blob.
+        blob: [u8; 32],
+    },
+}
+
+impl MapRef {
+    /// Saves a map, so that provers find it.
+    ///
+    /// # Errors
+    /// If there is no store, or it does not take the map.
+    pub async fn save(map: &Map, blobs: Option<&Blobs>) -> Result<Self, FleetError> {
+        let blobs = blobs.ok_or_else(|| FleetError::new("--blobs", "imported levels need a store"))?;
+        let blob = blobs.put(exchange::encode(map)).await?;
+        Ok(Self::Saved { map: map.hash().0, blob: blob.0 })
+    }
+}
+
+/// The maps that a prover used last.
+#[derive(Debug)]
+pub struct Grounds {
+    blobs: Option<Blobs>,
+    runtime: Handle,
+    kept: Mutex<VecDeque<(MapRef, Arc<Map>)>>,
+}
+
+impl Grounds {
+    /// None yet. Saved ones come from `blobs`. Call this on a tokio runtime.
+    pub fn new(blobs: Option<Blobs>) -> Self {
+        Self { blobs, runtime: Handle::current(), kept: Mutex::default() }
+    }
+
+    /// Where saved maps are.
+    pub fn blobs(&self) -> Option<&Blobs> {
+        self.blobs.as_ref()
+    }
+
+    /// The runtime that waits for blobs.
+    pub fn runtime(&self) -> &Handle {
+        &self.runtime
+    }
+
+    /// The map of that name. It is made by one thread while others wait, who mostly want the same one.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn map(&self, name: &MapRef) -> Result<Arc<Map>, Refusal> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(at) = kept.iter().position(|(known, _)| known == name) {
+            let found = kept.remove(at).expect("just found");
+            kept.push_back(found);
+        } else {
+            // Room first: large maps take gigabytes.
+            while kept.len() >= KEPT {
+                kept.pop_front();
+            }
+            let map = match name {
+                MapRef::Spec(spec) => Arc::new(Map::generate(spec)),
+                MapRef::Saved { map, blob } => Arc::new(self.load(*map, BlobId(*blob))?),
+            };
+            kept.push_back((name.clone(), map));
+        }
+        Ok(kept.back().expect("just put there").1.clone())
+    }
+
+    fn load(&self, map: [u8; 32], blob: BlobId) -> Result<Map, Refusal> {
+        let bytes = self.fetch(blob)?;
+        let found = exchange::decode(&bytes).map_err(|error| Refusal::of_all(format!("blob {blob}: {error}")))?;
+        if found.hash().0 != map {
+            return Err(Refusal::of_all(format!("blob {blob} is another map than its job says")));
+        }
+        Ok(found)
+    }
+
+    /// The bytes of a blob.
+    ///
+    /// # Errors
+    /// If there is no store, or it does not have them, or does not answer.
+    pub fn fetch(&self, blob: BlobId) -> Result<Vec<u8>, Refusal> {
+        let blobs = self.blobs.as_ref().ok_or_else(|| Refusal::of_this("this process has no --blobs"))?;
+        let mut last = String::new();
+        for _ in 0..TRIES {
+            match self.runtime.block_on(blobs.get(blob)) {
+                Ok(Some(bytes)) => return Ok(bytes),
+                Ok(None) => return Err(Refusal::of_this(format!("{} has no blob {blob}", blobs.place()))),
+                Err(error) => last = error.to_string(),
+            }
+            std::thread::sleep(PAUSE);
+        }
+        Err(Refusal::of_this(last))
+    }
+}

@@ -1,0 +1,198 @@
+//! Jobs and their answers as bytes. Both begin with a checksum, and a job's is its name, so that an answer belongs to one job only,
+//! whichever build it was made for. Bytes that are not whole, or say what cannot be, are damage, never a panic.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Length of a checksum.
+const HASH_LEN: usize = 32;
+
+/// Name of a job: the hash of all that it says.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct JobId([u8; HASH_LEN]);
+
+impl fmt::Display for JobId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        blake3::Hash::from_bytes(self.0).fmt(f)
+    }
+}
+
+impl fmt::Debug for JobId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "JobId({self})")
+    }
+}
+
+/// What is to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum JobKind {
+    /// Probes of a build.
+    Probes,
+    /// A map and seed of an evaluation.
+    Unit,
+    /// A map to generate.
+    Map,
+}
+
+/// Bytes are not a whole job or answer; says why.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Damage(pub String);
+
+/// Why a job was not done.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// Whether nobody can do it: whoever waits for it fails. Otherwise, only this prover cannot.
+    pub is_final: bool,
+    /// Why.
+    pub reason: String,
+}
+
+impl Refusal {
+    /// Nobody can do it.
+    pub fn of_all(reason: impl fmt::Display) -> Self {
+        Self { is_final: true, reason: reason.to_string() }
+    }
+
+    /// This prover cannot do it now.
+    pub fn of_this(reason: impl fmt::Display) -> Self {
+        Self { is_final: false, reason: reason.to_string() }
+    }
+}
+
+/// A job, sealed.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// Its name.
+    pub id: JobId,
+    /// What is sent.
+    pub bytes: Vec<u8>,
+}
+
+/// A job as it arrived.
+#[derive(Debug, Clone)]
+pub struct Opened {
+    /// Its name.
+    pub id: JobId,
+    /// What is to be done.
+    pub kind: JobKind,
+    body: Vec<u8>,
+}
+
+impl Job {
+    /// Seals what is to be done. Jobs that belong together differ in their `place` among each other.
+    pub fn new(kind: JobKind, place: u32, body: &impl Serialize) -> Self {
+        let mut bytes = vec![0; HASH_LEN];
+        bytes.extend(encode(&(kind, place)));
+        bytes.extend(encode(body));
+        Self { id: JobId(seal(&mut bytes)), bytes }
+    }
+
+    /// Opens a job that [`new`](Self::new) sealed.
+    ///
+    /// # Errors
+    /// If the bytes are no whole job.
+    pub fn open(bytes: &[u8]) -> Result<Opened, Damage> {
+        let (id, content) = unseal(bytes)?;
+        let ((kind, _), body): ((JobKind, u32), _) = postcard::take_from_bytes(content).map_err(malformed)?;
+        Ok(Opened { id: JobId(id), kind, body: body.to_vec() })
+    }
+}
+
+impl Opened {
+    /// What the job says; it is not checked yet.
+    ///
+    /// # Errors
+    /// If the bytes do not say it.
+    pub fn body<T: DeserializeOwned>(&self) -> Result<T, Damage> {
+        decode(&self.body)
+    }
+}
+
+/// Result of a job.
+pub type Answer = Result<Vec<u8>, Refusal>;
+
+/// Seals the answer to a job.
+pub fn seal_answer(job: JobId, answer: &Answer) -> Vec<u8> {
+    let mut bytes = vec![0; HASH_LEN];
+    bytes.extend(job.0);
+    bytes.extend(encode(answer));
+    seal(&mut bytes);
+    bytes
+}
+
+/// Opens the answer to a job.
+///
+/// # Errors
+/// If the bytes are no whole answer, or one to another job.
+pub fn open_answer(job: JobId, bytes: &[u8]) -> Result<Answer, Damage> {
+    let (_, content) = unseal(bytes)?;
+    let rest = content.strip_prefix(&job.0).ok_or_else(|| Damage("an answer to another job".to_owned()))?;
+    decode(rest)
+}
+
+/// Encodes plain data.
+pub fn encode(data: &impl Serialize) -> Vec<u8> {
+    postcard::to_stdvec(data).expect("plain data")
+}
+
+/// Decodes data that [`encode`] wrote.
+///
+/// # Errors
+/// If the bytes are anything else.
+pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Damage> {
+    let (data, rest) = postcard::take_from_bytes(bytes).map_err(malformed)?;
+    if rest.is_empty() { Ok(data) } else { Err(Damage(format!("{} bytes too many", rest.len()))) }
+}
+
+fn malformed(error: postcard::Error) -> Damage {
+    Damage(error.to_string())
+}
+
+/// Writes the checksum of all that follows it to the front.
+fn seal(bytes: &mut [u8]) -> [u8; HASH_LEN] {
+    let hash = *blake3::hash(&bytes[HASH_LEN..]).as_bytes();
+    bytes[..HASH_LEN].copy_from_slice(&hash);
+    hash
+}
+
+fn unseal(bytes: &[u8]) -> Result<([u8; HASH_LEN], &[u8]), Damage> {
+    let (hash, content) = bytes.split_first_chunk().ok_or_else(|| Damage(format!("{} bytes only", bytes.len())))?;
+    if blake3::hash(content).as_bytes() != hash {
+        return Err(Damage("the checksum is another one".to_owned()));
+    }
+    Ok((*hash, content))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_sealed_opens_and_nothing_else_does() {
+        let job = Job::new(JobKind::Unit, 3, &(7u64, "text"));
+        let opened = Job::open(&job.bytes).unwrap();
+        assert_eq!((opened.id, opened.kind), (job.id, JobKind::Unit));
+        assert_eq!(opened.body::<(u64, String)>(), Ok((7, "text".to_owned())));
+        assert!(opened.body::<u8>().is_err(), "bytes too many");
+        assert_ne!(Job::new(JobKind::Unit, 4, &(7u64, "text")).id, job.id);
+        for cut in 0..job.bytes.len() {
+            assert!(Job::open(&job.bytes[..cut]).is_err(), "cut at {cut}");
+            let mut flipped = job.bytes.clone();
+            flipped[cut] ^= 4;
+            assert!(Job::open(&flipped).is_err(), "flipped at {cut}");
+        }
+    }
+
+    #[test]
+    fn an_answer_belongs_to_one_job() {
+        let [one, other] = [1, 2].map(|place| Job::new(JobKind::Map, place, &()).id);
+        for answer in [Ok(vec![1, 2, 3]), Err(Refusal::of_all("no")), Err(Refusal::of_this("not now"))] {
+            let bytes = seal_answer(one, &answer);
+            assert_eq!(open_answer(one, &bytes), Ok(answer));
+            assert!(open_answer(other, &bytes).is_err());
+            assert!(open_answer(one, &bytes[..bytes.len() - 1]).is_err());
+        }
+    }
+}

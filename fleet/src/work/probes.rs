@@ -1,0 +1,308 @@
+//! Probes as jobs: a job is one chunk of trials, since outcomes may depend on what shares a batch. Here are both ends: the executor of a build
+//! ([`QueuedProvers`]) and what a prover does ([`prove`]).
+
+use super::dispatch::{Dispatcher, Threads, Work};
+use super::ground::{Grounds, MapRef};
+use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
+use crate::blobs::Blobs;
+use serde::{Deserialize, Serialize};
+use std::sync::{Mutex, PoisonError};
+use surefoot_net::levels::Made;
+use surefoot_planner::needs::{Need, Needs};
+use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
+use surefoot_planner_service::provers::{BuildProbes, Embedded, ProbeWork, Provers};
+use surefoot_policy::Policy;
+use surefoot_rollout::probe::{MAX_CHUNK, ProbeContext, chunks, in_order};
+use surefoot_world::map::Mover;
+use surefoot_world::{Ability, CharacterProfile, Map, Vec3};
+use tracing::warn;
+
+/// How far outside a map positions of trials may lie, m: bodies fall out of maps.
+const MARGIN_M: f32 = 1000.0;
+
+/// A chunk of trials, and all that their outcomes depend on.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Probes {
+    map: MapRef,
+    profile: CharacterProfile,
+    policy: String,
+    senses_transports: bool,
+    seed: u64,
+    trials: Vec<Trial>,
+}
+
+/// An outcome without what came before it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Leg {
+    reached: bool,
+    died: bool,
+    decisions: u32,
+    ability: Ability,
+    bounds: [Vec3; 2],
+    track: Vec<Option<Vec3>>,
+    needs: Needs,
+}
+
+/// An outcome as it is sent: there is at most one approach, and that has none.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Reported {
+    leg: Leg,
+    approach: Option<Leg>,
+}
+
+impl Leg {
+    fn of(outcome: &Outcome) -> Self {
+        let Outcome { reached, died, decisions, ability, bounds, needs, .. } = *outcome;
+        Self { reached, died, decisions, ability, bounds, track: outcome.track.clone(), needs }
+    }
+
+    /// What a prover reported, if it can be true of this trial.
+    fn checked(self, trial: &Trial, map: &Map) -> Option<Outcome> {
+        let Self { reached, died, decisions, ability, bounds, track, needs } = self;
+        let is_known = |need: Need| {
+            let mover = map.movers().get(usize::from(need.mover));
+            mover.is_some_and(|mover| need.stops & !mover.all_stops() == 0)
+        };
+        let is_possible = bounds.iter().chain(track.iter().flatten()).all(|corner| corner.is_finite())
+            && bounds[0].cmple(bounds[1]).all()
+            && needs.iter().all(is_known)
+            && needs.ride == trial.ride
+            && (trial.keep_track || track.is_empty());
+        is_possible.then_some(Outcome { reached, died, decisions, ability, bounds, track, needs, approach: None })
+    }
+}
+
+impl Reported {
+    fn of(outcome: &Outcome) -> Self {
+        Self { leg: Leg::of(outcome), approach: outcome.approach.as_deref().map(Leg::of) }
+    }
+
+    fn checked(self, trial: &Trial, map: &Map) -> Option<Outcome> {
+        let approach = self.approach.map(|leg| leg.checked(trial, map));
+        if approach.is_some() && trial.via.is_none() {
+            return None;
+        }
+        let mut outcome = self.leg.checked(trial, map)?;
+        outcome.approach = match approach {
+            None => None,
+            Some(approach) => Some(Box::new(approach?)),
+        };
+        Some(outcome)
+    }
+}
+
+/// Never cancels, and sees nothing.
+struct Unwatched;
+
+impl ProbeWatch for Unwatched {
+    fn finished(&self, _: usize, _: &Outcome) {}
+
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Does a job of probes with this policy; returns its result, and the number of probes.
+///
+/// # Errors
+/// If the job is for another policy, says what cannot be, or its map cannot be had.
+pub fn prove(job: &Opened, policy: &Policy, grounds: &Grounds) -> Result<(Vec<u8>, usize), Refusal> {
+    let probes: Probes = job.body().map_err(Refusal::of_all)?;
+    if probes.policy != policy.weights_hash() {
+        return Err(Refusal::of_this("this prover has another policy"));
+    }
+    let policy = if probes.senses_transports { policy.clone() } else { policy.clone().without_transports() };
+    let map = grounds.map(&probes.map)?;
+    probes.check(&map).map_err(Refusal::of_all)?;
+    let context = ProbeContext { map, profile: probes.profile, policy };
+    let outcomes = context.run_chunk(&probes.trials, probes.seed, &Unwatched).expect("nobody cancels");
+    let reports: Vec<Reported> = outcomes.iter().map(Reported::of).collect();
+    Ok((encode(&reports), reports.len()))
+}
+
+impl Probes {
+    /// Checks that the trials can be run on their map.
+    fn check(&self, map: &Map) -> Result<(), String> {
+        let Some(first) = self.trials.first() else { return Err("no trials".to_owned()) };
+        if self.trials.len() > MAX_CHUNK {
+            return Err(format!("{} trials, at most {MAX_CHUNK} are allowed", self.trials.len()));
+        }
+        let (low, high) = (Vec3::splat(-MARGIN_M), map.extent() + MARGIN_M);
+        let is_near = |point: Vec3| point.is_finite() && point.cmpge(low).all() && point.cmple(high).all();
+        let mover = |idx: u16| map.movers().get(usize::from(idx));
+        let has = |mover: &Mover, stop: u8| usize::from(stop) < mover.stops.len();
+        for (idx, trial) in self.trials.iter().enumerate() {
+            let points = [Some(trial.start), trial.via, Some(trial.goal)];
+            let is_held = trial.held.is_none_or(|(held, stop)| mover(held).is_some_and(|mover| has(mover, stop)));
+            let rides = trial
+                .ride
+                .is_none_or(|ride| mover(ride.mover).is_some_and(|mover| has(mover, ride.from) && has(mover, ride.to)));
+            if trial.held != first.held || !is_held || !rides || !points.into_iter().flatten().all(is_near) {
+                return Err(format!("trial {idx} cannot be run on this map"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Runs the probes of builds on provers, and on threads of this process.
+#[derive(Debug, Clone)]
+pub struct QueuedProvers {
+    /// Who sends the jobs.
+    pub dispatcher: Dispatcher,
+    /// Where imported levels are put for provers; without it, their probes are run in this process.
+    pub blobs: Option<Blobs>,
+    /// Threads of this process beside provers; while no prover answers, all threads of the build.
+    pub beside_provers: usize,
+}
+
+impl Provers for QueuedProvers {
+    fn enlist(&self, work: ProbeWork) -> Box<dyn BuildProbes> {
+        let runtime = &self.dispatcher.queue().runtime;
+        let name = match work.source.made() {
+            _ if !work.source.pieces().is_empty() => None,
+            Made::Spec(spec) => Some(MapRef::Spec(*spec)),
+            Made::Level(level) => match runtime.block_on(MapRef::save(&level.map, self.blobs.as_ref())) {
+                Ok(name) => Some(name),
+                Err(error) => {
+                    warn!(%error, "provers cannot get this level; its probes are run here");
+                    None
+                }
+            },
+        };
+        match name {
+            Some(map) => Box::new(self.probes(work.context, map, work.thread_count)),
+            None => Embedded.enlist(work),
+        }
+    }
+
+    fn metrics(&self) -> String {
+        self.dispatcher.metrics()
+    }
+}
+
+impl QueuedProvers {
+    /// The probes of a build on a map.
+    pub fn probes(&self, context: ProbeContext, map: MapRef, thread_count: usize) -> QueuedProbes {
+        let threads = Threads { beside_provers: self.beside_provers.min(thread_count), alone: thread_count };
+        QueuedProbes { dispatcher: self.dispatcher.clone(), context, map, threads, failure: Mutex::default() }
+    }
+}
+
+/// The probes of one build.
+#[derive(Debug)]
+pub struct QueuedProbes {
+    dispatcher: Dispatcher,
+    context: ProbeContext,
+    map: MapRef,
+    threads: Threads,
+    failure: Mutex<Option<String>>,
+}
+
+impl BuildProbes for QueuedProbes {
+    fn failure(&self) -> Option<String> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl ProbeExecutor for QueuedProbes {
+    fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
+        let chunks = chunks(trials);
+        let chunk = |chunk: &Vec<usize>| chunk.iter().map(|&idx| trials[idx]).collect::<Vec<Trial>>();
+        let work =
+            Run { context: &self.context, chunks: &chunks, trials: chunks.iter().map(chunk).collect(), seed, watch };
+        let jobs = self.jobs(&work);
+        match self.dispatcher.run(jobs, &work, self.threads) {
+            Ok(outcomes) => Some(in_order(&chunks, outcomes?)),
+            Err(error) => {
+                *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error.to_string());
+                None
+            }
+        }
+    }
+}
+
+impl QueuedProbes {
+    fn jobs(&self, work: &Run<'_>) -> Vec<Job> {
+        let ProbeContext { profile, policy, .. } = &self.context;
+        let job = |(place, trials): (u32, &Vec<Trial>)| {
+            let probes = Probes {
+                map: self.map.clone(),
+                profile: profile.clone(),
+                policy: policy.weights_hash().to_owned(),
+                senses_transports: policy.senses_transports(),
+                seed: work.seed,
+                trials: trials.clone(),
+            };
+            Job::new(JobKind::Probes, place, &probes)
+        };
+        (0..).zip(&work.trials).map(job).collect()
+    }
+
+    /// Bytes of the jobs for these trials.
+    pub fn job_bytes(&self, trials: &[Trial], seed: u64) -> usize {
+        let chunks = chunks(trials);
+        let chunk = |chunk: &Vec<usize>| chunk.iter().map(|&idx| trials[idx]).collect::<Vec<Trial>>();
+        let trials = chunks.iter().map(chunk).collect();
+        let work = Run { context: &self.context, chunks: &chunks, trials, seed, watch: &Unwatched };
+        self.jobs(&work).iter().map(|job| job.bytes.len()).sum()
+    }
+}
+
+/// Bytes of the results of these outcomes.
+pub fn result_bytes(outcomes: &[Outcome]) -> usize {
+    encode(&outcomes.iter().map(Reported::of).collect::<Vec<_>>()).len()
+}
+
+/// The trials of one call of the executor.
+struct Run<'a> {
+    context: &'a ProbeContext,
+    /// Indices of the trials of each chunk.
+    chunks: &'a [Vec<usize>],
+    /// The trials of each chunk.
+    trials: Vec<Vec<Trial>>,
+    seed: u64,
+    watch: &'a dyn ProbeWatch,
+}
+
+/// Stops a chunk here that is done elsewhere. Outcomes are told of when the chunk is settled, whoever did it: each once.
+struct Until<'a> {
+    is_settled: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl ProbeWatch for Until<'_> {
+    fn finished(&self, _: usize, _: &Outcome) {}
+
+    fn is_cancelled(&self) -> bool {
+        (self.is_settled)()
+    }
+}
+
+impl Work for Run<'_> {
+    type Output = Vec<Outcome>;
+
+    fn do_here(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<Outcome>, String>> {
+        self.context.run_chunk(&self.trials[idx], self.seed, &Until { is_settled }).map(Ok)
+    }
+
+    fn read(&self, idx: usize, result: &[u8]) -> Result<Vec<Outcome>, String> {
+        let reports: Vec<Reported> = decode(result).map_err(|damage| damage.to_string())?;
+        let trials = &self.trials[idx];
+        if reports.len() != trials.len() {
+            return Err(format!("{} outcomes of {} trials", reports.len(), trials.len()));
+        }
+        let checked = |(report, trial): (Reported, &Trial)| report.checked(trial, &self.context.map);
+        let outcomes: Option<Vec<Outcome>> = reports.into_iter().zip(trials).map(checked).collect();
+        outcomes.ok_or_else(|| "an outcome that cannot be".to_owned())
+    }
+
+    fn settled(&self, idx: usize, outcomes: &Vec<Outcome>) {
+        for (&trial, outcome) in self.chunks[idx].iter().zip(outcomes) {
+            self.watch.finished(trial, outcome);
+        }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.watch.is_cancelled()
+    }
+}

@@ -1,0 +1,230 @@
+//! A prover: pulls the jobs of its lane, does them, stores their results, and only then acknowledges them. What it had begun when it died is
+//! given to another one.
+
+use super::job::{Answer, Job, Opened, Refusal};
+use super::lane::Lane;
+use super::queue::{ACK_WAIT, Queue, Scope, scope_of};
+use crate::error::FleetError;
+use async_nats::jetstream::consumer::PullConsumer;
+use async_nats::jetstream::{AckKind, Message};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+use surefoot_net::serving::Shutdown;
+use tokio::task::JoinSet;
+use tokio_stream::StreamExt;
+use tracing::{info, warn};
+
+/// Most deliveries of a job. Whoever waits for it is told then that its provers end.
+const MAX_DELIVERIES: i64 = 5;
+/// How long a request for a job waits.
+const EXPIRES: Duration = Duration::from_secs(3);
+/// Interval in which a server shows meanwhile that it is there.
+const HEARTBEAT: Duration = Duration::from_millis(500);
+/// Pause before the queue is tried again.
+const RETRY: Duration = Duration::from_millis(300);
+/// How long a prover tries to store a result; after that, the job is given to another one.
+const STORE_FOR: Duration = Duration::from_secs(30);
+/// How long jobs may go on after the signal to stop.
+const DRAIN: Duration = Duration::from_secs(10);
+
+/// Does jobs. It is called on threads that may block.
+pub trait Runner: Send + Sync {
+    /// Does a job and returns its result.
+    ///
+    /// # Errors
+    /// Why it was not done.
+    fn run(&self, job: &Opened) -> Answer;
+
+    /// Further metrics, in Prometheus text format.
+    fn metrics(&self) -> String {
+        String::new()
+    }
+}
+
+/// What a prover has done.
+#[derive(Debug, Default)]
+struct Counters {
+    done: AtomicU64,
+    refused: AtomicU64,
+    damaged: AtomicU64,
+    redelivered: AtomicU64,
+    spared: AtomicU64,
+    micros: AtomicU64,
+}
+
+impl Counters {
+    fn add(counter: &AtomicU64) {
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A prover. Clones share its counters.
+#[derive(Clone)]
+pub struct Prover {
+    queue: Queue,
+    lane: Lane,
+    runner: Arc<dyn Runner>,
+    counters: Arc<Counters>,
+}
+
+impl Prover {
+    /// A prover of a lane.
+    pub fn new(queue: Queue, lane: Lane, runner: Arc<dyn Runner>) -> Self {
+        Self { queue, lane, runner, counters: Arc::default() }
+    }
+
+    /// Does up to `thread_count` jobs at a time until `shutdown`; what has begun then may go on for 10 s.
+    pub async fn run(self, thread_count: usize, shutdown: Shutdown) {
+        let mut threads = JoinSet::new();
+        for _ in 0..thread_count {
+            threads.spawn(self.clone().work(shutdown.clone()));
+        }
+        shutdown.wait().await;
+        // Jobs that take longer are given to others.
+        let _ = tokio::time::timeout(DRAIN, threads.join_all()).await;
+    }
+
+    /// Metrics in Prometheus text format.
+    pub fn metrics(&self) -> String {
+        let Counters { done, refused, damaged, redelivered, spared, micros } = &*self.counters;
+        let counters = [
+            ("surefoot_jobs_done_total", "Jobs done.", done),
+            ("surefoot_jobs_failed_total", "Jobs that could not be done.", refused),
+            ("surefoot_jobs_damaged_total", "Messages that were no jobs.", damaged),
+            ("surefoot_jobs_redelivered_total", "Jobs that another prover had begun.", redelivered),
+            ("surefoot_jobs_spared_total", "Jobs that were done already.", spared),
+        ];
+        let counter = |(name, help, count): (&str, &str, &AtomicU64)| {
+            let count = count.load(Ordering::Relaxed);
+            format!("# HELP {name} {help}\n# TYPE {name} counter\n{name} {count}\n")
+        };
+        let seconds = micros.load(Ordering::Relaxed) as f64 / 1.0e6;
+        let connected = u8::from(self.queue.is_connected());
+        counters.map(counter).concat()
+            + &format!(
+                "# HELP surefoot_job_seconds_total Time spent on jobs, s.\n# TYPE surefoot_job_seconds_total counter\nsurefoot_job_seconds_total {seconds}\n\
+                 # HELP surefoot_queue_connected Whether NATS answers.\n# TYPE surefoot_queue_connected gauge\nsurefoot_queue_connected {connected}\n"
+            )
+            + &self.runner.metrics()
+    }
+
+    async fn work(self, shutdown: Shutdown) {
+        let mut is_away = false;
+        while !shutdown.is_triggered() {
+            let Err(error) = self.pull(&shutdown, &mut is_away).await else { return };
+            if !is_away {
+                warn!(%error, "the queue is away");
+                is_away = true;
+            }
+            tokio::select! {
+                () = tokio::time::sleep(RETRY) => {}
+                () = shutdown.wait() => {}
+            }
+        }
+    }
+
+    /// Does one job after the other until `shutdown`.
+    async fn pull(&self, shutdown: &Shutdown, is_away: &mut bool) -> Result<(), FleetError> {
+        let consumer = self.queue.consumer(&self.lane).await?;
+        loop {
+            let next = tokio::select! {
+                () = shutdown.wait() => return Ok(()),
+                next = self.next(&consumer) => next?,
+            };
+            if std::mem::take(is_away) {
+                info!("the queue is back");
+            }
+            if let Some(message) = next {
+                self.handle(message).await;
+            }
+        }
+    }
+
+    /// The next job; `None` if there was none for a while.
+    async fn next(&self, consumer: &PullConsumer) -> Result<Option<Message>, FleetError> {
+        let request = consumer.batch().max_messages(1).expires(EXPIRES).heartbeat(HEARTBEAT);
+        let mut batch = request.messages().await.map_err(|error| self.queue.failed(error))?;
+        batch.next().await.transpose().map_err(|error| self.queue.failed(error))
+    }
+
+    async fn handle(&self, message: Message) {
+        let opened = Job::open(&message.payload).map_err(|damage| damage.to_string());
+        let scope = scope_of(&message.subject).ok_or_else(|| "its subject is none of ours".to_owned());
+        let (job, scope) = match opened.and_then(|job| Ok((job, scope?))) {
+            Ok(both) => both,
+            Err(reason) => {
+                warn!(subject = %message.subject, bytes = message.payload.len(), %reason, "a message is no job, and is removed");
+                Counters::add(&self.counters.damaged);
+                // Whoever pulls it again finds the same.
+                let _ = message.ack_with(AckKind::Term).await;
+                return;
+            }
+        };
+        let deliveries = message.info().map_or(1, |info| info.delivered);
+        if deliveries > 1 {
+            Counters::add(&self.counters.redelivered);
+        }
+        if self.queue.is_answered(&scope, job.id).await {
+            Counters::add(&self.counters.spared);
+            let _ = message.ack().await;
+            return;
+        }
+        let answer = if deliveries > MAX_DELIVERIES {
+            Err(Refusal::of_all(format!("{MAX_DELIVERIES} provers in a row ended while they did job {}", job.id)))
+        } else {
+            self.run_job(&message, job.clone()).await
+        };
+        if let Err(refusal) = &answer {
+            Counters::add(&self.counters.refused);
+            warn!(job = %job.id, kind = ?job.kind, reason = %refusal.reason, "a job is not done");
+        } else {
+            Counters::add(&self.counters.done);
+        }
+        if self.store(&message, &scope, &job, &answer).await {
+            // If this is lost, the job is delivered again, and spared.
+            let _ = message.ack().await;
+        }
+    }
+
+    /// Does a job on a thread, and tells the server meanwhile that it goes on.
+    async fn run_job(&self, message: &Message, job: Opened) -> Answer {
+        let started = Instant::now();
+        let runner = self.runner.clone();
+        let mut running = tokio::task::spawn_blocking(move || runner.run(&job));
+        let answer = loop {
+            tokio::select! {
+                ended = &mut running => break ended,
+                () = tokio::time::sleep(ACK_WAIT / 3) => drop(message.ack_with(AckKind::Progress).await),
+            }
+        };
+        self.counters.micros.fetch_add(started.elapsed().as_micros() as u64, Ordering::Relaxed);
+        // What panics here would panic elsewhere.
+        answer.unwrap_or_else(|error| Err(Refusal::of_all(error)))
+    }
+
+    /// Stores an answer; whether it is stored.
+    async fn store(&self, message: &Message, scope: &Scope, job: &Opened, answer: &Answer) -> bool {
+        let since = Instant::now();
+        loop {
+            let buried = match answer {
+                Err(refusal) if refusal.is_final => {
+                    self.queue.bury(&self.lane, message.payload.to_vec(), &refusal.reason).await
+                }
+                _ => Ok(()),
+            };
+            let stored = match buried {
+                Ok(()) => self.queue.answer(scope, job.id, answer).await,
+                Err(error) => Err(error),
+            };
+            match stored {
+                Ok(()) => return true,
+                Err(error) if since.elapsed() > STORE_FOR => {
+                    warn!(%error, job = %job.id, "a result cannot be stored; another prover does the job again");
+                    return false;
+                }
+                Err(_) => tokio::time::sleep(RETRY).await,
+            }
+        }
+    }
+}
