@@ -16,6 +16,7 @@ use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
 use surefoot_planner_service::{self as planner, Common, PlannerConfig};
+use surefoot_policy::Policy;
 use surefoot_server::ServerConfig;
 use surefoot_studio::{Origin, PlannerAddress, Settings};
 use tracing::info;
