@@ -103,3 +103,9 @@ impl Reason {
         Self::ALL.iter().copied().find(|reason| reason.name() == info.reason)
     }
 }
+
+/// The address at which a world runs, of a status with [`Reason::WorldElsewhere`].
+pub fn address_of(status: &Status) -> Option<String> {
+    let info = status.get_details_error_info().filter(|_| Reason::of(status) == Some(Reason::WorldElsewhere))?;
+    info.metadata.get("address").cloned()
+}

@@ -1,8 +1,9 @@
 //! A fleet of real processes, shown to hold while its parts are killed, stopped, restarted and cut off: `tests/fleet/check`.
 //!
-//! [`services`] starts the engines that it runs on, [`process`] our own program, [`relay`] stands between them, and [`raw`] says to NATS
-//! what ours never would.
+//! [`services`] starts the engines that it runs on, [`process`] our own program, [`relay`] stands between them. [`chronicle`] is a game
+//! client, and [`raw`] says to NATS what ours never would.
 
+mod chronicle;
 mod process;
 mod raw;
 mod relay;
@@ -12,3 +13,4 @@ mod harness;
 mod planners;
 mod whole;
 mod work;
+mod worlds;
