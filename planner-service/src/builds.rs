@@ -246,7 +246,7 @@ impl Planner {
 
     /// Builds the graph of a job here.
     fn build(&self, interims: &Interims<'_>) -> Result<Built, PlannerError> {
-        let Wanted { job, context, id, .. } = interims.wanted;
+        let Wanted { job, id, .. } = interims.wanted;
         job.reach(Stage::Vertices);
         faults::pass("claimed");
         // What another planner had done of it is lost.

@@ -37,11 +37,6 @@ pub struct Place {
 }
 
 impl StoreArgs {
-    /// Whether the process belongs to a fleet.
-    pub fn is_shared(&self) -> bool {
-        self.store.is_some()
-    }
-
     /// The object store.
     #[cfg(feature = "fleet")]
     pub fn blobs(&self) -> Option<&str> {
