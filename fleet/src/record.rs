@@ -49,6 +49,17 @@ impl Record {
         Ok(Self { pool, place })
     }
 
+    /// Number of transactions that the database has committed so far, of all its clients, as its statistics say, for measurements.
+    ///
+    /// # Errors
+    /// If the record cannot be read.
+    pub async fn commits(&self) -> Result<i64, FleetError> {
+        let count = sqlx::query_scalar!(
+            r#"SELECT xact_commit AS "count!" FROM pg_stat_database WHERE datname = current_database()"#
+        );
+        count.fetch_one(&self.pool).await.map_err(|error| self.failed(error))
+    }
+
     /// Address of the record, without its password.
     pub fn place(&self) -> &str {
         &self.place

@@ -44,6 +44,14 @@ struct Held {
     blob: BlobId,
 }
 
+/// All worlds of a fleet, with the blobs of their last saves; for measurements.
+///
+/// # Errors
+/// If the record cannot be read.
+pub async fn saved(record: &Record) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
+    rows::saves(record).await
+}
+
 impl From<FleetError> for StoreError {
     fn from(error: FleetError) -> Self {
         Self::Unavailable(error.to_string())

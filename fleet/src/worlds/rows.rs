@@ -140,8 +140,8 @@ pub async fn claim(
     );
     let claimed = claimed.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
     let claim = |row: (i64, i64, Vec<u8>)| {
-        let blob = row.2.try_into().map_err(|_| FleetError::new(record.place(), "the name of a blob is no hash"))?;
-        Ok((WorldId(row.0 as u64), Tenure { member: member.id, token: row.1 }, BlobId(blob)))
+        let tenure = Tenure { member: member.id, token: row.1 };
+        Ok((WorldId(row.0 as u64), tenure, blob_id(record, row.2)?))
     };
     claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
 }
@@ -224,6 +224,18 @@ pub async fn servers(record: &Record, own: i64) -> Result<Vec<Place>, FleetError
         world_count: world_count as u64,
     };
     Ok(rows.into_iter().map(|row| place(row.id, row.address, row.world_count)).collect())
+}
+
+/// All worlds and the blobs with their last saves.
+pub async fn saves(record: &Record) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
+    let rows = sqlx::query!("SELECT id, blob FROM worlds ORDER BY id").fetch_all(&record.pool).await;
+    let rows = rows.map_err(|error| record.failed(error))?;
+    rows.into_iter().map(|row| Ok((WorldId(row.id as u64), blob_id(record, row.blob)?))).collect()
+}
+
+fn blob_id(record: &Record, name: Vec<u8>) -> Result<BlobId, FleetError> {
+    let name = name.try_into().map_err(|_| FleetError::new(record.place(), "the name of a blob is no hash"))?;
+    Ok(BlobId(name))
 }
 
 /// Tells all servers to look for worlds.

@@ -45,9 +45,22 @@ pub struct Args {
     /// scale: Simulate with this recorded load instead of recording one
     #[arg(long, value_name = "FILE")]
     load: Option<std::path::PathBuf>,
+    /// scale: Measure with this PostgreSQL database of this machine, too: what the record of a fleet takes
+    #[arg(long, value_name = "URL", hide_env_values = true, requires = "blobs")]
+    store: Option<String>,
+    /// scale: The object store of the same fleet
+    #[arg(long, value_name = "URI", requires = "store")]
+    blobs: Option<String>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+}
+
+impl Args {
+    /// The database and the object store of a fleet.
+    fn fleet(&self) -> Option<[&str; 2]> {
+        Some([self.store.as_deref()?, self.blobs.as_deref()?])
+    }
 }
 
 fn parse_minutes(text: &str) -> Result<f64, String> {

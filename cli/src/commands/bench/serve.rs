@@ -84,8 +84,23 @@ impl Scene {
         Self::start_over(npcs, cache, None).await
     }
 
+    /// As [`start`](Self::start), with a server of a fleet.
+    #[cfg(feature = "fleet")]
+    pub async fn start_of_fleet(npcs: usize, cache: &Path, store: &str, blobs: &str) -> anyhow::Result<Self> {
+        Self::start_with(npcs, cache, None, &["--store", store, "--blobs", blobs]).await
+    }
+
     /// As [`start`](Self::start), with workers that reach the server and the planner over these links.
     pub async fn start_over(npcs: usize, cache: &Path, links: Option<[&Link; 2]>) -> anyhow::Result<Self> {
+        Self::start_with(npcs, cache, links, &[]).await
+    }
+
+    async fn start_with(
+        npcs: usize,
+        cache: &Path,
+        links: Option<[&Link; 2]>,
+        of_server: &[&str],
+    ) -> anyhow::Result<Self> {
         let [server_at, planner_at] = [free_address()?, free_address()?];
         let (server, planner) = (server_at.to_string(), planner_at.to_string());
         let (server_uri, planner_uri) = (format!("http://{server}"), format!("http://{planner}"));
@@ -98,7 +113,7 @@ impl Scene {
         let folder = cache.to_str().context("the name of the cache folder is not UTF-8")?;
         let limit = npcs.to_string();
         let mut processes = vec![
-            start(&["serve", "--listen", &server, "--max-npcs-per-client", &limit])?,
+            start(&[&["serve", "--listen", &server, "--max-npcs-per-client", &limit], of_server].concat())?,
             start(&["plan", "--listen", &planner, "--cache", folder])?,
         ];
         let channel = connect(&server_uri).await?;

@@ -34,16 +34,25 @@ pub struct RecordLoad {
     pub save_every_s: f64,
     /// Interval at which a process renews its lease, s.
     pub renew_every_s: f64,
-    /// CPU time of PostgreSQL for one write, a save or a renewal, us.
+    /// How often a server records what happened in its worlds, per second.
+    #[serde(default)]
+    pub notes_per_s: f64,
+    /// CPU time of PostgreSQL for one write, us.
     pub cpu_us_per_write: f64,
     /// Bytes of a saved world without NPCs, and of each NPC in it.
     pub save_bytes: [f64; 2],
 }
 
 impl Default for RecordLoad {
-    /// Before it was measured: a guess on the safe side of a commit.
+    /// Where it was not measured: guesses on the safe side. Servers record every 25 ms at most.
     fn default() -> Self {
-        Self { save_every_s: 2.0, renew_every_s: 5.0 / 3.0, cpu_us_per_write: 500.0, save_bytes: [2_000.0, 300.0] }
+        Self {
+            save_every_s: 2.0,
+            renew_every_s: 5.0 / 3.0,
+            notes_per_s: 40.0,
+            cpu_us_per_write: 500.0,
+            save_bytes: [2_000.0, 300.0],
+        }
     }
 }
 
@@ -80,13 +89,20 @@ impl Rung {
 }
 
 impl Load {
-    /// Records the load of crowds on this machine, which should do nothing else.
-    pub fn record() -> anyhow::Result<Self> {
+    /// Records the load of crowds on this machine, which should do nothing else; that of the record and the blobs only if there are some.
+    pub fn record(fleet: Option<[&str; 2]>) -> anyhow::Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         let rungs = NPCS.map(|npcs| runtime.block_on(record(npcs)));
         let rungs = rungs.into_iter().collect::<anyhow::Result<_>>()?;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        Ok(Self { machine: machine(), cores, rungs, record: RecordLoad::default() })
+        let record = match fleet {
+            #[cfg(feature = "fleet")]
+            Some([store, blobs]) => runtime.block_on(super::record::measure(store, blobs))?,
+            #[cfg(not(feature = "fleet"))]
+            Some(_) => anyhow::bail!("--store needs a program that was built with --features fleet"),
+            None => RecordLoad::default(),
+        };
+        Ok(Self { machine: machine(), cores, rungs, record })
     }
 }
 

@@ -1,8 +1,10 @@
-//! How far a fleet scales: `load` records what its parts take on this machine, `model` says from that how many are needed and how busy they
+//! How far a fleet scales: `load` and `record` record what its parts take on this machine, `model` says from that how many are needed and how busy they
 //! are, and `simulation` plays fleets of several sizes with the recorded load, to see whether they keep their times (`docs/scale.md`).
 
 mod load;
 mod model;
+#[cfg(feature = "fleet")]
+mod record;
 mod simulation;
 
 use super::serve::{TARGET_LATE_SHARE, TARGET_ON_TIME, TARGET_P99_MS};
@@ -27,7 +29,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
             let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
             serde_json::from_str(&text).with_context(|| format!("{} is no recorded load", path.display()))?
         }
-        None => Load::record()?,
+        None => Load::record(args.fleet())?,
     };
     if let Some(folder) = &args.out {
         let path = folder.join("load.json");

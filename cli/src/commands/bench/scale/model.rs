@@ -99,16 +99,17 @@ impl Model {
         [ticks_us / 1e6, decisions_us / 1e6, npcs * self.plans_per_s * self.plan_us / 1e6]
     }
 
-    /// Writes to the record in a second, of so many worlds and processes.
-    pub fn writes_per_s(&self, worlds: f64, processes: f64) -> f64 {
-        worlds / self.record.save_every_s + processes / self.record.renew_every_s
+    /// Writes to the record in a second, of so many servers with their worlds, and of so many processes.
+    pub fn writes_per_s(&self, servers: f64, worlds: f64, processes: f64) -> f64 {
+        let RecordLoad { save_every_s, renew_every_s, notes_per_s, .. } = self.record;
+        worlds / save_every_s + servers * notes_per_s + processes / renew_every_s
     }
 
     /// How busy the parts of a fleet are.
     pub fn shares(&self, fleet: &Fleet) -> Shares {
         let worlds = (fleet.servers * self.worlds) as f64;
         let [server, worker, planner] = self.cores((fleet.servers * fleet.npcs) as f64, worlds);
-        let writes = self.writes_per_s(worlds, (fleet.servers + fleet.planners) as f64);
+        let writes = self.writes_per_s(fleet.servers as f64, worlds, (fleet.servers + fleet.planners) as f64);
         Shares {
             server: server / (fleet.servers * fleet.server_cores) as f64,
             worker: worker / fleet.workers as f64,
@@ -140,7 +141,7 @@ impl Model {
             eprintln!(
                 "{npcs:>9} NPCs, 128 on a world: cores busy of servers {server:.1}, workers {worker:.1}, planners {planner:.2}; {:.1} Mbit/s to workers; {:.0} writes/s to the record; {:.1} MB/s to the object store",
                 8e-6 * npcs * work[1],
-                self.writes_per_s(worlds, server + worker),
+                self.writes_per_s((server / 0.7).ceil(), worlds, (server + planner) / 0.7),
                 1e-6 * saves * (each[0] + each[1] * 128.0),
             );
         }

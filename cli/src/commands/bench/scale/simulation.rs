@@ -115,7 +115,7 @@ enum Event {
     Batch { worker: usize, since: f64 },
     /// An NPC needs a plan.
     Plan,
-    /// A world is to be saved, or a lease to be renewed: again after `every`.
+    /// A world is to be saved, a lease to be renewed, or what happened to be recorded: again after `every`.
     Write { every: f64 },
     /// A job of a pool is done.
     Done { pool: usize, job: Job },
@@ -198,7 +198,7 @@ impl<'a> Simulation<'a> {
             missed: 0,
         };
         let worlds = fleet.servers * model.worlds;
-        let RecordLoad { save_every_s, renew_every_s, .. } = model.record;
+        let RecordLoad { save_every_s, renew_every_s, notes_per_s, .. } = model.record;
         for world in 0..worlds {
             // Worlds of a server share its time evenly.
             let phase = (world % model.worlds) as f64 / model.worlds as f64 / TICKS_PER_S;
@@ -211,6 +211,11 @@ impl<'a> Simulation<'a> {
         for _ in 0..if fleet.shares_cores { 0 } else { fleet.servers + fleet.planners } {
             let first = it.rng.random_range(0.0..renew_every_s);
             it.at(first, Event::Write { every: renew_every_s });
+        }
+        for _ in 0..if fleet.shares_cores { 0 } else { fleet.servers } {
+            let every = 1.0 / notes_per_s.max(1e-3);
+            let first = it.rng.random_range(0.0..every);
+            it.at(first, Event::Write { every });
         }
         it.at(0.0, Event::Plan);
         it
