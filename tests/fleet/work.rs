@@ -47,12 +47,19 @@ fn prover(ground: &Ground, name: &str, nats: &Nats) -> Surefoot {
 /// The graph of a small map, of which each seed has another one.
 fn request(seed: u64, vertices: u32) -> wire::StartBuildRequest {
     let size = Some(MapSize { width: 80, height: 60, depth: 80 });
-    let settings = wire::BuildSettings { vertices, neighbours: 10, seed, ..Default::default() };
+    let settings = wire::BuildSettings { vertices, neighbours: 10, seed, repeats: 3, ..Default::default() };
     wire::StartBuildRequest {
         map: Some(MapSpec { seed: 7, size, ..Default::default() }),
         settings: Some(settings),
         ..Default::default()
     }
+}
+
+/// One that takes some seconds: all probes of all candidates.
+fn long_request(seed: u64) -> wire::StartBuildRequest {
+    let request = request(seed, 400);
+    let settings = request.settings.map(|it| wire::BuildSettings { probing: wire::Probing::Exhaustive.into(), ..it });
+    wire::StartBuildRequest { settings, ..request }
 }
 
 /// Builds a graph and returns all of it but times as text, in which floats are exact; `None` if the planner goes meanwhile.
@@ -126,8 +133,8 @@ fn rounds() -> u64 {
 async fn survive(alone: &Surefoot, sharing: &Surefoot, mut rng: ChaCha8Rng, mut kill: impl FnMut(&mut ChaCha8Rng)) {
     let mut killed = 0;
     for seed in 0..rounds() {
-        let expected = build(alone, request(seed, 150)).await;
-        let building = build(sharing, request(seed, 150));
+        let expected = build(alone, long_request(seed)).await;
+        let building = build(sharing, long_request(seed));
         let mut building = std::pin::pin!(building);
         let found = loop {
             let pause = Duration::from_millis(rng.random_range(100..700));
@@ -185,15 +192,15 @@ async fn a_planner_that_is_killed_goes_on_with_what_was_proved() {
     let mut sharing = planner(&ground, "sharing", Some(&nats));
     let provers = ["one", "two"].map(|name| prover(&ground, name, &nats));
     ready(&provers).await;
-    let expected = build(&alone, request(5, 150)).await;
-    let begun = try_build(&sharing, request(5, 150));
+    let expected = build(&alone, long_request(5)).await;
+    let begun = try_build(&sharing, long_request(5));
     tokio::select! {
         _ = begun => panic!("the build is too short to be disturbed"),
         () = wait_until("provers have done something", || async { done_by(&provers) > 3.0 }) => {}
     }
     sharing.restart();
     // What provers do now, they do for nobody yet.
-    assert_eq!(build(&sharing, request(5, 150)).await, expected);
+    assert_eq!(build(&sharing, long_request(5)).await, expected);
     assert!(sharing.metric("surefoot_jobs_settled_total") > Some(3.0), "what was proved before was used");
 }
 
@@ -248,14 +255,14 @@ async fn hostile_messages_are_removed_and_provers_go_on() {
     let mut provers = [prover(&ground, "one", &nats)];
     ready(&provers).await;
     let subject = format!("surefoot.jobs.{}.{NOWHERE}", lane());
-    wait_until("the stream is there", || async { provers[0].metric("surefoot_jobs_damaged_total").is_some() }).await;
     let mut raw = Raw::connect(nats.address);
     let whole = Job::new(JobKind::Probes, 0, &"not probes").bytes;
     let noise: Vec<u8> = (0..5000u32).map(|idx| (idx.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     let damaged: [&[u8]; 4] = [b"", b"{}", &noise, &whole[..whole.len() - 1]];
-    wait_until("all of them are removed", || async {
+    wait_until("all of them are removed", || {
         damaged.iter().for_each(|bytes| raw.publish(&subject, bytes));
-        provers[0].metric("surefoot_jobs_damaged_total") >= Some(4.0)
+        let count = provers[0].metric("surefoot_jobs_damaged_total");
+        async move { count >= Some(4.0) }
     })
     .await;
     // Whole, and nonsense all the same: of each kind, and of a length that nothing has.
@@ -310,9 +317,10 @@ async fn a_job_that_ends_its_provers_fails_whoever_waits_for_it() {
     let work = Arc::new(Untouched { cancelled: AtomicBool::new(false) });
     let mut raw = Raw::connect(nats.address);
     raw.subscribe("surefoot.test.pulled");
-    wait_until("the consumer is there", || async {
+    wait_until("the consumer is there", || {
         raw.send(&format!("$JS.API.CONSUMER.INFO.SUREFOOT_JOBS.prove-{}", lane()), "surefoot.test.pulled", b"");
-        raw.next().is_some_and(|info| String::from_utf8_lossy(&info.payload).contains("num_pending"))
+        let info = raw.next().expect("an answer").payload;
+        async move { String::from_utf8_lossy(&info).contains("num_pending") }
     })
     .await;
     first[0].process.kill();

@@ -5,7 +5,6 @@ use super::job::{Answer, Job, Opened, Refusal};
 use super::lane::Lane;
 use super::queue::{ACK_WAIT, Queue, Scope, scope_of};
 use crate::error::FleetError;
-use async_nats::jetstream::consumer::PullConsumer;
 use async_nats::jetstream::{AckKind, Message};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,9 +17,9 @@ use tracing::{info, warn};
 /// Most deliveries of a job. Whoever waits for it is told then that its provers end.
 const MAX_DELIVERIES: i64 = 5;
 /// How long a request for a job waits.
-const EXPIRES: Duration = Duration::from_secs(3);
+const EXPIRES: Duration = Duration::from_secs(10);
 /// Interval in which a server shows meanwhile that it is there.
-const HEARTBEAT: Duration = Duration::from_millis(500);
+const HEARTBEAT: Duration = Duration::from_secs(1);
 /// Pause before the queue is tried again.
 const RETRY: Duration = Duration::from_millis(300);
 /// How long a prover tries to store a result; after that, the job is given to another one.
@@ -127,25 +126,20 @@ impl Prover {
     /// Does one job after the other until `shutdown`.
     async fn pull(&self, shutdown: &Shutdown, is_away: &mut bool) -> Result<(), FleetError> {
         let consumer = self.queue.consumer(&self.lane).await?;
+        // One at a time: the next is requested when this one is done, so that nobody sits on jobs.
+        let messages = consumer.stream().max_messages_per_batch(1).heartbeat(HEARTBEAT).expires(EXPIRES);
+        let mut messages = messages.messages().await.map_err(|error| self.queue.failed(error))?;
+        if std::mem::take(is_away) {
+            info!("the queue is back");
+        }
         loop {
             let next = tokio::select! {
                 () = shutdown.wait() => return Ok(()),
-                next = self.next(&consumer) => next?,
+                next = messages.next() => next,
             };
-            if std::mem::take(is_away) {
-                info!("the queue is back");
-            }
-            if let Some(message) = next {
-                self.handle(message).await;
-            }
+            let message = next.ok_or_else(|| self.queue.failed("no more jobs"))?;
+            self.handle(message.map_err(|error| self.queue.failed(error))?).await;
         }
-    }
-
-    /// The next job; `None` if there was none for a while.
-    async fn next(&self, consumer: &PullConsumer) -> Result<Option<Message>, FleetError> {
-        let request = consumer.batch().max_messages(1).expires(EXPIRES).heartbeat(HEARTBEAT);
-        let mut batch = request.messages().await.map_err(|error| self.queue.failed(error))?;
-        batch.next().await.transpose().map_err(|error| self.queue.failed(error))
     }
 
     async fn handle(&self, message: Message) {
