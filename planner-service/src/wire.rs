@@ -32,9 +32,14 @@ pub fn recipe((source, body, settings): (&MapSource, &CharacterProfile, &BuildSe
         Made::Spec(spec) => (Some(convert::map_spec_to_wire(spec)), String::new()),
         Made::Level(level) => (None, level.map.hash().to_hex()),
     };
+    let mut encoded = settings_to_wire(settings);
+    if f64::from(encoded.threshold) != settings.threshold {
+        // Only the default has more digits than the contract; absent, it keeps them.
+        encoded.threshold = 0.0;
+    }
     let request = wire::StartBuildRequest {
         map,
-        settings: Some(settings_to_wire(settings)),
+        settings: Some(encoded),
         map_hash,
         policy_hash: String::new(),
         body: Some(convert::body_to_wire(body)),
@@ -375,5 +380,31 @@ pub fn difference_to_wire(found: Difference) -> wire::CompareGraphsResponse {
         connected_after: found.connected_after as f32,
         islands_before: found.islands.0 as u32,
         islands_after: found.islands.1 as u32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefoot_net::memory::MemoryBudget;
+    use surefoot_world::MapSpec;
+    use surefoot_world::character::BODIES;
+
+    #[tokio::test]
+    async fn a_recipe_makes_the_same_graph() {
+        let (levels, config) = (LevelStore::new(1, MemoryBudget::new(1 << 20)), PlannerConfig::default());
+        let spec = MapSpec::with_side(7, 50).unwrap();
+        let defaults = BuildSettings::default();
+        let own = wire::BuildSettings { vertices: 77, threshold: 0.3, seed: 5, ..Default::default() };
+        let own = settings_from_wire(Some(&own), &config).unwrap();
+        for settings in [defaults, own] {
+            for body in BODIES.iter().map(|preset| preset.profile()) {
+                let source = MapSource::from(Made::Spec(spec));
+                let bytes = recipe((&source, &body, &settings));
+                let (read, read_body, read_settings) = read_recipe(&bytes, &levels, &config).await.unwrap();
+                assert_eq!((read.key(), read_body, read_settings), (source.key(), body, settings));
+            }
+        }
+        assert!(read_recipe(&[255; 7], &levels, &config).await.is_err());
     }
 }
