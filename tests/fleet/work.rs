@@ -16,6 +16,9 @@ use surefoot_fleet::work::dispatch::{Dispatcher, Threads, Work};
 use surefoot_fleet::work::job::{Job, JobKind};
 use surefoot_fleet::work::lane::Lane;
 use surefoot_fleet::work::queue::Queue;
+use surefoot_planner::store::{GraphStore, encode_entry};
+use surefoot_planner::{BuildStats, Built, GraphId};
+use surefoot_planner_service::store::DiskStore;
 use surefoot_policy::Policy;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
@@ -81,6 +84,13 @@ async fn build(planner: &Surefoot, request: wire::StartBuildRequest) -> String {
     try_build(planner, request).await.expect("the planner stays")
 }
 
+/// Graphs as a planner that has ended keeps them, without times.
+fn entries(cache: &Path, ids: &[GraphId]) -> Vec<Vec<u8>> {
+    let store = DiskStore::open(cache, u64::MAX).unwrap();
+    let kept = |id: &GraphId| Built { stats: BuildStats::default(), ..store.get(id).unwrap().expect("it is kept") };
+    ids.iter().map(|id| encode_entry(&kept(id))).collect()
+}
+
 fn done_by(provers: &[Surefoot]) -> f64 {
     provers.iter().filter_map(|prover| prover.metric("surefoot_jobs_done_total")).sum()
 }
@@ -99,16 +109,23 @@ async fn a_graph_of_two_provers_has_the_bytes_of_one_process() {
     let sharing = planner(&ground, "sharing", Some(&nats));
     let provers = ["one", "two"].map(|name| prover(&ground, name, &nats));
     ready(&provers).await;
+    let mut ids = Vec::new();
     for seed in 0..2 {
         let expected = build(&alone, request(seed, 120)).await;
         assert_eq!(build(&sharing, request(seed, 120)).await, expected, "seed {seed}");
+        ids.push(GraphId::parse(&expected[..64]).unwrap());
     }
+    // The same bytes are kept, not only shown.
+    let kept = [alone, sharing].map(|mut planner| {
+        let has_shared = planner.metric("surefoot_jobs_settled_total");
+        planner.process.kill();
+        has_shared
+    });
+    assert!(kept[1] > Some(0.0), "the provers' work was used");
+    let [alone, sharing] = ["alone-cache", "sharing-cache"].map(|cache| entries(&ground.path(cache), &ids));
+    assert!(alone == sharing && alone.iter().all(|entry| entry.len() > 1000));
     assert!(provers.iter().all(|prover| prover.metric("surefoot_jobs_done_total") > Some(0.0)), "both had work");
-    assert!(sharing.metric("surefoot_jobs_settled_total") > Some(0.0), "their work was used");
-    assert!(
-        provers[0].metric("surefoot_probes_total") > Some(30.0)
-            && provers[0].metric("surefoot_job_seconds_total") > Some(0.0)
-    );
+    assert!(provers[0].metric("surefoot_probes_total") > Some(30.0) && provers[0].metric("surefoot_job_seconds_total") > Some(0.0));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -130,7 +147,12 @@ fn rounds() -> u64 {
 }
 
 /// Builds graphs while `kill` is called at random moments.
-async fn survive(alone: &Surefoot, sharing: &Surefoot, mut rng: ChaCha8Rng, mut kill: impl FnMut(&mut ChaCha8Rng)) {
+async fn survive(
+    alone: &Surefoot,
+    sharing: &Surefoot,
+    mut rng: ChaCha8Rng,
+    mut kill: impl FnMut(&mut ChaCha8Rng),
+) {
     let mut killed = 0;
     for seed in 0..rounds() {
         let expected = build(alone, long_request(seed)).await;
@@ -273,8 +295,7 @@ async fn hostile_messages_are_removed_and_provers_go_on() {
     ];
     nonsense.iter().for_each(|job| raw.publish(&subject, &job.bytes));
     raw.publish(&format!("surefoot.jobs.{}.elsewhere", lane()), &whole);
-    wait_until("all of them are refused", || async { provers[0].metric("surefoot_jobs_failed_total") >= Some(3.0) })
-        .await;
+    wait_until("all of them are refused", || async { provers[0].metric("surefoot_jobs_failed_total") >= Some(3.0) }).await;
     assert!(provers[0].process.is_running());
     let sharing = planner(&ground, "sharing", Some(&nats));
     build(&sharing, request(0, 120)).await;
@@ -371,18 +392,10 @@ async fn cancelled_work_leaves_the_queue() {
         let count = info.split("\"messages\":").nth(1)?;
         count.split(|digit: char| !digit.is_ascii_digit()).next()?.parse::<u32>().ok()
     };
-    wait_until("jobs wait", || {
-        let count = waiting();
-        async move { count >= Some(7) }
-    })
-    .await;
+    wait_until("jobs wait", || { let count = waiting(); async move { count >= Some(7) } }).await;
     work.cancelled.store(true, Ordering::Relaxed);
     assert_eq!(running.await.unwrap().unwrap(), None);
-    wait_until("none is left", || {
-        let count = waiting();
-        async move { count == Some(0) }
-    })
-    .await;
+    wait_until("none is left", || { let count = waiting(); async move { count == Some(0) } }).await;
 }
 
 /// Runs a command of ours to its end and returns what it prints.
@@ -425,19 +438,7 @@ async fn an_evaluation_by_provers_equals_one_in_one_piece() {
     let there = ground.path("there");
     let (url, blobs) = (nats.url(), ground.blobs());
     let alone = ["--seed", "0..3", "--json", "--out", here.to_str().unwrap()];
-    let shared = [
-        "--seed",
-        "0..3",
-        "--json",
-        "--threads",
-        "1",
-        "--out",
-        there.to_str().unwrap(),
-        "--nats",
-        &url,
-        "--blobs",
-        &blobs,
-    ];
+    let shared = ["--seed", "0..3", "--json", "--threads", "1", "--out", there.to_str().unwrap(), "--nats", &url, "--blobs", &blobs];
     surefoot(&[&common[..], &alone].concat(), &ground);
     surefoot(&[&common[..], &shared].concat(), &ground);
     let (alone, shared) = (units(&here), units(&there));

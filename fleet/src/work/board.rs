@@ -1,6 +1,6 @@
 //! The board: which jobs of a dispatch are open, for all who do them.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Which jobs are open, for all who do them.
 #[derive(Debug)]
@@ -10,13 +10,16 @@ pub(super) struct Board {
     is_over: AtomicBool,
     /// Whether a prover cannot do a job, so that somebody here must.
     is_forsaken: AtomicBool,
+    /// Answers that were heard and not read yet.
+    heard: AtomicUsize,
 }
 
 impl Board {
     /// All jobs are open.
     pub fn new(count: usize) -> Self {
         let none = || (0..count).map(|_| AtomicBool::new(false)).collect();
-        Self { settled: none(), taken: none(), is_over: AtomicBool::default(), is_forsaken: AtomicBool::default() }
+        let (is_over, is_forsaken) = (AtomicBool::default(), AtomicBool::default());
+        Self { settled: none(), taken: none(), is_over, is_forsaken, heard: AtomicUsize::default() }
     }
 
     /// Whether the job needs no prover any more.
@@ -52,6 +55,18 @@ impl Board {
     /// Notes that a job is done. Returns whether it was open.
     pub fn settle(&self, idx: usize) -> bool {
         !self.settled[idx].swap(true, Ordering::AcqRel)
+    }
+
+    /// Whether there is room for an answer to be read: for two to each job. Whoever floods the queue with more loses them; a job whose
+    /// answer is lost is sent again, or done here.
+    pub fn admit(&self, idx: usize) -> bool {
+        let limit = 2 * self.settled.len();
+        !self.is_settled(idx) && self.heard.try_update(Ordering::AcqRel, Ordering::Acquire, |heard| (heard < limit).then_some(heard + 1)).is_ok()
+    }
+
+    /// Notes that an answer was read.
+    pub fn release(&self) {
+        self.heard.fetch_sub(1, Ordering::AcqRel);
     }
 
     /// The last job that nobody has done or begun here.

@@ -122,8 +122,15 @@ impl Dispatcher {
         let (since, board) = (Instant::now(), Arc::new(Board::new(count)));
         let (events, inbox) = mpsc::channel::<Event<W::Output>>();
         let answers = events.clone();
-        // Whoever dispatches may have gone.
-        let hear = move |idx, answer| drop(answers.send(Event::There(idx, answer)));
+        let hear = {
+            let board = board.clone();
+            move |idx, answer| {
+                if board.admit(idx) {
+                    // Whoever dispatches may have gone.
+                    let _ = answers.send(Event::There(idx, answer));
+                }
+            }
+        };
         let scope = Scope::of(&jobs);
         let feed = Feed::start((self.queue.clone(), self.lane.clone(), scope), jobs, board.clone(), hear);
         std::thread::scope(|scope| {
@@ -167,6 +174,9 @@ impl Dispatcher {
                 return Ok(None);
             }
             let Ok(event) = inbox.recv_timeout(TURN) else { continue };
+            if matches!(event, Event::There(..)) {
+                board.release();
+            }
             let (idx, output) = match event {
                 Event::Here(idx, done) => {
                     self.known.done_here.fetch_add(1, Ordering::Relaxed);

@@ -7,13 +7,12 @@ use super::lane::Lane;
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_stream::StreamExt;
-use tracing::{info, warn};
+use tracing::warn;
 
 /// Pause before the queue is tried again.
 const RETRY: Duration = Duration::from_millis(300);
@@ -41,7 +40,6 @@ struct Shared {
     board: Arc<Board>,
     /// Number of each job in the stream, once it is there.
     sequences: Mutex<Vec<Option<u64>>>,
-    is_away: AtomicBool,
     /// Whether the answers were read that were there at first.
     is_read: watch::Sender<bool>,
     /// Number of answers so far.
@@ -57,8 +55,11 @@ impl Feed {
         hear: impl Fn(usize, Answer) + Send + Sync + 'static,
     ) -> Self {
         let sequences = Mutex::new(vec![None; jobs.len()]);
-        let (is_away, is_read, answers) = (AtomicBool::default(), watch::Sender::new(false), watch::Sender::new(0));
-        let shared = Arc::new(Shared { queue, lane, scope, jobs, board, sequences, is_away, is_read, answers });
+        let (is_read, answers) = (watch::Sender::new(false), watch::Sender::new(0));
+        if !queue.is_connected() {
+            queue.note_away(&queue.failed("there is no connection"));
+        }
+        let shared = Arc::new(Shared { queue, lane, scope, jobs, board, sequences, is_read, answers });
         let running = shared.clone();
         let task = shared.queue.runtime.spawn(async move {
             tokio::join!(running.send_all(), running.read_all(&hear));
@@ -91,19 +92,6 @@ impl Shared {
         self.sequences.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Says once that the queue is away.
-    fn note_away(&self, error: &FleetError) {
-        if !self.is_away.swap(true, Ordering::Relaxed) {
-            warn!(%error, "the queue is away; this process works on by itself");
-        }
-    }
-
-    fn note_back(&self) {
-        if self.is_away.swap(false, Ordering::Relaxed) {
-            info!("the queue is back");
-        }
-    }
-
     /// Sends all jobs that are open, and again when nobody has answered for long.
     async fn send_all(&self) {
         // What was answered before, for a process that died, need not be sent. It never fails: the sender lives.
@@ -120,11 +108,15 @@ impl Shared {
 
     /// Sends a job, as soon as the queue takes it.
     async fn send(&self, idx: usize, nonce: &str) {
+        if !self.queue.fits(self.jobs[idx].bytes.len()) {
+            self.board.forsake();
+            return;
+        }
         let is_open = || !self.board.is_settled(idx) && !self.board.is_taken(idx);
         while is_open() {
             match self.queue.send(&self.lane, &self.scope, &self.jobs[idx], &format!("{nonce} {idx}")).await {
                 Ok(sequence) => {
-                    self.note_back();
+                    self.queue.note_back();
                     if is_open() {
                         self.sequences()[idx] = Some(sequence);
                     } else {
@@ -133,7 +125,7 @@ impl Shared {
                     return;
                 }
                 Err(error) => {
-                    self.note_away(&error);
+                    self.queue.note_away(&error);
                     // The stream is made again, should the server have lost it.
                     let _ = self.queue.jobs().await;
                     tokio::time::sleep(RETRY).await;
@@ -148,7 +140,7 @@ impl Shared {
             self.jobs.iter().enumerate().map(|(idx, job)| (job.id.to_string(), idx)).collect();
         loop {
             let Err(error) = self.read(&places, hear).await;
-            self.note_away(&error);
+            self.queue.note_away(&error);
             tokio::time::sleep(RETRY).await;
         }
     }
@@ -160,7 +152,7 @@ impl Shared {
         let mut pending = reader.cached_info().num_pending;
         let messages = reader.stream().heartbeat(HEARTBEAT).expires(EXPIRES).messages().await;
         let mut messages = messages.map_err(|error| self.queue.failed(error))?;
-        self.note_back();
+        self.queue.note_back();
         loop {
             if pending == 0 {
                 self.is_read.send_replace(true);

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use surefoot_net::serving::Shutdown;
 use tokio::task::JoinSet;
 use tokio_stream::StreamExt;
-use tracing::{info, warn};
+use tracing::warn;
 
 /// Most deliveries of a job. Whoever waits for it is told then that its provers end.
 const MAX_DELIVERIES: i64 = 5;
@@ -109,13 +109,9 @@ impl Prover {
     }
 
     async fn work(self, shutdown: Shutdown) {
-        let mut is_away = false;
         while !shutdown.is_triggered() {
-            let Err(error) = self.pull(&shutdown, &mut is_away).await else { return };
-            if !is_away {
-                warn!(%error, "the queue is away");
-                is_away = true;
-            }
+            let Err(error) = self.pull(&shutdown).await else { return };
+            self.queue.note_away(&error);
             tokio::select! {
                 () = tokio::time::sleep(RETRY) => {}
                 () = shutdown.wait() => {}
@@ -124,14 +120,12 @@ impl Prover {
     }
 
     /// Does one job after the other until `shutdown`.
-    async fn pull(&self, shutdown: &Shutdown, is_away: &mut bool) -> Result<(), FleetError> {
+    async fn pull(&self, shutdown: &Shutdown) -> Result<(), FleetError> {
         let consumer = self.queue.consumer(&self.lane).await?;
         // One at a time: the next is requested when this one is done, so that nobody sits on jobs.
         let messages = consumer.stream().max_messages_per_batch(1).heartbeat(HEARTBEAT).expires(EXPIRES);
         let mut messages = messages.messages().await.map_err(|error| self.queue.failed(error))?;
-        if std::mem::take(is_away) {
-            info!("the queue is back");
-        }
+        self.queue.note_back();
         loop {
             let next = tokio::select! {
                 () = shutdown.wait() => return Ok(()),

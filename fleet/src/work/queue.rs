@@ -1,7 +1,7 @@
 //! The queue: two streams of NATS JetStream, one with jobs, which are removed when they are done, and one with answers, which are kept for an
 //! hour, so that a build that starts again finds what was proved before. A third keeps jobs that nobody could do.
 
-use super::job::{Answer, Job, JobId, open_answer, seal_answer};
+use super::job::{Answer, Job, JobId, Refusal, open_answer, seal_answer};
 use super::lane::Lane;
 use crate::error::FleetError;
 use async_nats::connection::State;
@@ -11,8 +11,11 @@ use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, Stre
 use async_nats::jetstream::{Context, ContextBuilder};
 use async_nats::{ConnectOptions, ServerAddr};
 use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::runtime::Handle;
+use tracing::{info, warn};
 
 /// Stream of jobs, as `deploy/fleet/prover.yaml` names it.
 const JOBS: &str = "SUREFOOT_JOBS";
@@ -32,6 +35,8 @@ const DEAD_FOR: Duration = Duration::from_secs(7 * 24 * 3600);
 pub(super) const ACK_WAIT: Duration = Duration::from_secs(10);
 /// Longest wait for an answer of the server.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// Room that headers of a message take, bytes.
+const HEADER_LEN: usize = 1024;
 /// Time after which the server forgets who waits for answers.
 const READER_GONE: Duration = Duration::from_secs(60);
 
@@ -68,6 +73,8 @@ impl fmt::Display for Scope {
 pub struct Queue {
     context: Context,
     place: String,
+    /// Whether somebody was told that it is away.
+    is_away: Arc<AtomicBool>,
     pub(super) runtime: Handle,
 }
 
@@ -95,7 +102,7 @@ impl Queue {
         });
         let client = options.connect(addresses).await.map_err(|error| FleetError::new(place.clone(), error))?;
         let context = ContextBuilder::new().timeout(PATIENCE).ack_timeout(PATIENCE).build(client);
-        Ok(Self { context, place, runtime: Handle::current() })
+        Ok(Self { context, place, is_away: Arc::default(), runtime: Handle::current() })
     }
 
     /// Addresses of the servers, without passwords.
@@ -106,6 +113,27 @@ impl Queue {
     /// Whether there is a connection now.
     pub fn is_connected(&self) -> bool {
         self.context.client().connection_state() == State::Connected
+    }
+
+    /// Says that the queue is away, once in a row.
+    pub(super) fn note_away(&self, error: &FleetError) {
+        if !self.is_away.swap(true, Ordering::Relaxed) {
+            warn!(%error, "the queue is away");
+        }
+    }
+
+    /// Says that the queue is back if it was away.
+    pub(super) fn note_back(&self) {
+        if self.is_away.swap(false, Ordering::Relaxed) {
+            info!(nats = %self.place, "the queue is back");
+        }
+    }
+
+    /// Whether the server takes a message of this many bytes.
+    pub(super) fn fits(&self, bytes: usize) -> bool {
+        // Before the first connection, nothing is known.
+        let most = self.context.client().server_info().max_payload;
+        most == 0 || bytes + HEADER_LEN <= most
     }
 
     /// A name that nobody else has.
@@ -179,9 +207,14 @@ impl Queue {
         self.publish(format!("surefoot.jobs.{lane}.{scope}"), publish).await
     }
 
-    /// Stores an answer.
+    /// Stores an answer; one that is too long becomes a refusal.
     pub(super) async fn answer(&self, scope: &Scope, job: JobId, answer: &Answer) -> Result<(), FleetError> {
-        let publish = PublishMessage::build().payload(seal_answer(job, answer).into());
+        let mut bytes = seal_answer(job, answer);
+        if !self.fits(bytes.len()) {
+            let refusal = Refusal::of_this(format!("a result of {} bytes is more than NATS takes", bytes.len()));
+            bytes = seal_answer(job, &Err(refusal));
+        }
+        let publish = PublishMessage::build().payload(bytes.into());
         self.publish(result_subject(scope, job), publish).await?;
         Ok(())
     }

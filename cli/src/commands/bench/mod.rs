@@ -6,6 +6,7 @@ mod floods;
 mod learn;
 mod link;
 mod plan;
+mod queue;
 #[cfg(feature = "reference")]
 mod reference;
 mod scale;
@@ -27,8 +28,9 @@ use std::time::Instant;
 pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
     /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server; feed: a learner that more and
-    /// more worlds, or actors, feed; scale: the load of a fleet's parts, and fleets of 1, 4 and 16 servers that are simulated with it
-    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed", "scale"])]
+    /// more worlds, or actors, feed; scale: the load of a fleet's parts, and fleets of 1, 4 and 16 servers that are simulated with it; queue:
+    /// probes by 1 to 4 provers over NATS (nats-server must be installed)
+    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed", "scale", "queue"])]
     what: String,
     /// serve, soak, floods: Number of NPCs, on 8 worlds; default: 1024, 256 and 256
     #[arg(long, value_name = "N")]
@@ -138,6 +140,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "learn" => learn::figures()?,
         "feed" => feed::figures()?,
         "scale" => scale::figures(args)?,
+        "queue" => queue::figures()?,
         "serve" => serve::figures(args)?,
         "soak" => soak::figures(args)?,
         "floods" => floods::figures(args)?,

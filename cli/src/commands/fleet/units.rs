@@ -1,7 +1,11 @@
 //! Units of evaluations as jobs, and the runner of a prover, which does every kind of job.
 
 use anyhow::Context;
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
+use std::io::Read;
 use std::sync::atomic::{AtomicU64, Ordering};
 use surefoot_agent::eval::unit::Unit;
 use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, keep, missing, run_units};
@@ -14,6 +18,9 @@ use surefoot_planner::{Attach, BuildSettings};
 use surefoot_policy::Policy;
 use surefoot_rollout::FollowConfig;
 use surefoot_world::CharacterProfile;
+
+/// Most bytes of a unit before it was compressed.
+const MAX_UNIT_BYTES: u64 = 256 << 20;
 
 /// Does jobs of every kind.
 pub struct Runner {
@@ -156,7 +163,14 @@ fn evaluate(job: &Opened, policy: &Policy, grounds: &Grounds) -> Answer {
     let policy = if unit.senses_transports { policy.clone() } else { policy.clone().without_transports() };
     let config = unit.config(grounds)?;
     let units = run_units(&policy, &config, |_, _| {}).map_err(Refusal::of_all)?;
-    serde_json::to_vec(&units[0]).map_err(Refusal::of_all)
+    compress(&units[0]).map_err(Refusal::of_all)
+}
+
+/// A unit as it is sent: messages have at most a megabyte.
+fn compress(unit: &Unit) -> std::io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    serde_json::to_writer(&mut encoder, unit)?;
+    encoder.finish()
 }
 
 /// The units of an evaluation.
@@ -184,7 +198,7 @@ impl Work for Units<'_> {
     }
 
     fn read(&self, idx: usize, result: &[u8]) -> Result<Unit, String> {
-        let unit: Unit = serde_json::from_slice(result).map_err(|error| error.to_string())?;
+        let unit: Unit = serde_json::from_reader(GzDecoder::new(result).take(MAX_UNIT_BYTES)).map_err(|error| error.to_string())?;
         let (choice, seed) = &self.choices[idx];
         let counts = [unit.distances.len(), unit.reachable.len(), unit.on_foot.len(), unit.attempts.len()];
         let is_wanted = unit.map == choice.name() && unit.seed == *seed && counts == [self.config.goals; 4];
