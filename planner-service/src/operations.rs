@@ -133,6 +133,20 @@ impl Planner {
         }
     }
 
+    /// Returns the builds of this planner and those of others that have not ended, the latest first. While the store is away, only those
+    /// that this one knows.
+    pub async fn all_jobs(&self) -> Vec<Arc<Job>> {
+        if self.shared.replicas.are_several() {
+            let open = self.ask("builds cannot be listed", |replicas| replicas.open_operations()).await;
+            for operation in open.unwrap_or_default() {
+                if let Err(error) = self.follow(&operation).await {
+                    warn!(%error, build = %operation.id, "a build of another planner is not listed");
+                }
+            }
+        }
+        self.jobs().all()
+    }
+
     /// Shows a build of another planner as one of this one.
     async fn follow(&self, operation: &Operation) -> Result<Arc<Job>, PlannerError> {
         let wanted = wire::read_recipe(&operation.recipe, self.levels(), self.config()).await?;

@@ -130,6 +130,12 @@ pub trait Replicas: Send + Sync {
     /// If the store is away.
     fn operation(&self, id: BuildId) -> Result<Option<Operation>, StoreError>;
 
+    /// Returns the builds of all planners that are running or waiting.
+    ///
+    /// # Errors
+    /// If the store is away.
+    fn open_operations(&self) -> Result<Vec<Operation>, StoreError>;
+
     /// Asks the planner that runs a build to cancel it.
     ///
     /// # Errors
@@ -197,6 +203,10 @@ impl Replicas for Alone {
 
     fn operation(&self, _: BuildId) -> Result<Option<Operation>, StoreError> {
         Ok(None)
+    }
+
+    fn open_operations(&self) -> Result<Vec<Operation>, StoreError> {
+        Ok(Vec::new())
     }
 
     fn cancel(&self, _: BuildId) -> Result<(), StoreError> {

@@ -275,6 +275,8 @@ async fn a_planner_that_shuts_down_leaves_its_builds_to_others_at_once() {
         ..request(30)
     };
     let build_id = start(&mut client(&leaving).await, &large).await.unwrap();
+    let listed = loads.list_builds(wire::ListBuildsRequest::default()).await.unwrap().into_inner().builds;
+    assert_eq!(listed.iter().map(|build| &build.build_id).collect::<Vec<_>>(), [&build_id]);
     wait_until("it builds", || async { fleet.count("claims") == 1 }).await;
     leaving.process.signal("TERM");
     assert!(leaving.process.wait().success());
@@ -516,4 +518,85 @@ async fn while_the_blobs_are_away_builds_wait_or_fail_and_nothing_is_published()
     loads.find_path(find(&id, query)).await.expect("a graph in memory is planned on");
     relay.mend();
     assert!(graph(&mut client(&third).await, &id).await == graph(&mut loads, &id).await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_planner_that_is_cut_off_serves_what_it_has_and_publishes_nothing() {
+    let _turn = turn().await;
+    let mut fleet = Fleet::new();
+    let inside = fleet.planner("inside", &[]);
+    let relay = Relay::to(fleet.postgres.address);
+    fleet.store = Postgres::url_at(relay.address);
+    let outside = fleet.planner("outside", &[("SUREFOOT_STOP_AT", "built")]);
+    let (mut near, mut far) = (client(&inside).await, client(&outside).await);
+    let id = build(&mut near, &request(100)).await.unwrap();
+    let edge = ends(&mut far, &id).await;
+    far.append_edits(append(&id, edit(1, edge))).await.unwrap();
+    let build_id = start(&mut far, &request(101)).await.unwrap();
+    wait_until("its graph is built", || async { outside.process.is_stopped() }).await;
+    relay.cut();
+    outside.process.signal("CONT");
+    let cut = Instant::now();
+    let other = watch(&mut near, build_id.clone()).await.unwrap();
+    println!("cut off: its build ended elsewhere after {:.2} s", cut.elapsed().as_secs_f64());
+    assert!(cut.elapsed().as_secs_f64() < LEASE + 2.0 + 3.0, "a build of a second or two included");
+    near.append_edits(append(&id, edit(2, edge))).await.unwrap();
+    let refused = far.append_edits(append(&id, edit(3, edge))).await.unwrap_err();
+    assert!(is_away(&refused), "{refused}");
+    far.find_path(find(&id, edge)).await.expect("a graph in memory is planned on");
+    assert_eq!(edits(&mut far, &id).await, [1], "it cannot know more");
+    assert_eq!(outside.metric("surefoot_lease_sure"), Some(0.0));
+    let row = format!("SELECT token, blob FROM graphs WHERE encode(id, 'hex') = '{other}'");
+    let published = fleet.postgres.query(&row);
+    relay.mend();
+    wait_until("it follows again", || {
+        let (mut client, id) = (far.clone(), id.clone());
+        async move { edits(&mut client, &id).await == [1, 2] }
+    })
+    .await;
+    assert_eq!(watch(&mut far, build_id).await.unwrap(), other);
+    assert_eq!(fleet.postgres.query(&row), published, "nothing stale was stored");
+    wait_until("it has joined again", || async { outside.metric("surefoot_lease_sure") == Some(1.0) }).await;
+    far.append_edits(append(&id, edit(4, edge))).await.unwrap();
+    wait_until("all have the same edits", || {
+        let (mut client, id) = (near.clone(), id.clone());
+        async move { edits(&mut client, &id).await == [1, 2, 4] }
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn graphs_are_those_of_one_process_whoever_is_killed() {
+    let _turn = turn().await;
+    let fleet = Fleet::new();
+    let mut planners = ["a", "b", "c"].map(|name| fleet.planner(name, &[]));
+    let cache = fleet.ground.path("alone");
+    let alone = Surefoot::start(&["plan", "--cache", cache.to_str().unwrap()], &[], &fleet.ground.path("alone.log"));
+    let mut reference = client(&alone).await;
+    let rounds: u64 = std::env::var("SUREFOOT_FLEET_ROUNDS").map_or(6, |rounds| rounds.parse().unwrap());
+    let mut longest = Duration::ZERO;
+    for round in 0..rounds {
+        // The same moments in every run: digits of a hash.
+        let dice = (round + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let [asked, victim] = [dice >> 20, dice >> 30].map(|dice| (dice % 3) as usize);
+        let wanted = request(1000 + round);
+        // Whoever is asked may be killed before it answers.
+        let _ = start(&mut client(&planners[asked]).await, &wanted).await;
+        tokio::time::sleep(Duration::from_millis((dice >> 40) % 600)).await;
+        let killed = Instant::now();
+        planners[victim].restart();
+        let survivor = &planners[(victim + 1) % 3];
+        let mut survivor = client(survivor).await;
+        let id = build(&mut survivor, &wanted).await.unwrap();
+        longest = longest.max(killed.elapsed());
+        assert_eq!(build(&mut reference, &wanted).await.unwrap(), id, "round {round}");
+        let graphs = [graph(&mut survivor, &id).await, graph(&mut reference, &id).await];
+        assert!(graphs[0] == graphs[1], "round {round}");
+    }
+    println!("{rounds} rounds of kills: served after {:.2} s at most", longest.as_secs_f64());
+    assert_eq!((fleet.count("graphs"), fleet.count("graphs WHERE blob IS NULL")), (rounds, 0));
+    // Whoever built a graph, and however often, stored the same bytes.
+    let folders = std::fs::read_dir(fleet.ground.path("blobs")).unwrap().map(|folder| folder.unwrap().path());
+    let blobs: usize = folders.map(|folder| std::fs::read_dir(folder).unwrap().count()).sum();
+    assert_eq!(blobs as u64, rounds);
 }

@@ -124,14 +124,19 @@ pub fn release(shared: &Shared, graph: &GraphId) {
     }
 }
 
-/// Gives up all claims of this planner for which it does not build.
+/// Gives up all claims of this planner for which it does not build, and those of planners that have died.
 ///
 /// # Errors
 /// If the database is away.
 pub async fn sweep(shared: &Shared) -> Result<(), FleetError> {
     let building: Vec<Vec<u8>> = shared.building.lock().expect(POISON).iter().map(|id| id.to_vec()).collect();
     let member = shared.membership.id();
-    let gone = sqlx::query!("DELETE FROM claims WHERE member = $1 AND NOT graph = ANY($2)", member, &building);
+    let gone = sqlx::query!(
+        "DELETE FROM claims WHERE (member = $1 AND NOT graph = ANY($2))
+            OR NOT EXISTS (SELECT FROM members WHERE members.id = claims.member AND expires_at > now())",
+        member,
+        &building,
+    );
     gone.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
 }
 

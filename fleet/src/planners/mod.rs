@@ -155,6 +155,10 @@ impl Replicas for PlannerRecord {
         operations::find(&self.shared, id)
     }
 
+    fn open_operations(&self) -> Result<Vec<Operation>, StoreError> {
+        operations::open(&self.shared)
+    }
+
     fn cancel(&self, id: BuildId) -> Result<(), StoreError> {
         operations::cancel(&self.shared, id)
     }

@@ -12,6 +12,8 @@ use crate::error::FleetError;
 
 /// Builds of dead planners that are taken over at a time: others take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;
+/// Most builds of other planners that are listed.
+const LISTED: i64 = 256;
 /// Stages by their number in the record.
 const STAGES: [Stage; 8] = [
     Stage::Queued,
@@ -110,6 +112,20 @@ pub fn find(shared: &Shared, id: BuildId) -> Result<Option<Operation>, StoreErro
         );
         let found = found.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
         Ok(found.map(|row| row.read(shared.membership.id())))
+    })
+}
+
+/// See [`Replicas::open_operations`](surefoot_planner_service::replicas::Replicas::open_operations).
+pub fn open(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
+    shared.block(async {
+        let open = sqlx::query_as!(
+            Row,
+            "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started
+             FROM operations WHERE stage < 5 ORDER BY id DESC LIMIT $1",
+            LISTED,
+        );
+        let open = open.fetch_all(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        Ok(open.into_iter().map(|row| row.read(shared.membership.id())).collect())
     })
 }
 

@@ -106,7 +106,7 @@ impl PlannerService for PlannerApi {
         request: Request<wire::ListBuildsRequest>,
     ) -> Result<Response<wire::ListBuildsResponse>, Status> {
         let wire::ListBuildsRequest { page_size, page_token } = request.into_inner();
-        let all = self.planner.jobs().all();
+        let all = self.planner.all_jobs().await;
         let page = page(all, |job| job.id.to_string(), PageSize::USUAL, page_size, &page_token)?;
         let builds = page.items.iter().map(|job| build_now(job)).collect();
         Ok(Response::new(wire::ListBuildsResponse { builds, next_page_token: page.next_token }))
