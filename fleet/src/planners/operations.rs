@@ -1,14 +1,13 @@
 //! Builds as clients see them, of all planners.
 
 use super::shared::{Shared, signed, unsigned};
+use crate::error::FleetError;
 use std::time::{Duration, SystemTime};
 use surefoot_planner::GraphId;
 use surefoot_planner::store::StoreError;
 use surefoot_planner_service::Failure;
 use surefoot_planner_service::jobs::{BuildId, Stage};
 use surefoot_planner_service::replicas::{Operation, Posted};
-
-use crate::error::FleetError;
 
 /// Builds of dead planners that are taken over at a time: others take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;
