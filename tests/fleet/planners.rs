@@ -347,17 +347,18 @@ async fn edits_reach_the_watchers_of_other_planners() {
         after_answer.push(answered.elapsed());
         after_call.push(called.elapsed());
     }
-    for (what, times) in [("the answer", &mut after_answer), ("the call", &mut after_call)] {
-        times.sort();
-        let ms = |share: f64| times[(share * (times.len() - 1) as f64) as usize].as_secs_f64() * 1e3;
-        println!(
-            "edit seen by a watcher of another planner after {what}: p50 {:.1} ms, p99 {:.1} ms, max {:.1} ms",
-            ms(0.5),
-            ms(0.99),
-            ms(1.0)
-        );
-        assert!(ms(0.99) < 2000.0);
-    }
+    print_times("an edit is seen by a watcher of another planner after the answer", &mut after_answer);
+    print_times("an edit is seen by a watcher of another planner after the call", &mut after_call);
+    // A machine that builds something else besides is slower; docs/fleet.md has figures.
+    assert!(after_call[after_call.len() * 99 / 100] < Duration::from_secs(2));
+}
+
+/// Prints the distribution of some times, and sorts them.
+fn print_times(what: &str, times: &mut [Duration]) {
+    times.sort();
+    let ms = |share: f64| times[(share * (times.len() - 1) as f64) as usize].as_secs_f64() * 1e3;
+    let (median, most, all) = (ms(0.5), ms(0.99), ms(1.0));
+    println!("{what}: p50 {median:.1} ms, p99 {most:.1} ms, max {all:.1} ms, of {}", times.len());
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -409,7 +410,7 @@ async fn evidence_of_all_planners_adds_up() {
     let key = graph(&mut clients[0], &id).await.edges[0].clone();
     let failed = wire::Traversal { from: key.from, to: key.to, reached: false, ..Default::default() };
     for (client, count) in clients.iter_mut().zip([3, 5]) {
-        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed.clone(); count] };
+        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed; count] };
         assert_eq!(client.report_traversals(request).await.unwrap().into_inner().accepted, count as u32);
     }
     for client in &clients {
@@ -424,8 +425,21 @@ async fn evidence_of_all_planners_adds_up() {
     }
     assert_eq!(fleet.postgres.query("SELECT tries, successes FROM evidence"), ["8|0"]);
     let [first, second] = &mut clients;
+    let mut times = Vec::new();
+    // Fewer in all than are halved.
+    for count in 9..60 {
+        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed] };
+        first.report_traversals(request).await.unwrap();
+        let reported = Instant::now();
+        let listed = wire::ListReportsRequest { graph_id: id.clone() };
+        while second.list_reports(listed.clone()).await.unwrap().into_inner().reports[0].traversals < count {
+            assert!(reported.elapsed() < crate::process::LIMIT);
+        }
+        times.push(reported.elapsed());
+    }
+    print_times("a report counts on another planner after the answer", &mut times);
     let dropped = wire::DropReportsRequest { graph_id: id.clone(), reporter: "127.0.0.1".to_owned() };
-    assert_eq!(second.drop_reports(dropped).await.unwrap().into_inner().dropped, 8);
+    assert_eq!(second.drop_reports(dropped).await.unwrap().into_inner().dropped, 59);
     wait_until("the other one has forgotten them", || {
         let (mut client, request) = (first.clone(), wire::ListReportsRequest { graph_id: id.clone() });
         async move { client.list_reports(request).await.unwrap().into_inner().reports.is_empty() }
@@ -460,7 +474,9 @@ async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
         })
         .collect();
     fleet.postgres.kill();
+    let mut unknown = String::new();
     for client in &mut clients {
+        unknown = start(client, &request(80)).await.unwrap();
         let refused = client.append_edits(append(&id, edit(2, edge))).await.unwrap_err();
         assert!(is_away(&refused), "{refused}");
         let failed = build(client, &request(81)).await.unwrap_err();
@@ -485,6 +501,11 @@ async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
     }
     let late = fleet.planner("late", &[]);
     assert_eq!(edits(&mut client(&late).await, &id).await, [1, 3]);
+    wait_until("builds of that time are known to all", || {
+        let (mut client, unknown) = (clients[0].clone(), unknown.clone());
+        async move { watch(&mut client, unknown).await.is_ok() }
+    })
+    .await;
     build(&mut clients[0], &request(81)).await.unwrap();
 }
 

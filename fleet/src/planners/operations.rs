@@ -155,11 +155,13 @@ pub fn adopt(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
     })
 }
 
-/// Forgets builds that ended more than ten minutes ago.
+/// Forgets builds that ended more than ten minutes ago, and planners that died a day ago.
 ///
 /// # Errors
 /// If the database is away.
 pub async fn forget(shared: &Shared) -> Result<(), FleetError> {
     let old = sqlx::query!("DELETE FROM operations WHERE stage >= 5 AND noted_at < now() - interval '10 minutes'");
-    old.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    old.execute(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+    let dead = sqlx::query!("DELETE FROM members WHERE kind = 'planner' AND expires_at < now() - interval '1 day'");
+    dead.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
 }
