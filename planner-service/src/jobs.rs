@@ -6,7 +6,7 @@ use crate::hosted::Figures;
 use crate::locks::POISON;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::MapSource;
@@ -116,6 +116,10 @@ pub struct Job {
     pub started: SystemTime,
     /// Probes that are done and to be done, and the request to cancel.
     pub progress: Arc<Progress>,
+    /// Whether this planner runs the build, rather than follow that of another one.
+    pub(crate) is_ours: AtomicBool,
+    /// Whether others have been told how the build has ended.
+    pub(crate) is_end_posted: AtomicBool,
     state: watch::Sender<State>,
 }
 
@@ -126,7 +130,17 @@ impl Job {
         started: SystemTime,
     ) -> Self {
         let state = State { stages: vec![Stage::Queued], is_known: false, usable: None, end: None };
-        Self { id, source, body, settings, started, progress: Arc::default(), state: watch::Sender::new(state) }
+        Self {
+            id,
+            source,
+            body,
+            settings,
+            started,
+            progress: Arc::default(),
+            is_ours: AtomicBool::new(false),
+            is_end_posted: AtomicBool::new(false),
+            state: watch::Sender::new(state),
+        }
     }
 
     /// Returns all stages so far, the current one last.

@@ -76,6 +76,7 @@ impl Planner {
             job.note_known();
             return self.run_build(job).await;
         }
+        job.is_ours.store(true, Ordering::Relaxed);
         if let Some(hosted) = self.find_ready(&job) {
             return Ok(hosted);
         }
@@ -86,6 +87,7 @@ impl Planner {
 
     /// Runs a build of which the others know.
     async fn run_posting(&self, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
+        job.is_ours.store(true, Ordering::Relaxed);
         let work = self.run_build(job.clone());
         tokio::pin!(work);
         loop {
@@ -105,14 +107,15 @@ impl Planner {
         self.ask("the build cannot be started", move |replicas| replicas.post(&operation)).await
     }
 
-    /// Tells the others how a build has ended. One that ended because this planner stops is left to them.
+    /// Tells the others how a build of this planner has ended, unless they know. One that ended because this planner stops is left to them.
     pub(crate) async fn post_end(&self, job: &Job) {
         let is_left = self.shutdown().is_triggered() && matches!(job.end(), Some(Err(_)));
-        if !self.shared.replicas.are_several() || is_left {
+        if is_left || !job.is_ours.load(Ordering::Relaxed) || job.is_end_posted.load(Ordering::Relaxed) {
             return;
         }
-        if let Err(error) = self.post(job).await {
-            warn!(%error, build = %job.id, "other planners do not know how a build has ended");
+        match self.post(job).await {
+            Ok(_) => job.is_end_posted.store(true, Ordering::Relaxed),
+            Err(error) => warn!(%error, build = %job.id, "other planners do not know yet how a build has ended"),
         }
     }
 
@@ -191,8 +194,11 @@ impl Planner {
         }
     }
 
-    /// Takes over builds of planners that have died.
+    /// Takes over builds of planners that have died, and tells the others what they could not be told before.
     pub(crate) async fn adopt_orphans(&self) {
+        for job in self.jobs().all().iter().filter(|job| job.end().is_some()) {
+            self.post_end(job).await;
+        }
         let adopted = match self.ask("builds cannot be taken over", |replicas| replicas.adopt()).await {
             Ok(adopted) => adopted,
             Err(error) => return warn!(%error, "no look for builds of planners that have died"),
@@ -201,6 +207,11 @@ impl Planner {
             info!(build = %operation.id, "takes over a build of a planner that has died");
             if let Err(error) = self.follow(&operation).await {
                 warn!(%error, build = %operation.id, "a build cannot be taken over");
+                // Nobody else would look at it, since this planner lives.
+                let posted = Posted { stage: Stage::Failed, ..operation.posted };
+                let failed = Operation { posted, failure: Some(wire::failure_of(&error)), ..operation };
+                let told = self.ask("the end cannot be told", move |replicas| replicas.post(&failed)).await;
+                told.map(drop).unwrap_or_else(|error| warn!(%error, "a build stays without a planner"));
             }
         }
     }

@@ -228,3 +228,44 @@ impl LiveEvidence {
         dropped
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_of_several_planners_are_the_evidence_of_one() {
+        let reporter = |name: &str, is_trusted| Reporter { name: name.to_owned(), is_trusted };
+        let ends = [TryEnd::Arrived, TryEnd::Failed, TryEnd::Arrived, TryEnd::Died];
+        let traversal = |idx: u32| Traversal {
+            edge: EdgeKey::new(idx % 3, 3),
+            end: ends[idx as usize % ends.len()],
+            decisions: 5 + idx,
+        };
+        let reports: Vec<(Reporter, Traversal)> =
+            (0..60).map(|idx| (reporter(["a", "b"][idx as usize % 2], idx % 5 > 0), traversal(idx))).collect();
+        let counts = |reports: &[(Reporter, Traversal)]| -> Vec<Counts> {
+            reports.iter().map(|(reporter, traversal)| Counts::of(reporter, traversal)).collect()
+        };
+        let whole = LiveEvidence::of_counts(counts(&reports));
+        assert!(whole.is_sound() && whole.reports().iter().map(|report| report.traversals).sum::<u64>() == 60);
+        let (first, second) = reports.split_at(23);
+        let other_order = LiveEvidence::of_counts(counts(second).into_iter().chain(counts(first)));
+        assert_eq!(whole, other_order);
+        // Counts that contradict each other are left out, and many of one edge are halved.
+        let made_up = Counts { tries: [1, 2, 0], ..Counts::of(&reports[0].0, &reports[0].1) };
+        assert!(LiveEvidence::of_counts([made_up]).traversals() == 0);
+        let many = Counts { tries: [1000, 500, 10], decisions: [5e3, 5e4], ..Counts::of(&reports[1].0, &reports[1].1) };
+        assert!(LiveEvidence::of_counts([many]).is_sound());
+    }
+
+    #[test]
+    fn evidence_of_edges_that_layers_add_stays() {
+        let reporter = Reporter { name: "a".to_owned(), is_trusted: true };
+        let on = |edge| Counts::of(&reporter, &Traversal { edge, end: TryEnd::Failed, decisions: 1 });
+        let (proved, added) = (EdgeKey::new(0, 1), EdgeKey::new(1, 7));
+        let mut live = LiveEvidence::of_counts([on(proved), on(proved), on(added)]);
+        live.renew(LiveEvidence::of_counts([on(proved)]), 5);
+        assert_eq!(live, LiveEvidence::of_counts([on(proved), on(added)]));
+    }
+}

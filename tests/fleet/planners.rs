@@ -87,6 +87,12 @@ fn request(seed: u64) -> wire::StartBuildRequest {
     }
 }
 
+/// A build that takes a few seconds.
+fn large(seed: u64) -> wire::StartBuildRequest {
+    let settings = wire::BuildSettings { vertices: 200, neighbours: 12, repeats: 4, ..Default::default() };
+    wire::StartBuildRequest { settings: Some(settings), ..request(seed) }
+}
+
 /// Waits for a build, and returns the id of its graph.
 async fn watch(client: &mut Client, build_id: String) -> Result<String, Status> {
     let mut messages = client.watch_build(wire::WatchBuildRequest { build_id }).await?.into_inner();
@@ -270,11 +276,7 @@ async fn a_planner_that_shuts_down_leaves_its_builds_to_others_at_once() {
     let fleet = Fleet { lease: 600.0, ..Fleet::new() };
     let (mut leaving, other) = (fleet.planner("leaving", &[]), fleet.planner("other", &[]));
     let mut loads = client(&other).await;
-    let large = wire::StartBuildRequest {
-        settings: Some(wire::BuildSettings { vertices: 200, neighbours: 12, repeats: 4, ..Default::default() }),
-        ..request(30)
-    };
-    let build_id = start(&mut client(&leaving).await, &large).await.unwrap();
+    let build_id = start(&mut client(&leaving).await, &large(30)).await.unwrap();
     let listed = loads.list_builds(wire::ListBuildsRequest::default()).await.unwrap().into_inner().builds;
     assert_eq!(listed.iter().map(|build| &build.build_id).collect::<Vec<_>>(), [&build_id]);
     wait_until("it builds", || async { fleet.count("claims") == 1 }).await;
@@ -345,17 +347,18 @@ async fn edits_reach_the_watchers_of_other_planners() {
         after_answer.push(answered.elapsed());
         after_call.push(called.elapsed());
     }
-    for (what, times) in [("the answer", &mut after_answer), ("the call", &mut after_call)] {
-        times.sort();
-        let ms = |share: f64| times[(share * (times.len() - 1) as f64) as usize].as_secs_f64() * 1e3;
-        println!(
-            "edit seen by a watcher of another planner after {what}: p50 {:.1} ms, p99 {:.1} ms, max {:.1} ms",
-            ms(0.5),
-            ms(0.99),
-            ms(1.0)
-        );
-        assert!(ms(0.99) < 2000.0);
-    }
+    print_times("an edit is seen by a watcher of another planner after the answer", &mut after_answer);
+    print_times("an edit is seen by a watcher of another planner after the call", &mut after_call);
+    // A machine that builds something else besides is slower; docs/fleet.md has figures.
+    assert!(after_call[after_call.len() * 99 / 100] < Duration::from_secs(2));
+}
+
+/// Prints the distribution of some times, and sorts them.
+fn print_times(what: &str, times: &mut [Duration]) {
+    times.sort();
+    let ms = |share: f64| times[(share * (times.len() - 1) as f64) as usize].as_secs_f64() * 1e3;
+    let (median, most, all) = (ms(0.5), ms(0.99), ms(1.0));
+    println!("{what}: p50 {median:.1} ms, p99 {most:.1} ms, max {all:.1} ms, of {}", times.len());
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -407,7 +410,7 @@ async fn evidence_of_all_planners_adds_up() {
     let key = graph(&mut clients[0], &id).await.edges[0].clone();
     let failed = wire::Traversal { from: key.from, to: key.to, reached: false, ..Default::default() };
     for (client, count) in clients.iter_mut().zip([3, 5]) {
-        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed.clone(); count] };
+        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed; count] };
         assert_eq!(client.report_traversals(request).await.unwrap().into_inner().accepted, count as u32);
     }
     for client in &clients {
@@ -422,8 +425,21 @@ async fn evidence_of_all_planners_adds_up() {
     }
     assert_eq!(fleet.postgres.query("SELECT tries, successes FROM evidence"), ["8|0"]);
     let [first, second] = &mut clients;
+    let mut times = Vec::new();
+    // Fewer in all than are halved.
+    for count in 9..60 {
+        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed] };
+        first.report_traversals(request).await.unwrap();
+        let reported = Instant::now();
+        let listed = wire::ListReportsRequest { graph_id: id.clone() };
+        while second.list_reports(listed.clone()).await.unwrap().into_inner().reports[0].traversals < count {
+            assert!(reported.elapsed() < crate::process::LIMIT);
+        }
+        times.push(reported.elapsed());
+    }
+    print_times("a report counts on another planner after the answer", &mut times);
     let dropped = wire::DropReportsRequest { graph_id: id.clone(), reporter: "127.0.0.1".to_owned() };
-    assert_eq!(second.drop_reports(dropped).await.unwrap().into_inner().dropped, 8);
+    assert_eq!(second.drop_reports(dropped).await.unwrap().into_inner().dropped, 59);
     wait_until("the other one has forgotten them", || {
         let (mut client, request) = (first.clone(), wire::ListReportsRequest { graph_id: id.clone() });
         async move { client.list_reports(request).await.unwrap().into_inner().reports.is_empty() }
@@ -458,7 +474,9 @@ async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
         })
         .collect();
     fleet.postgres.kill();
+    let mut unknown = String::new();
     for client in &mut clients {
+        unknown = start(client, &request(80)).await.unwrap();
         let refused = client.append_edits(append(&id, edit(2, edge))).await.unwrap_err();
         assert!(is_away(&refused), "{refused}");
         let failed = build(client, &request(81)).await.unwrap_err();
@@ -483,6 +501,11 @@ async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
     }
     let late = fleet.planner("late", &[]);
     assert_eq!(edits(&mut client(&late).await, &id).await, [1, 3]);
+    wait_until("builds of that time are known to all", || {
+        let (mut client, unknown) = (clients[0].clone(), unknown.clone());
+        async move { watch(&mut client, unknown).await.is_ok() }
+    })
+    .await;
     build(&mut clients[0], &request(81)).await.unwrap();
 }
 
@@ -574,17 +597,19 @@ async fn graphs_are_those_of_one_process_whoever_is_killed() {
     let alone = Surefoot::start(&["plan", "--cache", cache.to_str().unwrap()], &[], &fleet.ground.path("alone.log"));
     let mut reference = client(&alone).await;
     let rounds: u64 = std::env::var("SUREFOOT_FLEET_ROUNDS").map_or(6, |rounds| rounds.parse().unwrap());
-    let mut longest = Duration::ZERO;
+    let (mut longest, mut struck) = (Duration::ZERO, 0);
     for round in 0..rounds {
-        // The same moments in every run: digits of a hash.
+        // The same moments in every run: digits of a hash. Most rounds kill who was asked.
         let dice = (round + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let [asked, victim] = [dice >> 20, dice >> 30].map(|dice| (dice % 3) as usize);
-        let wanted = request(1000 + round);
+        let asked = (dice >> 20) as usize % 3;
+        let victim = (asked + usize::from((dice >> 30).is_multiple_of(4))) % 3;
+        let wanted = large(1000 + round);
         // Whoever is asked may be killed before it answers.
         let _ = start(&mut client(&planners[asked]).await, &wanted).await;
-        tokio::time::sleep(Duration::from_millis((dice >> 40) % 600)).await;
+        tokio::time::sleep(Duration::from_millis((dice >> 40) % 500)).await;
         let killed = Instant::now();
         planners[victim].restart();
+        struck += u64::from(victim == asked && fleet.count("claims") > 0);
         let survivor = &planners[(victim + 1) % 3];
         let mut survivor = client(survivor).await;
         let id = build(&mut survivor, &wanted).await.unwrap();
@@ -593,7 +618,11 @@ async fn graphs_are_those_of_one_process_whoever_is_killed() {
         let graphs = [graph(&mut survivor, &id).await, graph(&mut reference, &id).await];
         assert!(graphs[0] == graphs[1], "round {round}");
     }
-    println!("{rounds} rounds of kills: served after {:.2} s at most", longest.as_secs_f64());
+    println!(
+        "{rounds} rounds of kills, {struck} of them of a builder: served after {:.2} s at most",
+        longest.as_secs_f64()
+    );
+    assert!(struck > 0, "nobody was killed in the middle of a build");
     assert_eq!((fleet.count("graphs"), fleet.count("graphs WHERE blob IS NULL")), (rounds, 0));
     // Whoever built a graph, and however often, stored the same bytes.
     let folders = std::fs::read_dir(fleet.ground.path("blobs")).unwrap().map(|folder| folder.unwrap().path());

@@ -1,5 +1,6 @@
 //! Graphs: who builds which, and publishing, which checks the claim and the lease in the transaction that stores the graph.
 
+use super::operations::stage_of;
 use super::shared::{BLOB_PATIENCE, Note, Shared, unsigned};
 use crate::blobs::BlobId;
 use crate::error::FleetError;
@@ -10,8 +11,6 @@ use surefoot_planner_service::faults;
 use surefoot_planner_service::jobs::BuildId;
 use surefoot_planner_service::replicas::{Claim, Posted, Token};
 use tracing::warn;
-
-use super::operations::stage_of;
 
 const POISON: &str = "no holder of this lock panics";
 

@@ -1,14 +1,13 @@
 //! Builds as clients see them, of all planners.
 
 use super::shared::{Shared, signed, unsigned};
+use crate::error::FleetError;
 use std::time::{Duration, SystemTime};
 use surefoot_planner::GraphId;
 use surefoot_planner::store::StoreError;
 use surefoot_planner_service::Failure;
 use surefoot_planner_service::jobs::{BuildId, Stage};
 use surefoot_planner_service::replicas::{Operation, Posted};
-
-use crate::error::FleetError;
 
 /// Builds of dead planners that are taken over at a time: others take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;
@@ -156,11 +155,13 @@ pub fn adopt(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
     })
 }
 
-/// Forgets builds that ended more than ten minutes ago.
+/// Forgets builds that ended more than ten minutes ago, and planners that died a day ago.
 ///
 /// # Errors
 /// If the database is away.
 pub async fn forget(shared: &Shared) -> Result<(), FleetError> {
     let old = sqlx::query!("DELETE FROM operations WHERE stage >= 5 AND noted_at < now() - interval '10 minutes'");
-    old.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    old.execute(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+    let dead = sqlx::query!("DELETE FROM members WHERE kind = 'planner' AND expires_at < now() - interval '1 day'");
+    dead.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
 }

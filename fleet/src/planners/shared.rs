@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use surefoot_planner::store::StoreError;
-use surefoot_planner::{GraphId, store::LevelId};
+use surefoot_planner::GraphId;
+use surefoot_planner::store::{LevelId, StoreError};
 use tokio::runtime::Handle;
 
 /// Longest wait for the database, such as behind a network that passes nothing on.

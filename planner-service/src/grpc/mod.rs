@@ -85,8 +85,9 @@ impl PlannerService for PlannerApi {
         self.planner.check_policy(&request.policy_hash)?;
         let (source, body, settings) = wanted(&request, self.planner.levels(), self.planner.config()).await?;
         let job = self.planner.start_build(source, body, settings)?;
+        let build = build_now(&job);
         job.known().await;
-        Ok(Response::new(wire::StartBuildResponse { build: Some(build_now(&job)) }))
+        Ok(Response::new(wire::StartBuildResponse { build: Some(build) }))
     }
 
     type WatchBuildStream = BoxStream<wire::WatchBuildResponse>;
