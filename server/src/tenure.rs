@@ -11,6 +11,8 @@ use tracing::{info, warn};
 
 /// Time between two records of what happened: so much longer than alone do clients wait for events, and for the answers to changes.
 const RECORD_EVERY: Duration = Duration::from_millis(25);
+/// Longest time between two looks for worlds without a server.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
 /// Pause before a world that was taken over is read again.
 const READ_PAUSE: Duration = Duration::from_millis(500);
 
@@ -65,7 +67,7 @@ async fn guard(worlds: &Worlds) {
 
 async fn claim(worlds: &Worlds, ready: watch::Sender<bool>) {
     let shared = shared(worlds);
-    let pause = shared.lease() / 3;
+    let pause = (shared.lease() / 3).min(LOOK_EVERY);
     while !worlds.shutdown().is_triggered() {
         if shared.is_sure() {
             let asked = Instant::now();

@@ -119,19 +119,18 @@ pub async fn claim(
         r#"WITH own AS (SELECT count(*) AS count FROM worlds WHERE owner = $1),
          living AS (SELECT count(*) AS count FROM members WHERE kind = 'server' AND expires_at > now()),
          share AS (
-             SELECT (SELECT count(*) FROM worlds) / greatest(living.count, 1) + 1 - own.count AS room FROM living, own
+             SELECT (SELECT count(*) FROM worlds) / greatest(living.count, 1) + 1 - own.count AS count FROM living, own
          ),
-         free AS (
-             SELECT worlds.id, row_number() OVER (ORDER BY worlds.id) AS number,
-                    expires_at <= now() - make_interval(secs => $3) AS is_overdue
-             FROM worlds JOIN members ON members.id = owner WHERE expires_at <= now()
+         overdue AS (
+             SELECT count(*) AS count FROM worlds JOIN members ON members.id = owner
+             WHERE expires_at <= now() - make_interval(secs => $3)
          ),
          locked AS (
              SELECT worlds.id FROM worlds JOIN members ON members.id = owner
-             WHERE worlds.id IN (SELECT free.id FROM free, share WHERE number <= room OR is_overdue)
-               AND expires_at <= now()
-             ORDER BY worlds.id
-             LIMIT greatest($2 - (SELECT count FROM own), 0) FOR UPDATE OF worlds SKIP LOCKED
+             WHERE expires_at <= now() ORDER BY expires_at, worlds.id
+             LIMIT (SELECT greatest(least($2 - own.count, greatest(share.count, overdue.count)), 0)
+                    FROM own, share, overdue)
+             FOR UPDATE OF worlds SKIP LOCKED
          )
          UPDATE worlds SET owner = $1, token = nextval('tokens') FROM locked
          WHERE worlds.id = locked.id AND EXISTS (SELECT FROM members WHERE id = $1 AND expires_at > now())
