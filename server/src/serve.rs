@@ -7,18 +7,16 @@ use crate::grpc::directory::DirectoryApi;
 use crate::grpc::elsewhere::Elsewhere;
 use crate::grpc::env::EnvApi;
 use crate::hosted::SavedError;
+use crate::observer::Observer;
 use crate::store::StoreError;
 use crate::tenure;
-use crate::observer::Observer;
 use crate::worlds::Worlds;
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::idempotency::AnswerCache;
 use surefoot_net::levels::LevelStore;
 use surefoot_net::serving::{Endpoint, Limits, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
-use surefoot_proto::world::v1::directory_service_server::{
-    DirectoryServiceServer, SERVICE_NAME as DIRECTORY_SERVICE,
-};
+use surefoot_proto::world::v1::directory_service_server::{DirectoryServiceServer, SERVICE_NAME as DIRECTORY_SERVICE};
 use surefoot_proto::world::v1::env_service_server::{EnvServiceServer, SERVICE_NAME as ENV_SERVICE};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
 use surefoot_proto::world::v1::world_service_server::{SERVICE_NAME as WORLD_SERVICE, WorldServiceServer};
@@ -28,6 +26,8 @@ use tracing::warn;
 
 /// Time for saving all worlds at a shutdown. With the drain of the endpoint it makes less than ten seconds.
 const LAST_SAVE: Duration = Duration::from_secs(4);
+/// Time for telling the fleet afterwards.
+const LEAVE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Serves worlds on `endpoint` until `shutdown`, then saves them. Saved worlds are restored in the background; until then health checks
 /// report NOT_SERVING.
@@ -76,9 +76,9 @@ async fn run(
     let saved = worlds.save_all(true, LAST_SAVE).await;
     worlds.stop();
     if let Some(shared) = worlds.shared_store()
-        && let Err(error) = shared.leave().await
+        && !matches!(tokio::time::timeout(LEAVE_LIMIT, shared.leave()).await, Ok(Ok(())))
     {
-        warn!(%error, "others take over the worlds only when the lease of this server is over");
+        warn!("others take over the worlds only when the lease of this server is over: the record does not answer");
     }
     result?;
     if let Ok(restored) = restoring.await {

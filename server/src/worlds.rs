@@ -72,7 +72,9 @@ pub enum WorldsError {
     #[error("world {0} may be moving to another server: look where it runs, and try again")]
     Moving(WorldId),
     /// A change was made, and is not known to be durable.
-    #[error("world {0} has made the change, but the record of the fleet does not answer: it may be lost with this server")]
+    #[error(
+        "world {0} has made the change, but the record of the fleet does not answer: it may be lost with this server"
+    )]
     Unconfirmed(WorldId),
     /// Work in the background ended without a result.
     #[error("{0} failed: {1}")]
@@ -266,7 +268,7 @@ impl Worlds {
         let world = HostedWorld::new(id, map, mode, self.shared.registry.clone())
             .with_bodies(vec![body])
             .with_solid_npcs(solid_npcs);
-        self.start(id, world, made, ticket)?;
+        self.start(id, world, (made, ticket), limit)?;
         self.keep_new(id).await?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
         self.describe(caller, id).await
@@ -296,9 +298,14 @@ impl Worlds {
         self.shared.epoch.0
     }
 
-    /// Starts a world's thread and lists it; `made` is its map without pieces.
-    fn start(&self, id: WorldId, mut world: HostedWorld, made: Arc<SharedMap>, ticket: Ticket) -> Result<(), WorldsError> {
-        let limit = self.shared.config.max_worlds;
+    /// Starts a world's thread and lists it, unless there are `limit` worlds; `made` is its map without pieces.
+    fn start(
+        &self,
+        id: WorldId,
+        mut world: HostedWorld,
+        (made, ticket): (Arc<SharedMap>, Ticket),
+        limit: usize,
+    ) -> Result<(), WorldsError> {
         let (mode, body, map) = (world.mode(), world.bodies()[0].clone(), world.map().clone());
         if self.shared_store().is_some() {
             world.await_confirmation();
@@ -533,7 +540,8 @@ impl Worlds {
                     let is_confirmed = confirmed(world, receipt).await.is_ok();
                     for ((idx, _), result) in places.into_iter().zip(done) {
                         let result = result.map_err(WorldsError::from);
-                        let result = result.and_then(|it| is_confirmed.then_some(it).ok_or(WorldsError::Unconfirmed(world)));
+                        let result =
+                            result.and_then(|it| is_confirmed.then_some(it).ok_or(WorldsError::Unconfirmed(world)));
                         results[idx] = Some(result);
                     }
                 }

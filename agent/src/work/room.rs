@@ -42,7 +42,8 @@ impl Room {
         let npc_counts = self.npc_counts.lock().expect(POISON);
         let Some(own) = npc_counts.get(server) else { return 0 };
         let free = self.capacity.saturating_sub(npc_counts.values().sum());
-        let (count, number) = (npc_counts.len() as u32, npc_counts.keys().take_while(|name| *name != server).count() as u32);
+        let (count, number) =
+            (npc_counts.len() as u32, npc_counts.keys().take_while(|name| *name != server).count() as u32);
         own + free / count + u32::from(number < free % count)
     }
 

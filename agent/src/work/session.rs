@@ -81,8 +81,13 @@ impl Session<'_> {
             Ok(inference) => inference,
             Err(error) => return SessionEnd::Refused(Status::resource_exhausted(format!("no thread: {error}"))),
         };
-        let mut worlds =
-            Worlds { npcs: BTreeMap::new(), queues: BTreeMap::new(), keys: BTreeMap::new(), tasks: JoinSet::new(), inference };
+        let mut worlds = Worlds {
+            npcs: BTreeMap::new(),
+            queues: BTreeMap::new(),
+            keys: BTreeMap::new(),
+            tasks: JoinSet::new(),
+            inference,
+        };
         let other_policy = async {
             match self.graphs {
                 Some(graphs) => graphs.other_policy().await,
