@@ -26,6 +26,8 @@ use tracing::warn;
 
 /// Time for saving all worlds at a shutdown. With the drain of the endpoint it makes less than ten seconds.
 const LAST_SAVE: Duration = Duration::from_secs(4);
+/// Time for telling the fleet afterwards.
+const LEAVE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Serves worlds on `endpoint` until `shutdown`, then saves them. Saved worlds are restored in the background; until then health checks
 /// report NOT_SERVING.
@@ -74,9 +76,9 @@ async fn run(
     let saved = worlds.save_all(true, LAST_SAVE).await;
     worlds.stop();
     if let Some(shared) = worlds.shared_store()
-        && let Err(error) = shared.leave().await
+        && !matches!(tokio::time::timeout(LEAVE_LIMIT, shared.leave()).await, Ok(Ok(())))
     {
-        warn!(%error, "others take over the worlds only when the lease of this server is over");
+        warn!("others take over the worlds only when the lease of this server is over: the record does not answer");
     }
     result?;
     if let Ok(restored) = restoring.await {

@@ -39,6 +39,10 @@ pub struct StoredWorld {
     pub since: Option<(SavedLog, Vec<Journal>)>,
 }
 
+/// A time in which a server has worlds. It ends when others may have them; what was done in it must not count in the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Tenure(pub i64);
+
 /// A server of a fleet.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
@@ -60,8 +64,8 @@ pub trait WorldStore: fmt::Debug + Send + Sync {
     /// Reads a world.
     fn read(&self, id: WorldId) -> StoreCall<'_, StoredWorld>;
 
-    /// Saves a world in place of what was saved of it before: whole or not at all, and durable when this returns.
-    fn write(&self, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()>;
+    /// Saves a world, as it was in a tenure, in place of what was saved of it before: whole or not at all, and durable when this returns.
+    fn write(&self, tenure: Tenure, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()>;
 
     /// Deletes what was saved of a world.
     fn forget(&self, id: WorldId) -> StoreCall<'_, ()>;
@@ -75,6 +79,9 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// How long a silent server keeps its worlds.
     fn lease(&self) -> Duration;
 
+    /// The tenure of this server.
+    fn tenure(&self) -> Tenure;
+
     /// Whether this server certainly holds its lease.
     fn is_sure(&self) -> bool;
 
@@ -84,7 +91,7 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// [`StoreError::Expired`] if it is over.
     fn renew(&self) -> StoreCall<'_, ()>;
 
-    /// Gives up all worlds, and becomes a new server without any.
+    /// Gives up all worlds, and becomes a new server without any: the next tenure begins.
     fn rejoin(&self) -> StoreCall<'_, ()>;
 
     /// Ends the lease, so that others take over at once.
@@ -99,9 +106,13 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// Takes over worlds without a living server: this server's share of them, as long as it has at most `max_worlds`.
     fn claim(&self, max_worlds: usize) -> StoreCall<'_, Vec<WorldId>>;
 
-    /// Records what happened. Says for each world whether it is recorded; if not, the world is another server's. Worlds that were never saved
-    /// are left out.
-    fn record<'a>(&'a self, journals: &'a [(WorldId, Journal)]) -> StoreCall<'a, BTreeMap<WorldId, bool>>;
+    /// Records what happened in a tenure. Says for each world whether it is recorded; if not, the world is another server's. Worlds that
+    /// were never saved are left out, and all are if the tenure is over.
+    fn record<'a>(
+        &'a self,
+        tenure: Tenure,
+        journals: &'a [(WorldId, Journal)],
+    ) -> StoreCall<'a, BTreeMap<WorldId, bool>>;
 
     /// Where a world runs; `None` if there is no such world.
     fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>>;
@@ -123,7 +134,7 @@ impl WorldStore for StateFolder {
         })
     }
 
-    fn write(&self, world: SavedWorld, _: SavedLog) -> StoreCall<'_, ()> {
+    fn write(&self, _: Tenure, world: SavedWorld, _: SavedLog) -> StoreCall<'_, ()> {
         let folder = self.clone();
         Box::pin(on_disk(move || folder.replace(&world)))
     }

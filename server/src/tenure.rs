@@ -2,7 +2,7 @@
 //! them when its lease is not sure.
 
 use crate::ids::WorldId;
-use crate::store::{SharedStore, StoreError};
+use crate::store::{SharedStore, StoreError, Tenure};
 use crate::worlds::Worlds;
 use std::time::Duration;
 use tokio::sync::watch;
@@ -11,6 +11,8 @@ use tracing::{info, warn};
 
 /// Time between two records of what happened: so much longer than alone do clients wait for events, and for the answers to changes.
 const RECORD_EVERY: Duration = Duration::from_millis(25);
+/// Longest time between two looks for worlds without a server.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
 /// Pause before a world that was taken over is read again.
 const READ_PAUSE: Duration = Duration::from_millis(500);
 
@@ -38,6 +40,8 @@ async fn renew(worlds: &Worlds) {
         let renewed = if shared.is_sure() { bounded(pause, shared.renew()).await } else { Err(StoreError::Expired) };
         match renewed {
             Ok(()) => {}
+            // It has left.
+            Err(StoreError::Expired) if worlds.shutdown().is_triggered() => return,
             Err(StoreError::Expired) => {
                 worlds.lose_all("the lease of this server is over");
                 match bounded(shared.lease(), shared.rejoin()).await {
@@ -65,17 +69,17 @@ async fn guard(worlds: &Worlds) {
 
 async fn claim(worlds: &Worlds, ready: watch::Sender<bool>) {
     let shared = shared(worlds);
-    let pause = shared.lease() / 3;
+    let pause = (shared.lease() / 3).min(LOOK_EVERY);
     while !worlds.shutdown().is_triggered() {
         if shared.is_sure() {
-            let asked = Instant::now();
+            let (asked, tenure) = (Instant::now(), shared.tenure());
             match bounded(pause, shared.claim(worlds.config().max_worlds)).await {
                 Ok(claimed) => {
                     if !claimed.is_empty() {
                         info!(count = claimed.len(), ms = asked.elapsed().as_millis(), "worlds are taken over");
                     }
                     for id in claimed {
-                        tokio::spawn(take_over(worlds.clone(), id));
+                        tokio::spawn(take_over(worlds.clone(), id, tenure));
                     }
                     ready.send_replace(true);
                 }
@@ -88,9 +92,9 @@ async fn claim(worlds: &Worlds, ready: watch::Sender<bool>) {
 }
 
 /// Restores a world that this server has claimed, as soon as it can be read.
-async fn take_over(worlds: Worlds, id: WorldId) {
+async fn take_over(worlds: Worlds, id: WorldId, tenure: Tenure) {
     while !worlds.shutdown().is_triggered() {
-        match worlds.restore(id).await {
+        match worlds.restore(id, tenure).await {
             Ok(()) => return,
             Err(StoreError::Unavailable(error)) => warn!(world_id = id.0, error, "a world cannot be read yet"),
             Err(StoreError::Lost(_)) => return,
@@ -110,11 +114,14 @@ async fn record(worlds: &Worlds) {
     let mut is_failing = false;
     loop {
         due.tick().await;
+        let tenure = shared.tenure();
         let journals = worlds.unconfirmed().await;
-        if journals.is_empty() {
+        if journals.is_empty() || shared.tenure() != tenure {
             continue;
         }
-        match bounded(shared.lease(), shared.record(&journals)).await {
+        match bounded(shared.lease(), shared.record(tenure, &journals)).await {
+            // What there is by now are the worlds of the next tenure.
+            Ok(_) if shared.tenure() != tenure => {}
             Ok(recorded) => {
                 is_failing = false;
                 for (id, journal) in &journals {

@@ -268,7 +268,7 @@ impl Worlds {
         let world = HostedWorld::new(id, map, mode, self.shared.registry.clone())
             .with_bodies(vec![body])
             .with_solid_npcs(solid_npcs);
-        self.start(id, world, made, ticket)?;
+        self.start(id, world, (made, ticket), limit)?;
         self.keep_new(id).await?;
         info!(world_id = id.0, map = %map_hash, ?mode, client = &*caller.name, "world created");
         self.describe(caller, id).await
@@ -298,15 +298,14 @@ impl Worlds {
         self.shared.epoch.0
     }
 
-    /// Starts a world's thread and lists it; `made` is its map without pieces.
+    /// Starts a world's thread and lists it, unless there are `limit` worlds; `made` is its map without pieces.
     fn start(
         &self,
         id: WorldId,
         mut world: HostedWorld,
-        made: Arc<SharedMap>,
-        ticket: Ticket,
+        (made, ticket): (Arc<SharedMap>, Ticket),
+        limit: usize,
     ) -> Result<(), WorldsError> {
-        let limit = self.shared.config.max_worlds;
         let (mode, body, map) = (world.mode(), world.bodies()[0].clone(), world.map().clone());
         if self.shared_store().is_some() {
             world.await_confirmation();

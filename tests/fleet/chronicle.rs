@@ -46,7 +46,9 @@ pub async fn client_of(servers: &[String], world_id: u64) -> WorldServiceClient<
             && let Ok(channel) = dial(&address).await
         {
             let mut client = WorldServiceClient::new(channel);
-            if client.get_world(wire::GetWorldRequest { world_id }).await.is_ok() {
+            // A server that is stopped accepts connections and does not answer.
+            let ask = client.get_world(wire::GetWorldRequest { world_id });
+            if tokio::time::timeout(PATIENCE, ask).await.is_ok_and(|answer| answer.is_ok()) {
                 return client;
             }
         }

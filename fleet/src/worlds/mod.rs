@@ -9,14 +9,14 @@ use crate::blobs::{BlobId, Blobs};
 use crate::error::FleetError;
 use crate::member::{Member, MemberKind};
 use crate::record::Record;
-use rows::Tenure;
+use rows::Claim;
 use std::collections::BTreeMap;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, RwLock};
 use std::time::Duration;
 use surefoot_server::WorldId;
 use surefoot_server::hosted::{Journal, KeptWorld, SavedError, SavedLog, SavedWorld};
-use surefoot_server::store::{Place, SharedStore, StoreCall, StoreError, StoredWorld, WorldStore};
+use surefoot_server::store::{Place, SharedStore, StoreCall, StoreError, StoredWorld, Tenure, WorldStore};
 use tokio::sync::Notify;
 use tracing::warn;
 
@@ -39,7 +39,7 @@ pub struct FleetWorlds {
 /// A world of this server.
 #[derive(Debug, Clone, Copy)]
 struct Held {
-    tenure: Tenure,
+    claim: Claim,
     /// Name of the blob with the last save.
     blob: BlobId,
 }
@@ -79,16 +79,19 @@ impl FleetWorlds {
         self.held.lock().expect(POISON).get(&id).copied()
     }
 
-    async fn write_world(&self, world: SavedWorld, log: SavedLog) -> Result<(), StoreError> {
-        let (id, through, member) = (world.id(), log.written(), self.member());
+    async fn write_world(&self, tenure: Tenure, world: SavedWorld, log: SavedLog) -> Result<(), StoreError> {
+        let (id, through) = (world.id(), log.written());
         let held = self.held(id);
-        let tenure = match held {
-            Some(held) => held.tenure,
-            None => rows::new_tenure(&self.record, &member).await?,
+        let claim = match held {
+            Some(held) => held.claim,
+            None => rows::new_claim(&self.record, &self.member()).await?,
         };
+        if claim.member != tenure.0 {
+            return Err(StoreError::Lost(id));
+        }
         let encode = move || {
             // Saves of two tenures are two blobs, also of a world that stands still.
-            let mut bytes = tenure.token.to_le_bytes().to_vec();
+            let mut bytes = claim.token.to_le_bytes().to_vec();
             bytes.extend(KeptWorld { world, log }.encode());
             bytes
         };
@@ -96,19 +99,28 @@ impl FleetWorlds {
         let bytes = bytes.map_err(|error| StoreError::Unavailable(error.to_string()))?;
         let blob = self.blobs.put(bytes).await?;
         let is_ours = match held {
-            Some(_) => rows::save(&self.record, id, tenure, blob, through).await?,
-            None => rows::insert(&self.record, id, tenure, blob, through).await?,
+            Some(_) => rows::save(&self.record, id, claim, blob, through).await?,
+            None => rows::insert(&self.record, id, claim, blob, through).await?,
         };
         let unneeded = if is_ours { held.map(|held| held.blob) } else { Some(blob) };
-        if is_ours {
-            self.held.lock().expect(POISON).insert(id, Held { tenure, blob });
-        } else {
-            self.held.lock().expect(POISON).remove(&id);
-        }
+        self.note_save(id, Held { claim, blob }, is_ours);
         if let Some(unneeded) = unneeded.filter(|unneeded| *unneeded != blob || held.is_none_or(|it| it.blob != blob)) {
             self.clear(unneeded).await;
         }
         if is_ours { Ok(()) } else { Err(StoreError::Lost(id)) }
+    }
+
+    /// Takes in how a save ended, unless the world has been claimed anew meanwhile.
+    fn note_save(&self, id: WorldId, saved: Held, is_ours: bool) {
+        let mut held = self.held.lock().expect(POISON);
+        if held.get(&id).is_some_and(|now| now.claim.token != saved.claim.token) {
+            return;
+        }
+        if is_ours {
+            held.insert(id, saved)
+        } else {
+            held.remove(&id)
+        };
     }
 
     async fn read_world(&self, id: WorldId) -> Result<StoredWorld, StoreError> {
@@ -135,7 +147,13 @@ impl FleetWorlds {
     async fn claim_worlds(&self, max_worlds: usize) -> Result<Vec<WorldId>, StoreError> {
         let claimed = rows::claim(&self.record, &self.member(), max_worlds).await?;
         let mut held = self.held.lock().expect(POISON);
-        Ok(claimed.into_iter().map(|(id, tenure, blob)| (held.insert(id, Held { tenure, blob }), id).1).collect())
+        Ok(claimed
+            .into_iter()
+            .map(|(id, claim, blob)| {
+                held.insert(id, Held { claim, blob });
+                id
+            })
+            .collect())
     }
 }
 
@@ -149,14 +167,14 @@ impl WorldStore for FleetWorlds {
         Box::pin(self.read_world(id))
     }
 
-    fn write(&self, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()> {
-        Box::pin(self.write_world(world, log))
+    fn write(&self, tenure: Tenure, world: SavedWorld, log: SavedLog) -> StoreCall<'_, ()> {
+        Box::pin(self.write_world(tenure, world, log))
     }
 
     fn forget(&self, id: WorldId) -> StoreCall<'_, ()> {
         Box::pin(async move {
-            let Held { tenure, blob } = self.held(id).ok_or(StoreError::Lost(id))?;
-            if !rows::forget(&self.record, id, tenure).await? {
+            let Held { claim, blob } = self.held(id).ok_or(StoreError::Lost(id))?;
+            if !rows::forget(&self.record, id, claim).await? {
                 return Err(StoreError::Lost(id));
             }
             self.held.lock().expect(POISON).remove(&id);
@@ -173,6 +191,10 @@ impl WorldStore for FleetWorlds {
 impl SharedStore for FleetWorlds {
     fn lease(&self) -> Duration {
         self.member().lease()
+    }
+
+    fn tenure(&self) -> Tenure {
+        Tenure(self.member.read().expect(POISON).id)
     }
 
     fn is_sure(&self) -> bool {
@@ -221,9 +243,14 @@ impl SharedStore for FleetWorlds {
         Box::pin(self.claim_worlds(max_worlds))
     }
 
-    fn record<'a>(&'a self, journals: &'a [(WorldId, Journal)]) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
+    fn record<'a>(
+        &'a self,
+        tenure: Tenure,
+        journals: &'a [(WorldId, Journal)],
+    ) -> StoreCall<'a, BTreeMap<WorldId, bool>> {
         Box::pin(async move {
-            let held = journals.iter().filter_map(|(id, journal)| Some((*id, self.held(*id)?.tenure, journal)));
+            let held = journals.iter().filter_map(|(id, journal)| Some((*id, self.held(*id)?.claim, journal)));
+            let held = held.filter(|(_, claim, _)| claim.member == tenure.0);
             Ok(rows::append(&self.record, held.collect()).await?)
         })
     }

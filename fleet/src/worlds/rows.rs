@@ -19,19 +19,19 @@ const CHANNEL: &str = "surefoot_servers";
 /// Pause before a lost connection that listens is made again.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
-/// The time in which a server has a world.
+/// Why a server has a world.
 #[derive(Debug, Clone, Copy)]
-pub struct Tenure {
+pub struct Claim {
     /// The member that is the server.
     pub member: i64,
     /// Fencing token.
     pub token: i64,
 }
 
-/// A new tenure of a world that nobody had before.
-pub async fn new_tenure(record: &Record, member: &Member) -> Result<Tenure, FleetError> {
+/// A claim to a world that nobody had before.
+pub async fn new_claim(record: &Record, member: &Member) -> Result<Claim, FleetError> {
     let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&record.pool).await;
-    Ok(Tenure { member: member.id, token: token.map_err(|error| record.failed(error))? })
+    Ok(Claim { member: member.id, token: token.map_err(|error| record.failed(error))? })
 }
 
 /// Returns an id that no world has had.
@@ -46,7 +46,7 @@ pub async fn new_id(record: &Record, earliest: WorldId) -> Result<WorldId, Fleet
 pub async fn insert(
     record: &Record,
     id: WorldId,
-    tenure: Tenure,
+    claim: Claim,
     blob: BlobId,
     through: u64,
 ) -> Result<bool, FleetError> {
@@ -55,8 +55,8 @@ pub async fn insert(
          SELECT $1, id, $3, $4, $5, now() FROM members WHERE id = $2 AND expires_at > now()
          ON CONFLICT (id) DO NOTHING",
         id.0 as i64,
-        tenure.member,
-        tenure.token,
+        claim.member,
+        claim.token,
         &blob.0,
         through as i64,
     );
@@ -66,13 +66,7 @@ pub async fn insert(
 
 /// Lets the row of a world refer to another save, and removes events that are in it; false if another server has the world, or the lease
 /// is over.
-pub async fn save(
-    record: &Record,
-    id: WorldId,
-    tenure: Tenure,
-    blob: BlobId,
-    through: u64,
-) -> Result<bool, FleetError> {
+pub async fn save(record: &Record, id: WorldId, claim: Claim, blob: BlobId, through: u64) -> Result<bool, FleetError> {
     let saved = sqlx::query!(
         r#"WITH saved AS (
              UPDATE worlds SET blob = $4, through = $5, saved_at = now() FROM members
@@ -83,8 +77,8 @@ pub async fn save(
          )
          SELECT id FROM saved"#,
         id.0 as i64,
-        tenure.member,
-        tenure.token,
+        claim.member,
+        claim.token,
         &blob.0,
         through as i64,
     );
@@ -93,13 +87,13 @@ pub async fn save(
 }
 
 /// Removes a world; false if another server has it, or the lease is over.
-pub async fn forget(record: &Record, id: WorldId, tenure: Tenure) -> Result<bool, FleetError> {
+pub async fn forget(record: &Record, id: WorldId, claim: Claim) -> Result<bool, FleetError> {
     let removed = sqlx::query!(
         "DELETE FROM worlds USING members
          WHERE worlds.id = $1 AND owner = $2 AND token = $3 AND members.id = owner AND expires_at > now()",
         id.0 as i64,
-        tenure.member,
-        tenure.token,
+        claim.member,
+        claim.token,
     );
     let removed = removed.execute(&record.pool).await.map_err(|error| record.failed(error))?;
     Ok(removed.rows_affected() == 1)
@@ -111,25 +105,24 @@ pub async fn claim(
     record: &Record,
     member: &Member,
     max_worlds: usize,
-) -> Result<Vec<(WorldId, Tenure, BlobId)>, FleetError> {
+) -> Result<Vec<(WorldId, Claim, BlobId)>, FleetError> {
     let lease = member.lease().as_secs_f64();
     let claimed = sqlx::query!(
         r#"WITH own AS (SELECT count(*) AS count FROM worlds WHERE owner = $1),
          living AS (SELECT count(*) AS count FROM members WHERE kind = 'server' AND expires_at > now()),
          share AS (
-             SELECT (SELECT count(*) FROM worlds) / greatest(living.count, 1) + 1 - own.count AS room FROM living, own
+             SELECT (SELECT count(*) FROM worlds) / greatest(living.count, 1) + 1 - own.count AS count FROM living, own
          ),
-         free AS (
-             SELECT worlds.id, row_number() OVER (ORDER BY worlds.id) AS number,
-                    expires_at <= now() - make_interval(secs => $3) AS is_overdue
-             FROM worlds JOIN members ON members.id = owner WHERE expires_at <= now()
+         overdue AS (
+             SELECT count(*) AS count FROM worlds JOIN members ON members.id = owner
+             WHERE expires_at <= now() - make_interval(secs => $3)
          ),
          locked AS (
              SELECT worlds.id FROM worlds JOIN members ON members.id = owner
-             WHERE worlds.id IN (SELECT free.id FROM free, share WHERE number <= room OR is_overdue)
-               AND expires_at <= now()
-             ORDER BY worlds.id
-             LIMIT greatest($2 - (SELECT count FROM own), 0) FOR UPDATE OF worlds SKIP LOCKED
+             WHERE expires_at <= now() ORDER BY expires_at, worlds.id
+             LIMIT (SELECT greatest(least($2 - own.count, greatest(share.count, overdue.count)), 0)
+                    FROM own, share, overdue)
+             FOR UPDATE OF worlds SKIP LOCKED
          )
          UPDATE worlds SET owner = $1, token = nextval('tokens') FROM locked
          WHERE worlds.id = locked.id AND EXISTS (SELECT FROM members WHERE id = $1 AND expires_at > now())
@@ -140,8 +133,8 @@ pub async fn claim(
     );
     let claimed = claimed.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
     let claim = |row: (i64, i64, Vec<u8>)| {
-        let tenure = Tenure { member: member.id, token: row.1 };
-        Ok((WorldId(row.0 as u64), tenure, blob_id(record, row.2)?))
+        let claim = Claim { member: member.id, token: row.1 };
+        Ok((WorldId(row.0 as u64), claim, blob_id(record, row.2)?))
     };
     claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
 }
@@ -149,12 +142,12 @@ pub async fn claim(
 /// Appends what happened. Says for each world whether the server still has it, and it is recorded.
 pub async fn append(
     record: &Record,
-    journals: Vec<(WorldId, Tenure, &Journal)>,
+    journals: Vec<(WorldId, Claim, &Journal)>,
 ) -> Result<BTreeMap<WorldId, bool>, FleetError> {
-    let column = |of: fn(&(WorldId, Tenure, &Journal)) -> i64| journals.iter().map(of).collect::<Vec<_>>();
+    let column = |of: fn(&(WorldId, Claim, &Journal)) -> i64| journals.iter().map(of).collect::<Vec<_>>();
     let ids = column(|(id, ..)| id.0 as i64);
-    let owners = column(|(_, tenure, _)| tenure.member);
-    let tokens = column(|(_, tenure, _)| tenure.token);
+    let owners = column(|(_, claim, _)| claim.member);
+    let tokens = column(|(_, claim, _)| claim.token);
     let throughs = column(|(_, _, journal)| journal.through as i64);
     let events: Vec<Vec<u8>> = journals.iter().map(|(_, _, journal)| journal.encode()).collect();
     // Whoever takes a world over waits for this lock, or skips the world until the events are there; or has taken it, and the token is

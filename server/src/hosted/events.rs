@@ -112,7 +112,9 @@ impl EventLog {
     /// The events of a restored world, all of them confirmed: those in `kept`, in order, and no others after `dropped`. The next one follows
     /// `written`.
     pub(super) fn resumed(dropped: u64, kept: impl IntoIterator<Item = NpcEvent>, written: u64) -> Self {
-        Self { written, dropped, confirmed: Some(written), kept: kept.into_iter().collect() }
+        let mut log = Self { written, dropped, confirmed: Some(written), kept: kept.into_iter().collect() };
+        log.drop_beyond(KEPT_EVENTS);
+        log
     }
 
     /// Returns the sequence number of the latest event that readers may see; 0 if there is none yet.
@@ -147,13 +149,15 @@ impl EventLog {
         self.kept.range(self.kept.partition_point(|event| event.sequence <= after)..)
     }
 
+    /// Drops the oldest events but `count`.
+    fn drop_beyond(&mut self, count: usize) {
+        let surplus = self.kept.len().saturating_sub(count);
+        self.dropped = self.kept.drain(..surplus).next_back().map_or(self.dropped, |event| event.sequence);
+    }
+
     /// Appends an event.
     pub(super) fn push(&mut self, tick: Tick, time: SystemTime, npc: NpcId, kind: EventKind) {
-        if self.kept.len() == KEPT_EVENTS
-            && let Some(oldest) = self.kept.pop_front()
-        {
-            self.dropped = oldest.sequence;
-        }
+        self.drop_beyond(KEPT_EVENTS - 1);
         self.written += 1;
         self.kept.push_back(NpcEvent { sequence: self.written, tick, time, npc, kind });
     }

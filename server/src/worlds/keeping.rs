@@ -3,7 +3,7 @@
 use super::{POISON, WorldHandle, Worlds, WorldsError};
 use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, StateFolder};
 use crate::ids::WorldId;
-use crate::store::{Place, SharedStore, StoreError, StoredWorld, WorldStore};
+use crate::store::{Place, SharedStore, StoreError, StoredWorld, Tenure, WorldStore};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -87,7 +87,7 @@ impl Worlds {
         for id in store.list().await? {
             self.shared.last_world.fetch_max(id.0, Ordering::Relaxed);
             let restored = tokio::select! {
-                restored = self.restore(id) => restored,
+                restored = self.restore(id, Tenure::default()) => restored,
                 () = self.shared.shutdown.wait() => return Ok(()),
             };
             if let Err(error) = restored {
@@ -97,11 +97,16 @@ impl Worlds {
         Ok(())
     }
 
-    /// Restores one world, and starts it.
+    /// The tenure of this server, in a fleet.
+    fn tenure(&self) -> Tenure {
+        self.shared_store().map(SharedStore::tenure).unwrap_or_default()
+    }
+
+    /// Restores one world, and starts it, unless the tenure in which this began is over.
     ///
     /// # Errors
     /// If what is saved of it cannot be read, or not be used.
-    pub(crate) async fn restore(&self, id: WorldId) -> Result<(), StoreError> {
+    pub(crate) async fn restore(&self, id: WorldId, tenure: Tenure) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
         let StoredWorld { world: saved, since } = store.read(id).await?;
         let made = tokio::task::spawn_blocking(move || Ok::<_, SavedError>((saved.maps()?, saved))).await;
@@ -109,6 +114,9 @@ impl Worlds {
         let mut world = HostedWorld::restore(&saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
         if let Some((log, journals)) = since {
             world.resume(log, journals, &self.shared.npc_quota);
+        }
+        if self.tenure() != tenure {
+            return Err(StoreError::Lost(id));
         }
         let world_id = id.0;
         info!(world_id, npcs = world.npc_count(), tick = world.tick().0, "world restored");
@@ -119,7 +127,13 @@ impl Worlds {
         {
             warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
         }
-        if let Err(error) = self.start(id, world, self.maps().adopt(saved.owner(), made), ticket) {
+        let limit = if self.shared_store().is_some() {
+            // Others have counted this world as one of this server's.
+            usize::MAX
+        } else {
+            self.shared.config.max_worlds
+        };
+        if let Err(error) = self.start(id, world, (self.maps().adopt(saved.owner(), made), ticket), limit) {
             warn!(world_id, %error, "a saved world is not restored");
         }
         Ok(())
@@ -161,12 +175,18 @@ impl Worlds {
 
     /// Saves one world, and logs why not; with `is_last` it ends. A world that another server has is dropped.
     pub(crate) async fn save(&self, id: WorldId, is_last: bool) -> Result<(), StoreError> {
+        let tenure = self.tenure();
         let (Some(store), Ok(handle)) = (self.store(), self.handle(id)) else { return Ok(()) };
+        if self.tenure() != tenure {
+            return Ok(());
+        }
         // Goes on if nobody waits any more: a world that is dropped meanwhile must not come back.
-        let saving = tokio::spawn(save(handle, self.shared.levels.clone(), store.clone(), is_last));
+        let saving = tokio::spawn(save(handle, self.shared.levels.clone(), store.clone(), (tenure, is_last)));
         let saved = saving.await.unwrap_or(Ok(()));
         match &saved {
             Ok(()) => {}
+            // What runs here now may be the world of the next tenure.
+            Err(StoreError::Lost(_)) if self.tenure() != tenure => {}
             Err(StoreError::Lost(_)) => self.lose(id, "another server has it"),
             Err(error) => {
                 warn!(world_id = id.0, %error, "a world is not saved");
@@ -249,7 +269,7 @@ async fn save(
     handle: WorldHandle,
     levels: LevelStore,
     store: Arc<dyn WorldStore>,
-    is_last: bool,
+    (tenure, is_last): (Tenure, bool),
 ) -> Result<(), StoreError> {
     let WorldHandle { sim, ticket, shown, is_dropped, .. } = handle;
     let is_dropped = is_dropped.lock().await;
@@ -265,7 +285,7 @@ async fn save(
     });
     let Ok((saved, log)) = saved.await else { return Ok(()) };
     let through = log.written();
-    store.write(saved, log).await?;
+    store.write(tenure, saved, log).await?;
     // A world that has just ended has no readers.
     let _ = sim.cast(move |state| state.world.confirm(through));
     Ok(())

@@ -1,0 +1,124 @@
+//! What a fleet knows of a world beyond its last save, applied to it.
+
+use std::sync::Arc;
+use surefoot_server::WorldId;
+use surefoot_server::hosted::{HostedWorld, Journal, KeptWorld, NpcStatus, SavedMap, SpawnOrder, TimeMode};
+use surefoot_server::ids::NpcId;
+use surefoot_server::quota::Quota;
+use surefoot_server::registry::Registry;
+use surefoot_world::{CharacterProfile, Map, MapSpec, Seed, Vec3};
+
+/// A world whose NPCs stand on its ground, and further places there.
+fn world() -> (HostedWorld, Arc<Quota>, Vec<Vec3>) {
+    let map = Arc::new(Map::generate(&MapSpec::with_side(5, 60).expect("an allowed size")));
+    let body = CharacterProfile::default();
+    let places = HostedWorld::sample_ground(&map, &body, 16, Seed(1)).expect("ground");
+    let mut world = HostedWorld::new(WorldId(7), map, TimeMode::Realtime, Arc::new(Registry::default()));
+    world.await_confirmation();
+    let quota = Quota::new(64, "NPCs");
+    for &position in &places[..4] {
+        spawn(&mut world, &quota, position, Some(places[9]));
+    }
+    (world, quota, places)
+}
+
+fn spawn(world: &mut HostedWorld, quota: &Arc<Quota>, position: Vec3, goal: Option<Vec3>) -> NpcId {
+    let order = SpawnOrder { position, yaw: 0.5, goal, body: None };
+    world.spawn_to(order, 64, quota.grant("game")).expect("there is room")
+}
+
+fn kept(world: &HostedWorld) -> KeptWorld {
+    let source = SavedMap::of(world.map(), String::new());
+    let kept = KeptWorld { world: world.save("game", source), log: world.save_log() };
+    let decoded = KeptWorld::decode(&kept.encode()).expect("just encoded");
+    assert_eq!(decoded, kept);
+    decoded
+}
+
+fn restored(KeptWorld { world: saved, log }: KeptWorld, journals: Vec<Journal>, quota: &Arc<Quota>) -> HostedWorld {
+    let map = saved.maps().expect("the same map").map;
+    let mut world = HostedWorld::restore(&saved, map, Arc::new(Registry::default()), quota);
+    world.resume(log, journals, quota);
+    world
+}
+
+fn journal(world: &HostedWorld) -> Journal {
+    let journal = world.unconfirmed().expect("something happened");
+    assert_eq!(Journal::decode(journal.through, &journal.encode()).as_ref(), Ok(&journal));
+    journal
+}
+
+/// What clients know of NPCs, their places aside.
+fn known(world: &HostedWorld) -> Vec<(NpcId, NpcStatus, Option<Vec3>, u32, u32)> {
+    world.npcs().map(|npc| (npc.id, npc.status, npc.goal, npc.attempts_begun, npc.attempts_ended)).collect()
+}
+
+#[test]
+fn what_was_recorded_after_the_save_is_known_to_the_next_server() {
+    let (mut world, quota, places) = world();
+    (0..30).for_each(|_| world.step());
+    let ids: Vec<NpcId> = world.npcs().map(|npc| npc.id).collect();
+    let saved = kept(&world);
+    world.confirm(saved.log.written());
+    assert!(world.unconfirmed().is_none(), "the save has it");
+    // One gets another goal, one goes, one arrives, one comes.
+    world.set_goal(ids[0], places[10]).unwrap();
+    world.despawn(ids[1]).unwrap();
+    world.teleport(ids[2], places[9], 0.0).unwrap();
+    world.set_goal(ids[2], places[9]).unwrap();
+    let new = spawn(&mut world, &quota, places[5], Some(places[11]));
+    (0..10).for_each(|_| world.step());
+    let first = journal(&world);
+    world.set_goal(new, places[12]).unwrap();
+    // It is sent again, with what happened since, if nobody knows whether it arrived.
+    let second = journal(&world);
+    let told = world.events().written();
+    let next = restored(saved, vec![first, second], &quota);
+    assert_eq!(known(&next), known(&world));
+    assert!(known(&next).iter().any(|&(id, status, ..)| id == ids[2] && status == NpcStatus::Idle), "it has arrived");
+    assert_eq!(next.history(ids[2]).unwrap().len(), 1);
+    assert_eq!(next.counters().ends, world.counters().ends);
+    assert_eq!((next.events().latest(), next.events().written()), (told, told));
+    assert!(spawn_id(next, &quota, places[5]) > new, "ids are not given again");
+}
+
+fn spawn_id(mut world: HostedWorld, quota: &Arc<Quota>, position: Vec3) -> NpcId {
+    spawn(&mut world, quota, position, None)
+}
+
+#[test]
+fn readers_see_what_is_confirmed_and_resume_elsewhere_where_they_were() {
+    let (mut world, quota, places) = world();
+    assert!(world.events().after(0, 100).unwrap().is_empty(), "nothing is confirmed");
+    let first = journal(&world);
+    world.confirm(first.through);
+    let seen = world.events().after(0, 100).unwrap();
+    assert_eq!(seen.len(), 8, "four NPCs came, and four attempts began");
+    let saved = kept(&world);
+    let id = seen[0].npc;
+    world.set_goal(id, places[12]).unwrap();
+    let second = journal(&world);
+    // The server dies: its readers were told of the first eight events.
+    let mut next = restored(saved, vec![second], &quota);
+    let more = next.events().after(seen[7].sequence, 100).unwrap();
+    assert_eq!(more.iter().map(|event| event.sequence).collect::<Vec<_>>(), [9, 10]);
+    assert!(more.iter().all(|event| event.npc == id));
+    next.set_goal(id, places[13]).unwrap();
+    assert_eq!(next.events().after(10, 100).unwrap(), [], "not confirmed yet");
+    next.confirm(12);
+    assert_eq!(next.events().after(10, 100).unwrap().len(), 2);
+}
+
+#[test]
+fn damaged_saves_and_journals_are_refused() {
+    let (world, ..) = world();
+    let bytes = kept(&world).encode();
+    for at in (0..bytes.len()).step_by(97) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x10;
+        assert!(KeptWorld::decode(&damaged).is_err(), "byte {at}");
+    }
+    let journal = journal(&world);
+    assert!(Journal::decode(journal.through - 1, &journal.encode()).is_err(), "events after its number");
+    assert!(Journal::decode(journal.through, &journal.encode()[..9]).is_err());
+}
