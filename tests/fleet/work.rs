@@ -60,7 +60,7 @@ fn request(seed: u64, vertices: u32) -> wire::StartBuildRequest {
 
 /// One that takes some seconds: all probes of all candidates.
 fn long_request(seed: u64) -> wire::StartBuildRequest {
-    let request = request(seed, 400);
+    let request = request(seed, 300);
     let settings = request.settings.map(|it| wire::BuildSettings { probing: wire::Probing::Exhaustive.into(), ..it });
     wire::StartBuildRequest { settings, ..request }
 }
