@@ -22,7 +22,8 @@ use surefoot_planner_service::store::DiskStore;
 use surefoot_policy::Policy;
 use surefoot_proto::planner::v1 as wire;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
-use surefoot_proto::world::v1::{MapSize, MapSpec};
+use surefoot_proto::world::v1::map_service_client::MapServiceClient;
+use surefoot_proto::world::v1::{ImportMapRequest, MapFormat, MapSize, MapSpec};
 
 /// A subject of jobs that belong to nothing.
 const NOWHERE: &str = "00000000000000000000000000000000";
@@ -60,7 +61,7 @@ fn request(seed: u64, vertices: u32) -> wire::StartBuildRequest {
 
 /// One that takes some seconds: all probes of all candidates.
 fn long_request(seed: u64) -> wire::StartBuildRequest {
-    let request = request(seed, 400);
+    let request = request(seed, 300);
     let settings = request.settings.map(|it| wire::BuildSettings { probing: wire::Probing::Exhaustive.into(), ..it });
     wire::StartBuildRequest { settings, ..request }
 }
@@ -139,6 +140,39 @@ async fn a_build_does_without_provers_and_without_a_queue() {
     assert_eq!(build(&sharing, request(1, 60)).await, build(&alone, request(1, 60)).await, "no queue");
     assert_eq!(sharing.metric("surefoot_queue_connected"), Some(0.0));
     assert!(sharing.process.log().contains("the queue is away"), "it says so");
+}
+
+/// Imports a map into a planner, under a name of its own.
+async fn import(planner: &Surefoot, file: &[u8]) -> String {
+    let mut maps = MapServiceClient::new(planner.connect().await);
+    let (name, format) = ("level".to_owned(), MapFormat::Saved.into());
+    let request = ImportMapRequest { name, format, file: file.to_vec(), ..Default::default() };
+    maps.import_map(request).await.unwrap().into_inner().map.unwrap().map_hash
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn imported_levels_reach_provers_through_the_object_store() {
+    let ground = Ground::new();
+    let nats = Nats::start(&ground);
+    let file = ground.path("level.sfmap");
+    surefoot(&["map", "generate", "5", "--size", "80", "--out", file.to_str().unwrap()], &ground);
+    let file = std::fs::read(file).unwrap();
+    let alone = planner(&ground, "alone", None);
+    let sharing = planner(&ground, "sharing", Some(&nats));
+    let mut with_store = [prover(&ground, "with-store", &nats)];
+    ready(&with_store).await;
+    let of_level = async |planner: &Surefoot, seed: u64| {
+        let map_hash = import(planner, &file).await;
+        build(planner, wire::StartBuildRequest { map: None, map_hash, ..request(seed, 120) }).await
+    };
+    assert_eq!(of_level(&sharing, 0).await, of_level(&alone, 0).await);
+    assert!(done_by(&with_store) > 0.0, "it got the level");
+    with_store[0].process.kill();
+    let args = ["prove", "--threads", "1", "--nats", &nats.url()];
+    let without_store = [Surefoot::start(&args, &[], &ground.path("without-store.log"))];
+    ready(&without_store).await;
+    assert_eq!(of_level(&sharing, 1).await, of_level(&alone, 1).await, "its jobs are done by the planner");
+    assert_eq!(done_by(&without_store), 0.0);
 }
 
 /// How often processes are killed.

@@ -23,8 +23,7 @@ impl Process {
 
     /// CPU time so far, of all threads, s.
     pub fn cpu_s(&self) -> anyhow::Result<f64> {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.id())).context("no CPU times of a process")?;
-        cpu_s_in(&stat).context("the system reports no CPU times of a process")
+        cpu_s(&self.id().to_string())
     }
 
     /// Whether the process still runs.
@@ -33,21 +32,22 @@ impl Process {
     }
 }
 
+/// CPU time of a process so far, of all threads, s; `pid` may be `self`.
+pub fn cpu_s(pid: &str) -> anyhow::Result<f64> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).context("no CPU times of a process")?;
+    // The name of the program, in parentheses, may hold anything. User and system time follow, in hundredths of a second.
+    let after_name = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();
+    let times: Vec<f64> = after_name.skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
+    anyhow::ensure!(times.len() == 2, "the system reports no CPU times of a process");
+    Ok(times.iter().sum::<f64>() / 100.0)
+}
+
 impl Drop for Process {
     fn drop(&mut self) {
         // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
-}
-
-/// CPU time of a process, of all its threads, as its file `stat` says, s.
-pub fn cpu_s_in(stat: &str) -> Option<f64> {
-    // The name of the program, in parentheses, may hold anything. User and system time follow, in hundredths of a second.
-    let (_, after_name) = stat.rsplit_once(')')?;
-    let times: Vec<f64> =
-        after_name.split_whitespace().skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
-    (times.len() == 2).then(|| times.iter().sum::<f64>() / 100.0)
 }
 
 /// Starts a service of this program in a process of its own.

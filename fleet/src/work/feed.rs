@@ -79,7 +79,7 @@ impl Feed {
 impl Drop for Feed {
     fn drop(&mut self) {
         self.task.abort();
-        let rest: Vec<u64> = self.shared.sequences().drain(..).flatten().collect();
+        let rest: Vec<u64> = self.shared.sequences().iter_mut().filter_map(Option::take).collect();
         if !rest.is_empty() {
             let shared = self.shared.clone();
             self.shared.queue.runtime.spawn(async move { shared.remove(&rest).await });
@@ -146,8 +146,8 @@ impl Shared {
     }
 
     async fn read(&self, places: &HashMap<String, usize>, hear: &Hear) -> Result<std::convert::Infallible, FleetError> {
-        // Both streams are there before anything is sent.
-        self.queue.jobs().await?;
+        // All of it is there before anything is sent, so that autoscalers see jobs that wait where no prover is yet.
+        self.queue.consumer(&self.lane).await?;
         let reader = self.queue.reader(&self.scope).await?;
         let mut pending = reader.cached_info().num_pending;
         let messages = reader.stream().heartbeat(HEARTBEAT).expires(EXPIRES).messages().await;
@@ -168,6 +168,8 @@ impl Shared {
 
     fn hear(&self, idx: usize, job: JobId, bytes: &[u8], hear: &Hear) {
         match open_answer(job, bytes) {
+            // Somebody was told before; this time it may go better.
+            Ok(Err(_)) if !*self.is_read.borrow() => {}
             Ok(answer) => {
                 self.sequences()[idx] = None;
                 self.answers.send_modify(|count| *count += 1);

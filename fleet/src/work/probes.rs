@@ -306,3 +306,97 @@ impl Work for Run<'_> {
         self.watch.is_cancelled()
     }
 }
+
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefoot_planner::needs::Ride;
+    use surefoot_world::MapSpec;
+
+    fn probes(policy: &Policy, change: impl FnOnce(&mut Probes)) -> Opened {
+        let spec = MapSpec::with_side(7, 50).unwrap();
+        let trial = Trial {
+            start: Vec3::new(10.0, 40.0, 10.0),
+            via: None,
+            goal: Vec3::new(14.0, 40.0, 10.0),
+            stream: 1,
+            on_foot: false,
+            keep_track: false,
+            held: None,
+            ride: None,
+        };
+        let mut probes = Probes {
+            map: MapRef::Spec(spec),
+            profile: CharacterProfile::default(),
+            policy: policy.weights_hash().to_owned(),
+            senses_transports: true,
+            seed: 0,
+            trials: vec![trial; 3],
+        };
+        change(&mut probes);
+        Job::open(&Job::new(JobKind::Probes, 0, &probes).bytes).unwrap()
+    }
+
+    #[tokio::test]
+    async fn probes_that_cannot_be_run_are_refused() {
+        let policy = Policy::shipped().unwrap();
+        let grounds = Grounds::new(None);
+        let (result, count) = prove(&probes(&policy, |_| {}), &policy, &grounds).unwrap();
+        let reports: Vec<Reported> = decode(&result).unwrap();
+        assert_eq!((count, reports.len()), (3, 3));
+        type Change = fn(&mut Probes);
+        let changes: [(&str, bool, Change); 9] = [
+            ("another policy", false, |it| it.policy.clear()),
+            ("no store", false, |it| it.map = MapRef::Saved { map: [1; 32], blob: [2; 32] }),
+            ("no trials", true, |it| it.trials.clear()),
+            ("too many trials", true, |it| it.trials = vec![it.trials[0]; MAX_CHUNK + 1]),
+            ("nowhere", true, |it| it.trials[1].goal.x = f32::NAN),
+            ("far away", true, |it| it.trials[2].start.y = 1.0e30),
+            ("by a far place", true, |it| it.trials[0].via = Some(Vec3::INFINITY)),
+            ("a mover that is not there", true, |it| it.trials.iter_mut().for_each(|it| it.held = Some((3, 0)))),
+            ("a ride on it", true, |it| it.trials[0].ride = Some(Ride { mover: 0, from: 0, to: 1 })),
+        ];
+        for (what, is_final, change) in changes {
+            let refusal = prove(&probes(&policy, change), &policy, &grounds).unwrap_err();
+            assert_eq!(refusal.is_final, is_final, "{what}: {}", refusal.reason);
+        }
+    }
+
+    #[test]
+    fn outcomes_that_cannot_be_are_refused() {
+        let map = Map::generate(&MapSpec::with_side(7, 50).unwrap());
+        let start = Vec3::new(10.0, 40.0, 10.0);
+        let trial = |via| Trial {
+            start,
+            via,
+            goal: start,
+            stream: 0,
+            on_foot: false,
+            keep_track: false,
+            held: None,
+            ride: None,
+        };
+        let mut outcome = Outcome { reached: true, decisions: 7, ..Outcome::begin(start) };
+        let checked = |outcome: &Outcome, trial: &Trial| {
+            let reported: Reported = decode(&encode(&Reported::of(outcome))).unwrap();
+            reported.checked(trial, &map)
+        };
+        assert_eq!(checked(&outcome, &trial(None)).as_ref(), Some(&outcome));
+        outcome.approach = Some(Box::new(Outcome::begin(start)));
+        assert_eq!(checked(&outcome, &trial(Some(start))).as_ref(), Some(&outcome));
+        assert_eq!(checked(&outcome, &trial(None)), None, "no approach was to be made");
+        outcome.approach = None;
+        let wrong: [fn(&mut Outcome); 4] = [
+            |it| it.bounds[0].y = f32::NAN,
+            |it| it.bounds[0].x = it.bounds[1].x + 1.0,
+            |it| it.track.push(None),
+            |it| it.needs.add(Need { mover: 0, stops: 1 }),
+        ];
+        for change in wrong {
+            let mut changed = outcome.clone();
+            change(&mut changed);
+            assert_eq!(checked(&changed, &trial(None)), None, "{changed:?}");
+        }
+    }
+}

@@ -13,10 +13,11 @@ pub use measured::figures;
 
 #[cfg(feature = "fleet")]
 mod measured {
+    use super::super::median;
     use super::Figure;
     use crate::commands::core_count;
     use crate::commands::fleet::Shared;
-    use crate::commands::processes::{self, Process, free_address};
+    use crate::commands::processes::{self, Process, cpu_s, free_address};
     use anyhow::{Context, ensure};
     use std::cell::Cell;
     use std::process::{Child, Command, Stdio};
@@ -35,9 +36,19 @@ mod measured {
     const SIDE_M: u32 = 100;
     /// Most provers.
     const MAX_PROVERS: usize = 4;
+    /// Pairs of builds, one here and one by provers, of which the median counts: other work on the machine slows both.
+    const PAIRS: u64 = 3;
     /// Names of the figures of 1, 2 and more provers.
     const NAMES: [&str; MAX_PROVERS] =
         ["probes_per_s_1_prover", "probes_per_s_2_provers", "probes_per_s_3_provers", "probes_per_s_4_provers"];
+
+    /// Names of what a probe costs then.
+    const CPU_NAMES: [&str; MAX_PROVERS] = [
+        "cpu_us_per_probe_1_prover",
+        "cpu_us_per_probe_2_provers",
+        "cpu_us_per_probe_3_provers",
+        "cpu_us_per_probe_4_provers",
+    ];
 
     /// A NATS server, killed on drop.
     struct Nats(Child);
@@ -69,16 +80,33 @@ mod measured {
 
     /// All probes of all candidates: pauses between rounds are not the queue's.
     fn settings(seed: u64) -> anyhow::Result<BuildSettings> {
-        let raw = RawBuildSettings { vertices: 500, repeats: 3, seed, probing: Probing::Exhaustive, ..Default::default() };
+        let raw = RawBuildSettings { vertices: 300, repeats: 3, seed, probing: Probing::Exhaustive, ..Default::default() };
         Ok(raw.try_into()?)
     }
 
-    /// Builds a graph, and returns it with its probes per second.
-    fn probe(executor: &dyn ProbeExecutor, context: &ProbeContext, seed: u64) -> anyhow::Result<(Built, f64)> {
-        let started = Instant::now();
-        let built = build_by(executor, context, &settings(seed)?, core_count(), &Progress::default())?;
-        let rate = built.stats.probes as f64 / started.elapsed().as_secs_f64();
-        Ok((built, rate))
+    /// What a build took.
+    struct Measured {
+        built: Built,
+        probes_per_s: f64,
+        /// CPU time of this process and of all provers for a probe, us.
+        cpu_us: f64,
+    }
+
+    /// Builds a graph, and measures what it takes.
+    fn probe(
+        executor: &dyn ProbeExecutor,
+        context: &ProbeContext,
+        provers: &[Process],
+        seed: u64,
+    ) -> anyhow::Result<Measured> {
+        let cpu = || -> anyhow::Result<f64> {
+            let there: anyhow::Result<Vec<f64>> = provers.iter().map(Process::cpu_s).collect();
+            Ok(cpu_s("self")? + there?.iter().sum::<f64>())
+        };
+        let (started, before) = (Instant::now(), cpu()?);
+        let built = build_by(executor, context, &settings(seed)?, 1, &Progress::default())?;
+        let (seconds, probes) = (started.elapsed().as_secs_f64(), built.stats.probes as f64);
+        Ok(Measured { built, probes_per_s: probes / seconds, cpu_us: 1.0e6 * (cpu()? - before) / probes })
     }
 
     pub fn figures() -> anyhow::Result<Vec<Figure>> {
@@ -101,29 +129,36 @@ mod measured {
         let alone = |thread_count| InProcess { context: context.clone(), thread_count };
         let (job_bytes, result_bytes) = (Cell::new(0), Cell::new(0));
         let weighing = Weighing { inner: alone(1), queued: &queued, job_bytes, result_bytes };
-        let (expected, _) = probe(&weighing, &context, 0)?;
-        let (_, one) = probe(&alone(1), &context, 0)?;
-        let (_, all) = probe(&alone(core_count()), &context, 0)?;
-        let mut figures = vec![
-            Figure::new("probes_per_s_one_thread", one, "1/s"),
-            Figure::new("probes_per_s_all_threads", all, "1/s"),
-        ];
+        let weighed = probe(&weighing, &context, &[], 0)?;
+        let all = probe(&alone(core_count()), &context, &[], 0)?;
+        let mut figures = vec![Figure::new("probes_per_s_all_threads", all.probes_per_s, "1/s")];
         let mut provers: Vec<Process> = Vec::new();
-        for (idx, name) in NAMES.into_iter().enumerate() {
+        let mut cpu_here = Vec::new();
+        for (idx, name) in (0u64..).zip(NAMES) {
             let listen = free_address()?.to_string();
             provers.push(processes::start(&["prove", "--nats", &url, "--threads", "1", "--listen", &listen])?);
             // Until they are there and have made the map.
-            for seed in 1..=2 {
-                probe(&queued, &context, 100 * idx as u64 + seed)?;
+            probe(&queued, &context, &[], 100 + idx)?;
+            let (mut here, mut there, mut ratios, mut cpu) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+            for pair in 0..PAIRS {
+                // Results are kept for a while: what is measured must not be among them.
+                let seed = 1000 + PAIRS * idx + pair;
+                let one = probe(&alone(1), &context, &[], seed)?;
+                let shared = probe(&queued, &context, &provers, seed)?;
+                ensure!(one.built.graph.to_data() == shared.built.graph.to_data(), "provers built another graph");
+                ratios.push(shared.probes_per_s / one.probes_per_s);
+                there.push(shared.probes_per_s);
+                here.push(one.probes_per_s);
+                cpu.push(shared.cpu_us);
+                cpu_here.push(one.cpu_us);
             }
-            // Results are kept for a while: what is measured must not be among them.
-            let seed = 1000 + idx as u64;
-            let (built, rate) = probe(&queued, &context, seed)?;
-            let (again, _) = probe(&alone(core_count()), &context, seed)?;
-            ensure!(built.graph.to_data() == again.graph.to_data(), "provers built another graph");
-            figures.push(Figure::new(name, rate, "1/s").with_reference("one thread in process", one, true));
+            let (here, ratio) = (median(here), median(ratios));
+            let figure = Figure::new(name, median(there), "1/s").with_reference("one thread in process", here, true);
+            figures.push(Figure { ratio: Some(ratio), ..figure });
+            figures.push(Figure::new(CPU_NAMES[idx as usize], median(cpu), "us"));
         }
-        let probes = expected.stats.probes as f64;
+        figures.push(Figure::new("cpu_us_per_probe_in_process", median(cpu_here), "us"));
+        let probes = weighed.built.stats.probes as f64;
         figures.push(Figure::new("job_bytes_per_probe", weighing.job_bytes.get() as f64 / probes, "B"));
         figures.push(Figure::new("result_bytes_per_probe", weighing.result_bytes.get() as f64 / probes, "B"));
         Ok(figures)

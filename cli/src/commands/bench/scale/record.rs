@@ -2,6 +2,7 @@
 
 use super::load::RecordLoad;
 use crate::commands::bench::serve::{Scene, WORLDS};
+use crate::commands::processes::{connect, cpu_s};
 use crate::commands::services::CacheArgs;
 use anyhow::{Context, ensure};
 use std::time::{Duration, Instant};
@@ -61,7 +62,7 @@ pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
 
 /// Bytes of a saved world without NPCs, and of each NPC. Removes all worlds.
 async fn save_bytes(scene: &Scene, record: &Record, blobs: &Blobs) -> anyhow::Result<[f64; 2]> {
-    let mut client = WorldServiceClient::new(crate::commands::processes::connect(&scene.server_uri).await?);
+    let mut client = WorldServiceClient::new(connect(&scene.server_uri).await?);
     let map = Some(map_spec_to_wire(&MapSpec::new(1)));
     let empty = client.create_world(wire::CreateWorldRequest { map, ..Default::default() }).await?.into_inner();
     let empty = empty.world.context("a world")?.world_id;
@@ -88,10 +89,10 @@ async fn save_bytes(scene: &Scene, record: &Record, blobs: &Blobs) -> anyhow::Re
 fn postgres_cpu_s() -> anyhow::Result<f64> {
     let mut sum = 0.0;
     for entry in std::fs::read_dir("/proc").context("no processes are listed here")?.flatten() {
-        // It may end meanwhile.
-        let Ok(stat) = std::fs::read_to_string(entry.path().join("stat")) else { continue };
-        if stat.contains("(postgres)") {
-            sum += crate::commands::processes::cpu_s_in(&stat).unwrap_or_default();
+        let name = std::fs::read_to_string(entry.path().join("comm")).unwrap_or_default();
+        if name.trim() == "postgres" {
+            // It may end meanwhile.
+            sum += cpu_s(&entry.file_name().to_string_lossy()).unwrap_or_default();
         }
     }
     Ok(sum)
