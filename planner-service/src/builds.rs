@@ -249,9 +249,7 @@ impl Planner {
         let Wanted { job, id, .. } = interims.wanted;
         job.reach(Stage::Vertices);
         faults::pass("claimed");
-        // What another planner had done of it is lost.
-        job.progress.done.store(0, Ordering::Relaxed);
-        job.progress.total.store(0, Ordering::Relaxed);
+        job.forget_probes();
         let (started, threads) = (Instant::now(), self.shared.config.threads);
         let built = interims.publish_while(|| self.prove(interims.wanted, threads))?;
         self.shared.built.fetch_add(1, Ordering::Relaxed);

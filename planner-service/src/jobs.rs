@@ -230,6 +230,13 @@ impl Job {
         }
     }
 
+    /// Counts probes from 0, since what another planner had done of the graph is lost. The stage remains.
+    pub(crate) fn forget_probes(&self) {
+        self.state.send_modify(|state| self.note_probes(&mut state.stages));
+        self.progress.done.store(0, Ordering::Relaxed);
+        self.progress.total.store(0, Ordering::Relaxed);
+    }
+
     /// Notes that plans can be made on the graph although the build goes on.
     pub(crate) fn note_usable(&self, graph: GraphId) {
         self.state.send_modify(|state| state.usable = Some(graph));

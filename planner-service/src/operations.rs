@@ -37,6 +37,8 @@ impl Job {
         let Some(Posted { stage, done, total }) = posted.filter(|posted| !posted.stage.is_end()) else { return };
         if stage >= Stage::Vertices {
             self.reach(Stage::Vertices);
+            // A stage that watchers have seen remains, also if the next planner begins anew.
+            self.forget_probes();
             self.progress.done.store(done, Ordering::Relaxed);
             self.progress.total.store(total, Ordering::Relaxed);
         }
