@@ -142,6 +142,14 @@ impl SavedWorld {
             SavedMap::Spec(spec) => Map::generate(spec),
             SavedMap::File(_, bytes) => exchange::decode(bytes).map_err(|error| SavedError::File(self.id, error))?,
         });
+        self.maps_on(made)
+    }
+
+    /// Puts the world's pieces onto its map, which exists already.
+    ///
+    /// # Errors
+    /// If it is not the one that the world was saved with.
+    pub fn maps_on(&self, made: Arc<Map>) -> Result<RestoredMap, SavedError> {
         let map = made.holding(&self.pieces).map_err(|error| SavedError::Pieces(self.id, error))?;
         if map.hash() == self.map && self.state.fits(self.bodies.len(), &map) {
             Ok(RestoredMap { made, map })

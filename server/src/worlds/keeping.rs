@@ -7,7 +7,7 @@ use crate::store::{Place, SharedStore, StoreError, StoredWorld, Tenure, WorldSto
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
-use surefoot_net::levels::LevelStore;
+use surefoot_net::levels::{LevelStore, Made};
 use surefoot_net::serving::Caller;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -109,7 +109,15 @@ impl Worlds {
     pub(crate) async fn restore(&self, id: WorldId, tenure: Tenure) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
         let StoredWorld { world: saved, since } = store.read(id).await?;
-        let made = tokio::task::spawn_blocking(move || Ok::<_, SavedError>((saved.maps()?, saved))).await;
+        let shared = match saved.source() {
+            // Servers of a fleet take over many worlds at once, often on equal maps.
+            SavedMap::Spec(spec) if since.is_some() => self.maps().get(saved.owner(), &Made::Spec(*spec)).await.ok(),
+            _ => None,
+        };
+        let known = shared.as_ref().map(|shared| shared.map().clone());
+        let make =
+            move || Ok::<_, SavedError>((known.map_or_else(|| saved.maps(), |made| saved.maps_on(made))?, saved));
+        let made = tokio::task::spawn_blocking(make).await;
         let (RestoredMap { made, map }, saved) = made.map_err(|error| StoreError::Unavailable(error.to_string()))??;
         let mut world = HostedWorld::restore(&saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
         if let Some((log, journals)) = since {
@@ -133,7 +141,8 @@ impl Worlds {
         } else {
             self.shared.config.max_worlds
         };
-        if let Err(error) = self.start(id, world, (self.maps().adopt(saved.owner(), made), ticket), limit) {
+        let shared = shared.unwrap_or_else(|| self.maps().adopt(saved.owner(), made));
+        if let Err(error) = self.start(id, world, (shared, ticket), limit) {
             warn!(world_id, %error, "a saved world is not restored");
         }
         Ok(())
