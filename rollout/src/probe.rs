@@ -123,8 +123,7 @@ pub fn chunks(trials: &[Trial]) -> Vec<Vec<usize>> {
 
 /// The outcomes of all trials in their order, from those of their chunks.
 pub fn in_order(chunks: &[Vec<usize>], outcomes: Vec<Vec<Outcome>>) -> Vec<Outcome> {
-    let mut all: Vec<(usize, Outcome)> =
-        chunks.iter().flatten().copied().zip(outcomes.into_iter().flatten()).collect();
+    let mut all: Vec<(usize, Outcome)> = chunks.iter().flatten().copied().zip(outcomes.into_iter().flatten()).collect();
     all.sort_by_key(|(idx, _)| *idx);
     all.into_iter().map(|(_, outcome)| outcome).collect()
 }

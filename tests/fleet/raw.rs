@@ -96,11 +96,7 @@ impl Raw {
             let reply = (words.len() == 4 + sizes).then(|| words[3].to_owned());
             let mut bytes = vec![0; len + 2];
             self.read.read_exact(&mut bytes).ok()?;
-            return Some(Message {
-                subject: words[1].to_owned(),
-                reply,
-                payload: bytes[header_len..len].to_vec(),
-            });
+            return Some(Message { subject: words[1].to_owned(), reply, payload: bytes[header_len..len].to_vec() });
         }
     }
 }

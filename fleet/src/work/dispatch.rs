@@ -109,7 +109,12 @@ impl Dispatcher {
     ///
     /// # Errors
     /// If a job cannot be done by anybody.
-    pub fn run<W: Work>(&self, jobs: Vec<Job>, work: &W, threads: Threads) -> Result<Option<Vec<W::Output>>, FleetError> {
+    pub fn run<W: Work>(
+        &self,
+        jobs: Vec<Job>,
+        work: &W,
+        threads: Threads,
+    ) -> Result<Option<Vec<W::Output>>, FleetError> {
         let count = jobs.len();
         if count == 0 {
             return Ok(Some(Vec::new()));
@@ -133,11 +138,7 @@ impl Dispatcher {
             for idx in 0..thread_count {
                 let (events, board, feed, known) = (events.clone(), &*board, &feed, &*self.known);
                 scope.spawn(move || {
-                    let may_work = || {
-                        idx < threads.beside_provers
-                            || board.is_forsaken()
-                            || known.is_silent(since)
-                    };
+                    let may_work = || idx < threads.beside_provers || board.is_forsaken() || known.is_silent(since);
                     while !board.is_over() {
                         if !may_work() {
                             std::thread::sleep(TURN);

@@ -134,9 +134,9 @@ impl Probes {
         for (idx, trial) in self.trials.iter().enumerate() {
             let points = [Some(trial.start), trial.via, Some(trial.goal)];
             let is_held = trial.held.is_none_or(|(held, stop)| mover(held).is_some_and(|mover| has(mover, stop)));
-            let rides = trial.ride.is_none_or(|ride| {
-                mover(ride.mover).is_some_and(|mover| has(mover, ride.from) && has(mover, ride.to))
-            });
+            let rides = trial
+                .ride
+                .is_none_or(|ride| mover(ride.mover).is_some_and(|mover| has(mover, ride.from) && has(mover, ride.to)));
             if trial.held != first.held || !is_held || !rides || !points.into_iter().flatten().all(is_near) {
                 return Err(format!("trial {idx} cannot be run on this map"));
             }
@@ -209,7 +209,8 @@ impl ProbeExecutor for QueuedProbes {
     fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         let chunks = chunks(trials);
         let chunk = |chunk: &Vec<usize>| chunk.iter().map(|&idx| trials[idx]).collect::<Vec<Trial>>();
-        let work = Run { context: &self.context, chunks: &chunks, trials: chunks.iter().map(chunk).collect(), seed, watch };
+        let work =
+            Run { context: &self.context, chunks: &chunks, trials: chunks.iter().map(chunk).collect(), seed, watch };
         let jobs = self.jobs(&work);
         match self.dispatcher.run(jobs, &work, self.threads) {
             Ok(outcomes) => Some(in_order(&chunks, outcomes?)),
@@ -305,7 +306,6 @@ impl Work for Run<'_> {
         self.watch.is_cancelled()
     }
 }
-
 
 #[cfg(test)]
 mod tests {

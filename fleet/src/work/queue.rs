@@ -86,7 +86,10 @@ impl Queue {
     /// If a URL is malformed.
     pub async fn open(urls: &str) -> Result<Self, FleetError> {
         let malformed = |why: &dyn fmt::Display| {
-            FleetError::new("--nats", format!("{why}; it is nats://user:password@host:port, several are divided by commas"))
+            FleetError::new(
+                "--nats",
+                format!("{why}; it is nats://user:password@host:port, several are divided by commas"),
+            )
         };
         let addresses: Result<Vec<ServerAddr>, _> = urls.split(',').map(|url| url.trim().parse()).collect();
         let addresses = addresses.map_err(|error: std::io::Error| malformed(&error))?;
@@ -94,8 +97,9 @@ impl Queue {
             addresses.iter().map(|address| format!("nats://{}:{}", address.host(), address.port())).collect();
         let place = places.join(",");
         let options = ConnectOptions::new().name("surefoot").retry_on_initial_connect().request_timeout(Some(PATIENCE));
-        let options = options
-            .reconnect_delay_callback(|attempts| Duration::from_millis(50 << attempts.min(5)).min(Duration::from_secs(1)));
+        let options = options.reconnect_delay_callback(|attempts| {
+            Duration::from_millis(50 << attempts.min(5)).min(Duration::from_secs(1))
+        });
         let client = options.connect(addresses).await.map_err(|error| FleetError::new(place.clone(), error))?;
         let context = ContextBuilder::new().timeout(PATIENCE).ack_timeout(PATIENCE).build(client);
         Ok(Self { context, place, is_away: Arc::default(), runtime: Handle::current() })

@@ -201,7 +201,9 @@ impl Args {
         self.nats.check()?;
         let is_whole = self.suite.is_none() && self.shard.is_none() && game.is_none() && graph.is_none();
         if self.nats.nats.is_some() && !is_whole {
-            bail!("--nats cannot be combined with --suite, --shard, --world or --graph: provers run whole evaluations on one model");
+            bail!(
+                "--nats cannot be combined with --suite, --shard, --world or --graph: provers run whole evaluations on one model"
+            );
         }
         if graph.is_some() && self.method == "policy" {
             bail!("--graph has no use with --method policy");

@@ -14,11 +14,7 @@ use surefoot_policy::Policy;
 /// Has provers run the units, if there is a queue. They are saved in the folder of the configuration, or in one that ends with what is
 /// returned.
 #[cfg(feature = "fleet")]
-fn share(
-    args: &Args,
-    policy: &Policy,
-    config: EvalConfig,
-) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
+fn share(args: &Args, policy: &Policy, config: EvalConfig) -> anyhow::Result<(EvalConfig, Option<tempfile::TempDir>)> {
     use crate::commands::fleet::{Shared, units};
     use surefoot_fleet::work::dispatch::Threads;
 

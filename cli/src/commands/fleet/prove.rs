@@ -33,7 +33,8 @@ pub struct Args {
 
 #[cfg(not(feature = "fleet"))]
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let _ = (&args.listen, &args.nats.nats, &args.blobs.blobs, &args.model, args.threads, args.print_lane, &args.endpoint);
+    let _ =
+        (&args.listen, &args.nats.nats, &args.blobs.blobs, &args.model, args.threads, args.print_lane, &args.endpoint);
     anyhow::bail!("surefoot prove needs a program that was built with --features fleet")
 }
 
