@@ -258,6 +258,63 @@ async fn a_planner_that_is_killed_goes_on_with_what_was_proved() {
     assert!(sharing.metric("surefoot_jobs_settled_total") > Some(3.0), "what was proved before was used");
 }
 
+/// Most kills of the planner in one build, which could not end otherwise.
+const MAX_PLANNER_KILLS: u32 = 3;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn whatever_is_killed_at_random_changes_no_graph() {
+    let ground = Ground::new();
+    let mut nats = Nats::start(&ground);
+    let alone = planner(&ground, "alone", None);
+    let mut sharing = planner(&ground, "sharing", Some(&nats));
+    let mut provers = ["one", "two"].map(|name| prover(&ground, name, &nats));
+    ready(&provers).await;
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut kills = [0; 4];
+    for seed in 0..rounds() {
+        let expected = build(&alone, long_request(seed)).await;
+        let mut planner_kills = 0;
+        let found = loop {
+            let mut building = Box::pin(try_build(&sharing, long_request(seed)));
+            let found = loop {
+                let pause = Duration::from_millis(rng.random_range(100..700));
+                tokio::select! {
+                    found = &mut building => break Some(found.expect("the planner stays")),
+                    () = tokio::time::sleep(pause) => {}
+                }
+                let victim = rng.random_range(0..4);
+                match victim {
+                    0 | 1 => provers[victim].restart(),
+                    2 => {
+                        nats.kill();
+                        nats.start_again();
+                    }
+                    _ if planner_kills < MAX_PLANNER_KILLS => break None,
+                    _ => continue,
+                }
+                kills[victim] += 1;
+            };
+            if let Some(found) = found {
+                break found;
+            }
+            drop(building);
+            sharing.restart();
+            planner_kills += 1;
+            kills[3] += 1;
+        };
+        assert_eq!(found, expected, "seed {seed}");
+    }
+    println!(
+        "{} graphs; killed: provers {} and {}, NATS {}, the planner {}",
+        rounds(),
+        kills[0],
+        kills[1],
+        kills[2],
+        kills[3]
+    );
+    assert!(kills.iter().sum::<u32>() > 0, "the builds were too short to be disturbed");
+}
+
 /// Repeats every result, sends it to other jobs as well, and damages it, until it is told to stop. Returns how many it saw.
 fn meddle(address: SocketAddr, stop: Arc<AtomicBool>) -> std::thread::JoinHandle<usize> {
     let mut raw = Raw::connect(address);
