@@ -85,7 +85,7 @@ fn what_is_printed_can_be_fed_back() {
 
 #[test]
 fn every_flag_of_the_services_has_a_variable() {
-    for command in ["serve", "plan", "work", "up"] {
+    for command in ["serve", "plan", "work", "prove", "up"] {
         let help = printed(&[command, "--help"], &[]);
         let own = ["--help", "--version", "--print-config"];
         let mut variables = BTreeMap::new();
@@ -121,7 +121,7 @@ fn a_faulty_file_is_refused_with_what_and_where() {
     let folder = tempfile::tempdir().unwrap();
     for (text, words) in [
         ("[serve]\nmax_npc = 1", &["[serve] has no key `max_npc`", "known are", "max_npcs", "max_worlds"][..]),
-        ("[server]\nmax_npcs = 1", &["no table [server]", "[common], [serve], [plan], [work], [up]"]),
+        ("[server]\nmax_npcs = 1", &["no table [server]", "[common], [serve], [plan], [work], [prove], [up]"]),
         ("max_npcs = 1", &["no table [max_npcs]"]),
         ("serve = 1", &["`serve` must be a table"]),
         ("[common]\ncache_sizes = 1", &["[common] has no key `cache_sizes`", "cache_size"]),

@@ -126,7 +126,10 @@ async fn a_graph_of_two_provers_has_the_bytes_of_one_process() {
     let [alone, sharing] = ["alone-cache", "sharing-cache"].map(|cache| entries(&ground.path(cache), &ids));
     assert!(alone == sharing && alone.iter().all(|entry| entry.len() > 1000));
     assert!(provers.iter().all(|prover| prover.metric("surefoot_jobs_done_total") > Some(0.0)), "both had work");
-    assert!(provers[0].metric("surefoot_probes_total") > Some(30.0) && provers[0].metric("surefoot_job_seconds_total") > Some(0.0));
+    assert!(
+        provers[0].metric("surefoot_probes_total") > Some(30.0)
+            && provers[0].metric("surefoot_job_seconds_total") > Some(0.0)
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -181,12 +184,7 @@ fn rounds() -> u64 {
 }
 
 /// Builds graphs while `kill` is called at random moments.
-async fn survive(
-    alone: &Surefoot,
-    sharing: &Surefoot,
-    mut rng: ChaCha8Rng,
-    mut kill: impl FnMut(&mut ChaCha8Rng),
-) {
+async fn survive(alone: &Surefoot, sharing: &Surefoot, mut rng: ChaCha8Rng, mut kill: impl FnMut(&mut ChaCha8Rng)) {
     let mut killed = 0;
     for seed in 0..rounds() {
         let expected = build(alone, long_request(seed)).await;
@@ -260,6 +258,63 @@ async fn a_planner_that_is_killed_goes_on_with_what_was_proved() {
     assert!(sharing.metric("surefoot_jobs_settled_total") > Some(3.0), "what was proved before was used");
 }
 
+/// Most kills of the planner in one build, which could not end otherwise.
+const MAX_PLANNER_KILLS: u32 = 3;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn whatever_is_killed_at_random_changes_no_graph() {
+    let ground = Ground::new();
+    let mut nats = Nats::start(&ground);
+    let alone = planner(&ground, "alone", None);
+    let mut sharing = planner(&ground, "sharing", Some(&nats));
+    let mut provers = ["one", "two"].map(|name| prover(&ground, name, &nats));
+    ready(&provers).await;
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut kills = [0; 4];
+    for seed in 0..rounds() {
+        let expected = build(&alone, long_request(seed)).await;
+        let mut planner_kills = 0;
+        let found = loop {
+            let mut building = Box::pin(try_build(&sharing, long_request(seed)));
+            let found = loop {
+                let pause = Duration::from_millis(rng.random_range(100..700));
+                tokio::select! {
+                    found = &mut building => break Some(found.expect("the planner stays")),
+                    () = tokio::time::sleep(pause) => {}
+                }
+                let victim = rng.random_range(0..4);
+                match victim {
+                    0 | 1 => provers[victim].restart(),
+                    2 => {
+                        nats.kill();
+                        nats.start_again();
+                    }
+                    _ if planner_kills < MAX_PLANNER_KILLS => break None,
+                    _ => continue,
+                }
+                kills[victim] += 1;
+            };
+            if let Some(found) = found {
+                break found;
+            }
+            drop(building);
+            sharing.restart();
+            planner_kills += 1;
+            kills[3] += 1;
+        };
+        assert_eq!(found, expected, "seed {seed}");
+    }
+    println!(
+        "{} graphs; killed: provers {} and {}, NATS {}, the planner {}",
+        rounds(),
+        kills[0],
+        kills[1],
+        kills[2],
+        kills[3]
+    );
+    assert!(kills.iter().sum::<u32>() > 0, "the builds were too short to be disturbed");
+}
+
 /// Repeats every result, sends it to other jobs as well, and damages it, until it is told to stop. Returns how many it saw.
 fn meddle(address: SocketAddr, stop: Arc<AtomicBool>) -> std::thread::JoinHandle<usize> {
     let mut raw = Raw::connect(address);
@@ -329,7 +384,8 @@ async fn hostile_messages_are_removed_and_provers_go_on() {
     ];
     nonsense.iter().for_each(|job| raw.publish(&subject, &job.bytes));
     raw.publish(&format!("surefoot.jobs.{}.elsewhere", lane()), &whole);
-    wait_until("all of them are refused", || async { provers[0].metric("surefoot_jobs_failed_total") >= Some(3.0) }).await;
+    wait_until("all of them are refused", || async { provers[0].metric("surefoot_jobs_failed_total") >= Some(3.0) })
+        .await;
     assert!(provers[0].process.is_running());
     let sharing = planner(&ground, "sharing", Some(&nats));
     build(&sharing, request(0, 120)).await;
@@ -426,10 +482,18 @@ async fn cancelled_work_leaves_the_queue() {
         let count = info.split("\"messages\":").nth(1)?;
         count.split(|digit: char| !digit.is_ascii_digit()).next()?.parse::<u32>().ok()
     };
-    wait_until("jobs wait", || { let count = waiting(); async move { count >= Some(7) } }).await;
+    wait_until("jobs wait", || {
+        let count = waiting();
+        async move { count >= Some(7) }
+    })
+    .await;
     work.cancelled.store(true, Ordering::Relaxed);
     assert_eq!(running.await.unwrap().unwrap(), None);
-    wait_until("none is left", || { let count = waiting(); async move { count == Some(0) } }).await;
+    wait_until("none is left", || {
+        let count = waiting();
+        async move { count == Some(0) }
+    })
+    .await;
 }
 
 /// Runs a command of ours to its end and returns what it prints.
@@ -472,7 +536,19 @@ async fn an_evaluation_by_provers_equals_one_in_one_piece() {
     let there = ground.path("there");
     let (url, blobs) = (nats.url(), ground.blobs());
     let alone = ["--seed", "0..3", "--json", "--out", here.to_str().unwrap()];
-    let shared = ["--seed", "0..3", "--json", "--threads", "1", "--out", there.to_str().unwrap(), "--nats", &url, "--blobs", &blobs];
+    let shared = [
+        "--seed",
+        "0..3",
+        "--json",
+        "--threads",
+        "1",
+        "--out",
+        there.to_str().unwrap(),
+        "--nats",
+        &url,
+        "--blobs",
+        &blobs,
+    ];
     surefoot(&[&common[..], &alone].concat(), &ground);
     surefoot(&[&common[..], &shared].concat(), &ground);
     let (alone, shared) = (units(&here), units(&there));

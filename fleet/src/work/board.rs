@@ -61,7 +61,11 @@ impl Board {
     /// answer is lost is sent again, or done here.
     pub fn admit(&self, idx: usize) -> bool {
         let limit = 2 * self.settled.len();
-        !self.is_settled(idx) && self.heard.try_update(Ordering::AcqRel, Ordering::Acquire, |heard| (heard < limit).then_some(heard + 1)).is_ok()
+        !self.is_settled(idx)
+            && self
+                .heard
+                .try_update(Ordering::AcqRel, Ordering::Acquire, |heard| (heard < limit).then_some(heard + 1))
+                .is_ok()
     }
 
     /// Notes that an answer was read.

@@ -181,9 +181,8 @@ impl Shared {
 
     /// Removes jobs from the queue, as far as it is there. Those that are done are no longer in it.
     async fn remove(&self, sequences: &[u64]) {
-        let Ok(stream) = self.queue.jobs().await else { return };
         for &sequence in sequences {
-            let _ = stream.delete_message(sequence).await;
+            self.queue.remove(sequence).await;
         }
     }
 }

@@ -307,7 +307,6 @@ impl Work for Run<'_> {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;

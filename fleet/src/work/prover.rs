@@ -122,6 +122,7 @@ impl Prover {
     /// Does one job after the other until `shutdown`.
     async fn pull(&self, shutdown: &Shutdown) -> Result<(), FleetError> {
         let consumer = self.queue.consumer(&self.lane).await?;
+        self.queue.results().await?;
         // One at a time: the next is requested when this one is done, so that nobody sits on jobs.
         let messages = consumer.stream().max_messages_per_batch(1).heartbeat(HEARTBEAT).expires(EXPIRES);
         let mut messages = messages.messages().await.map_err(|error| self.queue.failed(error))?;

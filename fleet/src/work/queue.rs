@@ -221,7 +221,7 @@ impl Queue {
 
     /// Whether the job is done already: it was sent twice, or its prover died before it could say so.
     pub(super) async fn is_answered(&self, scope: &Scope, job: JobId) -> bool {
-        let Ok(results) = self.results().await else { return false };
+        let Ok(results) = self.context.get_stream_no_info(RESULTS).await else { return false };
         let found = results.direct_get_last_for_subject(result_subject(scope, job)).await;
         found.is_ok_and(|found| matches!(open_answer(job, &found.payload), Ok(Ok(_))))
     }
@@ -241,6 +241,13 @@ impl Queue {
         let publish = PublishMessage::build().payload(bytes.into()).header("Reason", reason.as_str());
         self.publish(format!("surefoot.dead.{lane}"), publish).await?;
         Ok(())
+    }
+
+    /// Removes a job that nobody has begun.
+    pub(super) async fn remove(&self, sequence: u64) {
+        let Ok(jobs) = self.context.get_stream_no_info(JOBS).await else { return };
+        // It may be done already. If the queue is away, a prover does it for nobody.
+        let _ = jobs.delete_message(sequence).await;
     }
 
     async fn publish(&self, subject: String, publish: PublishMessage) -> Result<u64, FleetError> {

@@ -80,7 +80,8 @@ mod measured {
 
     /// All probes of all candidates: pauses between rounds are not the queue's.
     fn settings(seed: u64) -> anyhow::Result<BuildSettings> {
-        let raw = RawBuildSettings { vertices: 300, repeats: 3, seed, probing: Probing::Exhaustive, ..Default::default() };
+        let raw =
+            RawBuildSettings { vertices: 300, repeats: 3, seed, probing: Probing::Exhaustive, ..Default::default() };
         Ok(raw.try_into()?)
     }
 

@@ -198,7 +198,8 @@ impl Work for Units<'_> {
     }
 
     fn read(&self, idx: usize, result: &[u8]) -> Result<Unit, String> {
-        let unit: Unit = serde_json::from_reader(GzDecoder::new(result).take(MAX_UNIT_BYTES)).map_err(|error| error.to_string())?;
+        let unit: Unit =
+            serde_json::from_reader(GzDecoder::new(result).take(MAX_UNIT_BYTES)).map_err(|error| error.to_string())?;
         let (choice, seed) = &self.choices[idx];
         let counts = [unit.distances.len(), unit.reachable.len(), unit.on_foot.len(), unit.attempts.len()];
         let is_wanted = unit.map == choice.name() && unit.seed == *seed && counts == [self.config.goals; 4];
