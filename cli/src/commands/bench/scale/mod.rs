@@ -11,8 +11,8 @@ use super::serve::{TARGET_LATE_SHARE, TARGET_ON_TIME, TARGET_P99_MS};
 use super::{Args, Figure};
 use anyhow::Context;
 use load::Load;
-use model::Model;
-use simulation::{Fleet, Played};
+use model::{Fleet, Model};
+use simulation::{Played, play};
 
 /// Numbers of servers that are simulated.
 const SERVERS: [usize; 3] = [1, 4, 16];
@@ -60,7 +60,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
 fn compare_with_what_was_measured(load: &Load, model: &Model) {
     eprintln!("\nthe recorded machine, {} cores for all parts: simulated and measured", load.cores);
     for rung in &load.rungs {
-        let played = Fleet::on_one_machine(load, rung.npcs).play(model, load);
+        let played = play(Fleet::on_one_machine(load, rung.npcs), model, load);
         eprintln!(
             "{:>5} NPCs: tick p50 {:.2} and {:.2} ms, p99 {:.2} and {:.2} ms, late {:.3} and {:.3} %, cores busy {:.1} and {:.1} %",
             rung.npcs,
@@ -82,7 +82,7 @@ fn most_held(load: &Load, model: &Model, servers: usize) -> usize {
     let mut held = 0;
     for npcs in LADDER {
         let fleet = Fleet::planned(model, servers, SERVER_CORES, npcs, PLANNED_SHARE);
-        let played = fleet.play(model, load);
+        let played = play(fleet, model, load);
         let expected = model.shares(&fleet);
         let is_held = is_held(&played);
         let of = |share: f64| 100.0 * share;

@@ -1,7 +1,6 @@
 //! The model of capacity: what each part takes, as straight lines through the recorded load, and what follows for a fleet.
 
 use super::load::{Load, RecordLoad};
-use super::simulation::Fleet;
 use crate::commands::bench::Figure;
 use anyhow::ensure;
 
@@ -9,6 +8,9 @@ use anyhow::ensure;
 pub const TICKS_PER_S: f64 = 60.0;
 /// Decisions of an NPC in a second.
 pub const DECISIONS_PER_S: f64 = 6.0;
+
+/// Cores of the record.
+const CORES_OF_RECORD: usize = 4;
 
 /// CPU time that grows with the number of NPCs: `fixed + each * npcs`.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +56,49 @@ pub struct Model {
     pub worlds: usize,
     /// The record.
     pub record: RecordLoad,
+}
+
+/// A fleet.
+#[derive(Debug, Clone, Copy)]
+pub struct Fleet {
+    /// Number of servers.
+    pub servers: usize,
+    /// Cores of each server.
+    pub server_cores: usize,
+    /// NPCs of each server.
+    pub npcs: usize,
+    /// Workers, each of one core.
+    pub workers: usize,
+    /// Planners, each of one core.
+    pub planners: usize,
+    /// Cores of the record.
+    pub record_cores: usize,
+    /// All parts share the cores of the one server.
+    pub shares_cores: bool,
+}
+
+impl Fleet {
+    /// A fleet with as few workers and planners as are busy for at most `share` of the time.
+    pub fn planned(model: &Model, servers: usize, server_cores: usize, npcs: usize, share: f64) -> Self {
+        let all = (servers * npcs) as f64;
+        let [_, worker, planner] = model.cores(all, (servers * model.worlds) as f64);
+        let count = |cores: f64| ((cores / share).ceil() as usize).max(1);
+        Self {
+            servers,
+            server_cores,
+            npcs,
+            workers: count(worker),
+            planners: count(planner),
+            record_cores: CORES_OF_RECORD,
+            shares_cores: false,
+        }
+    }
+
+    /// The deployment that was recorded: all parts on the same cores.
+    pub fn on_one_machine(load: &Load, npcs: usize) -> Self {
+        let (servers, workers, planners) = (1, 1, 1);
+        Self { servers, server_cores: load.cores, npcs, workers, planners, record_cores: 1, shares_cores: true }
+    }
 }
 
 /// Shares of what the parts of a fleet could do, 0 to 1.

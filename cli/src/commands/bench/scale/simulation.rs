@@ -2,7 +2,7 @@
 //! from the recorded load; a seed fixes the draws.
 
 use super::load::{Load, RecordLoad};
-use super::model::{DECISIONS_PER_S, Model, TICKS_PER_S};
+use super::model::{DECISIONS_PER_S, Fleet, Model, TICKS_PER_S};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::cmp::{Ordering, Reverse};
@@ -17,56 +17,11 @@ const SEED: u64 = 1;
 const ANSWER_WITHIN_S: f64 = 1.0 / DECISIONS_PER_S;
 /// Way from a server to a worker, or back, s.
 const HOP_S: f64 = 0.0005;
-/// Cores of the record.
-const CORES_OF_RECORD: usize = 4;
 
-/// A fleet.
-#[derive(Debug, Clone, Copy)]
-pub struct Fleet {
-    /// Number of servers.
-    pub servers: usize,
-    /// Cores of each server.
-    pub server_cores: usize,
-    /// NPCs of each server.
-    pub npcs: usize,
-    /// Workers, each of one core.
-    pub workers: usize,
-    /// Planners, each of one core.
-    pub planners: usize,
-    /// Cores of the record.
-    pub record_cores: usize,
-    /// All parts share the cores of the one server.
-    shares_cores: bool,
-}
-
-impl Fleet {
-    /// A fleet with as few workers and planners as are busy for at most `share` of the time.
-    pub fn planned(model: &Model, servers: usize, server_cores: usize, npcs: usize, share: f64) -> Self {
-        let all = (servers * npcs) as f64;
-        let [_, worker, planner] = model.cores(all, (servers * model.worlds) as f64);
-        let count = |cores: f64| ((cores / share).ceil() as usize).max(1);
-        Self {
-            servers,
-            server_cores,
-            npcs,
-            workers: count(worker),
-            planners: count(planner),
-            record_cores: CORES_OF_RECORD,
-            shares_cores: false,
-        }
-    }
-
-    /// The deployment that was recorded: all parts on the same cores.
-    pub fn on_one_machine(load: &Load, npcs: usize) -> Self {
-        let (servers, workers, planners) = (1, 1, 1);
-        Self { servers, server_cores: load.cores, npcs, workers, planners, record_cores: 1, shares_cores: true }
-    }
-
-    /// Plays a minute.
-    pub fn play(&self, model: &Model, load: &Load) -> Played {
-        let shape = Shape::of(load, self.npcs);
-        Simulation::new(*self, model, shape).run()
-    }
+/// Plays a minute of a fleet.
+pub fn play(fleet: Fleet, model: &Model, load: &Load) -> Played {
+    let shape = Shape::of(load, fleet.npcs);
+    Simulation::new(fleet, model, shape).run()
 }
 
 /// What came out of a simulation.
