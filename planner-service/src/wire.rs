@@ -388,7 +388,7 @@ mod tests {
     use super::*;
     use surefoot_net::memory::MemoryBudget;
     use surefoot_world::MapSpec;
-    use surefoot_world::character::BODIES;
+    use surefoot_world::character::bodies::BODIES;
 
     #[tokio::test]
     async fn a_recipe_makes_the_same_graph() {
