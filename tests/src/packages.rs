@@ -64,7 +64,8 @@ pub fn features(about: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
 /// # Panics
 /// If cargo fails.
 pub fn folders() -> BTreeMap<(String, String), PathBuf> {
-    let metadata = cargo(&["metadata", "--format-version", "1", "--filter-platform", "x86_64-unknown-linux-gnu"]);
+    let metadata = ["metadata", "--format-version", "1", "--filter-platform", "x86_64-unknown-linux-gnu"];
+    let metadata = cargo(&[&metadata[..], &["--features", "surefoot-cli/agones,surefoot-cli/fleet"]].concat());
     let metadata: serde_json::Value = serde_json::from_str(&metadata).expect("metadata is JSON");
     let text = |value: &serde_json::Value| value.as_str().expect("a text").to_owned();
     let packages = metadata["packages"].as_array().expect("packages").iter();

@@ -10,6 +10,7 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_server::ServerConfig;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::TcpStream;
+use tokio::net::tcp::OwnedReadHalf;
 
 const WORLD: &str = "/surefoot.world.v1.WorldService";
 
@@ -18,7 +19,7 @@ struct Answer {
     status: u16,
     content_type: String,
     is_chunked: bool,
-    body: BufReader<TcpStream>,
+    body: BufReader<OwnedReadHalf>,
 }
 
 impl Answer {
@@ -64,14 +65,20 @@ impl Answer {
 }
 
 async fn post(server: &Running, path: &str, headers: &str, body: &[u8]) -> Answer {
-    let mut socket = TcpStream::connect(server.address()).await.unwrap();
+    let (answers, mut socket) = TcpStream::connect(server.address()).await.unwrap().into_split();
     let head = format!(
         "POST {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n{headers}Content-Length: {}\r\n\r\n",
         server.address(),
         body.len()
     );
-    socket.write_all(&[head.as_bytes(), body].concat()).await.unwrap();
-    let mut answer = Answer { status: 0, content_type: String::new(), is_chunked: false, body: BufReader::new(socket) };
+    let request = [head.as_bytes(), body].concat();
+    tokio::spawn(async move {
+        // What is too large is refused before it is read, so that this may fail.
+        let _ = socket.write_all(&request).await;
+        std::future::pending::<()>().await;
+    });
+    let body = BufReader::new(answers);
+    let mut answer = Answer { status: 0, content_type: String::new(), is_chunked: false, body };
     loop {
         let mut line = String::new();
         answer.body.read_line(&mut line).await.unwrap();

@@ -75,3 +75,9 @@ fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
     };
     seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect::<Result<_, _>>().context("--size")
 }
+
+/// A duration, s.
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.001..=86_400.0).contains(&seconds) { Ok(seconds) } else { Err("allowed are 0.001 to 86400".to_owned()) }
+}

@@ -3,7 +3,7 @@
 use super::agones::AgonesArgs;
 use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::fleet::{NatsArg, StoreArgs};
-use super::{core_count, load_policy};
+use super::{core_count, load_policy, parse_seconds};
 use crate::signals::shutdown_signal;
 use anyhow::{Context, ensure};
 use std::net::SocketAddr;
@@ -117,11 +117,6 @@ const SAVE_EVERY_IN_A_FLEET: Duration = Duration::from_secs(2);
 
 /// Bytes.
 const MB: u64 = 1_000_000;
-
-pub fn parse_seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (0.001..=86_400.0).contains(&seconds) { Ok(seconds) } else { Err("allowed are 0.001 to 86400".to_owned()) }
-}
 
 impl ServerLimits {
     pub fn config(&self) -> ServerConfig {

@@ -3,8 +3,8 @@
 use super::endpoint::{CredentialArgs, EndpointArgs};
 use super::game::connector;
 use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
+use super::parse_seconds;
 use super::parse_seeds;
-use super::services::parse_seconds;
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::num::NonZeroU64;

@@ -1,7 +1,7 @@
 //! `--store`, `--blobs`, `--address` and `--lease`: what servers and planners of a fleet share.
 
 use super::BlobsArg;
-use crate::commands::services::parse_seconds;
+use crate::commands::parse_seconds;
 use anyhow::{Context, bail, ensure};
 use std::fmt;
 use std::net::SocketAddr;
