@@ -87,9 +87,10 @@ fn request(seed: u64) -> wire::StartBuildRequest {
     }
 }
 
-/// A build that takes a few seconds.
+/// A build that takes a few seconds, also where nothing else runs: all probes of all candidates.
 fn large(seed: u64) -> wire::StartBuildRequest {
-    let settings = wire::BuildSettings { vertices: 200, neighbours: 12, repeats: 4, ..Default::default() };
+    let probing = wire::Probing::Exhaustive.into();
+    let settings = wire::BuildSettings { vertices: 200, neighbours: 12, repeats: 8, probing, ..Default::default() };
     wire::StartBuildRequest { settings: Some(settings), ..request(seed) }
 }
 
@@ -208,7 +209,8 @@ async fn a_builder_that_is_killed_at_any_step_is_replaced() {
     for (seed, step) in [(10, "claimed"), (11, "probing"), (12, "built"), (13, "stored"), (14, "published")] {
         let mut builder = fleet.planner("builder", &[("SUREFOOT_ABORT_AT", step)]);
         let mut asks = client(&builder).await;
-        let build_id = start(&mut asks, &request(seed)).await.unwrap();
+        let request = if step == "probing" { large(seed) } else { request(seed) };
+        let build_id = start(&mut asks, &request).await.unwrap();
         if step == "probing" {
             let probing =
                 format!("operations WHERE stage = 3 AND id = {}", u64::from_str_radix(&build_id, 16).unwrap());
@@ -232,7 +234,7 @@ async fn a_builder_that_is_killed_at_any_step_is_replaced() {
             died.elapsed().as_secs_f64()
         );
         assert!(took.as_secs_f64() < LEASE + 2.0, "{step}: {took:?}");
-        assert!(graph(&mut loads, &graph_id).await == fleet.built_alone(&request(seed)).await, "{step}");
+        assert!(graph(&mut loads, &graph_id).await == fleet.built_alone(&request).await, "{step}");
         let rows = fleet
             .postgres
             .query(&format!("SELECT count(*), count(blob) FROM graphs WHERE encode(id, 'hex') = '{graph_id}'"));
