@@ -418,7 +418,10 @@ impl Worlds {
             forgotten.map_err(|error| WorldsError::Lost("dropping a world", error))??;
         }
         let dropped = self.shared.worlds.write().expect(POISON).remove(&id);
-        let handle = dropped.ok_or(WorldsError::UnknownWorld(id))?;
+        // In a fleet, it goes as well when what happened in it cannot be recorded any more, because it is forgotten.
+        if dropped.is_none() && self.shared_store().is_none() {
+            return Err(WorldsError::UnknownWorld(id));
+        }
         // A thread that takes no more calls ends with the last handle.
         let _ = handle.sim.cast(|state| state.is_over = true);
         info!(world_id = id.0, "world dropped");
