@@ -9,7 +9,7 @@ use crate::error::PlannerError;
 use crate::hosted::Hosted;
 use crate::jobs::Jobs;
 use crate::locks::{LevelLocks, POISON};
-use crate::replicas::{Alone, Replicas};
+use crate::replicas::{Alone, Replicas, Standing};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -151,13 +151,16 @@ impl Planner {
         let graphs = self.shared.ready.lock().expect(POISON).len();
         let builds = self.shared.jobs.open_count();
         let built = self.shared.built.load(Ordering::Relaxed);
-        let (shared, provers) = (self.shared.replicas.metrics(), self.shared.config.provers.metrics());
+        let Standing { is_sure, stale_publishes } = self.shared.replicas.standing();
+        let (sure, provers) = (u8::from(is_sure), self.shared.config.provers.metrics());
         format!(
             "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
              # HELP surefoot_builds Builds that are running or waiting.\n# TYPE surefoot_builds gauge\nsurefoot_builds {builds}\n\
              # HELP surefoot_graphs_built_total Graphs built by this planner.\n# TYPE surefoot_graphs_built_total counter\nsurefoot_graphs_built_total {built}\n\
-             {shared}{provers}"
+             # HELP surefoot_lease_sure Whether nobody can have taken over what this process has.\n# TYPE surefoot_lease_sure gauge\nsurefoot_lease_sure {sure}\n\
+             # HELP surefoot_stale_publishes_total Graphs not published, because their claims had been lost.\n# TYPE surefoot_stale_publishes_total counter\nsurefoot_stale_publishes_total {stale_publishes}\n\
+             {provers}"
         )
     }
 

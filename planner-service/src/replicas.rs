@@ -56,6 +56,15 @@ pub struct Operation {
     pub is_ours: bool,
 }
 
+/// How a planner stands among others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Standing {
+    /// Whether nobody can have taken over what it builds.
+    pub is_sure: bool,
+    /// Graphs that it did not publish, because their claims had been lost.
+    pub stale_publishes: u64,
+}
+
 /// Something that changed elsewhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum News {
@@ -81,9 +90,9 @@ pub trait Replicas: Send + Sync {
     /// A number that tells the planners that run at a time apart.
     fn site(&self) -> u64;
 
-    /// Metrics in Prometheus text format.
-    fn metrics(&self) -> String {
-        String::new()
+    /// How this planner stands among the others.
+    fn standing(&self) -> Standing {
+        Standing { is_sure: true, stale_publishes: 0 }
     }
 
     /// News of other planners, of whom this one is to take note; `None` after the first call.

@@ -95,7 +95,7 @@ async fn claim(worlds: &Worlds, ready: watch::Sender<bool>) {
 async fn take_over(worlds: Worlds, id: WorldId, tenure: Tenure) {
     while !worlds.shutdown().is_triggered() {
         match worlds.restore(id, tenure).await {
-            Ok(()) => return,
+            Ok(()) => return worlds.note_takeover(),
             Err(StoreError::Unavailable(error)) => warn!(world_id = id.0, error, "a world cannot be read yet"),
             Err(StoreError::Lost(_)) => return,
             Err(error) => {

@@ -11,7 +11,7 @@ use crate::metrics::{self, ProcessFigures, WorldFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
 use crate::registry::{Joined, Registry};
 use crate::sim::{Receipt, Schedule, SimHandle, SimState};
-use crate::store::{StoreError, WorldStore};
+use crate::store::{SharedStore, StoreError, WorldStore};
 use crate::survey::Survey;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -188,6 +188,8 @@ struct Shared {
     failed_count: AtomicU64,
     /// Times that a world could not be saved.
     failed_save_count: AtomicU64,
+    /// Worlds that were taken over from other servers of the fleet.
+    taken_over_count: AtomicU64,
     /// Bounds the surveys that run at a time.
     surveying: Arc<Semaphore>,
     shutdown: Shutdown,
@@ -216,6 +218,7 @@ impl Worlds {
             store: OnceLock::new(),
             failed_count: AtomicU64::new(0),
             failed_save_count: AtomicU64::new(0),
+            taken_over_count: AtomicU64::new(0),
             shutdown,
         };
         Self { shared: Arc::new(shared) }
@@ -457,6 +460,8 @@ impl Worlds {
             failed_worlds: self.shared.failed_count.load(Ordering::Relaxed),
             failed_saves: self.shared.failed_save_count.load(Ordering::Relaxed),
             memory_bytes: self.maps().memory().used_bytes(),
+            is_sure: self.shared_store().is_none_or(SharedStore::is_sure),
+            taken_over: self.shared.taken_over_count.load(Ordering::Relaxed),
         };
         metrics::render(&worlds, &self.shared.registry.load(), process)
     }

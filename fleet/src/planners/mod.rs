@@ -19,7 +19,6 @@ use crate::record::Record;
 use levels::Levels;
 use membership::Membership;
 use shared::{Note, Shared};
-use std::fmt::Write;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -29,7 +28,7 @@ use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, StoreError};
 use surefoot_planner::{Built, GraphId};
 use surefoot_planner_service::Common;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::{Claim, News, Operation, Replicas, Token};
+use surefoot_planner_service::replicas::{Claim, News, Operation, Replicas, Standing, Token};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tracing::warn;
@@ -104,23 +103,11 @@ impl Replicas for PlannerRecord {
         self.shared.membership.id() as u64
     }
 
-    fn metrics(&self) -> String {
-        let (stale, sure) = (self.shared.stale_publishes.load(Ordering::Relaxed), self.shared.membership.is_sure());
-        let mut text = String::new();
-        for (name, kind, help, value) in [
-            (
-                "stale_publishes_total",
-                "counter",
-                "Graphs that were not published, because their claim had been lost.",
-                stale,
-            ),
-            ("lease_sure", "gauge", "Whether nobody can have taken over what this planner builds.", u64::from(sure)),
-        ] {
-            // To a string, it never fails.
-            let _ =
-                writeln!(text, "# HELP surefoot_{name} {help}\n# TYPE surefoot_{name} {kind}\nsurefoot_{name} {value}");
+    fn standing(&self) -> Standing {
+        Standing {
+            is_sure: self.shared.membership.is_sure(),
+            stale_publishes: self.shared.stale_publishes.load(Ordering::Relaxed),
         }
-        text
     }
 
     fn news(&self) -> Option<mpsc::Receiver<News>> {

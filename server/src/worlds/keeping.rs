@@ -267,6 +267,11 @@ impl Worlds {
         }
     }
 
+    /// Counts a world that was taken over.
+    pub(crate) fn note_takeover(&self) {
+        self.shared.taken_over_count.fetch_add(1, Ordering::Relaxed);
+    }
+
     /// Drops all worlds, which go on elsewhere.
     pub(crate) fn lose_all(&self, why: &str) {
         self.ids().into_iter().for_each(|id| self.lose(id, why));
