@@ -51,6 +51,7 @@ pub fn figures(args: &Args) -> anyhow::Result<Vec<Figure>> {
             _ => Figure::new("held_by_each_of_16", held as f64, "NPCs"),
         });
     }
+    model.print_fleets(per_server[2].max(1));
     let alone = per_server[0].max(1) as f64;
     figures.push(Figure::new("efficiency_at_16", per_server[2] as f64 / alone, ""));
     Ok(figures)

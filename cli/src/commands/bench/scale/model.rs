@@ -163,7 +163,7 @@ impl Model {
         }
     }
 
-    /// Prints what parts take, and what a million NPCs would.
+    /// Prints what parts take.
     pub fn print(&self) {
         let [work, plans] = self.bytes_per_s;
         eprintln!(
@@ -179,14 +179,21 @@ impl Model {
             plans[0],
             plans[1],
         );
+    }
+
+    /// Prints what fleets of up to a million NPCs take, with servers of `per_server` NPCs.
+    pub fn print_fleets(&self, per_server: usize) {
+        eprintln!("\nfleets with 128 NPCs on a world and {per_server} on a server");
         for npcs in [1e3, 1e4, 1e5, 1e6] {
             let worlds = npcs / 128.0;
+            let servers = (npcs / per_server as f64).ceil();
             let [server, worker, planner] = self.cores(npcs, worlds);
             let (saves, each) = (worlds / self.record.save_every_s, self.record.save_bytes);
+            let writes = self.writes_per_s(servers, worlds, servers + planner.ceil());
             eprintln!(
-                "{npcs:>9} NPCs, 128 on a world: cores busy of servers {server:.1}, workers {worker:.1}, planners {planner:.2}; {:.1} Mbit/s to workers; {:.0} writes/s to the record; {:.1} MB/s to the object store",
-                8e-6 * npcs * work[1],
-                self.writes_per_s((server / 0.7).ceil(), worlds, (server + planner) / 0.7),
+                "{npcs:>9} NPCs, {servers} servers: cores busy of servers {server:.1}, workers {worker:.1}, planners {planner:.2}; {:.1} Mbit/s to workers; {writes:.0} writes/s to the record, which take {:.2} cores; {saves:.0} blobs/s and {:.1} MB/s to the object store",
+                8e-6 * npcs * self.bytes_per_s[0][1],
+                writes * self.record.cpu_us_per_write / 1e6,
                 1e-6 * saves * (each[0] + each[1] * 128.0),
             );
         }
