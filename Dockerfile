@@ -21,6 +21,8 @@ RUN SUREFOOT_STUDIO=/src/studio/page/dist cargo build --release --locked --packa
 FROM ${RUNTIME_IMAGE}
 RUN useradd --system --uid 10001 --home-dir /var/lib/surefoot --create-home surefoot
 COPY --from=build /src/target/release/surefoot /usr/local/bin/surefoot
+# The authorities that clients of S3 and of services with TLS trust.
+COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/ca-certificates.crt
 COPY cli/THIRD_PARTY_NOTICES.md LICENSE* /usr/share/doc/surefoot/
 USER 10001
 ENV SUREFOOT_CACHE=/var/lib/surefoot

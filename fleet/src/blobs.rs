@@ -87,7 +87,7 @@ impl Blobs {
             let builder =
                 settings.fold(AmazonS3Builder::new(), |builder, (key, value)| builder.with_config(key, value));
             let store = builder.with_bucket_name(bucket).with_retry(RETRIES).build();
-            let store = store.map_err(|error| fail(error.to_string()))?;
+            let store = store.map_err(|error| FleetError::caused(format!("--blobs {uri}"), &error))?;
             Arc::new(PrefixStore::new(store, prefix))
         } else {
             return Err(fail("it is s3://bucket/prefix or file:///folder".to_owned()));
@@ -104,7 +104,7 @@ impl Blobs {
         let create = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
         match self.store.put_opts(&path(id), PutPayload::from(bytes), create).await {
             Ok(_) | Err(object_store::Error::AlreadyExists { .. }) => Ok(id),
-            Err(error) => Err(FleetError::new(self.place.clone(), error)),
+            Err(error) => Err(FleetError::caused(self.place.clone(), &error)),
         }
     }
 
@@ -113,7 +113,7 @@ impl Blobs {
     /// # Errors
     /// If the store cannot be read, or holds other bytes under the name.
     pub async fn get(&self, id: BlobId) -> Result<Option<Vec<u8>>, FleetError> {
-        let fail = |error: object_store::Error| FleetError::new(self.place.clone(), error);
+        let fail = |error: object_store::Error| FleetError::caused(self.place.clone(), &error);
         let bytes = match self.store.get(&path(id)).await {
             Ok(found) => found.bytes().await.map_err(fail)?,
             Err(object_store::Error::NotFound { .. }) => return Ok(None),
@@ -135,7 +135,7 @@ impl Blobs {
     pub async fn remove(&self, id: BlobId) -> Result<(), FleetError> {
         match self.store.delete(&path(id)).await {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(FleetError::new(self.place.clone(), error)),
+            Err(error) => Err(FleetError::caused(self.place.clone(), &error)),
         }
     }
 

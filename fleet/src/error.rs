@@ -11,6 +11,22 @@ pub struct FleetError {
 }
 
 impl FleetError {
+    /// An error of `place`, with what caused it.
+    pub fn caused(place: impl Into<String>, error: &dyn std::error::Error) -> Self {
+        let mut reason = error.to_string();
+        let mut source = error.source();
+        while let Some(cause) = source {
+            let text = cause.to_string();
+            // Some errors tell their causes themselves.
+            if !reason.contains(&text) {
+                reason.push_str(": ");
+                reason.push_str(&text);
+            }
+            source = cause.source();
+        }
+        Self { place: place.into(), reason }
+    }
+
     /// An error of `place`.
     pub fn new(place: impl Into<String>, reason: impl ToString) -> Self {
         Self { place: place.into(), reason: reason.to_string() }
