@@ -102,7 +102,7 @@ pub fn load_or_run(
     Ok(unit)
 }
 
-/// Saves a unit that was run elsewhere, where [`load_or_run`] finds it.
+/// Saves a unit that was run elsewhere, where the evaluation of the rest finds it.
 ///
 /// # Errors
 /// If it cannot be saved.
