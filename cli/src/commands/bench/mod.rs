@@ -3,6 +3,7 @@
 mod edits;
 mod feed;
 mod floods;
+mod growth;
 mod learn;
 mod link;
 mod plan;
@@ -18,19 +19,21 @@ mod world;
 use super::machine;
 use crate::terminal::print_json;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// Measure speed.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods"
+    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods\n  surefoot bench growth"
 )]
 pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
     /// soak: all services under a mixed load for long; floods: tick times while strangers flood the server; feed: a learner that more and
     /// more worlds, or actors, feed; scale: the load of a fleet's parts, and fleets of 1, 4 and 16 servers that are simulated with it; queue:
-    /// probes by 1 to 4 provers over NATS (nats-server must be installed)
-    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed", "scale", "queue"])]
+    /// probes by 1 to 4 provers over NATS (nats-server must be installed); growth: how the time of builds, edits, queries, spawns and events grows
+    /// with their size, as the exponent of a power law
+    #[arg(value_parser = ["world", "learn", "plan", "serve", "soak", "floods", "feed", "scale", "queue", "growth"])]
     what: String,
     /// serve, soak, floods: Number of NPCs, on 8 worlds; default: 1024, 256 and 256
     #[arg(long, value_name = "N")]
@@ -73,10 +76,10 @@ fn parse_minutes(text: &str) -> Result<f64, String> {
 /// One measured figure. All benches share this form.
 #[derive(Serialize)]
 struct Figure {
-    /// The level that it was measured on, if `--maps` named one.
+    /// The level that it was measured on, if `--maps` named one; for growth, what was counted.
     #[serde(skip_serializing_if = "Option::is_none")]
     level: Option<String>,
-    name: &'static str,
+    name: Cow<'static, str>,
     value: f64,
     unit: &'static str,
     target: Option<f64>,
@@ -88,10 +91,10 @@ struct Figure {
 }
 
 impl Figure {
-    fn new(name: &'static str, value: f64, unit: &'static str) -> Self {
+    fn new(name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) -> Self {
         Self {
             level: None,
-            name,
+            name: name.into(),
             value,
             unit,
             target: None,
@@ -141,6 +144,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "feed" => feed::figures()?,
         "scale" => scale::figures(args)?,
         "queue" => queue::figures()?,
+        "growth" => growth::figures()?,
         "serve" => serve::figures(args)?,
         "soak" => soak::figures(args)?,
         "floods" => floods::figures(args)?,
@@ -171,7 +175,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Fails if a service missed a target. Speed depends on the machine, so the other benches only print.
 fn check_targets(args: &Args, figures: &[Figure]) -> anyhow::Result<()> {
-    let missed: Vec<&str> = figures.iter().filter(|it| it.met == Some(false)).map(|it| it.name).collect();
+    let missed: Vec<&str> = figures.iter().filter(|it| it.met == Some(false)).map(|it| &*it.name).collect();
     if !missed.is_empty() && ["serve", "soak", "floods"].contains(&args.what.as_str()) {
         anyhow::bail!("targets missed: {}", missed.join(", "));
     }

@@ -1,0 +1,68 @@
+//! How the time of work that a request or a build can make large grows with its size: each case is timed at n, 2n and 4n, and the exponent
+//! of a power law is fitted to the three times. Quadratic work shows as 2.
+
+mod core;
+mod planner;
+mod service;
+
+use super::{Figure, median, timed};
+
+/// Most that an exponent may be: sorting and look-ups in caches that get too small explain what is above 1.
+const MAX_EXPONENT: f64 = 1.2;
+/// How often each size is timed; the median counts.
+const ROUNDS: usize = 3;
+
+/// Work whose size can be chosen.
+struct Case {
+    name: &'static str,
+    /// What is counted.
+    of: &'static str,
+    /// The smallest of the three sizes.
+    size: usize,
+    /// Prepares the work of this size, and returns the time that it takes, s.
+    seconds: Box<dyn FnMut(usize) -> anyhow::Result<f64>>,
+}
+
+impl Case {
+    fn new(
+        name: &'static str,
+        of: &'static str,
+        size: usize,
+        seconds: impl FnMut(usize) -> anyhow::Result<f64> + 'static,
+    ) -> Self {
+        Self { name, of, size, seconds: Box::new(seconds) }
+    }
+
+    fn figures(mut self) -> anyhow::Result<Vec<Figure>> {
+        let Self { name, of, size, .. } = self;
+        let mut points = Vec::new();
+        let mut figures = Vec::new();
+        for count in [size, 2 * size, 4 * size] {
+            let times = (0..ROUNDS).map(|_| (self.seconds)(count)).collect::<anyhow::Result<_>>()?;
+            let seconds = median(times);
+            points.push([(count as f64).ln(), seconds.ln()]);
+            figures.push(Figure::new(format!("{name}_{count}_ms"), 1.0e3 * seconds, "ms").on(of));
+        }
+        let exponent = Figure::new(format!("{name}_exponent"), slope(&points), "");
+        figures.push(exponent.at_most(MAX_EXPONENT).on(of));
+        Ok(figures)
+    }
+}
+
+/// Slope of the line through `points` with the least squared error.
+fn slope(points: &[[f64; 2]]) -> f64 {
+    let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / points.len() as f64;
+    let [mean_x, mean_y] = [mean(0), mean(1)];
+    let products = points.iter().map(|[x, y]| (x - mean_x) * (y - mean_y)).sum::<f64>();
+    products / points.iter().map(|[x, _]| (x - mean_x) * (x - mean_x)).sum::<f64>()
+}
+
+/// All figures of `bench growth`.
+pub fn figures() -> anyhow::Result<Vec<Figure>> {
+    let mut figures = Vec::new();
+    for case in core::cases().into_iter().chain(planner::cases()).chain(service::cases()?) {
+        eprintln!("{}...", case.name);
+        figures.extend(case.figures()?);
+    }
+    Ok(figures)
+}
