@@ -5,15 +5,16 @@
 use crate::candidates::{self, Candidate};
 use crate::evidence::Evidence;
 use crate::graph::NavGraph;
-use crate::ids::VertexId;
-use crate::needs::Berths;
+use crate::grid::GrowingGrid;
+use crate::needs::{Berths, Ride};
 use crate::placement::{self, PlacementContext};
 use crate::probe::ProbeExecutor;
 use crate::progress::Progress;
 use crate::prove::ProbeRun;
-use crate::settings::{BuildError, BuildSettings, Placement, Probing};
+use crate::settings::{BuildError, BuildSettings, MAX_VERTICES, Placement, Probing};
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::atomic::Ordering;
 use surefoot_world::Vec3;
@@ -49,8 +50,10 @@ pub struct BuildStats {
 /// What a build has so far.
 #[derive(Debug)]
 pub(crate) struct Probed {
-    /// Positions of the vertices, m.
-    pub vertices: Vec<Vec3>,
+    /// The vertices.
+    pub places: GrowingGrid,
+    /// The berth of each vertex; vertices that are added to those that were placed keep clear of movers.
+    pub berths: Vec<Option<(u16, u8)>>,
     /// Candidate edges.
     pub candidates: Vec<Candidate>,
     /// Evidence of each candidate.
@@ -59,9 +62,19 @@ pub(crate) struct Probed {
 }
 
 impl Probed {
-    fn new(vertices: Vec<Vec3>, candidates: Vec<Candidate>, evidence: Vec<Evidence>) -> Self {
+    fn new(
+        places: GrowingGrid,
+        berths: Vec<Option<(u16, u8)>>,
+        candidates: Vec<Candidate>,
+        evidence: Vec<Evidence>,
+    ) -> Self {
         let index = candidates.iter().copied().zip(0..).collect();
-        Self { vertices, candidates, evidence, index }
+        Self { places, berths, candidates, evidence, index }
+    }
+
+    /// Positions of the vertices, m.
+    pub fn vertices(&self) -> &[Vec3] {
+        self.places.points()
     }
 
     /// The index of a candidate, which is added with that prior if it is new.
@@ -80,7 +93,7 @@ impl Probed {
 
     /// The graph that is proved so far.
     pub fn graph(&self, threshold: f64) -> NavGraph {
-        NavGraph::prove(self.vertices.clone(), &self.candidates, &self.evidence, threshold)
+        NavGraph::prove(self.vertices().to_vec(), &self.candidates, &self.evidence, threshold)
     }
 }
 
@@ -105,10 +118,14 @@ impl Builder<'_> {
     /// Builds a graph.
     ///
     /// # Errors
-    /// If the map has no navigable ground, or `progress.cancel` was set.
+    /// If the map has no navigable ground, its movers have too many berths, or `progress.cancel` was set.
     pub fn build(&self) -> Result<Built, BuildError> {
         let started_s = (self.clock)();
         let berths = Berths::of(&self.site.map, &self.site.profile);
+        let (vertices, berth_count) = (self.settings.vertices, berths.places().len());
+        if vertices + berth_count > MAX_VERTICES {
+            return Err(BuildError::TooManyBerths { vertices, berths: berth_count });
+        }
         let draft = placement::place(&self.placing(&berths))?;
         self.progress.done.store(0, Ordering::Relaxed);
         let placing_s = (self.clock)() - started_s;
@@ -117,24 +134,27 @@ impl Builder<'_> {
             None => find_candidates(self.site, self.settings, &draft.vertices),
         };
         let probes_edges = self.settings.placement != Placement::Trajectories;
+        let berths = berths.of_vertices(&draft.vertices);
         let evidence: Vec<Evidence> = if probes_edges {
-            let proving = self.proving(&draft.vertices, &candidates);
+            let proving = self.proving_with(&berths, &draft.vertices, &candidates);
             proving.run(self.settings.probing).ok_or(BuildError::Cancelled)?
         } else {
             candidates.iter().map(|candidate| draft.seen[candidate]).collect()
         };
-        let mut probed = Probed::new(draft.vertices, candidates, evidence);
+        let spacing = placement::even_spacing(&self.site.map, draft.vertices.len());
+        let places = GrowingGrid::new(self.site.map.extent(), spacing, &draft.vertices);
+        let mut probed = Probed::new(places, berths, candidates, evidence);
         if probes_edges {
-            self.try_berths(&berths, &mut probed)?;
+            self.try_berths(&mut probed)?;
         }
         if probes_edges && self.settings.probing == Probing::Frugal {
             if self.settings.special_moves {
                 self.stitch(&mut probed)?;
             }
             self.join_islands(&mut probed)?;
-            let proving = self.proving(&probed.vertices, &probed.candidates);
+            let proving = self.proving_with(&probed.berths, probed.places.points(), &probed.candidates);
             proving.prove_on_foot(&mut probed.evidence, self.settings.threshold).ok_or(BuildError::Cancelled)?;
-            proving.expect_deaths(&mut probed.evidence);
+            proving.expect_deaths(&mut probed.evidence).ok_or(BuildError::Cancelled)?;
         }
         let seconds = (self.clock)() - started_s;
         let stats = BuildStats {
@@ -155,9 +175,8 @@ impl Builder<'_> {
     }
 
     /// Probes all edges of berths, of which the predictor knows nothing: once, and again as often as others where they fail at first.
-    fn try_berths(&self, berths: &Berths, probed: &mut Probed) -> Result<(), BuildError> {
-        let is_moored =
-            |key: &Candidate| [key.from, key.to].iter().any(|end| berths.at(probed.vertices[end.idx()]).is_some());
+    fn try_berths(&self, probed: &mut Probed) -> Result<(), BuildError> {
+        let is_moored = |key: &Candidate| [key.from, key.to].iter().any(|end| probed.berths[end.idx()].is_some());
         let moored: Vec<u32> =
             (0..).zip(&probed.candidates).filter(|(_, key)| is_moored(key)).map(|(idx, _)| idx).collect();
         for repeat in 0..self.settings.repeats {
@@ -173,24 +192,35 @@ impl Builder<'_> {
 
     /// Probes each listed candidate once per listing.
     pub(crate) fn try_once_each(&self, which: &[u32], probed: &mut Probed) -> Result<(), BuildError> {
-        let proving = self.proving(&probed.vertices, &probed.candidates);
+        let proving = self.proving_with(&probed.berths, probed.places.points(), &probed.candidates);
         proving.try_once_each(which, &mut probed.evidence).ok_or(BuildError::Cancelled)
     }
 
     /// Probes those of the listed candidates on the run beside which a miss is fatal.
     pub(crate) fn prove_on_the_run(&self, which: BTreeSet<u32>, probed: &mut Probed) -> Result<(), BuildError> {
         let which: Vec<u32> = which.into_iter().collect();
-        let proving = self.proving(&probed.vertices, &probed.candidates);
+        let proving = self.proving_with(&probed.berths, probed.places.points(), &probed.candidates);
         proving.prove_on_the_run(&which, &mut probed.evidence).ok_or(BuildError::Cancelled)
     }
 
     /// Prepares the probing of `candidates` between `vertices`.
     pub(crate) fn proving<'b>(&'b self, vertices: &'b [Vec3], candidates: &'b [Candidate]) -> ProbeRun<'b> {
+        let berths = Berths::of(&self.site.map, &self.site.profile).of_vertices(vertices);
+        ProbeRun { berths: Cow::Owned(berths), ..self.proving_with(&[], vertices, candidates) }
+    }
+
+    /// Prepares the probing of `candidates` between `vertices`, of which the first have these berths and the others none.
+    fn proving_with<'b>(
+        &'b self,
+        berths: &'b [Option<(u16, u8)>],
+        vertices: &'b [Vec3],
+        candidates: &'b [Candidate],
+    ) -> ProbeRun<'b> {
         ProbeRun {
             map: &self.site.map,
             vertices,
             candidates,
-            berths: Berths::of(&self.site.map, &self.site.profile),
+            berths: Cow::Borrowed(berths),
             repeats: self.settings.repeats,
             seed: self.settings.seed,
             thread_count: self.thread_count,
@@ -219,13 +249,12 @@ pub(crate) fn find_candidates_of(
     vertices: &[Vec3],
 ) -> (Vec<Candidate>, u64) {
     let mut candidates = candidates::nearest_of(some, vertices, settings.neighbours);
-    let berths = Berths::of(&site.map, &site.profile);
-    if berths.places().next().is_some() {
-        let position = |vertex: VertexId| vertices[vertex.idx()];
-        let is_moored = |vertex| berths.at(position(vertex)).is_some();
+    let berths = Berths::of(&site.map, &site.profile).of_vertices(vertices);
+    if berths.iter().any(Option::is_some) {
         // Nobody leaps from one mover to another.
-        candidates.retain(|key| {
-            !(is_moored(key.from) && is_moored(key.to)) || berths.ride(position(key.from), position(key.to)).is_some()
+        candidates.retain(|key| match (berths[key.from.idx()], berths[key.to.idx()]) {
+            (Some(from), Some(to)) => Ride::between(from, to).is_some(),
+            _ => true,
         });
         let mut known = candidates.clone();
         known.sort_unstable();

@@ -6,8 +6,7 @@
 
 use crate::grid::PointGrid;
 use crate::ids::EdgeKey;
-use crate::needs::Berths;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use surefoot_world::float::hypot;
 use surefoot_world::{CharacterProfile, Map, Vec3};
 
@@ -37,6 +36,11 @@ const DROP_REACH_M: f32 = 16.0;
 const BOARDINGS: usize = 10;
 const BOARD_M: f32 = 14.0;
 
+/// Vertices in a column of the grid in which neighbours are looked up, on average.
+const VERTICES_PER_COLUMN: f32 = 4.0;
+/// What distances on a grid may be off by, in columns and in metres.
+const ROUNDING: f32 = 0.01;
+
 /// Pairs each vertex with its `neighbours` nearest vertices, in the order of the vertices, nearest first.
 pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
     nearest_of(0..vertices.len() as u32, vertices, neighbours)
@@ -45,25 +49,37 @@ pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
 /// The same for some of the vertices.
 pub fn nearest_of(some: impl Iterator<Item = u32>, vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
     let mut candidates = Vec::with_capacity(some.size_hint().0 * neighbours);
-    let mut others: Vec<(f32, u32)> = Vec::with_capacity(vertices.len());
+    let grid = PointGrid::spread(vertices, VERTICES_PER_COLUMN);
+    let mut others: Vec<(f32, u32)> = Vec::new();
     for from in some {
         let position = vertices[from as usize];
         others.clear();
-        others.extend(
-            (0..)
-                .zip(vertices)
-                .filter(|&(to, _)| to != from)
-                .map(|(to, other)| (position.distance_squared(*other), to)),
-        );
-        let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        if others.len() > neighbours {
-            others.select_nth_unstable_by(neighbours, by_distance);
-            others.truncate(neighbours);
+        for ring in 0..=grid.ring_count() {
+            // Vertices of this ring and of all further ones are no nearer, but for what is lost to rounding.
+            let least = (ring as f32 - 1.0 - ROUNDING) * grid.cell_m();
+            let farthest = others.last().filter(|_| others.len() == neighbours);
+            if least > 0.0 && farthest.is_some_and(|(distance, _)| *distance < least * least) {
+                break;
+            }
+            grid.ring(position, ring, |range| {
+                let found = grid.order()[range].iter().filter(|&&to| to != from);
+                others.extend(found.map(|&to| (position.distance_squared(vertices[to as usize]), to)));
+            });
+            keep_nearest(&mut others, neighbours);
         }
-        others.sort_unstable_by(by_distance);
         candidates.extend(others.iter().map(|&(_, to)| EdgeKey::new(from, to)));
     }
     candidates
+}
+
+/// Keeps the `count` nearest of some vertices, nearest first; of those that are equally near, the first.
+fn keep_nearest(vertices: &mut Vec<(f32, u32)>, count: usize) {
+    let by_distance = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    if vertices.len() > count {
+        vertices.select_nth_unstable_by(count, by_distance);
+        vertices.truncate(count);
+    }
+    vertices.sort_unstable_by(by_distance);
 }
 
 /// Finds the candidate edges at the map's devices and ledges that are not in `known`, in ascending order.
@@ -114,21 +130,33 @@ pub fn by_features(map: &Map, profile: &CharacterProfile, vertices: &[Vec3], kno
 }
 
 /// Finds the candidate edges of berths that are not in `known`, in ascending order: the rides, and the ways to and from the nearest vertices
-/// that are no berths.
-pub fn by_berths(berths: &Berths, vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
+/// that are no berths. `berths` has the berth of each vertex, as [`Berths::of_vertices`](crate::Berths::of_vertices) returns them.
+pub fn by_berths(berths: &[Option<(u16, u8)>], vertices: &[Vec3], known: &[Candidate]) -> Vec<Candidate> {
     let mut found = BTreeSet::new();
-    let moored: Vec<bool> = vertices.iter().map(|at| berths.at(*at).is_some()).collect();
-    for (berth, &at) in (0..).zip(vertices).filter(|(idx, _)| moored[*idx as usize]) {
-        let mut others: Vec<(f32, u32)> = Vec::new();
-        for (other, &place) in (0..).zip(vertices).filter(|(other, _)| *other != berth) {
-            if berths.ride(at, place).is_some() {
-                found.insert(EdgeKey::new(berth, other));
-            } else if !moored[other as usize] && place.distance(at) <= BOARD_M {
-                others.push((place.distance_squared(at), other));
+    let mut stops: BTreeMap<u16, Vec<u32>> = BTreeMap::new();
+    let (mut moored, mut others) = (Vec::new(), Vec::new());
+    for (vertex, berth) in (0..).zip(berths) {
+        match berth {
+            Some((mover, _)) => {
+                stops.entry(*mover).or_default().push(vertex);
+                moored.push(vertex);
             }
+            None => others.push(vertex),
         }
-        others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for (_, other) in others.into_iter().take(BOARDINGS) {
+    }
+    for stops in stops.values() {
+        let rides = stops.iter().flat_map(|&from| stops.iter().map(move |&to| EdgeKey::new(from, to)));
+        found.extend(rides.filter(|ride| ride.from != ride.to));
+    }
+    let places: Vec<Vec3> = others.iter().map(|&vertex| vertices[vertex as usize]).collect();
+    let grid = PointGrid::new(&places, BOARD_M);
+    for berth in moored {
+        let at = vertices[berth as usize];
+        let near = grid.within(at, BOARD_M + ROUNDING).map(|idx| (places[idx as usize], others[idx as usize]));
+        let near = near.filter(|(place, _)| place.distance(at) <= BOARD_M);
+        let mut near: Vec<(f32, u32)> = near.map(|(place, other)| (place.distance_squared(at), other)).collect();
+        keep_nearest(&mut near, BOARDINGS);
+        for (_, other) in near {
             found.extend([EdgeKey::new(berth, other), EdgeKey::new(other, berth)]);
         }
     }
@@ -156,6 +184,6 @@ fn closest(
             (distance <= reach && fits(at)).then_some((distance, idx))
         })
         .collect();
-    near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    near.into_iter().take(count).map(|(_, idx)| idx).collect()
+    keep_nearest(&mut near, count);
+    near.into_iter().map(|(_, idx)| idx).collect()
 }

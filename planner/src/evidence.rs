@@ -216,6 +216,7 @@ impl Evidence {
             && self.price_factor > 0.0
             && self.price_factor.is_finite()
             && self.bounds.iter().all(|corner| corner.is_finite())
+            && self.needs.are_possible()
     }
 
     /// Creates the evidence of an edge that a designer forces: one success in `decisions`, and a prior of 1.

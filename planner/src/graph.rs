@@ -9,6 +9,7 @@ use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
+use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
 
 /// A proved edge.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -51,6 +52,12 @@ pub enum GraphError {
     /// The evidence of an edge is inconsistent.
     #[error("the evidence of edge {} -> {} is inconsistent", .0.from, .0.to)]
     BadEvidence(EdgeKey),
+    /// An edge depends on a mover or a stop that no map can have.
+    #[error(
+        "edge {} -> {} depends on a mover or stop that no map has: there are at most {MAX_MOVERS} movers with {MAX_STOPS} stops each, \
+         and a ride leads from one stop where its mover must stand to another", .0.from, .0.to
+    )]
+    BadNeeds(EdgeKey),
     /// The cost model of unproved legs has a coefficient that is not finite, or a range below 1 m.
     #[error("the cost model of unproved legs has a coefficient that is not finite or a range below 1 m")]
     BadLegs,
@@ -90,6 +97,9 @@ impl NavGraph {
             let inside = |vertex: VertexId| vertex.idx() < data.vertices.len();
             if !inside(from) || !inside(to) || from == to {
                 return Err(GraphError::BadEdge(edge.key));
+            }
+            if !edge.evidence.needs.are_possible() {
+                return Err(GraphError::BadNeeds(edge.key));
             }
             if !edge.evidence.is_sound() {
                 return Err(GraphError::BadEvidence(edge.key));

@@ -6,64 +6,33 @@ use surefoot_world::Vec3;
 /// Maximum number of columns along each side.
 const MAX_COLUMNS: usize = 256;
 
-/// Indices of points, bucketed by column.
-#[derive(Debug, Clone)]
-pub struct PointGrid {
+/// No point.
+const NONE: u32 = u32::MAX;
+
+/// Square columns over a rectangle of the horizontal plane.
+#[derive(Debug, Clone, Copy)]
+struct Columns {
     low: (f32, f32),
     cell_m: f32,
     columns: i32,
     rows: i32,
-    /// First entry of each column, followed by the number of entries.
-    starts: Vec<u32>,
-    entries: Vec<u32>,
 }
 
-impl PointGrid {
-    /// Buckets `points` into columns with sides of at least `cell_m` metres.
-    pub fn new(points: &[Vec3], cell_m: f32) -> Self {
-        let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
-        for point in points {
-            (low, high) = (low.min(*point), high.max(*point));
-        }
-        if points.is_empty() {
-            (low, high) = (Vec3::ZERO, Vec3::ZERO);
-        }
+impl Columns {
+    /// Columns with sides of at least `cell_m` metres from one corner to the other.
+    fn over(low: Vec3, high: Vec3, cell_m: f32) -> Self {
         let side = (high.x - low.x).max(high.z - low.z);
         let cell_m = cell_m.max(side / MAX_COLUMNS as f32).max(1.0e-3);
         let count = |span: f32| (span / cell_m) as i32 + 1;
-        let mut grid = Self {
-            low: (low.x, low.z),
-            cell_m,
-            columns: count(high.x - low.x),
-            rows: count(high.z - low.z),
-            starts: Vec::new(),
-            entries: vec![0; points.len()],
-        };
-        let cells: Vec<usize> = points.iter().map(|&point| grid.cell(grid.column_of(point))).collect();
-        let mut starts = vec![0u32; (grid.columns * grid.rows) as usize + 1];
-        cells.iter().for_each(|&cell| starts[cell + 1] += 1);
-        (1..starts.len()).for_each(|idx| starts[idx] += starts[idx - 1]);
-        let mut next = starts.clone();
-        for (point, &cell) in (0..).zip(&cells) {
-            grid.entries[next[cell] as usize] = point;
-            next[cell] += 1;
-        }
-        grid.starts = starts;
-        grid
+        Self { low: (low.x, low.z), cell_m, columns: count(high.x - low.x), rows: count(high.z - low.z) }
     }
 
-    /// Returns the side of a column, m.
-    pub fn cell_m(&self) -> f32 {
-        self.cell_m
+    fn count(&self) -> usize {
+        (self.columns * self.rows) as usize
     }
 
-    /// Returns the number of the largest ring around any column that can hold points.
-    pub fn ring_count(&self) -> i32 {
-        self.columns.max(self.rows)
-    }
-
-    /// Returns the column and row that contain a point, clamped to the grid.
-    pub fn column_of(&self, point: Vec3) -> (i32, i32) {
+    /// The column and row that contain a point, clamped to the grid.
+    fn column_of(&self, point: Vec3) -> (i32, i32) {
         let idx = |value: f32, low: f32, count: i32| (((value - low) / self.cell_m) as i32).clamp(0, count - 1);
         (idx(point.x, self.low.0, self.columns), idx(point.z, self.low.1, self.rows))
     }
@@ -72,21 +41,77 @@ impl PointGrid {
         (row * self.columns + column) as usize
     }
 
-    fn entries_at(&self, column: i32, row: i32) -> &[u32] {
-        if column < 0 || row < 0 || column >= self.columns || row >= self.rows {
-            return &[];
+    /// The columns that touch the square that extends `reach` metres from `point` to each side.
+    fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = usize> + use<> {
+        let span = Vec3::new(reach, 0.0, reach);
+        let ((left, back), (right, front)) = (self.column_of(point - span), self.column_of(point + span));
+        let columns = *self;
+        (back..=front).flat_map(move |row| (left..=right).map(move |column| columns.cell((column, row))))
+    }
+}
+
+/// Indices of points, bucketed by column.
+#[derive(Debug, Clone)]
+pub struct PointGrid {
+    columns: Columns,
+    /// First entry of each column, followed by the number of entries.
+    starts: Vec<u32>,
+    entries: Vec<u32>,
+}
+
+/// The rectangle around points; one of no size if there are none.
+fn around(points: &[Vec3]) -> (Vec3, Vec3) {
+    let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
+    for point in points {
+        (low, high) = (low.min(*point), high.max(*point));
+    }
+    if points.is_empty() { (Vec3::ZERO, Vec3::ZERO) } else { (low, high) }
+}
+
+impl PointGrid {
+    /// Buckets `points` into columns with sides of at least `cell_m` metres.
+    pub fn new(points: &[Vec3], cell_m: f32) -> Self {
+        let (low, high) = around(points);
+        let columns = Columns::over(low, high, cell_m);
+        let cells: Vec<usize> = points.iter().map(|&point| columns.cell(columns.column_of(point))).collect();
+        let mut starts = vec![0u32; columns.count() + 1];
+        cells.iter().for_each(|&cell| starts[cell + 1] += 1);
+        (1..starts.len()).for_each(|idx| starts[idx] += starts[idx - 1]);
+        let mut next = starts.clone();
+        let mut entries = vec![0; points.len()];
+        for (point, &cell) in (0..).zip(&cells) {
+            entries[next[cell] as usize] = point;
+            next[cell] += 1;
         }
-        let cell = self.cell((column, row));
-        &self.entries[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+        Self { columns, starts, entries }
+    }
+
+    /// Buckets `points` into columns that hold `per_column` of them if they are spread evenly.
+    pub fn spread(points: &[Vec3], per_column: f32) -> Self {
+        let (low, high) = around(points);
+        let size = high - low;
+        Self::new(points, (size.x * size.z * per_column / points.len().max(1) as f32).sqrt())
+    }
+
+    /// Returns the side of a column, m.
+    pub fn cell_m(&self) -> f32 {
+        self.columns.cell_m
+    }
+
+    /// Returns the number of the largest ring around any column that can hold points.
+    pub fn ring_count(&self) -> i32 {
+        self.columns.columns.max(self.columns.rows)
+    }
+
+    /// Returns the column and row that contain a point, clamped to the grid.
+    pub fn column_of(&self, point: Vec3) -> (i32, i32) {
+        self.columns.column_of(point)
     }
 
     /// Iterates over the points whose columns touch the square that extends `reach` metres from `point` to each side.
     pub fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = u32> {
-        let span = Vec3::new(reach, 0.0, reach);
-        let ((left, back), (right, front)) = (self.column_of(point - span), self.column_of(point + span));
-        (back..=front)
-            .flat_map(move |row| (left..=right).map(move |column| (column, row)))
-            .flat_map(|(column, row)| self.entries_at(column, row).iter().copied())
+        let entries = |cell: usize| &self.entries[self.starts[cell] as usize..self.starts[cell + 1] as usize];
+        self.columns.within(point, reach).flat_map(entries).copied()
     }
 
     /// Returns the indices of all points in the order of their columns, row by row; [`ring`](Self::ring) yields ranges of it.
@@ -104,7 +129,7 @@ impl PointGrid {
     pub fn rings(&self, point: Vec3, Range { start, end }: Range<i32>, mut visit: impl FnMut(Range<usize>)) {
         let (column, row) = self.column_of(point);
         let outer = end - 1;
-        for other in (row - outer).max(0)..=(row + outer).min(self.rows - 1) {
+        for other in (row - outer).max(0)..=(row + outer).min(self.columns.rows - 1) {
             if (other - row).abs() >= start {
                 visit(self.stretch(other, column - outer, column + outer));
             } else {
@@ -116,12 +141,58 @@ impl PointGrid {
 
     /// The columns from `left` to `right` of a row, as far as there are any, as a range of [`order`](Self::order).
     fn stretch(&self, row: i32, left: i32, right: i32) -> Range<usize> {
-        let (left, right) = (left.max(0), right.min(self.columns - 1));
+        let (left, right) = (left.max(0), right.min(self.columns.columns - 1));
         if left > right {
             return 0..0;
         }
-        let (first, last) = (self.cell((left, row)), self.cell((right, row)));
+        let (first, last) = (self.columns.cell((left, row)), self.columns.cell((right, row)));
         self.starts[first] as usize..self.starts[last + 1] as usize
+    }
+}
+
+/// Points that are added one by one, bucketed by column.
+#[derive(Debug, Clone)]
+pub struct GrowingGrid {
+    columns: Columns,
+    points: Vec<Vec3>,
+    /// The point that was added to each column last.
+    last: Vec<u32>,
+    /// The point that was added to the column of each point before it.
+    before: Vec<u32>,
+}
+
+impl GrowingGrid {
+    /// A grid with `points` over a map of this extent, in columns with sides of at least `cell_m` metres.
+    pub fn new(extent: Vec3, cell_m: f32, points: &[Vec3]) -> Self {
+        let columns = Columns::over(Vec3::ZERO, extent, cell_m);
+        let mut grid = Self { columns, points: Vec::new(), last: vec![NONE; columns.count()], before: Vec::new() };
+        points.iter().for_each(|point| grid.push(*point));
+        grid
+    }
+
+    /// Adds a point, whose index is the number of those before it.
+    pub fn push(&mut self, point: Vec3) {
+        let last = &mut self.last[self.columns.cell(self.columns.column_of(point))];
+        self.before.push(*last);
+        *last = self.points.len() as u32;
+        self.points.push(point);
+    }
+
+    /// All points, in the order in which they were added.
+    pub fn points(&self) -> &[Vec3] {
+        &self.points
+    }
+
+    /// Iterates over the points that are at most `reach` metres from `point`, and some others.
+    pub fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = (u32, Vec3)> {
+        let known = |idx: u32| (idx != NONE).then_some(idx);
+        // A little more, since distances are rounded.
+        self.columns
+            .within(point, reach * 1.001)
+            .flat_map(move |cell| {
+                std::iter::successors(known(self.last[cell]), move |&idx| known(self.before[idx as usize]))
+            })
+            .map(|idx| (idx, self.points[idx as usize]))
     }
 }
 

@@ -51,13 +51,29 @@ impl Interim {
         self.lock().get_or_insert_default().geometry = geometry.into();
     }
 
-    /// Notes what probes start from.
+    /// Notes all that has been found out.
     pub(crate) fn renew(&self, vertices: &[Vec3], candidates: &[Candidate], evidence: &[Evidence]) {
         let mut findings = self.lock();
         let findings = findings.get_or_insert_default();
         findings.vertices = vertices.to_vec();
         findings.candidates = candidates.to_vec();
         findings.evidence = evidence.to_vec();
+    }
+
+    /// Notes the vertices and candidates that were added at the end.
+    pub(crate) fn extend(&self, vertices: &[Vec3], candidates: &[Candidate], evidence: &[Evidence]) {
+        let mut findings = self.lock();
+        let Findings { vertices: known, candidates: listed, evidence: own, .. } = findings.get_or_insert_default();
+        known.extend(&vertices[known.len().min(vertices.len())..]);
+        listed.extend(&candidates[listed.len().min(candidates.len())..]);
+        own.extend(&evidence[own.len().min(evidence.len())..]);
+    }
+
+    /// Notes what a build has made of the probes of these candidates.
+    pub(crate) fn replace(&self, which: &[u32], evidence: &[Evidence]) {
+        if let Some(findings) = self.lock().as_mut() {
+            which.iter().for_each(|&idx| findings.evidence[idx as usize] = evidence[idx as usize]);
+        }
     }
 
     /// Adds the outcome of a probe of a candidate.

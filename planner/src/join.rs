@@ -4,7 +4,6 @@
 use crate::build::{Builder, Probed};
 use crate::candidates::Candidate;
 use crate::graph::NavGraph;
-use crate::grid::PointGrid;
 use crate::ids::{EdgeKey, VertexId};
 use crate::settings::BuildError;
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,11 +31,10 @@ const PRIOR: f32 = 0.3;
 impl Builder<'_> {
     /// Probes candidates between islands, new ones included.
     pub(crate) fn join_islands(&self, probed: &mut Probed) -> Result<(), BuildError> {
-        let grid = PointGrid::new(&probed.vertices, REACH_M);
         let mut joined = BTreeSet::new();
         for _ in 0..ROUNDS {
             let graph = probed.graph(self.settings.threshold);
-            let mut found = apart(&graph, &grid, &self.site.profile, probed);
+            let mut found = apart(&graph, &self.site.profile, probed);
             found.truncate((probed.candidates.len() / SHARE).max(MIN_PROBES));
             if found.is_empty() {
                 break;
@@ -50,8 +48,7 @@ impl Builder<'_> {
 }
 
 /// Pairs of near vertices of which no path leads from the first to the second, the easiest first.
-fn apart(graph: &NavGraph, grid: &PointGrid, profile: &CharacterProfile, probed: &Probed) -> Vec<Candidate> {
-    let vertices = &probed.vertices;
+fn apart(graph: &NavGraph, profile: &CharacterProfile, probed: &Probed) -> Vec<Candidate> {
     let islands = graph.islands();
     let mut members: BTreeMap<u32, Vec<VertexId>> = BTreeMap::new();
     graph.vertices().for_each(|vertex| members.entry(islands[vertex.idx()]).or_default().push(vertex));
@@ -65,9 +62,9 @@ fn apart(graph: &NavGraph, grid: &PointGrid, profile: &CharacterProfile, probed:
         let reached = graph.reachable_from(members[0]);
         let mut by_island: BTreeMap<u32, Vec<(f32, Candidate)>> = BTreeMap::new();
         for &from in members {
-            let start = vertices[from.idx()];
-            for to in grid.within(start, REACH_M).filter(|&to| !reached[to as usize]) {
-                let offset = vertices[to as usize] - start;
+            let start = probed.vertices()[from.idx()];
+            for (to, at) in probed.places.within(start, REACH_M).filter(|&(to, _)| !reached[to as usize]) {
+                let offset = at - start;
                 let distance = hypot(offset.x, offset.z);
                 let key = EdgeKey { from, to: VertexId(to) };
                 if distance <= REACH_M && offset.y <= rise && probed.tries(key) < MAX_TRIES {

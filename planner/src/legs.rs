@@ -154,7 +154,7 @@ impl LegModel {
     }
 
     /// Returns a lower bound on the decisions that a leg of this length takes.
-    fn least_decisions(distance: f64) -> f64 {
+    pub(crate) fn least_decisions(distance: f64) -> f64 {
         distance / MAX_METRES_PER_DECISION
     }
 

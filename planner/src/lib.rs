@@ -24,6 +24,7 @@ mod hierarchy;
 pub mod ids;
 pub mod interim;
 mod join;
+mod joined;
 pub mod legs;
 pub mod links;
 pub mod live;

@@ -5,7 +5,9 @@
 
 use crate::site::Site;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use surefoot_world::character::{MoveScratch, is_clear};
+use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
 use surefoot_world::map::{Mover, MoverKind};
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
@@ -16,6 +18,8 @@ use surefoot_world::{
 const MAX_NEEDS: usize = 4;
 /// Distance within which a place is a berth, m.
 const SAME_M: f32 = 0.01;
+/// Side of the cells in which berths are looked up, m.
+const CELL_M: f32 = 0.04;
 /// Distance from where movers go that vertices keep, m.
 const CLEARANCE_M: f32 = 0.4;
 /// Overlap of a body with what is static that a berth may have, m.
@@ -39,6 +43,13 @@ pub struct Ride {
     pub from: u8,
     /// Index of the stop where it ends.
     pub to: u8,
+}
+
+impl Ride {
+    /// The ride from one berth to another, each named by its mover and stop; `None` unless they are stops of one mover.
+    pub fn between((mover, from): (u16, u8), (other, to): (u16, u8)) -> Option<Self> {
+        (mover == other && from != to).then_some(Self { mover, from, to })
+    }
 }
 
 /// Everything that an edge hangs on.
@@ -84,6 +95,18 @@ impl Needs {
         self.ride = self.ride.or(other.ride);
     }
 
+    /// Whether a map can have these movers and stops: each mover is listed once, and a ride begins where its mover must stand.
+    pub fn are_possible(&self) -> bool {
+        let is_mover = |mover: u16| usize::from(mover) < MAX_MOVERS;
+        let is_stop = |stop: u8| usize::from(stop) < MAX_STOPS;
+        let is_listed_again = |idx: usize, mover: u16| self.iter().skip(idx + 1).any(|other| other.mover == mover);
+        let begins =
+            |ride: Ride| self.iter().any(|need| need.mover == ride.mover && need.stops & (1 << ride.from) != 0);
+        let is_possible = |ride: Ride| is_stop(ride.from) && is_stop(ride.to) && ride.from != ride.to && begins(ride);
+        self.iter().enumerate().all(|(idx, need)| is_mover(need.mover) && !is_listed_again(idx, need.mover))
+            && self.ride.is_none_or(is_possible)
+    }
+
     /// Whether the edge can be used while each mover stands only at `stops`, in the order of the map; movers that are not listed stand
     /// anywhere. A ride needs both of its stops.
     pub fn are_met(&self, stops: &[u16]) -> bool {
@@ -122,10 +145,12 @@ pub fn states_for_proof(map: &Map, held: Option<(u16, u8)>) -> Vec<MoverState> {
     (0..).zip(map.movers()).map(state).collect()
 }
 
-/// The places on the movers of a map where an NPC stands.
+/// The places on the movers of a map where an NPC stands. A berth is named by its mover and stop.
 #[derive(Debug, Clone, Default)]
 pub struct Berths {
     places: Vec<(Vec3, u16, u8)>,
+    /// Indices of the places in each cell that has any, in ascending order.
+    by_cell: HashMap<[i32; 3], Vec<u32>>,
 }
 
 impl Berths {
@@ -145,24 +170,80 @@ impl Berths {
                 places.extend(place.map(|place| (place, idx, stop as u8)));
             }
         }
-        Self { places }
+        Self::at_places(places)
+    }
+
+    fn at_places(places: Vec<(Vec3, u16, u8)>) -> Self {
+        let mut by_cell: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
+        for (idx, (place, ..)) in (0..).zip(&places) {
+            by_cell.entry(cell(*place)).or_default().push(idx);
+        }
+        Self { places, by_cell }
     }
 
     /// All places, m.
-    pub fn places(&self) -> impl Iterator<Item = Vec3> {
+    pub fn places(&self) -> impl ExactSizeIterator<Item = Vec3> {
         self.places.iter().map(|(place, ..)| *place)
     }
 
-    /// The mover and its stop of which `place` is the berth.
+    /// The first berth at `place`.
     pub fn at(&self, place: Vec3) -> Option<(u16, u8)> {
-        let here = |(berth, ..): &&(Vec3, u16, u8)| berth.distance_squared(place) < SAME_M * SAME_M;
-        self.places.iter().find(here).map(|(_, mover, stop)| (*mover, *stop))
+        self.near(place).min().map(|idx| self.name(idx))
     }
 
-    /// The ride between two berths; `None` unless they are those of one mover.
-    pub fn ride(&self, start: Vec3, goal: Vec3) -> Option<Ride> {
-        let ((mover, from), (other, to)) = self.at(start).zip(self.at(goal))?;
-        (mover == other && from != to).then_some(Ride { mover, from, to })
+    /// The berth at which each vertex is. A berth belongs to one vertex: where several places are one, each vertex there has a berth of
+    /// its own, as long as there are any.
+    pub fn of_vertices(&self, vertices: &[Vec3]) -> Vec<Option<(u16, u8)>> {
+        let mut is_taken = vec![false; self.places.len()];
+        let free = vertices.iter().map(|at| {
+            let idx = self.near(*at).filter(|idx| !is_taken[*idx as usize]).min()?;
+            is_taken[idx as usize] = true;
+            Some(self.name(idx))
+        });
+        free.collect()
+    }
+
+    fn name(&self, idx: u32) -> (u16, u8) {
+        let (_, mover, stop) = self.places[idx as usize];
+        (mover, stop)
+    }
+
+    /// Indices of the berths at `place`.
+    fn near(&self, place: Vec3) -> impl Iterator<Item = u32> {
+        let ([left, low, back], [right, high, front]) =
+            (cell(place - Vec3::splat(SAME_M)), cell(place + Vec3::splat(SAME_M)));
+        (left..=right)
+            .flat_map(move |x| (low..=high).flat_map(move |y| (back..=front).map(move |z| [x, y, z])))
+            .filter_map(|cell| self.by_cell.get(&cell))
+            .flatten()
+            .copied()
+            .filter(move |idx| self.places[*idx as usize].0.distance_squared(place) < SAME_M * SAME_M)
+    }
+}
+
+/// The cell in which a berth is looked up.
+fn cell(place: Vec3) -> [i32; 3] {
+    (place / CELL_M).floor().to_array().map(|value| value as i32)
+}
+
+/// The boarding of a mover that is held at a stop for probes.
+#[derive(Debug, Clone, Copy)]
+pub struct Boarding {
+    berth: Vec3,
+    wait: u32,
+}
+
+impl Boarding {
+    /// The boarding of this mover at its stop; `None` if nothing is held, or the map has no such place.
+    pub fn of(map: &Map, held: Option<(u16, u8)>) -> Option<Self> {
+        let (mover, stop) = held?;
+        let mover = map.movers().get(usize::from(mover)).filter(|mover| usize::from(stop) < mover.stops.len())?;
+        Some(Self { berth: top(mover, usize::from(stop))?, wait: mean_wait(mover).0 as u32 })
+    }
+
+    /// Decisions for which NPCs wait on average before they board the mover on their way from `start`: none if they are aboard.
+    pub fn wait_from(&self, start: Vec3) -> u32 {
+        if self.berth.distance_squared(start) < SAME_M * SAME_M { 0 } else { self.wait }
     }
 }
 

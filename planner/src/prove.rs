@@ -12,15 +12,18 @@
 
 use crate::candidates::Candidate;
 use crate::evidence::{Caution, Evidence, price};
+use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
+use crate::joined::are_joined;
 use crate::legs::{LegModel, death_share};
-use crate::needs::Berths;
+use crate::needs::Ride;
 use crate::predictor::{Geometry, Predictor, is_perilous, measure};
 use crate::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use crate::progress::Progress;
 use crate::settings::Probing;
+use std::borrow::Cow;
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, HashMap};
 use std::sync::atomic::Ordering;
 use surefoot_world::{Ability, Chance, Map, Vec3};
 
@@ -34,8 +37,8 @@ pub struct ProbeRun<'a> {
     pub candidates: &'a [Candidate],
     /// Maximum number of probes per candidate edge.
     pub repeats: u32,
-    /// The berths among the vertices.
-    pub berths: Berths,
+    /// The berth, a mover and its stop, at which each vertex is; vertices beyond the end are at none.
+    pub berths: Cow<'a, [Option<(u16, u8)>]>,
     /// Seed of initial headings and of noise.
     pub seed: u64,
     /// Number of threads for work other than probing.
@@ -81,6 +84,7 @@ impl ProbeRun<'_> {
     /// Probes the candidates and returns the evidence of each, in order; `None` if the build was cancelled.
     pub fn run(&self, probing: Probing) -> Option<Vec<Evidence>> {
         let mut evidence = vec![Evidence::default(); self.candidates.len()];
+        self.progress.interim.renew(self.vertices, self.candidates, &evidence);
         match probing {
             Probing::Exhaustive => {
                 let all: Vec<u32> = (0..self.repeats).flat_map(|_| 0..self.candidates.len() as u32).collect();
@@ -100,11 +104,12 @@ impl ProbeRun<'_> {
             (idx, *attempt)
         });
         let tries: Vec<(u32, u32)> = tries.collect();
-        self.progress.interim.renew(self.vertices, self.candidates, evidence);
+        self.progress.interim.extend(self.vertices, self.candidates, evidence);
         let outcomes = self.run_trials(&tries, false, &Noting { progress: self.progress, which })?;
         for (&idx, outcome) in which.iter().zip(&outcomes) {
             evidence[idx as usize].note_probe(outcome);
         }
+        self.progress.interim.replace(which, evidence);
         Some(())
     }
 
@@ -129,7 +134,8 @@ impl ProbeRun<'_> {
             let candidate = self.candidates[idx as usize];
             let (start, goal) = (self.vertices[candidate.from.idx()], self.vertices[candidate.to.idx()]);
             let held = self.held(candidate);
-            let ride = self.berths.ride(start, goal);
+            let ends = self.berth(candidate.from).zip(self.berth(candidate.to));
+            let ride = ends.and_then(|(from, to)| Ride::between(from, to));
             let stream = stream(candidate, attempt);
             Trial { start, via: None, goal, stream, on_foot, keep_track: false, held, ride }
         };
@@ -139,12 +145,15 @@ impl ProbeRun<'_> {
 
     /// The mover that is held at a stop for probes of this candidate, of which an end is a berth.
     fn held(&self, EdgeKey { from, to }: Candidate) -> Option<(u16, u8)> {
-        let berth = |vertex: VertexId| self.berths.at(self.vertices[vertex.idx()]);
-        berth(from).or_else(|| berth(to))
+        self.berth(from).or_else(|| self.berth(to))
+    }
+
+    fn berth(&self, vertex: VertexId) -> Option<(u16, u8)> {
+        self.berths.get(vertex.idx()).copied().flatten()
     }
 
     fn frugal(&self, evidence: &mut [Evidence]) -> Option<()> {
-        let geometry = self.measure_all();
+        let geometry = self.measure_all()?;
         self.progress.interim.measure(&geometry);
         let index: HashMap<Candidate, u32> =
             self.candidates.iter().zip(0..).map(|(&candidate, idx)| (candidate, idx)).collect();
@@ -180,25 +189,27 @@ impl ProbeRun<'_> {
         let predictor = fit(evidence);
         let priors: Vec<f64> = (0..evidence.len()).map(|idx| predictor.chance(idx, evidence)).collect();
         evidence.iter_mut().zip(priors).for_each(|(evidence, prior)| evidence.prior = prior as f32);
-        self.expect_deaths(evidence);
-        Some(())
+        self.expect_deaths(evidence)
     }
 
-    /// Expects as many of the failures on an edge to be deaths as there are on others: those beside which a miss is fatal, or the rest.
-    pub fn expect_deaths(&self, evidence: &mut [Evidence]) {
+    /// Expects as many of the failures on an edge to be deaths as there are on others: those beside which a miss is fatal, or the rest;
+    /// `None` if the build was cancelled.
+    pub fn expect_deaths(&self, evidence: &mut [Evidence]) -> Option<()> {
         let arrived: Vec<u32> =
             (0..).zip(&*evidence).filter(|(_, own)| own.successes > 0).map(|(idx, _)| idx).collect();
-        let is_beside_peril = self.are_perilous(&arrived);
+        let is_beside_peril = self.are_perilous(&arrived)?;
         let classes = [(true, DEATHS_BESIDE_PERIL), (false, DEATHS_ELSEWHERE)];
         for (class, usual) in classes {
             let members = || arrived.iter().zip(&is_beside_peril).filter(|(_, is_beside)| **is_beside == class);
             let share = death_share(members().map(|(&idx, _)| &evidence[idx as usize]), usual);
             members().for_each(|(&idx, _)| evidence[idx as usize].death_share = share as f32);
         }
+        self.progress.interim.renew(self.vertices, self.candidates, evidence);
+        Some(())
     }
 
-    /// Whether a miss is fatal beside each of these candidates.
-    fn are_perilous(&self, which: &[u32]) -> Vec<bool> {
+    /// Whether a miss is fatal beside each of these candidates; `None` if the build was cancelled.
+    fn are_perilous(&self, which: &[u32]) -> Option<Vec<bool>> {
         self.in_parallel(which, |&idx| {
             let EdgeKey { from, to } = self.candidates[idx as usize];
             is_perilous(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
@@ -211,7 +222,7 @@ impl ProbeRun<'_> {
         // A ride stands still.
         let is_run = |idx: u32| evidence[idx as usize].successes > 0 && evidence[idx as usize].needs.ride.is_none();
         let arrived: Vec<u32> = which.iter().copied().filter(|&idx| is_run(idx)).collect();
-        let is_beside_peril = self.are_perilous(&arrived);
+        let is_beside_peril = self.are_perilous(&arrived)?;
         let perilous: Vec<u32> =
             arrived.into_iter().zip(is_beside_peril).filter_map(|(idx, is_beside)| is_beside.then_some(idx)).collect();
         for run in 0..RUNS {
@@ -242,6 +253,7 @@ impl ProbeRun<'_> {
                 }
             }
         }
+        self.progress.interim.renew(self.vertices, self.candidates, evidence);
         Some(())
     }
 
@@ -308,36 +320,33 @@ impl ProbeRun<'_> {
             let decisions = legs.decisions(self.vertices[from.idx()], self.vertices[to.idx()]);
             price(decisions, Chance::new(predictor.chance(idx as usize, evidence)), 0.0, Caution::BOLD)
         };
-        let mut by_start: HashMap<VertexId, f64> = HashMap::new();
+        let mut by_start: BTreeMap<VertexId, Vec<(u32, f64)>> = BTreeMap::new();
         for &idx in which.iter() {
-            let limit = by_start.entry(self.candidates[idx as usize].from).or_default();
-            *limit = limit.max(NEEDLESS * cost(idx));
+            let most = NEEDLESS * cost(idx);
+            by_start.entry(self.candidates[idx as usize].from).or_default().push((idx, most));
         }
-        let mut known: HashMap<VertexId, HashMap<VertexId, f64>> = HashMap::new();
-        which.retain(|&idx| {
-            let EdgeKey { from, to } = self.candidates[idx as usize];
-            let paths = known.entry(from).or_insert_with(|| costs_within(&exits, from, by_start[&from]));
-            paths.get(&to).is_none_or(|&path| path > NEEDLESS * cost(idx))
-        });
+        // The paths of one start at a time: those of all would take memory that grows with the square of the vertices.
+        let mut needless: BTreeSet<u32> = BTreeSet::new();
+        for (from, own) in by_start {
+            let end = |idx: u32| self.candidates[idx as usize].to;
+            let limit = own.iter().map(|(_, most)| *most).fold(0.0, f64::max);
+            let paths = costs_within(&exits, from, limit, own.iter().map(|(idx, _)| end(*idx)).collect());
+            let is_needless = |(idx, most): &&(u32, f64)| paths.get(&end(*idx)).is_some_and(|path| path <= most);
+            needless.extend(own.iter().filter(is_needless).map(|(idx, _)| idx));
+        }
+        which.retain(|idx| !needless.contains(idx));
     }
 
     /// Selects the shortest of the `hopeless` candidates whose end no proved edges connect to their start, in ascending order.
     fn bridges(&self, hopeless: &[u32], evidence: &[Evidence]) -> Vec<u32> {
-        let mut exits = vec![Vec::new(); self.vertices.len()];
-        for (&EdgeKey { from, to }, _) in
-            self.candidates.iter().zip(evidence).filter(|(_, evidence)| evidence.successes > 0)
-        {
-            exits[from.idx()].push(to);
+        if hopeless.is_empty() {
+            return Vec::new();
         }
-        let mut reached: HashMap<VertexId, Vec<bool>> = HashMap::new();
-        let mut bridges: Vec<u32> = hopeless
-            .iter()
-            .copied()
-            .filter(|&idx| {
-                let EdgeKey { from, to } = self.candidates[idx as usize];
-                !reached.entry(from).or_insert_with(|| reachable(&exits, from))[to.idx()]
-            })
-            .collect();
+        let graph = NavGraph::prove(self.vertices.to_vec(), self.candidates, evidence, 0.0);
+        let pairs: Vec<EdgeKey> = hopeless.iter().map(|&idx| self.candidates[idx as usize]).collect();
+        let joined = are_joined(&graph, &pairs);
+        let mut bridges: Vec<u32> =
+            hopeless.iter().zip(joined).filter_map(|(&idx, is_joined)| (!is_joined).then_some(idx)).collect();
         let distance = |&idx: &u32| {
             let EdgeKey { from, to } = self.candidates[idx as usize];
             self.vertices[from.idx()].distance_squared(self.vertices[to.idx()])
@@ -348,23 +357,26 @@ impl ProbeRun<'_> {
         bridges
     }
 
-    /// Measures the ground between the vertices of each candidate, in order.
-    fn measure_all(&self) -> Vec<Geometry> {
+    /// Measures the ground between the vertices of each candidate, in order; `None` if the build was cancelled.
+    fn measure_all(&self) -> Option<Vec<Geometry>> {
         self.in_parallel(self.candidates, |&EdgeKey { from, to }| {
             measure(self.map, self.vertices[from.idx()], self.vertices[to.idx()])
         })
     }
 
-    /// What `look` finds out of each of `items` by casting rays, in order.
-    fn in_parallel<T: Sync, R: Send>(&self, items: &[T], look: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    /// What `look` finds out of each of `items` by casting rays, in order; `None` if the build was cancelled.
+    fn in_parallel<T: Sync, R: Send>(&self, items: &[T], look: impl Fn(&T) -> R + Sync) -> Option<Vec<R>> {
         let per_thread = items.len().div_ceil(self.thread_count.max(1)).max(1);
+        let look = |item: &T| (!self.progress.is_cancelled()).then(|| look(item));
         let look = &look;
         std::thread::scope(|scope| {
             let parts: Vec<_> = items
                 .chunks(per_thread)
-                .map(|chunk| scope.spawn(move || chunk.iter().map(look).collect::<Vec<R>>()))
+                .map(|chunk| scope.spawn(move || chunk.iter().map(look).collect::<Option<Vec<R>>>()))
                 .collect();
-            parts.into_iter().flat_map(|part| part.join().expect("casting rays does not panic")).collect()
+            let parts: Option<Vec<Vec<R>>> =
+                parts.into_iter().map(|part| part.join().expect("casting rays does not panic")).collect();
+            Some(parts?.into_iter().flatten().collect())
         })
     }
 }
@@ -387,8 +399,14 @@ impl ProbeWatch for Noting<'_> {
     }
 }
 
-/// Returns the costs of the cheapest paths from `start` to all vertices within `limit`, by Dijkstra's algorithm.
-fn costs_within(exits: &[Vec<(VertexId, f64)>], start: VertexId, limit: f64) -> HashMap<VertexId, f64> {
+/// Returns the costs of the cheapest paths from `start` to those of `ends` that are within `limit`, and to some other vertices, by
+/// Dijkstra's algorithm.
+fn costs_within(
+    exits: &[Vec<(VertexId, f64)>],
+    start: VertexId,
+    limit: f64,
+    mut ends: BTreeSet<VertexId>,
+) -> HashMap<VertexId, f64> {
     let mut costs = HashMap::from([(start, 0.0)]);
     let mut open = BinaryHeap::from([(Reverse(0), start)]);
     while let Some((Reverse(bits), vertex)) = open.pop() {
@@ -396,6 +414,9 @@ fn costs_within(exits: &[Vec<(VertexId, f64)>], start: VertexId, limit: f64) -> 
         let so_far = f64::from_bits(bits);
         if so_far > costs[&vertex] {
             continue;
+        }
+        if ends.remove(&vertex) && ends.is_empty() {
+            break;
         }
         for &(to, cost) in &exits[vertex.idx()] {
             let next = so_far + cost;
@@ -406,16 +427,4 @@ fn costs_within(exits: &[Vec<(VertexId, f64)>], start: VertexId, limit: f64) -> 
         }
     }
     costs
-}
-
-/// Returns for each vertex whether it can be reached from `start`.
-fn reachable(exits: &[Vec<VertexId>], start: VertexId) -> Vec<bool> {
-    let mut reached = vec![false; exits.len()];
-    let mut open = vec![start];
-    while let Some(vertex) = open.pop() {
-        if !std::mem::replace(&mut reached[vertex.idx()], true) {
-            open.extend(&exits[vertex.idx()]);
-        }
-    }
-    reached
 }

@@ -96,8 +96,9 @@ pub struct BuildSettings(RawBuildSettings);
 pub struct RawBuildSettings {
     /// How vertices are placed. Default: [`Placement::Spaced`].
     pub placement: Placement,
-    /// Number of vertices, 2 to [`MAX_VERTICES`]; with special moves and frugal probing, up to twice as many are added where it takes
-    /// them to join what straight legs leave apart. Default: 300.
+    /// Number of vertices, at least 2. Places to stand at the stops of lifts and platforms come on top; together they may be at most
+    /// [`MAX_VERTICES`]. With special moves and frugal probing, up to twice as many are added where it takes them to join what
+    /// straight legs leave apart. Default: 300.
     pub vertices: usize,
     /// Number of nearest neighbours that each vertex is probed against, 1 to 64. Default: 12.
     pub neighbours: usize,
@@ -191,6 +192,17 @@ pub enum BuildError {
     /// The map has no navigable ground.
     #[error(transparent)]
     NoGround(#[from] NoGround),
+    /// The places to stand at the stops of lifts and platforms are vertices, too, and make too many of them.
+    #[error(
+        "settings.vertices is {vertices}, and the lifts and platforms of the map stop at {berths} places where an NPC can stand; \
+         together they may be at most {MAX_VERTICES}"
+    )]
+    TooManyBerths {
+        /// The setting.
+        vertices: usize,
+        /// Number of places on movers.
+        berths: usize,
+    },
     /// The build was cancelled.
     #[error("the build was cancelled")]
     Cancelled,

@@ -6,12 +6,14 @@
 use crate::build::{Builder, Probed};
 use crate::candidates::Candidate;
 use crate::graph::NavGraph;
-use crate::ids::{EdgeKey, VertexId};
+use crate::grid::GrowingGrid;
+use crate::ids::EdgeKey;
+use crate::joined::are_joined;
 use crate::legs::LegModel;
 use crate::needs::Clearance;
 use crate::settings::{BuildError, MAX_VERTICES};
 use crate::ways::{Way, Ways};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use surefoot_world::float::hypot;
 use surefoot_world::reach::Reach;
 use surefoot_world::{Decisions, Vec3};
@@ -43,7 +45,7 @@ impl Builder<'_> {
         if probed.graph(self.settings.threshold).island_count() == 1 {
             return Ok(());
         }
-        let count = probed.vertices.len();
+        let count = probed.vertices().len();
         let most = (count + (CORNERS_PER_VERTEX * count).max(MIN_CORNERS)).min(MAX_VERTICES.max(count));
         let reach = Reach::survey(&self.site.map, &self.site.profile, self.thread_count);
         let mut ways = Ways::new(&reach);
@@ -52,17 +54,17 @@ impl Builder<'_> {
         let (mut tries, mut stitched) = (BTreeMap::new(), BTreeSet::new());
         for most_ways in WAYS {
             let graph = probed.graph(self.settings.threshold);
-            let (before, after) = (ways.nearest_before(&probed.vertices), ways.nearest_after(&probed.vertices));
+            let (before, after) = (ways.nearest_before(probed.vertices()), ways.nearest_after(probed.vertices()));
             let mut legs: BTreeMap<Candidate, Vec<u32>> = BTreeMap::new();
             for way in gaps(&graph, ways.meetings(&before, &after), &tries, most_ways) {
                 let tries: &mut usize = tries.entry((way.from, way.to)).or_default();
                 let leg_m = LEGS_M[*tries];
                 let found = ways.legs(&way, &before, &after, leg_m);
-                if probed.vertices.len() + found.len() > most + 1 {
+                if probed.vertices().len() + found.len() > most + 1 {
                     break;
                 }
                 *tries += 1;
-                legs.extend(join_legs(&way, (&ways, &clearance), found, MERGE * leg_m, &mut probed.vertices));
+                legs.extend(join_legs(&way, (&ways, &clearance), found, MERGE * leg_m, &mut probed.places));
             }
             if legs.is_empty() {
                 break;
@@ -90,20 +92,21 @@ impl Builder<'_> {
         most: usize,
         probed: &mut Probed,
     ) -> Result<(), BuildError> {
-        let legs = LegModel::fit(&probed.vertices, &probed.candidates, &probed.evidence);
-        let mut places = ways.uncovered(&probed.vertices, SIGHT_M).filter(|place| clearance.is_clear(*place));
+        let legs = LegModel::fit(probed.vertices(), &probed.candidates, &probed.evidence);
+        let mut places = ways.uncovered(probed.vertices(), SIGHT_M).filter(|place| clearance.is_clear(*place));
         loop {
-            let room = BATCH.min(most.saturating_sub(probed.vertices.len()));
+            let room = BATCH.min(most.saturating_sub(probed.vertices().len()));
             let batch: Vec<Vec3> = places.by_ref().take(room).collect();
             // The legs to each place, and those from it.
             let mut bundles: Vec<Vec<u32>> = Vec::new();
             for &place in &batch {
-                let sources = cheapest(&probed.vertices, |at| legs.decisions(at, place));
-                let targets = cheapest(&probed.vertices, |at| legs.decisions(place, at));
-                let added = probed.vertices.len() as u32;
-                probed.vertices.push(place);
-                bundles.push(sources.map(|from| probed.index_of(EdgeKey::new(from, added), PRIOR)).collect());
-                bundles.push(targets.map(|to| probed.index_of(EdgeKey::new(added, to), PRIOR)).collect());
+                let sources = cheapest(&probed.places, place, |at| legs.decisions(at, place));
+                let targets = cheapest(&probed.places, place, |at| legs.decisions(place, at));
+                let added = probed.vertices().len() as u32;
+                probed.places.push(place);
+                let mut index_of = |from, to| probed.index_of(EdgeKey::new(from, to), PRIOR);
+                bundles.push(sources.into_iter().map(|from| index_of(from, added)).collect());
+                bundles.push(targets.into_iter().map(|to| index_of(added, to)).collect());
             }
             self.try_once_each(&bundles.concat(), probed)?;
             let arrives = |idx: &u32| probed.evidence[*idx as usize].successes > 0;
@@ -115,11 +118,22 @@ impl Builder<'_> {
     }
 }
 
-/// The vertices whose legs take the fewest decisions, [`ATTACHMENTS`] of them.
-fn cheapest<F: Fn(Vec3) -> Decisions>(vertices: &[Vec3], decisions: F) -> impl Iterator<Item = u32> + use<F> {
-    let mut costs: Vec<(f64, u32)> = vertices.iter().map(|&at| decisions(at).0).zip(0..).collect();
-    costs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    costs.into_iter().take(ATTACHMENTS).map(|(_, vertex)| vertex)
+/// The vertices whose legs from or to `place` take the fewest decisions, [`ATTACHMENTS`] of them.
+fn cheapest(vertices: &GrowingGrid, place: Vec3, decisions: impl Fn(Vec3) -> Decisions) -> Vec<u32> {
+    let mut reach_m = SIGHT_M;
+    loop {
+        let near = vertices.within(place, reach_m).map(|(vertex, at)| (decisions(at).0, vertex));
+        let mut costs: Vec<(f64, u32)> = near.collect();
+        let are_all = costs.len() == vertices.points().len();
+        costs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        costs.truncate(ATTACHMENTS);
+        // Legs to vertices that are farther away take more decisions.
+        let least = LegModel::least_decisions(f64::from(reach_m));
+        if are_all || costs.len() == ATTACHMENTS && costs[ATTACHMENTS - 1].0 < least {
+            return costs.into_iter().map(|(_, vertex)| vertex).collect();
+        }
+        reach_m *= 2.0;
+    }
 }
 
 /// Adds the corners of a way to the vertices, and returns the candidates along its legs, in both directions, with the cells that they
@@ -129,7 +143,7 @@ fn join_legs(
     (ways, clearance): (&Ways<'_>, &Clearance<'_>),
     legs: Vec<Vec<u32>>,
     merge_m: f32,
-    vertices: &mut Vec<Vec3>,
+    vertices: &mut GrowingGrid,
 ) -> Vec<(Candidate, Vec<u32>)> {
     let count = legs.len();
     let mut found = Vec::with_capacity(2 * count);
@@ -140,17 +154,18 @@ fn join_legs(
             // The leg goes on to the next corner.
             continue;
         }
-        let is_near = |vertex: &Vec3| {
+        let is_near = |(_, vertex): &(u32, Vec3)| {
             let offset = *vertex - corner;
             hypot(offset.x, offset.z) <= merge_m && offset.y.abs() <= 0.5 * merge_m
         };
+        let near = vertices.within(corner, merge_m).filter(is_near).map(|(vertex, _)| vertex).min();
         let to = if idx + 1 == count {
             way.to
         } else {
-            vertices.iter().position(is_near).unwrap_or_else(|| {
+            near.unwrap_or_else(|| {
                 vertices.push(corner);
-                vertices.len() - 1
-            }) as u32
+                vertices.points().len() as u32 - 1
+            })
         };
         if from != to {
             found.push((EdgeKey::new(from, to), cells.clone()));
@@ -178,13 +193,12 @@ fn gaps(
             shortest.insert(ends, way);
         }
     }
-    let mut reached: HashMap<u32, Vec<bool>> = HashMap::new();
+    let pairs: Vec<EdgeKey> = shortest.keys().map(|&(from, to)| EdgeKey::new(from, to)).collect();
+    let joined = are_joined(graph, &pairs);
     let mut by_islands: BTreeMap<(u32, u32), Vec<Way>> = BTreeMap::new();
-    for way in shortest.into_values() {
-        let (from, to) = (islands[way.from as usize], islands[way.to as usize]);
-        if !reached.entry(from).or_insert_with(|| graph.reachable_from(VertexId(way.from)))[way.to as usize] {
-            by_islands.entry((from, to)).or_default().push(way);
-        }
+    for (way, _) in shortest.into_values().zip(joined).filter(|(_, is_joined)| !is_joined) {
+        let ends = (islands[way.from as usize], islands[way.to as usize]);
+        by_islands.entry(ends).or_default().push(way);
     }
     let by_length = |a: &Way, b: &Way| a.length_m.total_cmp(&b.length_m).then((a.from, a.to).cmp(&(b.from, b.to)));
     let mut gaps: Vec<Way> = by_islands

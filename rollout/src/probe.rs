@@ -10,7 +10,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use surefoot_planner::needs::{self, Berths, Need, Needs, Ride};
+use surefoot_planner::needs::{self, Boarding, Need, Needs, Ride};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
 use surefoot_planner::{PolicyHash, Site};
 use surefoot_policy::Policy;
@@ -63,7 +63,7 @@ impl ProbeContext {
     /// Runs the trials of one of [`chunks`] and returns their outcomes, in order; `None` if `watch` cancelled. The same movers must be
     /// held in all of them.
     pub fn run_chunk(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
-        run_chunk(self, trials, seed, watch)
+        run_chunk(self, &Reliance::on(&self.map), trials, seed, watch)
     }
 
     /// A world in which movers stand where edges are proved, and `held` at its stop.
@@ -88,6 +88,7 @@ pub struct InProcess {
 impl ProbeExecutor for InProcess {
     fn run(&self, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
         let chunks = chunks(trials);
+        let reliance = Reliance::on(&self.context.map);
         let next = AtomicUsize::new(0);
         let results: Mutex<Vec<Option<Vec<Outcome>>>> = Mutex::new(vec![None; chunks.len()]);
         std::thread::scope(|scope| {
@@ -95,9 +96,10 @@ impl ProbeExecutor for InProcess {
                 scope.spawn(|| {
                     loop {
                         let chunk_idx = next.fetch_add(1, Ordering::Relaxed);
-                        let Some(chunk) = chunks.get(chunk_idx) else { return };
+                        let Some(chunk) = chunks.get(chunk_idx).filter(|_| !watch.is_cancelled()) else { return };
                         let alike: Vec<Trial> = chunk.iter().map(|&idx| trials[idx]).collect();
-                        let outcomes = self.context.run_chunk(&alike, seed, &OfChunk { chunk, watch });
+                        let watch = OfChunk { chunk, watch };
+                        let outcomes = run_chunk(&self.context, &reliance, &alike, seed, &watch);
                         results.lock().expect("no probe panics")[chunk_idx] = outcomes;
                     }
                 });
@@ -148,7 +150,8 @@ impl ProbeWatch for OfChunk<'_> {
 /// Runs one trial and returns its outcome, which equals that of [`InProcess`], and the positions of the feet, m: the start, then
 /// the position after every tick.
 pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec<Vec3>) {
-    let mut probes = Probes::new(context, seed, trial.held);
+    let reliance = Reliance::on(&context.map);
+    let mut probes = Probes::new(context, &reliance, seed, trial.held);
     probes.start(0, trial);
     let mut track = vec![trial.start];
     loop {
@@ -162,8 +165,14 @@ pub fn replay(context: &ProbeContext, trial: &Trial, seed: u64) -> (Outcome, Vec
 }
 
 /// Runs the trials of a chunk, of which the same movers are held, and returns their outcomes; `None` if `watch` cancelled.
-fn run_chunk(context: &ProbeContext, trials: &[Trial], seed: u64, watch: &dyn ProbeWatch) -> Option<Vec<Outcome>> {
-    let mut probes = Probes::new(context, seed, trials.first().and_then(|trial| trial.held));
+fn run_chunk(
+    context: &ProbeContext,
+    reliance: &Reliance,
+    trials: &[Trial],
+    seed: u64,
+    watch: &dyn ProbeWatch,
+) -> Option<Vec<Outcome>> {
+    let mut probes = Probes::new(context, reliance, seed, trials.first().and_then(|trial| trial.held));
     let mut outcomes: Vec<Option<Outcome>> = vec![None; trials.len()];
     let mut waiting = trials.iter().enumerate();
     loop {
@@ -171,7 +180,7 @@ fn run_chunk(context: &ProbeContext, trials: &[Trial], seed: u64, watch: &dyn Pr
             && let Some((at, trial)) = waiting.next()
         {
             if let Some(ride) = trial.ride {
-                let outcome = run_ride(context, trial, ride);
+                let outcome = run_ride(context, trial, ride, watch)?;
                 watch.finished(at, &outcome);
                 outcomes[at] = Some(outcome);
             } else {
@@ -191,14 +200,17 @@ fn run_chunk(context: &ProbeContext, trials: &[Trial], seed: u64, watch: &dyn Pr
     }
 }
 
-/// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends.
-fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride) -> Outcome {
+/// Runs a ride: the body stands still on the mover until that has reached the stop where the ride ends; `None` if `watch` cancelled.
+fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride, watch: &dyn ProbeWatch) -> Option<Outcome> {
     let mut world = context.world_for(Some((ride.mover, ride.from)));
     let mut outcome = Outcome::begin(trial.start);
     outcome.needs = Needs::of_ride(ride);
     let slot = world.spawn(trial.start, 0.0);
     world.order(ride.mover, MoverOrder::GoTo(ride.to));
     for tick in 1..=needs::longest_ride_ticks(&context.map.movers()[usize::from(ride.mover)], ride) {
+        if tick % TICKS_PER_DECISION == 0 && watch.is_cancelled() {
+            return None;
+        }
         world.tick();
         let npc = world.npc(slot).expect("just spawned");
         outcome.bounds = [outcome.bounds[0].min(npc.body.feet), outcome.bounds[1].max(npc.body.feet)];
@@ -210,7 +222,7 @@ fn run_ride(context: &ProbeContext, trial: &Trial, ride: Ride) -> Outcome {
             break;
         }
     }
-    outcome
+    Some(outcome)
 }
 
 /// Sees the worlds after each tick.
@@ -223,13 +235,13 @@ pub(crate) struct Probes<'a> {
     worlds: [World; 1],
     running: Vec<Running>,
     decisions: DecisionLoop,
-    reliance: Reliance,
-    berths: Berths,
+    reliance: &'a Reliance,
+    boarding: Option<Boarding>,
 }
 
 impl<'a> Probes<'a> {
-    /// Prepares trials of which this mover is held at that stop.
-    pub(crate) fn new(context: &'a ProbeContext, seed: u64, held: Option<(u16, u8)>) -> Self {
+    /// Prepares trials of which this mover is held at that stop. `reliance` is that on the map.
+    pub(crate) fn new(context: &'a ProbeContext, reliance: &'a Reliance, seed: u64, held: Option<(u16, u8)>) -> Self {
         let policy = &context.policy;
         Self {
             policy,
@@ -237,16 +249,9 @@ impl<'a> Probes<'a> {
             worlds: [context.world_for(held)],
             running: Vec::new(),
             decisions: DecisionLoop::new(policy),
-            reliance: Reliance::on(&context.map),
-            berths: Berths::of(&context.map, &context.profile),
+            reliance,
+            boarding: Boarding::of(&context.map, held),
         }
-    }
-
-    /// Decisions for which NPCs wait on average before they board the berth to which a trial leads.
-    fn wait_for(&self, trial: &Trial) -> u32 {
-        let boarded = self.berths.at(trial.goal).filter(|_| self.berths.at(trial.start).is_none());
-        let wait = |(mover, _): (u16, u8)| needs::mean_wait(&self.worlds[0].map().movers()[usize::from(mover)]);
-        boarded.map_or(0, |berth| wait(berth).0 as u32)
     }
 
     fn start(&mut self, trial_idx: usize, trial: &Trial) {
@@ -256,7 +261,7 @@ impl<'a> Probes<'a> {
 
     /// Starts a trial whose body moves in this style, and returns its slot in the world.
     pub(crate) fn start_in_style(&mut self, trial_idx: usize, trial: &Trial, style: Style) -> NpcSlot {
-        let wait = self.wait_for(trial);
+        let wait = self.boarding.map_or(0, |boarding| boarding.wait_from(trial.start));
         let started = Running::start(&mut self.worlds[0], trial_idx, (trial, style), self.seed, wait);
         let slot = started.slot;
         self.decisions.begin(Lane::of(slot).row_idx);

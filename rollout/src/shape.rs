@@ -22,6 +22,7 @@ use surefoot_world::map::Zone;
 use surefoot_world::mesh::Surface;
 use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
+use surefoot_world::reliance::Reliance;
 use surefoot_world::{
     Ability, CharacterProfile, DECISION_SECONDS, Map, NpcSlot, TICK_SECONDS, TICKS_PER_SECOND, Vec3, World,
 };
@@ -56,6 +57,7 @@ pub fn measure(
     finished: &(dyn Fn() + Sync),
 ) -> Vec<Option<Shape>> {
     let berths = Berths::of(&context.map, &context.profile);
+    let reliance = Reliance::on(&context.map);
     let held = |idx: usize| held(&berths, graph, edges[idx]);
     let mut order: Vec<usize> = (0..edges.len()).collect();
     order.sort_by_key(|&idx| held(idx));
@@ -69,7 +71,7 @@ pub fn measure(
                 loop {
                     let Some(chunk) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
                     let of_chunk: Vec<&Edge> = chunk.iter().map(|&idx| edges[idx]).collect();
-                    let gauge = Gauge { context, graph, ground, held: held(chunk[0]) };
+                    let gauge = Gauge { context, reliance: &reliance, graph, ground, held: held(chunk[0]) };
                     let measured = gauge.measure(&of_chunk, finished);
                     let mut shapes = shapes.lock().expect("no measurement panics");
                     chunk.iter().zip(measured).for_each(|(&idx, shape)| shapes[idx] = shape);
@@ -133,6 +135,7 @@ impl Runner {
 /// Measures edges for which the same mover is held.
 struct Gauge<'a> {
     context: &'a ProbeContext,
+    reliance: &'a Reliance,
     graph: &'a NavGraph,
     ground: &'a Ground,
     held: Option<(u16, u8)>,
@@ -155,7 +158,7 @@ impl Gauge<'_> {
 
     /// Runs the policy along each edge, and returns the tracks of the runs that arrived.
     fn run(&self, edges: &[&Edge]) -> Vec<Vec<Vec<Moment>>> {
-        let mut probes = Probes::new(self.context, 0, self.held);
+        let mut probes = Probes::new(self.context, self.reliance, 0, self.held);
         let runs_each = (COMPOSED_RUNS + FREE_RUNS) as usize;
         let mut runners = Vec::with_capacity(edges.len() * runs_each);
         for edge in edges.iter().filter(|edge| edge.evidence.needs.ride.is_none()) {

@@ -66,6 +66,7 @@ impl Leg {
         let is_possible = bounds.iter().chain(track.iter().flatten()).all(|corner| corner.is_finite())
             && bounds[0].cmple(bounds[1]).all()
             && needs.iter().all(is_known)
+            && needs.are_possible()
             && needs.ride == trial.ride
             && (trial.keep_track || track.is_empty());
         is_possible.then_some(Outcome { reached, died, decisions, ability, bounds, track, needs, approach: None })

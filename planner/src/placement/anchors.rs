@@ -1,6 +1,7 @@
 //! Places vertices beside devices and movers, so that every pad, zip line and teleporter has one at each end, every door one on each side,
 //! and every lift some around each of its stops.
 
+use crate::grid::GrowingGrid;
 use surefoot_world::character::MoveScratch;
 use surefoot_world::map::MoverKind;
 use surefoot_world::{CharacterProfile, Map, Vec3, navigable};
@@ -38,17 +39,18 @@ pub fn beside_devices(map: &Map, profile: &CharacterProfile, count: usize) -> Ve
     }
     spots.extend(beside_movers(map));
     let mut scratch = MoveScratch::default();
-    let mut anchors: Vec<Vec3> = Vec::new();
+    let apart = 0.5 * BESIDE_M;
+    let mut anchors = GrowingGrid::new(map.extent(), apart, &[]);
     for (point, reach, rise) in spots {
-        if anchors.len() == count {
+        if anchors.points().len() == count {
             break;
         }
         let Some(feet) = navigable::stand_near(map, profile, point, reach, rise, &mut scratch) else { continue };
-        if anchors.iter().all(|other| other.distance(feet) > 0.5 * BESIDE_M) {
+        if anchors.within(feet, apart).all(|(_, other)| other.distance(feet) > apart) {
             anchors.push(feet);
         }
     }
-    anchors
+    anchors.points().to_vec()
 }
 
 /// Distance from a mover at which an NPC waits for it, m, and how far from there and how much higher or lower a vertex may be.

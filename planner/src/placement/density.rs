@@ -5,25 +5,26 @@
 //! method for data mining and clustering", SIGMOD 2000) draws from a pool with probabilities inverse to the local density
 //! of the pool, which favours scarce places.
 
-use super::even_spacing;
+use super::{PlacementContext, even_spacing};
 use crate::grid::PointGrid;
+use crate::settings::BuildError;
 use rand::{Rng, RngExt};
-use surefoot_world::navigable::{self, NoGround};
-use surefoot_world::{CharacterProfile, Map, Vec3};
+use surefoot_world::Vec3;
 
 /// Number of points in the pool for each vertex.
 const POOL: usize = 8;
 /// Factor on height differences in distances, so that points on different storeys are not near each other.
 const HEIGHT_WEIGHT: f32 = 3.0;
 
-/// Draws `count` points without replacement from a pool of navigable samples, with probabilities inverse to the number of
-/// pool points within the even spacing.
+/// Draws as many points as the settings ask for without replacement from a pool of navigable samples, with probabilities inverse to the
+/// number of pool points within the even spacing.
 ///
 /// # Errors
-/// If the map has no navigable ground.
-pub fn place(map: &Map, profile: &CharacterProfile, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, NoGround> {
-    let pool = navigable::sample_many(map, profile, POOL * count, rng)?;
-    let reach = even_spacing(map, count);
+/// If the map has no navigable ground, or the build was cancelled.
+pub fn place(placing: &PlacementContext<'_>, rng: &mut impl Rng) -> Result<Vec<Vec3>, BuildError> {
+    let count = placing.settings.vertices;
+    let pool = placing.sample(POOL * count, rng)?;
+    let reach = even_spacing(&placing.site.map, count);
     let grid = PointGrid::new(&pool, reach);
     // Exponential keys (Efraimidis and Spirakis, 2006): the smallest are a weighted sample without replacement.
     let mut keyed: Vec<(f32, Vec3)> = pool

@@ -7,14 +7,14 @@
 
 use super::{Draft, PlacementContext, even_spacing};
 use crate::candidates::Candidate;
-use crate::grid::PointGrid;
+use crate::grid::{GrowingGrid, PointGrid};
 use crate::ids::EdgeKey;
 use crate::probe::Trial;
 use crate::settings::BuildError;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
 use std::collections::BTreeSet;
-use surefoot_world::{Vec3, navigable};
+use surefoot_world::Vec3;
 
 /// Number of points that the policy is sent to from each vertex.
 const SPOKES: usize = 10;
@@ -31,32 +31,33 @@ const POOL: usize = 10;
 /// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, executor, progress, .. } = placing;
-    let pool = navigable::sample_many(&site.map, &site.profile, POOL * settings.vertices, rng)?;
+    let pool = placing.sample(POOL * settings.vertices, rng)?;
     let spacing = even_spacing(&site.map, settings.vertices);
     let apart = MIN_SEPARATION * spacing;
     let grid = PointGrid::new(&pool, spacing);
-    let mut draft = Draft::default();
+    let mut placed = GrowingGrid::new(site.map.extent(), apart, &[]);
+    let mut episodes = 0;
     let mut parents: Vec<Option<u32>> = Vec::new();
     let mut candidates: BTreeSet<Candidate> = BTreeSet::new();
     let (mut front, mut stream) = (Vec::new(), 0);
-    while draft.vertices.len() < settings.vertices {
+    while placed.points().len() < settings.vertices {
         if front.is_empty() {
             let start = pool[rng.random_range(0..pool.len())];
-            front.push(draft.vertices.len() as u32);
-            draft.vertices.push(start);
+            front.push(placed.points().len() as u32);
+            placed.push(start);
             parents.push(None);
             continue;
         }
         let mut sources = Vec::new();
         let mut trials = Vec::new();
         for &source in &front {
-            let from = draft.vertices[source as usize];
+            let from = placed.points()[source as usize];
             let mut goals: Vec<u32> = grid
                 .within(from, SPOKE_LENGTH.end * spacing)
                 .filter(|&goal| {
                     let at = pool[goal as usize];
                     let distance = at.distance(from) / spacing;
-                    SPOKE_LENGTH.contains(&distance) && is_far(&draft.vertices, at, apart)
+                    SPOKE_LENGTH.contains(&distance) && is_far(&placed, at, apart)
                 })
                 .collect();
             for _ in 0..SPOKES.min(goals.len()) {
@@ -76,20 +77,21 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
             }
         }
         let outcomes = executor.run(&trials, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
-        draft.episodes += outcomes.len() as u64;
+        episodes += outcomes.len() as u64;
         front.clear();
         for ((trial, outcome), &source) in trials.iter().zip(&outcomes).zip(&sources) {
             if !outcome.reached {
                 continue;
             }
-            let near = (0..).zip(&draft.vertices).find(|(_, vertex)| vertex.distance(trial.goal) < apart);
-            let reached = match near {
-                Some((vertex, _)) => vertex,
-                None if draft.vertices.len() < settings.vertices => {
-                    draft.vertices.push(trial.goal);
+            let near = placed.within(trial.goal, apart).filter(|(_, vertex)| vertex.distance(trial.goal) < apart);
+            let count = placed.points().len();
+            let reached = match near.map(|(vertex, _)| vertex).min() {
+                Some(vertex) => vertex,
+                None if count < settings.vertices => {
+                    placed.push(trial.goal);
                     parents.push(Some(source));
-                    front.push(draft.vertices.len() as u32 - 1);
-                    draft.vertices.len() as u32 - 1
+                    front.push(count as u32);
+                    count as u32
                 }
                 None => continue,
             };
@@ -105,10 +107,10 @@ pub fn place(placing: &PlacementContext<'_>, grandchildren: bool, rng: &mut ChaC
         });
         candidates.extend(grandparents.flat_map(|(a, b)| [EdgeKey::new(a, b), EdgeKey::new(b, a)]));
     }
-    draft.candidates = Some(candidates.into_iter().collect());
-    Ok(draft)
+    let (vertices, candidates) = (placed.points().to_vec(), Some(candidates.into_iter().collect()));
+    Ok(Draft { vertices, candidates, episodes, ..Draft::default() })
 }
 
-fn is_far(vertices: &[Vec3], point: Vec3, apart: f32) -> bool {
-    vertices.iter().all(|vertex| vertex.distance_squared(point) >= apart * apart)
+fn is_far(vertices: &GrowingGrid, point: Vec3, apart: f32) -> bool {
+    vertices.within(point, apart).all(|(_, vertex)| vertex.distance_squared(point) >= apart * apart)
 }

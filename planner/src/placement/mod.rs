@@ -16,14 +16,15 @@ pub use anchors::beside_devices;
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::needs::{Berths, Clearance};
-use crate::probe::ProbeExecutor;
+use crate::probe::{ProbeExecutor, ProbeWatch};
 use crate::progress::Progress;
 use crate::settings::{BuildError, BuildSettings, Placement};
 use crate::site::Site;
-use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use rand::{Rng, SeedableRng};
 use std::collections::BTreeMap;
-use surefoot_world::{Map, Vec3};
+use surefoot_world::character::MoveScratch;
+use surefoot_world::{Map, Vec3, navigable};
 
 /// Placed vertices, with candidate edges and evidence where the placement ran the policy.
 #[derive(Debug, Clone, Default)]
@@ -52,6 +53,22 @@ pub struct PlacementContext<'a> {
     pub progress: &'a Progress,
 }
 
+impl PlacementContext<'_> {
+    fn check_cancelled(&self) -> Result<(), BuildError> {
+        if self.progress.is_cancelled() { Err(BuildError::Cancelled) } else { Ok(()) }
+    }
+
+    /// Draws places to stand.
+    fn sample(&self, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, BuildError> {
+        let mut scratch = MoveScratch::default();
+        let draw = |_| {
+            self.check_cancelled()?;
+            Ok(navigable::sample(&self.site.map, &self.site.profile, rng, &mut scratch)?)
+        };
+        (0..count).map(draw).collect()
+    }
+}
+
 /// Places all vertices.
 ///
 /// # Errors
@@ -67,16 +84,16 @@ pub fn place(placing: &PlacementContext<'_>) -> Result<Draft, BuildError> {
         Draft { vertices, ..Draft::default() }
     };
     let mut draft = match settings.placement {
-        Placement::Random => only(random::place(map, profile, count, &mut rng)?),
+        Placement::Random => only(random::place(placing, &mut rng)?),
         Placement::Spaced => {
             let anchors = if settings.special_moves {
                 beside_devices(map, profile, count / MAX_ANCHOR_DIVISOR)
             } else {
                 Vec::new()
             };
-            only(spaced::place(map, profile, anchors, count, &mut rng)?)
+            only(spaced::place(placing, anchors, &mut rng)?)
         }
-        Placement::Density => only(density::place(map, profile, count, &mut rng)?),
+        Placement::Density => only(density::place(placing, &mut rng)?),
         Placement::Trajectories => trajectories::place(placing, &mut rng)?,
         Placement::TrajectoriesTested => {
             let Draft { vertices, episodes, .. } = trajectories::place(placing, &mut rng)?;

@@ -1,14 +1,15 @@
 //! Random placement, the paper's first builder: uniform samples of navigable ground (section "Unconstrained random
 //! vertex placement").
 
+use super::PlacementContext;
+use crate::settings::BuildError;
 use rand::Rng;
-use surefoot_world::navigable::{self, NoGround};
-use surefoot_world::{CharacterProfile, Map, Vec3};
+use surefoot_world::Vec3;
 
-/// Draws `count` samples of navigable ground.
+/// Draws as many samples of navigable ground as the settings ask for.
 ///
 /// # Errors
-/// If the map has no navigable ground.
-pub fn place(map: &Map, profile: &CharacterProfile, count: usize, rng: &mut impl Rng) -> Result<Vec<Vec3>, NoGround> {
-    navigable::sample_many(map, profile, count, rng)
+/// If the map has no navigable ground, or the build was cancelled.
+pub fn place(placing: &PlacementContext<'_>, rng: &mut impl Rng) -> Result<Vec<Vec3>, BuildError> {
+    placing.sample(placing.settings.vertices, rng)
 }

@@ -6,14 +6,16 @@
 //! Related to the observation graphs of "Semi-parametric topological memory" (Savinov et al., ICLR 2018).
 
 use super::{Draft, PlacementContext, even_spacing};
-use crate::evidence::TryEnd;
-use crate::grid::PointGrid;
+use crate::candidates::Candidate;
+use crate::evidence::{Evidence, TryEnd};
+use crate::grid::{GrowingGrid, PointGrid};
 use crate::ids::EdgeKey;
 use crate::probe::{Outcome, Trial};
 use crate::settings::BuildError;
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
-use surefoot_world::{Vec3, navigable};
+use std::collections::BTreeMap;
+use surefoot_world::Vec3;
 
 /// Number of runs in a round.
 const ROUND: usize = 256;
@@ -35,13 +37,14 @@ const POOL: usize = 4096;
 /// If the map has no navigable ground, or the build was cancelled.
 pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Draft, BuildError> {
     let PlacementContext { site, settings, executor, progress, .. } = placing;
-    let pool = navigable::sample_many(&site.map, &site.profile, POOL.min(8 * settings.vertices), rng)?;
+    let pool = placing.sample(POOL.min(8 * settings.vertices), rng)?;
     let merge_m = MERGE * even_spacing(&site.map, settings.vertices);
     let grid = PointGrid::new(&pool, RUN_M.end);
-    let mut merger = Merger { merge_m, limit: settings.vertices, draft: Draft::default() };
-    let (mut idle_rounds, mut extra_rounds) = (0, 0);
+    let vertices = GrowingGrid::new(site.map.extent(), merge_m, &[]);
+    let mut merger = Merger { merge_m, limit: settings.vertices, vertices, seen: BTreeMap::new() };
+    let (mut idle_rounds, mut extra_rounds, mut episodes) = (0, 0, 0);
     for round in 0u64.. {
-        let is_full = merger.draft.vertices.len() == settings.vertices;
+        let is_full = merger.vertices.points().len() == settings.vertices;
         if idle_rounds == MAX_IDLE_ROUNDS || extra_rounds == EXTRA_ROUNDS {
             break;
         }
@@ -57,20 +60,20 @@ pub fn place(placing: &PlacementContext<'_>, rng: &mut ChaCha8Rng) -> Result<Dra
                 Some(Trial { start, via: None, goal, stream, on_foot: false, keep_track: true, held: None, ride: None })
             })
             .collect();
-        let before = merger.draft.vertices.len();
+        let before = merger.vertices.points().len();
         let outcomes = executor.run(&trials, settings.seed, *progress).ok_or(BuildError::Cancelled)?;
-        merger.draft.episodes += outcomes.len() as u64;
+        episodes += outcomes.len() as u64;
         outcomes.iter().for_each(|outcome| merger.add(outcome));
-        idle_rounds = if merger.draft.vertices.len() > before || is_full { 0 } else { idle_rounds + 1 };
+        idle_rounds = if merger.vertices.points().len() > before || is_full { 0 } else { idle_rounds + 1 };
         extra_rounds += usize::from(is_full);
     }
-    let Draft { vertices, .. } = &mut merger.draft;
+    let Merger { vertices, seen, .. } = merger;
+    let mut vertices = vertices.points().to_vec();
     // Runs stop finding new places where a map is small or fragmented: the remaining vertices are random, without edges.
     while vertices.len() < settings.vertices {
         vertices.push(pool[rng.random_range(0..pool.len())]);
     }
-    merger.draft.candidates = Some(merger.draft.seen.keys().copied().collect());
-    Ok(merger.draft)
+    Ok(Draft { vertices, candidates: Some(seen.keys().copied().collect()), seen, episodes })
 }
 
 /// Merges the places where runs stood into vertices.
@@ -79,7 +82,9 @@ struct Merger {
     merge_m: f32,
     /// Maximum number of vertices.
     limit: usize,
-    draft: Draft,
+    vertices: GrowingGrid,
+    /// Evidence for pairs of vertices.
+    seen: BTreeMap<Candidate, Evidence>,
 }
 
 impl Merger {
@@ -92,7 +97,7 @@ impl Merger {
             if let Some((before, since)) = last
                 && before != vertex
             {
-                let evidence = self.draft.seen.entry(EdgeKey::new(before, vertex)).or_default();
+                let evidence = self.seen.entry(EdgeKey::new(before, vertex)).or_default();
                 evidence.note(TryEnd::Arrived, decision - since, outcome.ability);
                 evidence.cover(feet);
             }
@@ -105,16 +110,17 @@ impl Merger {
     /// Returns the vertex that a place merges with: the nearest within [`merge_m`](Self::merge_m), or else a new one, unless the
     /// limit is reached.
     fn vertex_at(&mut self, feet: Vec3) -> Option<u32> {
-        let vertices = &mut self.draft.vertices;
-        let nearest =
-            (0..).zip(vertices.iter()).min_by(|a, b| a.1.distance_squared(feet).total_cmp(&b.1.distance_squared(feet)));
+        let near = self.vertices.within(feet, self.merge_m).filter(|(_, vertex)| vertex.distance(feet) <= self.merge_m);
+        let distance = |vertex: &Vec3| vertex.distance_squared(feet);
+        let nearest = near.min_by(|(a, one), (b, other)| distance(one).total_cmp(&distance(other)).then(a.cmp(b)));
+        let count = self.vertices.points().len();
         match nearest {
-            Some((idx, vertex)) if vertex.distance(feet) <= self.merge_m => Some(idx),
-            _ if vertices.len() < self.limit => {
-                vertices.push(feet);
-                Some(vertices.len() as u32 - 1)
+            Some((vertex, _)) => Some(vertex),
+            None if count < self.limit => {
+                self.vertices.push(feet);
+                Some(count as u32)
             }
-            _ => None,
+            None => None,
         }
     }
 }
