@@ -226,4 +226,21 @@ mod tests {
             assert!(offset.x.abs().max(offset.z.abs()) > 20.0 || near.contains(&idx));
         }
     }
+
+    #[test]
+    fn a_grid_that_grows_holds_what_was_added_and_finds_what_is_near() {
+        let place = |idx: u32| Vec3::new((idx * 37 % 211) as f32 - 20.0, (idx % 7) as f32, (idx * 53 % 197) as f32);
+        let mut grid = GrowingGrid::new(Vec3::new(150.0, 9.0, 160.0), 12.0, &[place(0)]);
+        for idx in 1..300 {
+            grid.push(place(idx));
+            let (centre, reach) = (place(idx * 7 % 300), (idx % 50) as f32);
+            let mut near: Vec<(u32, Vec3)> = grid.within(centre, reach).collect();
+            near.sort_unstable_by_key(|(idx, _)| *idx);
+            assert!(near.windows(2).all(|pair| pair[0].0 < pair[1].0), "each once");
+            assert!(near.iter().all(|&(idx, at)| at == place(idx) && idx < grid.points().len() as u32));
+            let expected = (0..=idx).filter(|&other| place(other).distance(centre) <= reach);
+            assert!(expected.into_iter().all(|other| near.iter().any(|(idx, _)| *idx == other)));
+        }
+        assert_eq!(grid.within(Vec3::ZERO, f32::INFINITY).count(), 300);
+    }
 }

@@ -118,3 +118,58 @@ impl Findings {
         NavGraph::check(GraphData { vertices, edges, legs }).expect("candidates join existing vertices")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::TryEnd;
+    use surefoot_world::Ability;
+
+    fn findings(interim: &Interim) -> (Vec<Vec3>, Vec<Candidate>, Vec<Evidence>) {
+        let Findings { vertices, candidates, evidence, .. } = interim.lock().clone().unwrap();
+        (vertices, candidates, evidence)
+    }
+
+    #[test]
+    fn what_changes_step_by_step_is_what_a_copy_of_everything_is() {
+        let (interim, outcome) = (Interim::default(), Outcome { reached: true, ..Outcome::begin(Vec3::ONE) });
+        let mut vertices = vec![Vec3::ZERO, Vec3::X, Vec3::Z];
+        let mut candidates = vec![EdgeKey::new(0, 1), EdgeKey::new(1, 2)];
+        let mut evidence = vec![Evidence::default(); 2];
+        interim.renew(&vertices, &candidates, &evidence);
+        for round in 0..5 {
+            vertices.push(Vec3::splat(round as f32));
+            candidates.push(EdgeKey::new(0, 3 + round));
+            evidence.push(Evidence::expected(0.5));
+            interim.extend(&vertices, &candidates, &evidence);
+            let which = [round, round + 2];
+            // Probes end in any order, and the build counts them in its own.
+            which.iter().rev().for_each(|&idx| interim.note(idx, &outcome));
+            which.iter().for_each(|&idx| evidence[idx as usize].note_probe(&outcome));
+            evidence[0].note(TryEnd::Died, 3, Ability::Walk);
+            interim.replace(&[which[0], which[1], 0], &evidence);
+            assert_eq!(findings(&interim), (vertices.clone(), candidates.clone(), evidence.clone()));
+        }
+        interim.renew(&vertices[..3], &candidates[..2], &evidence[..2]);
+        assert_eq!(findings(&interim).2, evidence[..2], "another run begins with its own");
+    }
+
+    #[test]
+    fn there_is_no_graph_before_enough_probes_and_then_one_of_what_is_proved() {
+        let map = Map::from_parts(
+            surefoot_world::map::MapSize { width: 16, height: 16, depth: 16 },
+            Vec::new(),
+            surefoot_world::map::Placed::default(),
+        );
+        let interim = Interim::default();
+        assert!(interim.graph(&map, 0.5).is_none());
+        let candidates = [EdgeKey::new(0, 1), EdgeKey::new(1, 0)];
+        interim.renew(&[Vec3::ZERO, Vec3::X], &candidates, &[Evidence::default(); 2]);
+        let arrived = Outcome { reached: true, ..Outcome::begin(Vec3::ZERO) };
+        (1..MIN_PROBES).for_each(|_| interim.note(0, &arrived));
+        assert!(interim.graph(&map, 0.5).is_none());
+        interim.note(1, &Outcome::begin(Vec3::ZERO));
+        let graph = interim.graph(&map, 0.5).expect("enough probes");
+        assert_eq!(graph.edges().map(|edge| edge.key).collect::<Vec<_>>(), [candidates[0]]);
+    }
+}

@@ -56,3 +56,32 @@ pub(crate) fn are_joined(graph: &NavGraph, pairs: &[EdgeKey]) -> Vec<bool> {
     }
     are_joined
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::Evidence;
+    use crate::ids::VertexId;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+    use surefoot_world::{Decisions, Vec3};
+
+    #[test]
+    fn pairs_are_joined_as_searches_from_each_vertex_say() {
+        for (seed, edges_per_vertex) in (0..40).flat_map(|seed| [0.3, 0.8, 1.2, 3.0].map(|edges| (seed, edges))) {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let count = rng.random_range(2..300_u32);
+            let mut pairs = |count_of: u32| {
+                let pair = |_| EdgeKey::new(rng.random_range(0..count), rng.random_range(0..count));
+                (0..count_of).map(pair).filter(|key| key.from != key.to).collect::<Vec<EdgeKey>>()
+            };
+            let candidates = pairs((count as f32 * edges_per_vertex) as u32);
+            let evidence = vec![Evidence::vouched(Decisions(1.0)); candidates.len()];
+            let graph = NavGraph::prove(vec![Vec3::ZERO; count as usize], &candidates, &evidence, 0.5);
+            let asked = pairs(2000);
+            let reached: Vec<Vec<bool>> = (0..count).map(|from| graph.reachable_from(VertexId(from))).collect();
+            let expected: Vec<bool> = asked.iter().map(|key| reached[key.from.idx()][key.to.idx()]).collect();
+            assert_eq!(are_joined(&graph, &asked), expected, "seed {seed}, {count} vertices");
+        }
+    }
+}

@@ -319,4 +319,34 @@ mod tests {
         let needs = Needs::of_ride(Ride { mover: 0, from: 0, to: 2 });
         assert!(needs.are_met(&[0b101]) && !needs.are_met(&[0b001]) && !needs.are_met(&[0b100]));
     }
+
+    #[test]
+    fn needs_that_no_map_can_have_are_not_possible() {
+        let ride = Ride { mover: 2, from: 0, to: 15 };
+        let possible = Needs::of_ride(ride);
+        assert!(possible.are_possible() && Needs::default().are_possible());
+        let mut other_mover = Needs::default();
+        other_mover.add(Need { mover: 1023, stops: u16::MAX });
+        assert!(other_mover.are_possible());
+        let mut twice = possible;
+        twice.list[3] = twice.list[0];
+        let mut no_mover = possible;
+        no_mover.add(Need { mover: 1024, stops: 1 });
+        let impossible = [
+            twice,
+            no_mover,
+            Needs { ride: Some(ride), ..Needs::default() },
+            Needs { ride: Some(Ride { from: 1, ..ride }), ..possible },
+            Needs { ride: Some(Ride { to: 0, ..ride }), ..possible },
+            Needs { ride: Some(Ride { to: 16, ..ride }), ..possible },
+            Needs { ride: Some(Ride { from: 200, ..ride }), ..possible },
+        ];
+        assert!(impossible.iter().all(|needs| !needs.are_possible()), "{impossible:?}");
+    }
+
+    #[test]
+    fn rides_join_stops_of_one_mover() {
+        assert_eq!(Ride::between((4, 1), (4, 0)), Some(Ride { mover: 4, from: 1, to: 0 }));
+        assert_eq!((Ride::between((4, 1), (5, 0)), Ride::between((4, 1), (4, 1))), (None, None));
+    }
 }

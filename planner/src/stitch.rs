@@ -212,3 +212,66 @@ fn gaps(
     gaps.sort_by(by_length);
     gaps
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::Evidence;
+    use rand::rngs::ChaCha8Rng;
+    use rand::{RngExt, SeedableRng};
+
+    const EXTENT: Vec3 = Vec3::new(300.0, 20.0, 300.0);
+
+    fn places(seed: u64, count: usize, side_m: f32) -> GrowingGrid {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut place =
+            || Vec3::new(rng.random_range(0.0..side_m), rng.random_range(0.0..9.0), rng.random_range(0.0..side_m));
+        let places: Vec<Vec3> = (0..count).map(|_| place()).collect();
+        GrowingGrid::new(EXTENT, 8.0, &places)
+    }
+
+    #[test]
+    fn the_cheapest_legs_are_those_of_a_search_through_all_vertices() {
+        let legs = LegModel::default();
+        for (seed, count, side_m) in [(1, 2, 300.0), (2, 40, 300.0), (3, 900, 300.0), (4, 900, 20.0), (5, 3, 300.0)] {
+            let vertices = places(seed, count, side_m);
+            for place in places(seed + 10, 30, 300.0).points() {
+                let back = |at: Vec3| legs.decisions(at, *place);
+                let mut all: Vec<u32> = (0..count as u32).collect();
+                let cost = |vertex: &u32| back(vertices.points()[*vertex as usize]).0;
+                all.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+                all.truncate(ATTACHMENTS);
+                assert_eq!(cheapest(&vertices, *place, back), all, "seed {seed}, {place}");
+            }
+        }
+    }
+
+    fn way(from: u32, to: u32, length_m: f32) -> Way {
+        Way { from, to, border: (0, 1), length_m }
+    }
+
+    #[test]
+    fn gaps_are_the_shortest_ways_between_islands_that_no_path_joins() {
+        // 0 <-> 1, 2 <-> 3, and one way from the first pair to the second; 4 is alone.
+        let candidates = [(0, 1), (1, 0), (2, 3), (3, 2), (1, 2)].map(|(from, to)| EdgeKey::new(from, to));
+        let evidence = [Evidence::vouched(Decisions(1.0)); 5];
+        let graph = NavGraph::prove(vec![Vec3::ZERO; 5], &candidates, &evidence, 0.5);
+        let meetings = [
+            way(0, 1, 1.0),
+            way(0, 2, 2.0),
+            way(2, 0, 9.0),
+            way(2, 0, 5.0),
+            way(3, 1, 4.0),
+            way(3, 0, 6.0),
+            way(4, 0, 3.0),
+            way(0, 4, 7.0),
+        ];
+        let found = |tries: &[((u32, u32), usize)], most_ways| -> Vec<(u32, u32, f32)> {
+            let gaps = gaps(&graph, meetings.into_iter(), &tries.iter().copied().collect(), most_ways);
+            gaps.into_iter().map(|way| (way.from, way.to, way.length_m)).collect()
+        };
+        assert_eq!(found(&[], 1), [(4, 0, 3.0), (3, 1, 4.0), (0, 4, 7.0)]);
+        assert_eq!(found(&[], 2), [(4, 0, 3.0), (3, 1, 4.0), (2, 0, 5.0), (0, 4, 7.0)]);
+        assert_eq!(found(&[((3, 1), LEGS_M.len()), ((4, 0), 1)], 1), [(4, 0, 3.0), (2, 0, 5.0), (0, 4, 7.0)]);
+    }
+}

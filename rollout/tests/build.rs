@@ -5,13 +5,16 @@ use rand::rngs::ChaCha8Rng;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use surefoot_planner::candidates;
+use surefoot_planner::probe::{Outcome, ProbeWatch, Trial};
 use surefoot_planner::{
-    BuildError, BuildSettings, GraphId, NavGraph, Placement, Probing, Progress, Query, RawBuildSettings, Router,
+    BuildError, BuildSettings, GraphId, NavGraph, Needs, Placement, Probing, Progress, Query, RawBuildSettings, Ride,
+    Router,
 };
 use surefoot_policy::Policy;
 use surefoot_rollout::ProbeContext;
 use surefoot_rollout::graphs::{self, build};
-use surefoot_world::map::{MapSize, Pad, Placed};
+use surefoot_world::map::mover::cuboid;
+use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Pad, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::{CharacterProfile, Map, MapSpec, Vec3, navigable};
 
@@ -179,6 +182,53 @@ fn cancelling_ends_a_build() {
     let progress = Progress::default();
     progress.cancel.store(true, Ordering::Relaxed);
     assert_eq!(build(&context(), &settings(), 2, &progress).unwrap_err(), BuildError::Cancelled);
+}
+
+/// Sees nothing, and has cancelled.
+struct Cancelled;
+
+impl ProbeWatch for Cancelled {
+    fn finished(&self, _: usize, outcome: &Outcome) {
+        panic!("{outcome:?} comes too late");
+    }
+
+    fn is_cancelled(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn cancelling_ends_a_ride_that_takes_ten_minutes() {
+    let low = Vec3::new(20.0, 5.0, 30.0);
+    let stops = [0.0, 8.0].map(|rise| MoverStop { offset: Vec3::Y * rise, yaw: 0.0, is_there: true });
+    let lift = Mover {
+        name: "lift".to_owned(),
+        kind: MoverKind::Lift,
+        triangles: cuboid(low, low + Vec3::new(2.0, 0.3, 2.0)),
+        pivot: low,
+        stops: stops.to_vec(),
+        start: 0,
+        travel_s: 600.0,
+        dwell_s: 1.0,
+        cycles: false,
+        belt: Vec3::ZERO,
+    };
+    let context = ProbeContext { map: Arc::new(cliff().with_movers(vec![lift]).unwrap()), ..context() };
+    let start = low + Vec3::new(1.0, 0.3, 1.0);
+    let ride = Ride { mover: 0, from: 0, to: 1 };
+    let trial = Trial {
+        start,
+        via: None,
+        goal: start + Vec3::Y * 8.0,
+        stream: 0,
+        on_foot: false,
+        keep_track: false,
+        held: Some((0, 0)),
+        ride: Some(ride),
+    };
+    assert_eq!(context.run_chunk(&[trial], 0, &Cancelled), None);
+    let arrived = &context.run_chunk(&[trial], 0, &Progress::default()).unwrap()[0];
+    assert!(arrived.reached && arrived.decisions >= 600 * 6 && arrived.needs == Needs::of_ride(ride), "{arrived:?}");
 }
 
 #[test]
