@@ -196,7 +196,7 @@ pub(super) fn cases() -> Vec<Case> {
         building("build_random", Placement::Random, VERTICES, 4),
         building("build_flood", Placement::Flood, VERTICES, 4),
         building("build_trajectories", Placement::Trajectories, VERTICES, 4),
-        Case::new("build_with_lifts", "lifts of 16 stops", 256, |lift_count| {
+        Case::new("build_with_lifts", "lifts of 16 stops", 224, |lift_count| {
             Ok(build(lifts(lift_count)?, &settings(Placement::Spaced, 1600)?, Rule { failures: 4 })?.0)
         }),
         graphs("update", |site, built| {
