@@ -146,7 +146,7 @@ fn equal_seeds_train_equal_networks() {
     let train = |seed| {
         let mut run = Run::new(TrainConfig { seed, ..tiny() }).unwrap();
         for _ in 0..100 {
-            run.round();
+            run.round().unwrap();
         }
         assert!(run.updates() > 0);
         run

@@ -60,7 +60,7 @@ fn learns_to_reach_goals(network: ActorConfig, updates: u64) {
     let mut run = Run::new(config.clone()).unwrap();
     let before = success(&run.policy(), &config.collector);
     while run.updates() < updates {
-        run.round();
+        run.round().unwrap();
     }
     let after = success(&run.policy(), &config.collector);
     assert!(before < 0.4, "untrained it reaches {before}");

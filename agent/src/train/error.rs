@@ -1,6 +1,7 @@
 //! Errors of training runs.
 
 use std::path::PathBuf;
+use std::time::Duration;
 use surefoot_policy::CheckpointError;
 
 /// Why a run cannot start or continue.
@@ -33,6 +34,22 @@ pub enum TrainError {
         /// What is wrong with the field.
         problem: &'static str,
     },
+    /// No step has come from environments or actors elsewhere for too long.
+    #[error(
+        "no step came for {} s: {live} of {count} environments or actors are connected; start them, then go on with --resume",
+        .waited.as_secs()
+    )]
+    NoSteps {
+        /// Time without a step.
+        waited: Duration,
+        /// Sources that are connected.
+        live: u64,
+        /// Sources of the run.
+        count: usize,
+    },
+    /// All threads that bring steps from elsewhere have ended.
+    #[error("all environments or actors of the run have failed: go on with --resume")]
+    NoSource,
     /// The folder already contains a run.
     #[error("{0} already contains a run: resume it, or choose another folder")]
     Exists(PathBuf),

@@ -6,6 +6,7 @@
 use super::actors::slots::{SlotState, Slots};
 use super::collector::CollectorStats;
 use super::config::TrainConfig;
+use super::error::TrainError;
 use super::replay::{RowKind, Step};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -16,11 +17,23 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use surefoot_policy::Policy;
 use tokio::sync::watch;
+use tracing::warn;
 
 /// Steps that may wait for the learner, for each source; then its NPCs wait.
 const WAITING_STEPS: usize = 2;
 /// Interval at which a learner that waits for steps looks whether it should stop.
 const LOOK: Duration = Duration::from_millis(200);
+
+/// What a learner does while no step comes.
+#[derive(Debug, Clone, Copy)]
+struct Patience {
+    /// It says what it waits for after each such time.
+    say_every: Duration,
+    /// It ends after that time.
+    limit: Duration,
+}
+
+const PATIENCE: Patience = Patience { say_every: Duration::from_secs(30), limit: Duration::from_secs(600) };
 
 /// A policy, and the number of updates behind it.
 pub(super) type Version = (Policy, u64);
@@ -126,6 +139,7 @@ pub struct Inflow {
     stats: CollectorStats,
     traffic: Traffic,
     waited: Duration,
+    patience: Patience,
     since: Instant,
     pub(super) slots: Slots,
 }
@@ -177,6 +191,7 @@ impl Inflow {
             stats,
             traffic: Traffic::default(),
             waited: Duration::ZERO,
+            patience: PATIENCE,
             since: Instant::now(),
             slots: Slots::new(config.actors, slots),
         };
@@ -219,16 +234,20 @@ impl Inflow {
 
     /// Lets NPCs act with the policy of `version`, and waits for `step_count` decisions of as many NPCs as there are, whichever they come
     /// from; for fewer once `stop` is set. Returns them with the source that each came from.
+    ///
+    /// # Errors
+    /// If no step comes for ten minutes, or all sources have ended.
     pub(super) fn collect(
         &mut self,
         version: Version,
         step_count: usize,
         stop: &AtomicBool,
-    ) -> Vec<(usize, Collected)> {
+    ) -> Result<Vec<(usize, Collected)>, TrainError> {
         let updates = version.1;
         self.policies.send_replace(version);
         let mut collected = Vec::new();
         let mut step_total = 0;
+        let (mut latest_step, mut said) = (Instant::now(), Duration::ZERO);
         while step_total < step_count * self.source_count && !stop.load(Ordering::Relaxed) {
             let started = Instant::now();
             let arrived = self.arrivals.recv_timeout(LOOK);
@@ -236,18 +255,36 @@ impl Inflow {
             match arrived {
                 Ok((source_idx, Arrival::Step(step, stats))) => {
                     step_total += 1;
+                    (latest_step, said) = (Instant::now(), Duration::ZERO);
                     collected.push((source_idx, Collected::Step(self.admit(step, stats, updates))));
                 }
                 Ok((source_idx, Arrival::Closed { is_lost })) => {
                     self.traffic.lost += u64::from(is_lost);
                     collected.push((source_idx, Collected::Closed));
                 }
-                Err(RecvTimeoutError::Timeout) => {}
-                // All sources have failed, which only happens to a process that is being torn down.
-                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(LOOK),
+                Err(RecvTimeoutError::Timeout) => self.check_wait(latest_step.elapsed(), &mut said)?,
+                Err(RecvTimeoutError::Disconnected) => return Err(TrainError::NoSource),
             }
         }
-        collected
+        Ok(collected)
+    }
+
+    /// Says now and then, since `said`, what the learner waits for; an error if it has waited too long.
+    fn check_wait(&self, waited: Duration, said: &mut Duration) -> Result<(), TrainError> {
+        let (live, count, limit) = (self.meters.live.load(Ordering::Relaxed), self.source_count, self.patience.limit);
+        if waited >= limit {
+            return Err(TrainError::NoSteps { waited, live, count });
+        }
+        if waited >= *said + self.patience.say_every {
+            *said = waited;
+            let waited_s = waited.as_secs();
+            warn!(
+                "the learner has waited {waited_s} s for steps: {live} of {count} environments or actors are connected; \
+                 training ends after {} s without any",
+                limit.as_secs()
+            );
+        }
+        Ok(())
     }
 
     /// Counts a step. From one whose weights were too old nothing is learned; its observations still close the attempts before it.
@@ -264,5 +301,37 @@ impl Inflow {
     /// What is saved. Steps on their way count as taken, so that none is ever taken twice.
     pub fn save(&self) -> InflowState {
         InflowState { total_decisions: self.total_decisions, stats: self.stats, slots: self.slots.save() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn opened() -> (Inflow, Inlet, Policy) {
+        let policy = Policy::shipped().unwrap();
+        let config = TrainConfig { actors: 1, ..TrainConfig::default() };
+        let (mut inflow, inlet) = Inflow::open(&config, (1, 1), policy.clone(), InflowState::default());
+        inflow.patience = Patience { say_every: Duration::from_millis(1), limit: Duration::from_millis(2) };
+        (inflow, inlet, policy)
+    }
+
+    #[test]
+    fn a_learner_without_steps_ends_and_says_what_it_has_waited_for() {
+        let (mut inflow, inlet, policy) = opened();
+        // A source that comes and goes without a step is no progress.
+        let _ = inlet.send(0, Arrival::Closed { is_lost: true });
+        let error = inflow.collect((policy, 0), 1, &AtomicBool::new(false)).unwrap_err();
+        assert!(matches!(error, TrainError::NoSteps { live: 0, count: 1, .. }), "{error}");
+        assert_eq!(inflow.traffic.lost, 1);
+    }
+
+    #[test]
+    fn a_learner_whose_sources_have_all_ended_ends_at_once() {
+        let (mut inflow, inlet, policy) = opened();
+        inflow.patience = PATIENCE;
+        drop(inlet);
+        let error = inflow.collect((policy, 0), 1, &AtomicBool::new(false)).unwrap_err();
+        assert!(matches!(error, TrainError::NoSource), "{error}");
     }
 }

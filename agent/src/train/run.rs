@@ -137,12 +137,15 @@ impl Run {
 
     /// Runs one round: the collector acts with the actor of the last barrier, while the learner learns from rows stored
     /// before it. The results do not depend on how the two threads interleave, unless the worlds are elsewhere.
-    pub fn round(&mut self) -> Vec<UpdateStats> {
+    ///
+    /// # Errors
+    /// If worlds or actors elsewhere send nothing for too long.
+    pub fn round(&mut self) -> Result<Vec<UpdateStats>, TrainError> {
         self.round_until(&AtomicBool::new(false))
     }
 
     /// Runs one round, which collects less if `stop` is set meanwhile.
-    fn round_until(&mut self, stop: &AtomicBool) -> Vec<UpdateStats> {
+    fn round_until(&mut self, stop: &AtomicBool) -> Result<Vec<UpdateStats>, TrainError> {
         let acting = (self.policy(), self.updates());
         let update_count = if self.is_warm() { self.config.updates_per_round } else { 0 };
         let Self { config, source, learner, buffers, learned, .. } = self;
@@ -153,14 +156,14 @@ impl Run {
             *learned += started.elapsed();
             (collecting.join().expect("the collector does not panic"), stats)
         });
-        for (buffer_idx, collected) in collected {
+        for (buffer_idx, collected) in collected? {
             match collected {
                 Collected::Step(step) => buffers[buffer_idx].push_step(&step),
                 Collected::Closed => buffers[buffer_idx].close(),
             }
         }
         self.rounds += 1;
-        stats
+        Ok(stats)
     }
 
     /// What is in the replay buffers.
@@ -239,7 +242,13 @@ pub fn run(
     let mut logged = Instant::now();
     while !run.is_over() && !stop.load(Ordering::Relaxed) {
         let started = Instant::now();
-        log.note_updates(&run.round_until(stop));
+        match run.round_until(stop) {
+            Ok(stats) => log.note_updates(&stats),
+            Err(error) => {
+                run.save(folder)?;
+                return Err(error);
+            }
+        }
         let is_due = run.rounds.is_multiple_of(LOG_EVERY) || !run.config.is_here() && logged.elapsed() > LOG_INTERVAL;
         if is_due {
             let stats = run.source.take_stats();

@@ -26,7 +26,7 @@ pub(super) enum Source {
     /// Worlds of this process, step by step: a pure function of the configuration.
     Here(Box<Collector>),
     /// Worlds or actors elsewhere, as they come.
-    Elsewhere(Inflow),
+    Elsewhere(Box<Inflow>),
 }
 
 /// A source as plain data.
@@ -58,7 +58,7 @@ impl Source {
                 return Err(TrainError::Config { field: "actors", problem });
             }
         };
-        Ok(Self::Elsewhere(inflow))
+        Ok(Self::Elsewhere(Box::new(inflow)))
     }
 
     /// Restores a source; `None` if this cannot be the state of one with this configuration.
@@ -129,15 +129,20 @@ impl Source {
 
     /// Collects `step_count` decisions of as many NPCs as there are; fewer if `stop` is set meanwhile. `version` is the number of updates
     /// behind `policy`.
+    ///
+    /// # Errors
+    /// If worlds or actors elsewhere send nothing for too long.
     pub fn collect(
         &mut self,
         (policy, version): (Policy, u64),
         step_count: usize,
         stop: &AtomicBool,
-    ) -> Vec<(usize, Collected)> {
+    ) -> Result<Vec<(usize, Collected)>, TrainError> {
         let only = |step: Step| (0, Collected::Step(step));
         match self {
-            Self::Here(collector) => collector.collect(&policy, version, step_count).into_iter().map(only).collect(),
+            Self::Here(collector) => {
+                Ok(collector.collect(&policy, version, step_count).into_iter().map(only).collect())
+            }
             Self::Elsewhere(inflow) => inflow.collect((policy, version), step_count, stop),
         }
     }

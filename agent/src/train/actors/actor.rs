@@ -245,7 +245,7 @@ impl Actor {
                     self.note(message)?;
                 }
             }
-            for step in self.collect(stop) {
+            for step in self.collect(stop)? {
                 session.send(&step)?;
                 self.untaken.push_back(step);
             }
@@ -304,9 +304,9 @@ impl Actor {
     }
 
     /// Collects a decision of all NPCs.
-    fn collect(&mut self, stop: &AtomicBool) -> Vec<wire::FeedStep> {
+    fn collect(&mut self, stop: &AtomicBool) -> Result<Vec<wire::FeedStep>, ActorError> {
         let crew = self.crew.as_mut().expect("it was welcomed");
-        let collected = crew.source.collect(crew.version.clone(), 1, stop);
+        let collected = crew.source.collect(crew.version.clone(), 1, stop)?;
         let mut stats = crew.source.take_stats();
         let mut steps = Vec::new();
         for (_, collected) in collected {
@@ -315,7 +315,7 @@ impl Actor {
                 Collected::Step(step) => steps.push(self.message(&step, std::mem::take(&mut stats))),
             }
         }
-        steps
+        Ok(steps)
     }
 
     fn message(&mut self, step: &Step, stats: CollectorStats) -> wire::FeedStep {

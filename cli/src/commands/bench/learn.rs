@@ -58,14 +58,12 @@ fn inference_us(policy: &Policy, rows: usize) -> f64 {
 fn train_decisions_per_second() -> anyhow::Result<f64> {
     let mut run = Run::new(TrainConfig::default())?;
     while run.updates() == 0 {
-        run.round();
+        run.round()?;
     }
     let before = run.decisions();
-    let seconds = timed(|| {
-        for _ in 0..20 {
-            run.round();
-        }
-    });
+    let mut rounds = Ok(());
+    let seconds = timed(|| rounds = (0..20).try_for_each(|_| run.round().map(drop)));
+    rounds?;
     Ok((run.decisions() - before) as f64 / seconds)
 }
 
