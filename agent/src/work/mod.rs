@@ -21,6 +21,7 @@ use ahead::Maps;
 use config::{MAX_PAUSE, MIN_PAUSE};
 use graph::Graphs;
 use room::Room;
+use servers::Looks;
 use session::{Session, SessionEnd};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -84,7 +85,8 @@ pub async fn work(config: WorkConfig, policy: Policy, shutdown: Shutdown) -> Res
         return serve_all(&worker, listed).await;
     }
     listing.send_replace(BTreeSet::new());
-    let directory = servers::follow(worker.config.credentials.clone(), worker.config.servers.clone(), listing);
+    let (credentials, seeds) = (worker.config.credentials.clone(), worker.config.servers.clone());
+    let directory = servers::follow(credentials, seeds, listing, Looks::default());
     tokio::select! {
         followed = directory => Ok(followed?),
         served = serve_all(&worker, listed) => served,

@@ -234,8 +234,9 @@ impl Worlds {
                 self.npcs.entry(assignment.world_id).or_default().extend(&assignment.npc_ids);
             }
             Some(Message::Release(release)) => {
-                let npcs = self.npcs.entry(release.world_id).or_default();
-                npcs.retain(|npc| !release.npc_ids.contains(npc));
+                if let Some(npcs) = self.npcs.get_mut(&release.world_id) {
+                    release.npc_ids.iter().for_each(|npc| _ = npcs.remove(npc));
+                }
             }
             Some(Message::Over(over)) => _ = self.npcs.remove(&over.world_id),
             Some(Message::Welcome(_)) => {}
