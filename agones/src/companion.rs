@@ -44,6 +44,7 @@ pub async fn accompany<E: From<LinkError>>(
         state: State::Starting,
         counters: ["worlds", "npcs"].map(Told::new),
         stalled: Vec::new(),
+        is_healthy: true,
         outage: None,
     };
     tokio::select! {
@@ -124,6 +125,12 @@ async fn set_or_fill(sidecar: &mut Sidecar, name: &str, count: i64) -> Result<i6
     }
 }
 
+/// Whether health is reported: while at least half of the worlds tick. Without health Agones ends the server with all its worlds, which costs
+/// more than it saves while most of them are well.
+fn is_healthy(vitals: &Vitals) -> bool {
+    2 * vitals.stalled.len() <= vitals.world_count
+}
+
 #[derive(Debug)]
 struct Companion {
     sidecar: Sidecar,
@@ -133,12 +140,14 @@ struct Companion {
     counters: [Told; 2],
     /// Worlds that stood still at the last look.
     stalled: Vec<WorldId>,
+    /// Whether health was to be reported at the last look.
+    is_healthy: bool,
     /// The sidecar is away: when it is tried again, and how long after that.
     outage: Option<(Instant, Duration)>,
 }
 
 impl Companion {
-    async fn report_forever(&mut self, mut observer: Observer) -> Infallible {
+    async fn report_forever(&mut self, observer: Observer) -> Infallible {
         let mut due = tokio::time::interval(self.pace.beat);
         due.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -158,7 +167,7 @@ impl Companion {
             self.report_state(vitals.world_count > 0).await?;
         }
         // Also while worlds are restored, however long that takes.
-        if vitals.stalled.is_empty() {
+        if is_healthy(vitals) {
             self.sidecar.health().await?;
         }
         if is_ready {
@@ -182,20 +191,27 @@ impl Companion {
         Ok(())
     }
 
-    /// Logs the beginning and the end of stalls.
+    /// Logs when worlds begin to stand still, when all go on, and when reports of health end and begin again.
     fn note_stalls(&mut self, vitals: &Vitals) {
-        match (self.stalled.first(), vitals.stalled.first()) {
-            (None, Some(world)) => {
-                warn!(
-                    world_id = world.0,
-                    stalled = vitals.stalled.len(),
-                    "a world stands still: no health is reported to Agones"
-                );
-            }
-            (Some(_), None) => info!("all worlds go on: health is reported to Agones again"),
-            _ => {}
+        let (stalled, world_count) = (vitals.stalled.len(), vitals.world_count);
+        for world in vitals.stalled.iter().filter(|world| !self.stalled.contains(world)) {
+            warn!(world_id = world.0, stalled, world_count, "a world stands still");
+        }
+        if vitals.stalled.is_empty() && !self.stalled.is_empty() {
+            info!("all worlds go on");
         }
         self.stalled.clone_from(&vitals.stalled);
+        let is_healthy = is_healthy(vitals);
+        match (std::mem::replace(&mut self.is_healthy, is_healthy), is_healthy) {
+            (true, false) => {
+                warn!(
+                    stalled,
+                    world_count, "most worlds stand still: no health is reported to Agones, which restarts the server"
+                );
+            }
+            (false, true) => info!(stalled, world_count, "health is reported to Agones again"),
+            _ => {}
+        }
     }
 
     /// Logs the beginning and the end of an outage, and says when the next try is due.

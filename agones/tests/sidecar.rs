@@ -249,15 +249,22 @@ async fn a_server_is_ready_then_allocated_while_it_has_worlds_and_shut_down_at_t
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn health_stops_while_a_world_stands_still() {
+async fn health_stops_while_most_worlds_stand_still_and_not_for_one_of_them() {
     let fake = Fake::default();
     let mut server = start(fake.serve(anywhere()).address, ServerConfig::default()).await;
-    let world_id = server.create_world().await;
-    // A world beside it goes on.
-    server.create_world().await;
-    fake.until_told(count("worlds", 2)).await;
+    let worlds = [server.create_world().await, server.create_world().await, server.create_world().await];
+    fake.until_told(count("worlds", 3)).await;
+    let stall = |world_id| {
+        let mut client = server.client.clone();
+        async move { client.stall_world(wire::StallWorldRequest { world_id, milliseconds: 1000 }).await.unwrap() }
+    };
+    // One of three: health is reported all the time, and so more often than before and after the stall.
+    let beats_now = || fake.all().iter().filter(|told| **told == Told::Health).count();
+    let calm = beats_now();
+    stall(worlds[0]).await;
+    assert!(beats_now() > calm + 10, "{} beats in a second", beats_now() - calm);
     let before = Instant::now();
-    server.client.stall_world(wire::StallWorldRequest { world_id, milliseconds: 1000 }).await.unwrap();
+    tokio::join!(stall(worlds[0]), stall(worlds[1]));
     let after = Instant::now();
     fake.until(|all| all.last() == Some(&Told::Health)).await;
     let beats = |told: &(Told, Instant)| (told.0 == Told::Health).then_some(told.1);

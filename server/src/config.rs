@@ -1,5 +1,6 @@
 //! Configuration of a world server: limits, and how worlds are saved.
 
+use crate::envs::IDLE_LIMIT;
 use crate::store::WorldStore;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,6 +20,10 @@ pub struct ServerConfig {
     pub max_npcs_per_client: usize,
     /// Most environments of remote trainers (`--max-envs`).
     pub max_envs: usize,
+    /// Most environments of one client (`--max-envs-per-client`).
+    pub max_envs_per_client: usize,
+    /// Time after which an unused environment is removed; there is no flag for it.
+    pub idle_envs_after: Duration,
     /// Most imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
     /// Generated maps, and the memory budget for maps and environments (`--max-memory`). Workers in the same process may share them.
@@ -42,6 +47,8 @@ impl Default for ServerConfig {
             max_npcs_per_world: 4096,
             max_npcs_per_client: 8192,
             max_envs: 16,
+            max_envs_per_client: 8,
+            idle_envs_after: IDLE_LIMIT,
             max_maps: DEFAULT_MAX_MAPS,
             maps: MapPool::default(),
             reader_patience: Duration::from_secs(5),

@@ -1,5 +1,6 @@
 //! Environments of remote trainers: creating, stepping and closing them, and removing idle ones.
 
+use crate::quota::{Quota, QuotaError, Ticket};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
@@ -9,9 +10,13 @@ use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env, Episodes, Route};
 use surefoot_world::navigable::NoGround;
 use surefoot_world::{Ability, Action, CharacterProfile, Vec3};
+use tokio::time::interval;
+use tracing::info;
 
-/// An environment that was unused for this long is removed when another is created.
-const IDLE_LIMIT: Duration = Duration::from_secs(600);
+/// Time after which an unused environment is removed, usually.
+pub const IDLE_LIMIT: Duration = Duration::from_secs(600);
+/// Longest time between two looks for idle environments.
+const SWEEP_EVERY: Duration = Duration::from_secs(60);
 /// Bytes of an NPC: its state, its observation, a copy of that for whoever steps it, and a route of the greatest length.
 const NPC_BYTES: u64 = 8192;
 const POISON: &str = "no holder of this lock panics";
@@ -25,6 +30,9 @@ pub enum EnvError {
     /// The limit of environments is reached.
     #[error("there are already {0} environments, the most allowed (--max-envs): close one")]
     TooMany(usize),
+    /// The client has as many environments as allowed.
+    #[error("{0}: close one")]
+    Quota(QuotaError),
     /// Two steps of one environment overlap.
     #[error("another step of environment {0} is under way")]
     Busy(EnvId),
@@ -43,8 +51,11 @@ pub enum EnvError {
     /// The map has nowhere to stand.
     #[error(transparent)]
     NoGround(#[from] NoGround),
-    /// The game cannot make it.
-    #[error("the game makes no environment: {0}")]
+    /// The request names no map.
+    #[error("map is missing")]
+    NoMap,
+    /// The game refuses.
+    #[error("the game could not create an environment: {0}")]
     Host(String),
     /// The game does not go on with it.
     #[error("{0}")]
@@ -126,7 +137,8 @@ pub struct StepResults {
 struct Kept {
     env: Mutex<Env>,
     used: Mutex<Instant>,
-    owner: Arc<str>,
+    /// Its place in its client's quota.
+    ticket: Ticket,
     _memory: Option<(Arc<SharedMap>, Reservation)>,
 }
 
@@ -144,6 +156,8 @@ impl Kept {
 #[derive(Debug, Clone)]
 pub struct Envs {
     limit: usize,
+    quota: Arc<Quota>,
+    idle_limit: Duration,
     grounds: Grounds,
     inner: Arc<Mutex<Inner>>,
 }
@@ -157,9 +171,10 @@ struct Inner {
 }
 
 impl Envs {
-    /// At most `limit` environments at a time.
-    pub fn new(limit: usize, grounds: Grounds) -> Self {
-        Self { limit, grounds, inner: Arc::default() }
+    /// At most `limit` environments at a time, and `limit_per_client` of each client; those that are unused for `idle_limit` are removed.
+    pub fn new(limit: usize, limit_per_client: usize, idle_limit: Duration, grounds: Grounds) -> Self {
+        let what = "environments, the most it may have (--max-envs-per-client)";
+        Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, grounds, inner: Arc::default() }
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
@@ -168,7 +183,7 @@ impl Envs {
 
     fn find(&self, caller: &Caller, id: EnvId) -> Result<Arc<Kept>, EnvError> {
         let kept = self.inner().by_id.get(&id).cloned().ok_or(EnvError::Unknown(id))?;
-        if !caller.may_change(&kept.owner) {
+        if !caller.may_change(kept.ticket.client()) {
             return Err(EnvError::NotOwner(id));
         }
         *kept.used.lock().expect(POISON) = Instant::now();
@@ -189,15 +204,10 @@ impl Envs {
     /// # Errors
     /// If there are too many, or its map cannot be made.
     pub async fn create(&self, caller: &Caller, settings: EnvSettings) -> Result<(EnvId, FirstState), EnvError> {
-        let reserved = self.reserve()?;
+        let (reserved, ticket) = (self.reserve()?, self.quota.acquire(&caller.name).map_err(EnvError::Quota)?);
         let (env, memory) = self.make(caller, settings).await?;
         let first = FirstState { observations: env.observations().to_vec(), positions: env.positions().collect() };
-        let kept = Kept {
-            env: Mutex::new(env),
-            used: Mutex::new(Instant::now()),
-            owner: caller.name.clone(),
-            _memory: memory,
-        };
+        let kept = Kept { env: Mutex::new(env), used: Mutex::new(Instant::now()), ticket, _memory: memory };
         Ok((reserved.fill(kept), first))
     }
 
@@ -215,7 +225,7 @@ impl Envs {
                 let env = tokio::task::spawn_blocking(move || Env::new(map, body, solid_npcs, episodes)).await??;
                 Ok((env, Some((shared, memory))))
             }
-            (Grounds::Maps(_), None) => Err(EnvError::Host("no map was chosen".to_owned())),
+            (Grounds::Maps(_), None) => Err(EnvError::NoMap),
             (Grounds::Game(host), _) => {
                 let host = host.clone();
                 let opened = tokio::task::spawn_blocking(move || host.open(&body, solid_npcs, episodes)).await?;
@@ -224,10 +234,28 @@ impl Envs {
         }
     }
 
+    /// Removes idle environments, which frees their memory, each minute for as long as it is polled.
+    pub async fn keep_sweeping(self) {
+        let mut due = interval(self.idle_limit.clamp(Duration::from_millis(1), SWEEP_EVERY));
+        loop {
+            due.tick().await;
+            self.sweep();
+        }
+    }
+
+    fn sweep(&self) {
+        let is_idle = |_: &EnvId, kept: &mut Arc<Kept>| kept.used.lock().expect(POISON).elapsed() >= self.idle_limit;
+        // Maps are dropped without the lock.
+        let idle: Vec<_> = self.inner().by_id.extract_if(.., is_idle).collect();
+        for (id, kept) in idle {
+            info!(env_id = id.0, client = kept.ticket.client(), "an idle environment was removed");
+        }
+    }
+
     /// Reserves a place for a new environment, after removing idle ones.
     fn reserve(&self) -> Result<Reserved, EnvError> {
+        self.sweep();
         let mut inner = self.inner();
-        inner.by_id.retain(|_, kept| kept.used.lock().expect(POISON).elapsed() < IDLE_LIMIT);
         if inner.by_id.len() + inner.pending >= self.limit {
             return Err(EnvError::TooMany(self.limit));
         }
@@ -273,7 +301,9 @@ impl Envs {
     /// If there is none of that id, or it is somebody else's.
     pub fn close(&self, caller: &Caller, id: EnvId) -> Result<(), EnvError> {
         self.find(caller, id)?;
-        self.inner().by_id.remove(&id).map(drop).ok_or(EnvError::Unknown(id))
+        // The map is dropped without the lock.
+        let closed = self.inner().by_id.remove(&id);
+        closed.map(drop).ok_or(EnvError::Unknown(id))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The world server: many worlds, each stepped on its own thread, their NPCs and workers, and the gRPC services in front of them.
 //!
 //! [`hosted`] is one world with the decisions of its NPCs, [`sim`] the thread that steps a world on an absolute 60 Hz schedule,
-//! [`worlds`] all worlds and their lifecycle, [`store`] where they outlive the process, `tenure` a server's time in a fleet. [`registry`] has the connected workers, [`messages`] the messages to and from them,
+//! [`figures`] what is known of a world without a call to its thread, [`worlds`] all worlds and their lifecycle, [`store`] where they outlive the process, `tenure` a server's time in a fleet. [`registry`] has the connected workers, [`messages`] the messages to and from them,
 //! [`envs`] the environments that remote trainers step themselves, [`observer`] what others beside the server see of it, [`survey`] what bodies find on a map. [`grpc`] decodes, calls and encodes, [`wire`] converts.
 //! Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know wire types.
 
@@ -9,6 +9,7 @@ mod config;
 mod editing;
 pub mod envs;
 pub mod errors;
+pub mod figures;
 pub mod geometry;
 pub mod grpc;
 pub mod hosted;
@@ -25,6 +26,7 @@ pub mod store;
 pub mod survey;
 mod tenure;
 pub mod times;
+mod turns;
 pub mod view;
 pub mod wire;
 pub mod worlds;

@@ -1,38 +1,12 @@
 //! The metrics of a server as Prometheus text.
 
-use crate::hosted::{Counters, Tally};
-use crate::ids::WorldId;
+use crate::figures::WorldFigures;
+use crate::hosted::Tally;
 use crate::registry::WorkerLoad;
-use crate::sim::SimState;
-use crate::times::TickTimes;
 use std::fmt::Write;
+use std::sync::Arc;
 use std::time::Duration;
 use surefoot_world::End;
-
-/// Metrics of one world, copied out of the world's thread.
-#[derive(Debug, Clone)]
-pub struct WorldFigures {
-    id: WorldId,
-    tally: Tally,
-    watchers: usize,
-    ticks: u64,
-    counters: Counters,
-    times: TickTimes,
-}
-
-impl WorldFigures {
-    /// Copies the metrics of a world.
-    pub fn of(SimState { world, snapshots, .. }: &SimState) -> Self {
-        Self {
-            watchers: snapshots.receiver_count(),
-            id: world.id(),
-            tally: world.tally(),
-            ticks: world.tick().0,
-            counters: world.counters().clone(),
-            times: world.times().clone(),
-        }
-    }
-}
 
 /// Upper bounds of the tick histogram, ms.
 const BOUNDS_MS: [f64; 11] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 12.0, 16.7, 33.3, 100.0];
@@ -67,11 +41,11 @@ pub struct ProcessFigures {
 }
 
 /// Renders all figures.
-pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad], process: ProcessFigures) -> String {
+pub fn render(worlds: &[Arc<WorldFigures>], workers: &[WorkerLoad], process: ProcessFigures) -> String {
     let mut text = Text::default();
     render_workers(&mut text, workers);
     let per_world = |value: fn(&WorldFigures) -> f64| {
-        worlds.iter().map(move |world| (format!("{{world=\"{}\"}}", world.id), value(world)))
+        worlds.iter().map(move |world| (format!("{{world=\"{}\"}}", world.summary.id), value(world)))
     };
     text.family("worlds", "gauge", "Running worlds.", [(String::new(), worlds.len() as f64)]);
     let failed = process.failed_worlds as f64;
@@ -88,14 +62,18 @@ pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad], process: ProcessF
     let by_state = worlds.iter().flat_map(|world| {
         let Tally { idle, seeking, down, .. } = world.tally;
         [("idle", idle), ("seeking", seeking), ("down", down)]
-            .map(|(state, count)| (format!("{{world=\"{}\",state=\"{state}\"}}", world.id), f64::from(count)))
+            .map(|(state, count)| (format!("{{world=\"{}\",state=\"{state}\"}}", world.summary.id), f64::from(count)))
     });
     text.family("npcs", "gauge", "NPCs by status.", by_state);
     let without_worker = per_world(|world| f64::from(world.tally.without_worker));
     text.family("npcs_without_worker", "gauge", "NPCs without a worker.", without_worker);
     let watchers = per_world(|world| world.watchers as f64);
     text.family("watchers", "gauge", "Readers of snapshots.", watchers);
-    text.family("ticks_total", "counter", "Ticks stepped.", per_world(|world| world.ticks as f64));
+    text.family("ticks_total", "counter", "Ticks stepped.", per_world(|world| world.summary.tick.0 as f64));
+    let silent = per_world(|world| world.age().as_secs_f64());
+    text.family("world_silent_seconds", "gauge", "Time since the world's thread wrote these figures.", silent);
+    let calls = per_world(|world| world.calls as f64);
+    text.family("world_calls_total", "counter", "Calls that the world's thread has run.", calls);
     let dropped = per_world(|world| world.counters.ticks_dropped as f64);
     text.family("ticks_dropped_total", "counter", "Ticks dropped after falling behind.", dropped);
     let late = per_world(|world| world.counters.ticks_late as f64);
@@ -114,7 +92,7 @@ pub fn render(worlds: &[WorldFigures], workers: &[WorkerLoad], process: ProcessF
     text.family("plans_failed_total", "counter", "Plans that planners failed to deliver to workers.", unplanned);
     let ends = worlds.iter().flat_map(|world| {
         let counts = End::ALL.iter().zip(world.counters.ends);
-        counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.id, end.name()), count as f64))
+        counts.map(|(end, count)| (format!("{{world=\"{}\",end=\"{}\"}}", world.summary.id, end.name()), count as f64))
     });
     text.family("attempts_total", "counter", "Attempts by outcome.", ends);
     render_ticks(&mut text, worlds);
@@ -146,12 +124,12 @@ fn render_workers(text: &mut Text, workers: &[WorkerLoad]) {
     text.family("worker_queue", "gauge", "Messages that a worker has not read yet.", queued);
 }
 
-fn render_ticks(text: &mut Text, worlds: &[WorldFigures]) {
+fn render_ticks(text: &mut Text, worlds: &[Arc<WorldFigures>]) {
     let (name, help) = ("tick_seconds", "Time from when a tick was due until it was done.");
     text.family(name, "histogram", help, []);
     for world in worlds {
         let mut line = |suffix: &str, labels: String, value: f64| {
-            let _ = writeln!(text.0, "surefoot_{name}_{suffix}{{world=\"{}\"{labels}}} {value}", world.id);
+            let _ = writeln!(text.0, "surefoot_{name}_{suffix}{{world=\"{}\"{labels}}} {value}", world.summary.id);
         };
         for bound in BOUNDS_MS {
             let below = world.times.below(Duration::from_secs_f64(bound * 1.0e-3));

@@ -1,7 +1,7 @@
 //! The lifecycle of a server: restore worlds, serve, save worlds.
 
 use crate::config::ServerConfig;
-use crate::envs::{Envs, Grounds, Host};
+use crate::envs::{Envs, Grounds, Host, IDLE_LIMIT};
 use crate::grpc::WorldApi;
 use crate::grpc::directory::DirectoryApi;
 use crate::grpc::elsewhere::Elsewhere;
@@ -62,10 +62,7 @@ async fn run(
     let restoring = tokio::spawn(restore(worlds.clone(), ready, shutdown.clone()));
     let metrics = {
         let worlds = worlds.clone();
-        move || {
-            let worlds = worlds.clone();
-            async move { worlds.metrics().await }
-        }
+        move || std::future::ready(worlds.metrics())
     };
     let endpoint = endpoint.with_readiness(is_ready);
     let routes = routes(&endpoint, &worlds, &shutdown);
@@ -111,7 +108,8 @@ async fn restore(worlds: Worlds, ready: watch::Sender<bool>, shutdown: Shutdown)
 
 fn routes(endpoint: &Endpoint, worlds: &Worlds, shutdown: &Shutdown) -> RoutesBuilder {
     let limits = endpoint.limits();
-    let envs = Envs::new(worlds.config().max_envs, Grounds::Maps(worlds.maps().clone()));
+    let (config, grounds) = (worlds.config(), Grounds::Maps(worlds.maps().clone()));
+    let envs = Envs::new(config.max_envs, config.max_envs_per_client, config.idle_envs_after, grounds);
     let envs = env_service(limits, envs, Some(worlds.levels().clone()), shutdown);
     let maps = MapServiceServer::new(worlds.levels().clone())
         .max_decoding_message_size(limits.max_import_bytes)
@@ -133,6 +131,13 @@ fn env_service(
     levels: Option<LevelStore>,
     shutdown: &Shutdown,
 ) -> EnvServiceServer<EnvApi> {
+    let (sweeping, stopping) = (envs.clone().keep_sweeping(), shutdown.wait());
+    tokio::spawn(async move {
+        tokio::select! {
+            () = sweeping => {}
+            () = stopping => {}
+        }
+    });
     EnvServiceServer::new(EnvApi { envs, levels, shutdown: shutdown.clone(), created: AnswerCache::default() })
         .max_decoding_message_size(limits.max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES)
@@ -148,7 +153,9 @@ pub async fn serve_game(
     limit: usize,
     shutdown: Shutdown,
 ) -> Result<(), ServeError> {
-    let envs = env_service(endpoint.limits(), Envs::new(limit, Grounds::Game(host)), None, &shutdown);
+    // A game has one trainer.
+    let envs = Envs::new(limit, limit, IDLE_LIMIT, Grounds::Game(host));
+    let envs = env_service(endpoint.limits(), envs, None, &shutdown);
     let mut routes = tonic::service::Routes::builder();
     routes.add_service(with_grpc_web(envs));
     endpoint.serve(routes, &[ENV_SERVICE], || async { String::new() }, shutdown).await

@@ -3,14 +3,16 @@
 //! There is one thread per world (ADR 16), so that a world that stalls or steps slowly cannot delay another.
 
 use crate::errors::SimError;
-use crate::hosted::{HostedWorld, Snapshot, TimeMode};
+use crate::figures::WorldFigures;
+use crate::hosted::{HostedWorld, KEPT_EVENTS, NpcEvent, Snapshot, TimeMode};
 use crate::inbox::{Inbox, Lane, Popped};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use surefoot_world::TICKS_PER_SECOND;
-use tokio::sync::{oneshot, watch};
+use tokio::sync::{broadcast, oneshot, watch};
 use tracing::error;
 
 /// Most ticks to catch up after a stall; further ticks are dropped and counted.
@@ -19,6 +21,11 @@ const MAX_CATCH_UP: u32 = 2;
 const CALL_TIME: Duration = Duration::from_millis(2);
 /// How long a lockstep world that cannot be stepped waits for a call before it looks for silent workers.
 const IDLE: Duration = Duration::from_millis(50);
+
+/// Batches of events that wait for a reader: about a second of ticks. A reader that is farther behind reads on in the world's log.
+const EVENT_BATCHES: usize = 64;
+/// Most events of a batch, so that all batches together hold no more events than the log.
+const EVENTS_IN_A_BATCH: usize = KEPT_EVENTS / EVENT_BATCHES;
 
 /// Time from one tick to the next.
 const PERIOD: Duration = Duration::from_nanos(1_000_000_000 / TICKS_PER_SECOND as u64);
@@ -71,6 +78,15 @@ impl Receipt {
     }
 }
 
+/// Events of a world that follow one another.
+#[derive(Debug)]
+pub struct EventBatch {
+    /// Sequence number after which the batch begins. A reader that has not come as far has missed a batch.
+    pub after: u64,
+    /// The events in order.
+    pub events: Vec<NpcEvent>,
+}
+
 /// A world with the channels to its readers; owned by the world's thread.
 #[derive(Debug)]
 pub struct SimState {
@@ -78,8 +94,16 @@ pub struct SimState {
     pub world: HostedWorld,
     /// Latest snapshot; each overwrites the one before, so slow readers cost nothing.
     pub snapshots: watch::Sender<Arc<Snapshot>>,
-    /// Sequence number of the latest event that readers may see; when it grows, they fetch the events from the world's log.
-    pub latest_event: watch::Sender<u64>,
+    /// New events that readers may see, once a tick.
+    pub events: broadcast::Sender<Arc<EventBatch>>,
+    /// Sequence number of the last event that went to readers.
+    published: u64,
+    /// Sequence number of the latest event that readers may see, for callers that wait for a receipt.
+    latest_event: watch::Sender<u64>,
+    /// Latest figures of the world.
+    figures: watch::Sender<Arc<WorldFigures>>,
+    /// Calls that the thread has run.
+    calls: u64,
     /// Whether the thread is to end.
     pub is_over: bool,
 }
@@ -90,6 +114,7 @@ pub struct SimState {
 pub struct SimHandle {
     inbox: Arc<OpenInbox>,
     lane: Lane,
+    figures: watch::Receiver<Arc<WorldFigures>>,
 }
 
 /// Closed when the last handle goes.
@@ -120,23 +145,24 @@ impl SimHandle {
     ) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
         let calls = inbox.clone();
-        let state = SimState {
-            world,
-            snapshots: watch::Sender::default(),
-            latest_event: watch::Sender::new(0),
-            is_over: false,
-        };
+        let state = SimState::new(world);
+        let figures = state.figures.subscribe();
         std::thread::Builder::new().name(name).spawn(move || {
             run(state, &calls, schedule, failed);
             // Callers that still wait learn that the world has stopped.
             calls.abandon();
         })?;
-        Ok(Self { inbox: Arc::new(OpenInbox(inbox)), lane: Lane::Urgent })
+        Ok(Self { inbox: Arc::new(OpenInbox(inbox)), lane: Lane::Urgent, figures })
     }
 
     /// A handle whose calls wait in the lane of a client.
     pub fn for_client(self, client: &Arc<str>) -> Self {
         Self { lane: Lane::Client(client.clone()), ..self }
+    }
+
+    /// The world's figures after its latest tick. Never waits for the thread.
+    pub fn figures(&self) -> Arc<WorldFigures> {
+        self.figures.borrow().clone()
     }
 
     /// Runs `call` on the thread between two ticks, without waiting for it.
@@ -162,12 +188,38 @@ impl SimHandle {
         })?;
         result.await.map_err(|_| SimError::Stopped)
     }
+
+    /// As [`SimHandle::call`], if the thread begins the call within `limit`. Otherwise the call is not run at all.
+    ///
+    /// # Errors
+    /// [`SimError::Busy`] if the call was not run, and those of [`SimHandle::cast`].
+    pub async fn call_within<R: Send + 'static>(
+        &self,
+        limit: Duration,
+        call: impl FnOnce(&mut SimState) -> R + Send + 'static,
+    ) -> Result<R, SimError> {
+        // Set by the thread when it begins the call, or by the caller when it gives up, by the first of them.
+        let decided = Arc::new(AtomicBool::new(false));
+        let begins = decided.clone();
+        let mut answer =
+            std::pin::pin!(self.call(move |state| (!begins.swap(true, Ordering::AcqRel)).then(|| call(state))));
+        let answer = match tokio::time::timeout(limit, &mut answer).await {
+            Ok(answer) => answer,
+            Err(_) if !decided.swap(true, Ordering::AcqRel) => return Err(SimError::Busy),
+            Err(_) => answer.await,
+        };
+        answer?.ok_or(SimError::Busy)
+    }
 }
 
 fn run(mut state: SimState, calls: &Inbox<Call>, schedule: Schedule, failed: impl FnOnce()) {
-    let stepped = catch_unwind(AssertUnwindSafe(|| match state.world.mode() {
-        TimeMode::Realtime => run_realtime(&mut state, calls, schedule),
-        TimeMode::Lockstep => run_lockstep(&mut state, calls),
+    let stepped = catch_unwind(AssertUnwindSafe(|| {
+        match state.world.mode() {
+            TimeMode::Realtime => run_realtime(&mut state, calls, schedule),
+            TimeMode::Lockstep => run_lockstep(&mut state, calls),
+        }
+        // Events of the last calls.
+        state.report();
     }));
     if stepped.is_err() {
         error!(world_id = state.world.id().0, "the world panicked and has ended");
@@ -182,10 +234,7 @@ fn run_calls(state: &mut SimState, calls: &Inbox<Call>, due: Instant) -> bool {
     let limit = due.max(Instant::now() + CALL_TIME);
     while !state.is_over {
         match calls.pop(due) {
-            Popped::Item(call) => {
-                call(state);
-                state.notify_events();
-            }
+            Popped::Item(call) => state.run_call(call),
             Popped::Nothing => return true,
             Popped::Closed => return false,
         }
@@ -221,12 +270,10 @@ fn run_lockstep(state: &mut SimState, calls: &Inbox<Call>) {
             state.publish();
             continue;
         }
+        state.report();
         // Nothing but a call can make it ready.
         match calls.pop(started + IDLE) {
-            Popped::Item(call) => {
-                call(state);
-                state.notify_events();
-            }
+            Popped::Item(call) => state.run_call(call),
             Popped::Nothing => state.world.note_waiting(IDLE),
             Popped::Closed => return,
         }
@@ -234,12 +281,59 @@ fn run_lockstep(state: &mut SimState, calls: &Inbox<Call>) {
 }
 
 impl SimState {
-    /// Replaces the latest snapshot if there are readers, and notifies readers of new events.
-    pub fn publish(&self) {
+    fn new(world: HostedWorld) -> Self {
+        let latest = world.events().latest();
+        let figures = WorldFigures::of(&world, 0, 0);
+        Self {
+            world,
+            snapshots: watch::Sender::default(),
+            events: broadcast::Sender::new(EVENT_BATCHES),
+            published: latest,
+            latest_event: watch::Sender::new(latest),
+            figures: watch::Sender::new(Arc::new(figures)),
+            calls: 0,
+            is_over: false,
+        }
+    }
+
+    fn run_call(&mut self, call: Call) {
+        call(self);
+        self.calls += 1;
+        self.notify_events();
+    }
+
+    fn publish(&mut self) {
+        self.show_snapshot();
+        self.report();
+    }
+
+    /// Replaces the figures, and hands new events to readers.
+    fn report(&mut self) {
+        self.notify_events();
+        let figures = WorldFigures::of(&self.world, self.snapshots.receiver_count(), self.calls);
+        self.figures.send_replace(Arc::new(figures));
+        self.hand_out_events();
+    }
+
+    /// Replaces the latest snapshot if there are readers.
+    pub fn show_snapshot(&self) {
         if self.snapshots.receiver_count() > 0 {
             self.snapshots.send_replace(Arc::new(self.world.snapshot()));
         }
-        self.notify_events();
+    }
+
+    /// Sends readers the events that they may see and have not been sent.
+    fn hand_out_events(&mut self) {
+        let latest = self.world.events().latest();
+        while self.published < latest && self.events.receiver_count() > 0 {
+            let after = self.published;
+            let events = self.world.events().after(after, EVENTS_IN_A_BATCH).unwrap_or_default();
+            // The log may not have all of them any more. Then the batch is empty, and readers look into the log.
+            self.published = events.last().map_or(latest, |event| event.sequence);
+            // The last reader may just have left.
+            let _ = self.events.send(Arc::new(EventBatch { after, events }));
+        }
+        self.published = latest;
     }
 
     /// What confirms all that has happened; `None` if it is confirmed already, or need not be.
@@ -248,7 +342,7 @@ impl SimState {
         (events.latest() < sequence).then(|| Receipt { sequence, confirmed: self.latest_event.subscribe() })
     }
 
-    /// Wakes readers that wait for events, if there are new ones.
+    /// Wakes callers that wait for a receipt, if there are new events.
     fn notify_events(&self) {
         let latest = self.world.events().latest();
         self.latest_event.send_if_modified(|known| std::mem::replace(known, latest) != latest);
@@ -288,6 +382,25 @@ mod tests {
             assert!(due > now && due <= now + 2 * PERIOD);
             assert_eq!(due.duration_since(epoch + PERIOD.mul_f64(0.25)).as_nanos() % PERIOD.as_nanos(), 0);
         }
+    }
+
+    #[tokio::test]
+    async fn a_call_that_does_not_begin_in_time_is_not_run() {
+        let map = Arc::new(Map::generate(&MapSpec::with_side(1, 50).unwrap()));
+        let world = HostedWorld::new(WorldId(1), map, TimeMode::Lockstep, Arc::default());
+        let schedule = Schedule { epoch: Instant::now(), phase: 0.0 };
+        let sim = SimHandle::start("test".to_owned(), world, schedule, || {}).unwrap();
+        let (release, held) = std::sync::mpsc::channel::<()>();
+        sim.cast(move |_| _ = held.recv()).unwrap();
+        let runs = Arc::new(AtomicBool::new(false));
+        let late = {
+            let runs = runs.clone();
+            sim.call_within(Duration::from_millis(1), move |_| runs.store(true, Ordering::Relaxed)).await
+        };
+        assert_eq!(late, Err(SimError::Busy));
+        drop(release);
+        assert_eq!(sim.call_within(Duration::from_secs(60), |_| 7).await, Ok(7));
+        assert!(!runs.load(Ordering::Relaxed), "the call was given up");
     }
 
     #[tokio::test]

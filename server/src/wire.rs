@@ -3,6 +3,7 @@
 pub mod living;
 
 use crate::envs::{EnvSettings, StepResults};
+use crate::figures::WorldSummary;
 use crate::geometry::TileMesh;
 use crate::hosted::{
     EndedAttempt, EventKind, NpcEvent, NpcPlan, NpcState, NpcStatus, PlanLeg, Support, TimeMode, WorldStats,
@@ -11,7 +12,6 @@ use crate::ids::{NpcId, WorldId};
 use crate::messages::{Answer, Assignment, Decision, Hello, ObservationBatch, ToWorker};
 use crate::survey::Survey;
 use crate::view::{Region, Shown};
-use crate::worlds::WorldSummary;
 use std::collections::BTreeSet;
 use surefoot_net::levels::Made;
 use surefoot_net::status;

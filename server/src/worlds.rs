@@ -1,33 +1,39 @@
-//! All worlds of a server: their owners and lifecycle, and calls to them. `keeping` has how they outlive the process.
+//! All worlds of a server: their owners and lifecycle. `npcs` has the calls about NPCs, `maps` those about the ground, `workers` those of
+//! workers, `keeping` how worlds outlive the process.
 
 mod keeping;
+mod maps;
+mod npcs;
+mod workers;
 
 use crate::ServerConfig;
 use crate::errors::SimError;
-use crate::hosted::{EditError, HostedWorld, NpcError, SpawnOrder, TimeMode};
-use crate::ids::{ID_PERIOD, NpcId, WorkerId, WorldId};
-use crate::messages::{Answer, Hello, ToWorker};
-use crate::metrics::{self, ProcessFigures, WorldFigures};
+use crate::figures::{WorldFigures, WorldSummary};
+use crate::hosted::{EditError, HostedWorld, NpcError, TimeMode};
+use crate::ids::{ID_PERIOD, WorldId};
+use crate::metrics::{self, ProcessFigures};
 use crate::quota::{Quota, QuotaError, Ticket};
-use crate::registry::{Joined, Registry};
-use crate::sim::{Receipt, Schedule, SimHandle, SimState};
+use crate::registry::Registry;
+use crate::sim::{Schedule, SimHandle};
 use crate::store::{SharedStore, StoreError, WorldStore};
-use crate::survey::Survey;
+use crate::turns::Turns;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, RwLock};
 use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
-use surefoot_world::{CharacterProfile, Map, Seed, Tick, Vec3};
-use tokio::sync::{Semaphore, mpsc};
+use surefoot_world::{CharacterProfile, Map};
 use tokio::time::Instant;
-use tracing::{info, warn};
+use tracing::info;
 
 /// Longest wait for the clock to reach a new id: far more than the ids that are created in a burst.
 const MAX_ID_WAIT: Duration = Duration::from_secs(1);
 /// Longest wait until a change is durable in a fleet.
 const CONFIRM_LIMIT: Duration = Duration::from_secs(5);
+/// Most threads that survey maps, and most that draw places on maps, at the same time, so that worlds keep stepping.
+const SURVEYS_AT_A_TIME: usize = 2;
+const SAMPLES_AT_A_TIME: usize = 2;
 
 /// Why the server cannot do what a client requests.
 #[derive(Debug, thiserror::Error)]
@@ -68,6 +74,9 @@ pub enum WorldsError {
     /// What is saved cannot be changed.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// Another server of the fleet runs it.
+    #[error("world {0} runs on {1}")]
+    Elsewhere(WorldId, String),
     /// The server may have lost its worlds to others.
     #[error("world {0} may be moving to another server: look where it runs, and try again")]
     Moving(WorldId),
@@ -131,25 +140,6 @@ pub enum NpcAccess {
     Change,
 }
 
-/// Description of a world at one moment.
-#[derive(Debug, Clone)]
-pub struct WorldSummary {
-    /// Id of the world.
-    pub id: WorldId,
-    /// The map of the world.
-    pub map: Arc<Map>,
-    /// How the world's time passes.
-    pub mode: TimeMode,
-    /// Number of NPCs.
-    pub npc_count: usize,
-    /// Number of ticks stepped.
-    pub tick: Tick,
-    /// Bodies that its NPCs have or had, the usual one first.
-    pub bodies: Vec<CharacterProfile>,
-    /// Whether its NPCs get in each other's way.
-    pub solid_npcs: bool,
-}
-
 /// What a new world is like, beside its map.
 #[derive(Debug, Clone)]
 pub struct WorldSettings {
@@ -190,8 +180,10 @@ struct Shared {
     failed_save_count: AtomicU64,
     /// Worlds that were taken over from other servers of the fleet.
     taken_over_count: AtomicU64,
-    /// Bounds the surveys that run at a time.
-    surveying: Arc<Semaphore>,
+    /// Turns of surveys.
+    surveys: Turns,
+    /// Turns of draws of places.
+    samples: Turns,
     shutdown: Shutdown,
 }
 
@@ -214,7 +206,8 @@ impl Worlds {
             epoch: WorldId::at(SystemTime::now()),
             registry: Arc::default(),
             saving: tokio::sync::Mutex::default(),
-            surveying: Arc::new(Semaphore::new(1)),
+            surveys: Turns::new(SURVEYS_AT_A_TIME),
+            samples: Turns::new(SAMPLES_AT_A_TIME),
             store: OnceLock::new(),
             failed_count: AtomicU64::new(0),
             failed_save_count: AtomicU64::new(0),
@@ -380,17 +373,12 @@ impl Worlds {
     /// # Errors
     /// If there is none of that id, or its thread does not answer.
     pub async fn describe(&self, caller: &Caller, id: WorldId) -> Result<WorldSummary, WorldsError> {
-        let WorldHandle { sim, mode, .. } = self.handle_for(caller, id)?;
-        let describe = move |SimState { world, .. }: &mut SimState| WorldSummary {
-            id,
-            map: world.map().clone(),
-            mode,
-            npc_count: world.npc_count(),
-            tick: world.tick(),
-            bodies: world.bodies().to_vec(),
-            solid_npcs: world.has_solid_npcs(),
-        };
-        Ok(sim.call(describe).await?)
+        Ok(self.handle_for(caller, id)?.sim.call(|state| WorldSummary::of(&state.world)).await?)
+    }
+
+    /// The figures of all worlds after their latest ticks, in the order of their ids. Never waits for a world.
+    pub fn figures(&self) -> Vec<Arc<WorldFigures>> {
+        self.shared.worlds.read().expect(POISON).values().map(|world| world.sim.figures()).collect()
     }
 
     /// Returns the ids of all worlds in ascending order.
@@ -398,7 +386,7 @@ impl Worlds {
         self.shared.worlds.read().expect(POISON).keys().copied().collect()
     }
 
-    /// Ends a world and deletes what was saved of it, also if its thread is busy.
+    /// Ends a world and deletes what was saved of it, without a call to its thread. A save that is under way ends first.
     ///
     /// # Errors
     /// If there is none of that id, it belongs to somebody else, or its file cannot be deleted; then the world goes on.
@@ -450,12 +438,7 @@ impl Worlds {
     }
 
     /// Renders the metrics of the server as Prometheus text.
-    pub async fn metrics(&self) -> String {
-        let mut worlds = Vec::new();
-        for sim in self.sims() {
-            // A world that does not answer is left out.
-            worlds.extend(sim.call(|state| WorldFigures::of(state)).await);
-        }
+    pub fn metrics(&self) -> String {
         let process = ProcessFigures {
             failed_worlds: self.shared.failed_count.load(Ordering::Relaxed),
             failed_saves: self.shared.failed_save_count.load(Ordering::Relaxed),
@@ -463,210 +446,7 @@ impl Worlds {
             is_sure: self.shared_store().is_none_or(SharedStore::is_sure),
             taken_over: self.shared.taken_over_count.load(Ordering::Relaxed),
         };
-        metrics::render(&worlds, &self.shared.registry.load(), process)
-    }
-
-    // --- NPCs ---
-
-    /// Adds an NPC for the caller.
-    ///
-    /// # Errors
-    /// If there are too many, or the position lies outside the map.
-    pub async fn spawn(&self, caller: &Caller, world: WorldId, order: SpawnOrder) -> Result<NpcId, WorldsError> {
-        self.spawn_many(caller, world, vec![Ok(order)]).await?.pop().expect("one result for one order")
-    }
-
-    /// Adds NPCs for the caller, each with a result of its own.
-    ///
-    /// # Errors
-    /// If there is no such world, it belongs to somebody else, or its thread does not answer.
-    pub async fn spawn_many(
-        &self,
-        caller: &Caller,
-        world: WorldId,
-        orders: Vec<Result<SpawnOrder, WorldsError>>,
-    ) -> Result<Vec<Result<NpcId, WorldsError>>, WorldsError> {
-        let handle = self.handle_to_change(caller, world)?;
-        let limit = self.shared.config.max_npcs_per_world;
-        let take = |order| Ok((order?, self.shared.npc_quota.acquire(&caller.name).map_err(WorldsError::NpcQuota)?));
-        let orders: Vec<Result<_, WorldsError>> = orders.into_iter().map(take).collect();
-        let spawn = handle.sim.call(move |state| {
-            let mut spawn = |(order, ticket)| Ok(state.world.spawn_to(order, limit, ticket)?);
-            let results = orders.into_iter().map(|order| order.and_then(&mut spawn)).collect();
-            (results, state.receipt())
-        });
-        let (results, receipt) = spawn.await?;
-        confirmed(world, receipt).await?;
-        Ok(results)
-    }
-
-    /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of one world are
-    /// handled between two of its ticks.
-    pub async fn with_npcs<T: Send + 'static, R: Send + 'static>(
-        &self,
-        caller: &Caller,
-        access: NpcAccess,
-        items: Vec<Result<(NpcId, T), WorldsError>>,
-        call: impl Fn(&mut HostedWorld, NpcId, T) -> Result<R, NpcError> + Clone + Send + 'static,
-    ) -> Vec<Result<R, WorldsError>> {
-        let mut results: Vec<Option<Result<R, WorldsError>>> = (0..items.len()).map(|_| None).collect();
-        let mut by_world: BTreeMap<WorldId, Vec<(usize, NpcId, T)>> = BTreeMap::new();
-        for (idx, item) in items.into_iter().enumerate() {
-            match item {
-                Ok((npc, item)) => by_world.entry(npc.world()).or_default().push((idx, npc, item)),
-                Err(error) => results[idx] = Some(Err(error)),
-            }
-        }
-        for (world, items) in by_world {
-            let places: Vec<(usize, NpcId)> = items.iter().map(|(idx, npc, _)| (*idx, *npc)).collect();
-            let call = call.clone();
-            let done = match self.handle_for(caller, world) {
-                Ok(handle) => {
-                    let may_change_all = access == NpcAccess::Read || caller.may_change(handle.ticket.client());
-                    let caller = caller.clone();
-                    let work = move |state: &mut SimState| -> (Vec<_>, Option<Receipt>) {
-                        let world = &mut state.world;
-                        let one = |(_, npc, item)| {
-                            if !may_change_all && !caller.may_change(world.owner_of(npc)?) {
-                                return Err(NpcError::NotOwner(npc));
-                            }
-                            call(world, npc, item)
-                        };
-                        let done = items.into_iter().map(one).collect();
-                        (done, if access == NpcAccess::Change { state.receipt() } else { None })
-                    };
-                    handle.sim.call(work).await
-                }
-                Err(WorldsError::Moving(_)) => {
-                    places.into_iter().for_each(|(idx, _)| results[idx] = Some(Err(WorldsError::Moving(world))));
-                    continue;
-                }
-                Err(_) => Ok((places.iter().map(|(_, npc)| Err(NpcError::Unknown(*npc))).collect(), None)),
-            };
-            match done {
-                Ok((done, receipt)) => {
-                    let is_confirmed = confirmed(world, receipt).await.is_ok();
-                    for ((idx, _), result) in places.into_iter().zip(done) {
-                        let result = result.map_err(WorldsError::from);
-                        let result =
-                            result.and_then(|it| is_confirmed.then_some(it).ok_or(WorldsError::Unconfirmed(world)));
-                        results[idx] = Some(result);
-                    }
-                }
-                Err(error) => places.into_iter().for_each(|(idx, _)| results[idx] = Some(Err(error.into()))),
-            }
-        }
-        results.into_iter().map(|result| result.expect("every item belongs to a world or has failed")).collect()
-    }
-
-    /// Runs `call` on the world that `npc` belongs to.
-    ///
-    /// # Errors
-    /// If there is no such NPC, its world's thread does not answer, or `call` fails.
-    pub async fn with_npc<R: Send + 'static>(
-        &self,
-        caller: &Caller,
-        access: NpcAccess,
-        npc: NpcId,
-        call: impl Fn(&mut HostedWorld) -> Result<R, NpcError> + Clone + Send + 'static,
-    ) -> Result<R, WorldsError> {
-        let call = move |world: &mut HostedWorld, _, ()| call(world);
-        self.with_npcs(caller, access, vec![Ok((npc, ()))], call).await.pop().expect("one result for one item")
-    }
-
-    /// Draws `count` random places of a world where a character can stand.
-    ///
-    /// # Errors
-    /// If there is no such world, or its map has no navigable ground.
-    pub async fn sample_ground(
-        &self,
-        world: WorldId,
-        body: Option<CharacterProfile>,
-        count: usize,
-        seed: Seed,
-    ) -> Result<Vec<Vec3>, WorldsError> {
-        let WorldHandle { shown, body: usual, .. } = self.handle(world)?;
-        let (map, body) = (shown.get(), body.unwrap_or(usual));
-        Ok(in_background("sampling", move || HostedWorld::sample_ground(&map, &body, count, seed)).await??)
-    }
-
-    /// Surveys a map for each of these bodies, and lists at most `max_cut_off` places that each cannot get to. One survey runs at a time; it
-    /// goes on when its caller is gone.
-    ///
-    /// # Errors
-    /// If the map cannot be made.
-    pub async fn survey(
-        &self,
-        caller: &Caller,
-        source: MapSource,
-        bodies: Vec<CharacterProfile>,
-        max_cut_off: usize,
-    ) -> Result<Vec<Survey>, WorldsError> {
-        // Never closed.
-        let turn = self.shared.surveying.clone().acquire_owned().await.ok();
-        let made = self.maps().get(&caller.name, source.made()).await?;
-        let survey = move || {
-            let _turn = turn;
-            let map = source.finish(made.map());
-            bodies.into_iter().map(|body| Survey::of(&map, body, max_cut_off)).collect()
-        };
-        in_background("surveying", survey).await
-    }
-
-    // --- workers ---
-
-    /// Adds a worker; `queue` receives the welcome, then all other messages to the worker.
-    pub fn join(&self, hello: Hello, queue: mpsc::Sender<ToWorker>) -> Joined {
-        info!(name = hello.name, policy = hello.policy, capacity = hello.capacity, "worker joined");
-        let joined = self.shared.registry.join(hello, queue.clone());
-        // The queue is new and empty.
-        let _ = queue.try_send(ToWorker::Welcome(joined.id));
-        self.cast_all(HostedWorld::rebalance);
-        joined
-    }
-
-    /// Changes how many NPCs a worker can decide for. Worlds use what is added at once.
-    pub fn set_capacity(&self, worker: WorkerId, capacity: u32) {
-        if self.shared.registry.set_capacity(worker, capacity) {
-            self.cast_all(HostedWorld::assign_workers);
-        }
-    }
-
-    /// Removes a worker and assigns its NPCs to others.
-    pub fn leave(&self, worker: WorkerId) {
-        info!(worker = worker.0, "worker left");
-        self.shared.registry.leave(worker);
-        self.cast_all(move |world| world.lose_worker(worker));
-    }
-
-    /// Hands a worker's answer to its world. A world that cannot take it counts the decisions as missed; other worlds of the worker
-    /// are not affected.
-    pub fn answer(&self, worker: WorkerId, world: WorldId, answer: Answer) {
-        // A world that has just been dropped needs no answers any more.
-        let Ok(handle) = self.handle(world) else { return };
-        if let Err(error) = handle.sim.cast(move |state| state.world.answer(worker, answer)) {
-            warn!(worker = worker.0, world_id = world.0, %error, "an answer is lost");
-        }
-    }
-
-    /// Runs `call` on every world except those that are too busy.
-    fn cast_all(&self, call: impl Fn(&mut HostedWorld) + Clone + Send + 'static) {
-        for sim in self.sims() {
-            let call = call.clone();
-            if let Err(error) = sim.cast(move |state| call(&mut state.world)) {
-                warn!(%error, "a world did not accept a call");
-            }
-        }
-    }
-}
-
-/// Waits until a change is durable, where the servers of a fleet have to know it.
-async fn confirmed(world: WorldId, receipt: Option<Receipt>) -> Result<(), WorldsError> {
-    let Some(receipt) = receipt else { return Ok(()) };
-    match tokio::time::timeout(CONFIRM_LIMIT, receipt.confirmed()).await {
-        Ok(Ok(())) => Ok(()),
-        // The world ended, or nobody answers.
-        Ok(Err(_)) | Err(_) => Err(WorldsError::Unconfirmed(world)),
+        metrics::render(&self.figures(), &self.shared.registry.load(), process)
     }
 }
 

@@ -342,3 +342,26 @@ fn an_npc_that_comes_and_goes_between_two_messages_is_never_heard_of() {
     stage.world.flush();
     assert!(worker.messages().is_empty(), "neither its assignment nor its release");
 }
+
+#[test]
+fn npcs_without_a_worker_get_places_in_the_order_of_their_ids_and_those_that_are_gone_get_none() {
+    for mode in [TimeMode::Realtime, TimeMode::Lockstep] {
+        let mut stage = Stage::new(mode);
+        let first = stage.join(1, 16);
+        let npcs: Vec<NpcId> = (0..5).map(|idx| stage.spawn_at(5.0 + 3.0 * idx as f32)).collect();
+        let deciders = |world: &HostedWorld| {
+            npcs.iter().map(|npc| world.npc(*npc).ok()?.worker).collect::<Vec<Option<WorkerId>>>()
+        };
+        assert_eq!(deciders(&stage.world), [Some(first.id), None, None, None, None]);
+        stage.world.despawn(npcs[1]).unwrap();
+        stage.registry.set_capacity(first.id, 2);
+        stage.world.assign_workers();
+        assert_eq!(deciders(&stage.world), [Some(first.id), None, Some(first.id), None, None]);
+        // All are without a worker again.
+        stage.registry.leave(first.id);
+        stage.world.lose_worker(first.id);
+        assert_eq!(deciders(&stage.world), [None; 5]);
+        let second = stage.join(3, 16).id;
+        assert_eq!(deciders(&stage.world), [Some(second), None, Some(second), Some(second), None]);
+    }
+}

@@ -1,12 +1,15 @@
 //! The world server as game clients and remote trainers use it.
 
 use e2e::{
-    LIMIT, build_graph, create_world, follow_until_planned, ground, planner_client, set_goal, small_map, spawn,
-    start_planner, start_server, start_worker, stats, stats_until, until_metrics_say, watch, watch_until, world_client,
+    LIMIT, build_graph, create_world, follow_until_planned, ground, metrics, planner_client, set_goal, small_map,
+    spawn, start_planner, start_server, start_worker, stats, stats_until, until_metrics_say, watch, watch_until,
+    world_client,
 };
 use std::time::Duration;
+use surefoot_net::levels::MapPool;
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::convert::{pack, unpack};
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_client::EnvServiceClient;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
@@ -348,6 +351,95 @@ async fn a_trainer_steps_an_environment_by_call_and_by_stream_alike() {
         Code::NotFound
     );
     client.create_env(request.clone()).await.expect("there is room again");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_world_that_stands_still_is_listed_as_silent_and_hides_no_other() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let stalled = create_world(&mut client, 16, wire::TimeMode::Realtime).await.world_id;
+    let other = create_world(&mut client, 17, wire::TimeMode::Realtime).await.world_id;
+    // A world without a worker waits for calls: it is not silent.
+    let waiting = create_world(&mut client, 18, wire::TimeMode::Lockstep).await.world_id;
+    let stalls = tokio::spawn({
+        let mut client = client.clone();
+        async move {
+            loop {
+                let stall = wire::StallWorldRequest { world_id: stalled, milliseconds: 1000 };
+                client.stall_world(stall).await.unwrap();
+            }
+        }
+    });
+    let silent = async {
+        loop {
+            let list = client.list_worlds(wire::ListWorldsRequest::default()).await.unwrap().into_inner();
+            assert_eq!(list.worlds.iter().map(|world| world.world_id).collect::<Vec<_>>(), [stalled, other, waiting]);
+            if list.silent_world_ids == [stalled] {
+                return list.worlds;
+            }
+            tokio::task::yield_now().await;
+        }
+    };
+    let before = tokio::time::timeout(LIMIT, silent).await.expect("the silent world is named");
+    // The figures of all worlds are there, and those of the others go on.
+    let going_on = async {
+        loop {
+            let text = metrics(&server, "").await;
+            let ticks = |world_id: u64| {
+                let name = format!("surefoot_ticks_total{{world=\"{world_id}\"}} ");
+                text.lines().find_map(|line| line.strip_prefix(&name)?.parse::<u64>().ok()).expect("a figure")
+            };
+            assert!(ticks(stalled) >= before[0].tick && ticks(waiting) == 0);
+            if ticks(other) > before[1].tick + 3 {
+                return;
+            }
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(LIMIT, going_on).await.expect("the other world goes on");
+    stalls.abort();
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_idle_environment_gives_its_memory_back() {
+    // A map of 100 x 80 x 100 m takes 12.1 MB to generate, by the estimate, and 450 NPCs take 3.7 MB.
+    let config = ServerConfig {
+        maps: MapPool::within(16_000_000),
+        idle_envs_after: Duration::from_millis(50),
+        ..ServerConfig::default()
+    };
+    let server = start_server(config);
+    let mut trainer = EnvServiceClient::connect(server.uri.clone()).await.unwrap();
+    let request = wire::CreateEnvRequest { map: Some(small_map(20)), npc_count: 450, ..Default::default() };
+    let env_id = trainer.create_env(request).await.unwrap().into_inner().env_id;
+    // The trainer is silent, and no other environment is created.
+    let mut client = world_client(&server).await;
+    let request = wire::CreateWorldRequest { map: Some(small_map(21)), ..Default::default() };
+    let created = async {
+        while let Err(status) = client.create_world(request.clone()).await {
+            assert_eq!(Reason::of(&status), Some(Reason::OutOfMemory), "{status}");
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(LIMIT, created).await.expect("there is memory again");
+    let gone = trainer.close_env(wire::CloseEnvRequest { env_id }).await.unwrap_err();
+    assert_eq!(Reason::of(&gone), Some(Reason::EnvNotFound));
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_has_so_many_environments_and_leaves_the_others_to_others() {
+    let server = start_server(ServerConfig { max_envs_per_client: 1, ..ServerConfig::default() });
+    let mut trainer = EnvServiceClient::connect(server.uri.clone()).await.unwrap();
+    let request = wire::CreateEnvRequest { map: Some(small_map(20)), npc_count: 1, ..Default::default() };
+    let env_id = trainer.create_env(request.clone()).await.unwrap().into_inner().env_id;
+    let refused = trainer.create_env(request.clone()).await.unwrap_err();
+    assert_eq!((refused.code(), Reason::of(&refused)), (Code::ResourceExhausted, Some(Reason::TooManyEnvs)));
+    assert!(refused.message().contains("--max-envs-per-client"), "{refused}");
+    trainer.close_env(wire::CloseEnvRequest { env_id }).await.unwrap();
+    trainer.create_env(request).await.expect("the place is free again");
     server.stop().await;
 }
 

@@ -1,6 +1,6 @@
 //! Events reach clients in order and without gaps; batch calls; idempotent calls.
 
-use e2e::{LIMIT, create_world, ground, set_goal, spawn, start_server, start_worker, world_client};
+use e2e::{LIMIT, create_world, ground, metrics, set_goal, spawn, start_server, start_worker, world_client};
 use std::collections::BTreeMap;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1::npc_event::Event;
@@ -397,5 +397,115 @@ async fn deltas_say_what_changed_and_nothing_else() {
     client.despawn_npc(wire::DespawnNpcRequest { npc_id: still }).await.unwrap();
     let leaving = async { while snapshots.next().await.unwrap().unwrap().gone_npc_ids != [still] {} };
     tokio::time::timeout(LIMIT, leaving).await.expect("it leaves");
+    server.stop().await;
+}
+
+/// An NPC of a new world, a place to teleport it to, and the world.
+async fn stage(client: &mut Client, seed: u64, mode: wire::TimeMode) -> (u64, u64, wire::Vec3) {
+    let world_id = create_world(client, seed, mode).await.world_id;
+    let place = ground(client, world_id, 1).await[0];
+    (world_id, spawn(client, world_id, place).await, place)
+}
+
+/// Reads a stream until it has shown so many teleports; returns the sequence numbers of all events.
+async fn numbers_until(stream: &mut Streaming<wire::WatchEventsResponse>, teleports: usize) -> Vec<u64> {
+    let (mut numbers, mut seen) = (Vec::new(), 0);
+    let reading = async {
+        while seen < teleports {
+            for event in stream.next().await.expect("the stream goes on").unwrap().events {
+                seen += usize::from(matches!(event.event, Some(Event::Teleported(_))));
+                numbers.push(event.sequence);
+            }
+        }
+    };
+    tokio::time::timeout(LIMIT, reading).await.expect("in time");
+    numbers
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_reader_that_falls_behind_gets_every_event_once() {
+    const NPCS: usize = 100;
+    const ROUNDS: usize = 300;
+    let server = start_server(ServerConfig { reader_patience: LIMIT, ..ServerConfig::default() });
+    let mut client = world_client(&server).await;
+    // A lockstep world hands events out after each call.
+    let (world_id, _, place) = stage(&mut client, 38, wire::TimeMode::Lockstep).await;
+    let spawns = vec![wire::Spawn { position: Some(place), ..Default::default() }; NPCS];
+    let request = wire::BatchSpawnNpcsRequest { world_id, spawns, ..Default::default() };
+    let results = client.batch_spawn_npcs(request).await.unwrap().into_inner().results;
+    let id = |result: wire::SpawnResult| match result.result {
+        Some(wire::spawn_result::Result::NpcId(id)) => id,
+        other => panic!("{other:?}"),
+    };
+    let npc_ids: Vec<u64> = results.into_iter().map(id).collect();
+    // What this connection has not read stays with the server.
+    let small = Channel::from_shared(server.uri.clone()).unwrap();
+    let small =
+        small.initial_stream_window_size(65_535).initial_connection_window_size(65_535).connect().await.unwrap();
+    let mut slow = events(&mut WorldServiceClient::new(small), world_id, None).await;
+    let mut quick = events(&mut client, world_id, None).await;
+    let begin = slow.next().await.unwrap().unwrap().cursor.unwrap().sequence;
+    let of_quick = tokio::spawn(async move { numbers_until(&mut quick, NPCS * ROUNDS).await });
+    for _ in 0..ROUNDS {
+        let teleport = |&npc_id: &u64| wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0 };
+        let teleports = npc_ids.iter().map(teleport).collect();
+        client.batch_teleport_npcs(wire::BatchTeleportNpcsRequest { teleports }).await.unwrap();
+    }
+    let expected: Vec<u64> = (begin + 1..=begin + (NPCS * ROUNDS) as u64).collect();
+    assert!(of_quick.await.unwrap() == expected, "the quick reader misses or repeats events");
+    assert!(numbers_until(&mut slow, NPCS * ROUNDS).await == expected, "the slow reader misses or repeats events");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn readers_of_events_do_not_keep_the_thread_of_the_world_busy() {
+    const READERS: usize = 40;
+    const CHANGES: usize = 30;
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    let (world_id, npc_id, place) = stage(&mut client, 39, wire::TimeMode::Realtime).await;
+    let calls = async || {
+        let name = format!("surefoot_world_calls_total{{world=\"{world_id}\"}} ");
+        let text = metrics(&server, "").await;
+        text.lines().find_map(|line| line.strip_prefix(&name)?.parse::<usize>().ok()).expect("a figure")
+    };
+    let mut readers = Vec::new();
+    for _ in 0..READERS {
+        let mut reader = events(&mut client, world_id, None).await;
+        reader.next().await.unwrap().unwrap();
+        readers.push(reader);
+    }
+    let before = calls().await;
+    for _ in 0..CHANGES {
+        let teleport = wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0 };
+        client.teleport_npc(teleport).await.unwrap();
+    }
+    for reader in &mut readers {
+        numbers_until(reader, CHANGES).await;
+    }
+    let called = calls().await - before;
+    // Figures are as of the last tick: the calls that opened the streams, and one look of each into the log, may be among these.
+    assert!((CHANGES..CHANGES + 3 * READERS).contains(&called), "{called} calls");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_last_events_of_a_world_come_before_its_end() {
+    let server = start_server(ServerConfig::default());
+    let mut client = world_client(&server).await;
+    for mode in [wire::TimeMode::Realtime, wire::TimeMode::Lockstep] {
+        let (world_id, npc_id, place) = stage(&mut client, 40, mode).await;
+        let mut stream = events(&mut client, world_id, None).await;
+        stream.next().await.unwrap().unwrap();
+        // The first events show that the stream has come as far as the present.
+        let teleport = wire::TeleportNpcRequest { npc_id, position: Some(place), yaw: 0.0 };
+        client.teleport_npc(teleport).await.unwrap();
+        numbers_until(&mut stream, 1).await;
+        client.teleport_npc(teleport).await.unwrap();
+        client.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
+        numbers_until(&mut stream, 1).await;
+        let end = tokio::time::timeout(LIMIT, stream.filter_map(Result::err).next()).await.unwrap().unwrap();
+        assert_eq!(Reason::of(&end), Some(Reason::WorldNotFound));
+    }
     server.stop().await;
 }

@@ -8,6 +8,7 @@ use surefoot_net::serving::{EndpointConfig, Limits};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::convert::map_spec;
 use surefoot_proto::planner::v1 as plan;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;
 use surefoot_server::ServerConfig;
@@ -310,5 +311,11 @@ async fn a_level_larger_than_a_message_arrives_in_chunks_and_leaves_in_chunks() 
     assert_eq!(download(&mut client, &kept.map_hash).await, file);
     let again = client.import_map(whole).await.unwrap_err();
     assert!(again.code() == Code::NotFound && again.message().contains("level"), "an upload is imported once: {again}");
+    let begin = |number: u32| wire::UploadChunkRequest { upload_id: format!("{number}"), ..part(0, b"x") };
+    for number in 0..4 {
+        client.upload_chunk(begin(number)).await.unwrap();
+    }
+    let fifth = client.upload_chunk(begin(4)).await.unwrap_err();
+    assert_eq!((fifth.code(), Reason::of(&fifth)), (Code::ResourceExhausted, Some(Reason::TooManyUploads)));
     server.stop().await;
 }

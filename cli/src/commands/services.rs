@@ -91,6 +91,9 @@ pub struct ServerLimits {
     /// Most environments of remote trainers
     #[arg(long, default_value_t = ServerConfig::default().max_envs, value_name = "N")]
     max_envs: usize,
+    /// Most environments of one client
+    #[arg(long, default_value_t = ServerConfig::default().max_envs_per_client, value_name = "N")]
+    max_envs_per_client: usize,
     /// Most imported maps to keep
     #[arg(long, default_value_t = ServerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
@@ -126,6 +129,8 @@ impl ServerLimits {
             max_npcs_per_world: self.max_npcs,
             max_npcs_per_client: self.max_npcs_per_client,
             max_envs: self.max_envs,
+            max_envs_per_client: self.max_envs_per_client,
+            idle_envs_after: ServerConfig::default().idle_envs_after,
             max_maps: self.max_maps,
             maps: MapPool::within(self.max_memory.saturating_mul(MB)),
             reader_patience: Duration::from_secs_f64(self.reader_patience),

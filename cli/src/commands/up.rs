@@ -248,7 +248,7 @@ async fn drop_worlds(link: &Link, is_former: impl Fn(&wire::World) -> bool) -> a
     let mut page_token = String::new();
     loop {
         let request = wire::ListWorldsRequest { page_size: 0, page_token };
-        let wire::ListWorldsResponse { worlds, next_page_token } = client.list_worlds(request).await?.into_inner();
+        let wire::ListWorldsResponse { worlds, next_page_token, .. } = client.list_worlds(request).await?.into_inner();
         for world in worlds {
             if is_former(&world) {
                 client.drop_world(wire::DropWorldRequest { world_id: world.world_id }).await?;

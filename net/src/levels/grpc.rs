@@ -52,7 +52,7 @@ impl From<UploadError> for Status {
             UploadError::Id(_) => status::invalid("upload_id", message),
             UploadError::Offset { .. } => status::too_large("offset", message),
             UploadError::TooLarge => status::too_large("data", message),
-            UploadError::TooMany => status::quota(Reason::TooManyMaps, "server", message),
+            UploadError::TooMany => status::quota(Reason::TooManyUploads, "client", message),
             UploadError::Memory(error) => error.into(),
             UploadError::Unknown(id) => status::not_found(Reason::UploadNotFound, "upload", id, message),
         }

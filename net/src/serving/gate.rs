@@ -32,7 +32,7 @@ pub struct Caller {
 impl Caller {
     /// The caller of a request that has passed the gate.
     pub fn of<T>(request: &tonic::Request<T>) -> Self {
-        // Every request passes the gate; one that has not may do what a game may.
+        // Only tests call services past the gate: their requests get the role of a game.
         let unknown = || Self { name: "unknown".into(), role: Some(Role::Client) };
         request.extensions().get::<Self>().cloned().unwrap_or_else(unknown)
     }

@@ -6,16 +6,24 @@ use crate::hosted::{EditError, EventsLost, LivingError, NpcError};
 use crate::messages::Goodbye;
 use crate::store::StoreError;
 use crate::worlds::WorldsError;
+use std::fmt::Display;
 use std::time::Duration;
 use surefoot_net::levels::{MapError, grpc as levels};
 use surefoot_net::status;
 use surefoot_proto::reason::Reason;
 use tonic::Status;
+use tracing::warn;
 
 /// When to retry a call to a busy world, which empties its inbox within a tick or two.
 const INBOX_TIME: Duration = Duration::from_millis(50);
 /// When to look again for a world whose server is gone.
 pub(super) const TAKEOVER_TIME: Duration = Duration::from_secs(1);
+
+/// Logs an error whose text is for operators only, such as one of a database or a file; clients get `shown`.
+fn hidden(reason: Reason, shown: &str, error: &dyn Display) -> Status {
+    warn!(%error, reason = reason.name(), "a call failed: {shown}");
+    status::failure(reason, shown)
+}
 
 impl From<NpcError> for Status {
     fn from(error: NpcError) -> Self {
@@ -78,8 +86,10 @@ impl From<WorldsError> for Status {
             WorldsError::UnknownWorld(world) => {
                 status::not_found(Reason::WorldNotFound, "world", world.to_string(), message)
             }
-            WorldsError::TooManyWorlds(_) | WorldsError::NoThread(_) => {
-                status::quota(Reason::TooManyWorlds, "server", message)
+            WorldsError::TooManyWorlds(_) => status::quota(Reason::TooManyWorlds, "server", message),
+            WorldsError::NoThread(error) => {
+                warn!(%error, "a world was not created: the system refuses a thread for it");
+                status::quota(Reason::TooManyWorlds, "server", "the system refuses a thread for another world")
             }
             WorldsError::WorldQuota(error) => status::quota(Reason::TooManyWorlds, error.subject(), message),
             WorldsError::NpcQuota(error) => status::quota(Reason::TooManyNpcs, error.subject(), message),
@@ -87,12 +97,13 @@ impl From<WorldsError> for Status {
             WorldsError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             WorldsError::Edit(error) => error.into(),
             WorldsError::Store(error) => store_error(error),
+            WorldsError::Elsewhere(world, address) => status::elsewhere(world.to_string(), &address),
             WorldsError::Moving(_) => status::retry(Reason::WorldMoving, TAKEOVER_TIME, message),
             WorldsError::Unconfirmed(_) => status::failure(Reason::NotConfirmed, message),
             WorldsError::Npc(error) => error.into(),
             WorldsError::Sim(error) => error.into(),
             WorldsError::BadItem(field, _) => status::invalid(field, message),
-            WorldsError::Lost(..) => status::failure(Reason::Internal, message),
+            WorldsError::Lost(what, error) => hidden(Reason::Internal, &format!("{what} failed"), &error),
         }
     }
 }
@@ -104,18 +115,23 @@ impl From<EventsLost> for Status {
 }
 
 fn store_error(error: StoreError) -> Status {
-    let message = error.to_string();
     match error {
-        StoreError::Saved(_) => status::failure(Reason::Internal, message),
-        StoreError::Lost(_) | StoreError::Expired => status::retry(Reason::WorldMoving, TAKEOVER_TIME, message),
-        StoreError::Unavailable(_) => status::failure(Reason::NotConfirmed, message),
+        StoreError::Saved(error) => hidden(Reason::Internal, "the server cannot write the file of the world", &error),
+        StoreError::Lost(_) | StoreError::Expired => {
+            status::retry(Reason::WorldMoving, TAKEOVER_TIME, error.to_string())
+        }
+        StoreError::Unavailable(error) => hidden(
+            Reason::NotConfirmed,
+            "the record of the fleet does not answer: the call had no certain effect",
+            &error,
+        ),
     }
 }
 
 fn map_error(error: MapError) -> Status {
     match error {
         MapError::Memory(error) => error.into(),
-        MapError::Lost(_) => status::failure(Reason::Internal, error.to_string()),
+        MapError::Lost(error) => hidden(Reason::Internal, "map generation failed", &error),
     }
 }
 
@@ -128,10 +144,14 @@ impl From<EnvError> for Status {
             EnvError::Memory(error) => error.into(),
             EnvError::NotOwner(_) => status::failure(Reason::NotOwner, message),
             EnvError::TooMany(_) => status::quota(Reason::TooManyEnvs, "server", message),
+            EnvError::Quota(error) => status::quota(Reason::TooManyEnvs, error.subject(), message),
+            EnvError::NoMap => status::invalid("map", message),
             EnvError::Busy(_) => status::failure(Reason::StepInProgress, message),
-            EnvError::NoGround(_) | EnvError::Host(_) => status::failure(Reason::NoGround, message),
+            EnvError::NoGround(_) => status::failure(Reason::NoGround, message),
+            EnvError::Host(_) => status::failure(Reason::GameRefused, message),
             EnvError::Gone(_) => status::failure(Reason::WorldStopped, message),
-            EnvError::Lost(_) | EnvError::Failed(_) => status::failure(Reason::Internal, message),
+            EnvError::Failed(_) => status::failure(Reason::Internal, message),
+            EnvError::Lost(error) => hidden(Reason::Internal, "the environment failed", &error),
         }
     }
 }
@@ -144,6 +164,78 @@ impl From<Goodbye> for Status {
             Goodbye::NotReading => status::failure(Reason::ReaderTooSlow, message),
             Goodbye::Unexpected => status::failure(Reason::MalformedRequest, message),
             Goodbye::BadAnswer(field, _) => status::invalid(field, message),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::envs::EnvId;
+    use crate::hosted::SavedError;
+    use crate::ids::{NpcId, WorldId};
+    use crate::quota::Quota;
+    use surefoot_net::levels::uploads::UploadError;
+    use surefoot_net::memory::MemoryBudget;
+    use surefoot_world::navigable::NoGround;
+    use tokio::task::JoinError;
+    use tonic_types::StatusExt;
+
+    /// Text that only operators may see.
+    const SECRET: &str = "db.internal:5432 refused as /var/lib/surefoot was read";
+
+    async fn lost() -> JoinError {
+        tokio::task::spawn_blocking(|| -> () { panic!("{SECRET}") }).await.unwrap_err()
+    }
+
+    fn saved() -> StoreError {
+        SavedError::Io(SECRET.into(), std::io::Error::other(SECRET)).into()
+    }
+
+    #[tokio::test]
+    async fn each_refusal_has_the_reason_that_fits_and_shows_no_text_of_the_machine() {
+        let (world, npc, env) = (WorldId(1), NpcId::new(WorldId(1), 1), EnvId(1));
+        let full = || Quota::new(0, "things").acquire("ann").unwrap_err();
+        let memory = || MemoryBudget::new(0).reserve("ann", 1).unwrap_err();
+        let unavailable = || StoreError::Unavailable(SECRET.to_owned());
+        let cases: Vec<(Status, Reason)> = vec![
+            (WorldsError::UnknownWorld(world).into(), Reason::WorldNotFound),
+            (WorldsError::TooManyWorlds(1).into(), Reason::TooManyWorlds),
+            (WorldsError::NoThread(std::io::Error::other(SECRET)).into(), Reason::TooManyWorlds),
+            (WorldsError::WorldQuota(full()).into(), Reason::TooManyWorlds),
+            (WorldsError::NpcQuota(full()).into(), Reason::TooManyNpcs),
+            (WorldsError::NotOwner(world).into(), Reason::NotOwner),
+            (WorldsError::Npc(NpcError::Unknown(npc)).into(), Reason::NpcNotFound),
+            (WorldsError::Npc(NpcError::NoGround(NoGround)).into(), Reason::NoGround),
+            (WorldsError::Sim(SimError::Busy).into(), Reason::Busy),
+            (WorldsError::Map(MapError::Memory(memory())).into(), Reason::OutOfMemory),
+            (WorldsError::Map(MapError::Lost(lost().await)).into(), Reason::Internal),
+            (WorldsError::Store(saved()).into(), Reason::Internal),
+            (WorldsError::Store(unavailable()).into(), Reason::NotConfirmed),
+            (WorldsError::Store(StoreError::Lost(world)).into(), Reason::WorldMoving),
+            (WorldsError::Elsewhere(world, "http://other:7600".to_owned()).into(), Reason::WorldElsewhere),
+            (WorldsError::Moving(world).into(), Reason::WorldMoving),
+            (WorldsError::Unconfirmed(world).into(), Reason::NotConfirmed),
+            (WorldsError::Lost("sampling", lost().await).into(), Reason::Internal),
+            (EnvError::Unknown(env).into(), Reason::EnvNotFound),
+            (EnvError::TooMany(1).into(), Reason::TooManyEnvs),
+            (EnvError::Quota(full()).into(), Reason::TooManyEnvs),
+            (EnvError::Busy(env).into(), Reason::StepInProgress),
+            (EnvError::NoMap.into(), Reason::InvalidField),
+            (EnvError::NoGround(NoGround).into(), Reason::NoGround),
+            (EnvError::Host("no level is loaded".to_owned()).into(), Reason::GameRefused),
+            (EnvError::Failed(env).into(), Reason::Internal),
+            (EnvError::Lost(lost().await).into(), Reason::Internal),
+            (UploadError::TooMany.into(), Reason::TooManyUploads),
+            (UploadError::Unknown("level".to_owned()).into(), Reason::UploadNotFound),
+        ];
+        for (status, reason) in cases {
+            assert_eq!(Reason::of(&status), Some(reason), "{status}");
+            assert_eq!(status.code(), reason.code());
+            let shown = format!("{} {:?}", status.message(), status.get_error_details());
+            for part in ["db.internal", "5432", "/var/lib", "panicked"] {
+                assert!(!shown.contains(part), "{reason:?} shows {shown}");
+            }
         }
     }
 }

@@ -13,6 +13,7 @@ mod living;
 mod readers;
 mod work;
 
+use crate::figures::WorldSummary;
 use crate::geometry::Tiles;
 use crate::hosted::{HostedWorld, TimeMode};
 use crate::ids::{NpcId, WorldId};
@@ -21,8 +22,8 @@ use crate::wire::{
     MAX_CUT_OFF, MAX_SURVEYED, features_to_wire, npc_to_wire, region as convert_region, survey_to_wire, time_mode,
     world_to_wire,
 };
-use crate::worlds::{NpcAccess, WorldSettings, WorldSummary, Worlds};
-use readers::ReaderStream;
+use crate::worlds::{NpcAccess, WorldSettings, Worlds};
+use readers::{EventSource, ReaderStream};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use surefoot_net::idempotency::AnswerCache;
@@ -43,6 +44,8 @@ use work::WorkStream;
 
 /// Most threads that build tiles of meshes at the same time, so that worlds keep stepping.
 const MESHES_AT_A_TIME: usize = 2;
+/// Time without a sign of a world's thread after which ListWorlds says that the world is silent.
+const SILENCE: Duration = Duration::from_millis(500);
 /// Page size of ListNpcs.
 const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 
@@ -132,15 +135,16 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::ListWorldsRequest>,
     ) -> Result<Response<wire::ListWorldsResponse>, Status> {
-        let caller = Caller::of(&request);
         let wire::ListWorldsRequest { page_size, page_token } = request.into_inner();
-        let page = page_by_id(self.worlds.ids(), |id| id.0, PageSize::USUAL, page_size, &page_token)?;
-        let mut worlds = Vec::with_capacity(page.items.len());
-        for id in page.items {
-            // A world may have been dropped since the ids were read.
-            worlds.extend(self.worlds.describe(&caller, id).await.ok().as_ref().map(world_to_wire));
-        }
-        Ok(Response::new(wire::ListWorldsResponse { worlds, next_page_token: page.next_token }))
+        // Worlds that may be moving to another server are left out.
+        let here = self.worlds.figures().into_iter().filter(|world| self.worlds.handle(world.summary.id).is_ok());
+        let page = page_by_id(here, |world| world.summary.id.0, PageSize::USUAL, page_size, &page_token)?;
+        let silent = page.items.iter().filter(|world| world.age() > SILENCE);
+        Ok(Response::new(wire::ListWorldsResponse {
+            silent_world_ids: silent.map(|world| world.summary.id.0).collect(),
+            worlds: page.items.iter().map(|world| world_to_wire(&world.summary)).collect(),
+            next_page_token: page.next_token,
+        }))
     }
 
     async fn drop_world(
@@ -156,12 +160,13 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::SampleGroundRequest>,
     ) -> Result<Response<wire::SampleGroundResponse>, Status> {
+        let caller = Caller::of(&request);
         let wire::SampleGroundRequest { world_id, count, seed, body } = request.into_inner();
         // An unknown world is reported before a bad count.
         self.worlds.handle(WorldId(world_id))?;
         convert::in_range(f64::from(count), 1.0, 10_000.0, "count")?;
         let body = body.map(|body| convert::body(Some(&body))).transpose()?;
-        let points = self.worlds.sample_ground(WorldId(world_id), body, count as usize, Seed(seed)).await?;
+        let points = self.worlds.sample_ground(&caller, WorldId(world_id), body, count as usize, Seed(seed)).await?;
         Ok(Response::new(wire::SampleGroundResponse { points: points.into_iter().map(convert::to_wire).collect() }))
     }
 
@@ -358,7 +363,7 @@ impl WorldService for WorldApi {
         let view = View::new(convert_region(region.as_ref())?, delta);
         let subscribed = handle.sim.call(|state| {
             let receiver = state.snapshots.subscribe();
-            state.publish();
+            state.show_snapshot();
             receiver
         });
         Ok(Response::new(readers::watch_world(
@@ -391,9 +396,9 @@ impl WorldService for WorldApi {
         let subscribed = handle.sim.call(move |state| {
             let log = state.world.events();
             let after = sequence.unwrap_or_else(|| log.latest());
-            log.after(after, 0).map(|_| (after, state.world.tick(), state.latest_event.subscribe()))
+            log.after(after, 0).map(|_| (after, state.world.tick(), state.events.subscribe()))
         });
-        let (after, tick, latest) = subscribed.await?.map_err(Status::from)?;
+        let (after, tick, batches) = subscribed.await?.map_err(Status::from)?;
         let begin = wire::WatchEventsResponse {
             tick: tick.0,
             server_time: Some(SystemTime::now().into()),
@@ -401,9 +406,8 @@ impl WorldService for WorldApi {
             events: Vec::new(),
         };
         let npcs = npc_ids.into_iter().map(NpcId).collect();
-        let wanted = readers::WantedEvents { epoch, world, npcs, begin, after };
-        let source = (handle.sim.clone(), latest);
-        Ok(Response::new(readers::watch_events(wanted, source, self.patience(), self.worlds.shutdown())))
+        let source = EventSource { epoch, world, npcs, sim: handle.sim, batches, after, is_behind: true };
+        Ok(Response::new(readers::watch_events(begin, source, self.patience(), self.worlds.shutdown())))
     }
 
     type WatchStatsStream = ReaderStream<wire::WatchStatsResponse>;

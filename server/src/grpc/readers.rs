@@ -4,9 +4,9 @@
 
 use crate::errors::SimError;
 use crate::geometry::Tiles;
-use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcPlan, NpcState, Snapshot};
+use crate::hosted::{EndedAttempt, HostedWorld, NpcError, NpcEvent, NpcPlan, NpcState, Snapshot};
 use crate::ids::{NpcId, WorldId};
-use crate::sim::{SimHandle, SimState};
+use crate::sim::{EventBatch, SimHandle, SimState};
 use crate::view::View;
 use crate::wire::{
     ended_attempt_to_wire, events_to_wire, npc_plan_to_wire, npc_to_wire, rays_to_wire, shown_to_wire, stats_to_wire,
@@ -25,13 +25,14 @@ use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_world::sense::Sight;
 use surefoot_world::{Map, Tick};
+use tokio::sync::broadcast::{Receiver, error::RecvError};
 use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::Stream;
 use tonic::Status;
 
 /// Most messages waiting for one reader; older snapshots are skipped.
 const QUEUE: usize = 1;
-/// Most events that are copied out of a world at a time.
+/// Most events that are copied out of a world's log at a time.
 const EVENTS_AT_A_TIME: usize = 4096;
 /// Pause before a call to a busy world is repeated.
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
@@ -155,77 +156,116 @@ pub fn watch_world(
 
 /// Streams every wanted event of a world, past events first.
 pub fn watch_events(
-    wanted: WantedEvents,
-    handle: (SimHandle, watch::Receiver<u64>),
+    begin: wire::WatchEventsResponse,
+    mut source: EventSource,
     patience: Duration,
     shutdown: &Shutdown,
 ) -> ReaderStream<wire::WatchEventsResponse> {
     let (mut reader, stream) = Reader::new(patience);
     let stopping = shutdown.wait();
-    let (sim, mut latest) = handle;
-    let WantedEvents { epoch, world, npcs, begin, mut after } = wanted;
     tokio::spawn(async move {
         tokio::pin!(stopping);
         // The first message says where the stream begins, so that it can be resumed even if nothing happens.
-        match reader.send(begin).await {
-            Some(still) => reader = still,
-            None => return,
-        }
+        let mut messages = vec![begin];
         loop {
-            let read = after;
-            let read_on = move |state: &mut SimState| {
-                let log = state.world.events();
-                log.after(read, EVENTS_AT_A_TIME).map(|events| (events, log.latest()))
-            };
-            let (events, now_latest) = match sim.call(read_on).await {
-                Ok(Ok(read)) => read,
-                // Events that were kept when the stream began are gone: the reader was too slow for the world.
-                Ok(Err(error)) => return reader.close(status::failure(Reason::ReaderTooSlow, error.to_string())),
-                Err(SimError::Busy) => {
-                    // Without a pause this would be a busy loop, because there are events to be read.
-                    tokio::time::sleep(BUSY_PAUSE).await;
-                    continue;
-                }
-                Err(SimError::Stopped) => return reader.close(WorldsError::UnknownWorld(world).into()),
-            };
-            for tick in events.chunk_by(|a, b| a.tick == b.tick) {
-                after = tick[tick.len() - 1].sequence;
-                let Some(message) = events_to_wire(epoch, tick, &npcs).filter(|it| !it.events.is_empty()) else {
-                    continue;
-                };
+            for message in messages {
                 match reader.send(message).await {
                     Some(still) => reader = still,
                     None => return,
                 }
             }
-            if events.len() < EVENTS_AT_A_TIME {
-                // The last numbers may be those of events that were lost with another server.
-                after = after.max(now_latest);
-            }
-            tokio::select! {
-                changed = latest.wait_for(|latest| *latest != after) => if changed.is_err() {
-                    return reader.close(WorldsError::UnknownWorld(world).into());
+            messages = tokio::select! {
+                next = source.next() => match next {
+                    Ok(messages) => messages,
+                    Err(status) => return reader.close(status),
                 },
                 () = &mut stopping => return reader.close(shutting_down()),
                 () = reader.queue.closed() => return,
-            }
+            };
         }
     });
     stream
 }
 
-/// The events that a reader has subscribed to.
-pub struct WantedEvents {
-    /// Epoch of the server.
+/// Where a reader takes events from: the batches that a world publishes each tick, and the world's log while the reader is behind them, as
+/// at its start. A slow reader falls behind when it misses batches. If the log has dropped what it needs next, its stream ends.
+pub struct EventSource {
+    /// Epoch of the world's cursors.
     pub epoch: u64,
     /// The world of the events.
     pub world: WorldId,
     /// Only events of these NPCs; if empty, of all.
     pub npcs: BTreeSet<NpcId>,
-    /// The first message.
-    pub begin: wire::WatchEventsResponse,
-    /// Sequence number of the last event before the wanted ones; 0 means from the oldest event kept.
+    /// The world's thread, which has the log.
+    pub sim: SimHandle,
+    /// Batches since the subscription.
+    pub batches: Receiver<Arc<EventBatch>>,
+    /// Sequence number of the last event that the reader has; 0 means before the oldest event kept.
     pub after: u64,
+    /// Whether the log is read.
+    pub is_behind: bool,
+}
+
+impl EventSource {
+    /// The next messages; there may be none in a batch.
+    ///
+    /// # Errors
+    /// The status with which the stream ends.
+    async fn next(&mut self) -> Result<Vec<wire::WatchEventsResponse>, Status> {
+        if self.is_behind {
+            return self.read_log().await;
+        }
+        let batch = match self.batches.recv().await {
+            Ok(batch) => batch,
+            Err(RecvError::Lagged(_)) => {
+                self.is_behind = true;
+                return Ok(Vec::new());
+            }
+            Err(RecvError::Closed) => return Err(WorldsError::UnknownWorld(self.world).into()),
+        };
+        // Events before the batch, or those of an empty one, did not come as a batch.
+        self.is_behind = batch.after > self.after || batch.events.is_empty();
+        if self.is_behind {
+            return Ok(Vec::new());
+        }
+        let known = batch.events.partition_point(|event| event.sequence <= self.after);
+        Ok(self.take(&batch.events[known..]))
+    }
+
+    async fn read_log(&mut self) -> Result<Vec<wire::WatchEventsResponse>, Status> {
+        let after = self.after;
+        let read = move |state: &mut SimState| {
+            let log = state.world.events();
+            log.after(after, EVENTS_AT_A_TIME).map(|events| (events, log.latest()))
+        };
+        match self.sim.call(read).await {
+            Ok(Ok((events, latest))) => {
+                self.is_behind = events.len() == EVENTS_AT_A_TIME;
+                let messages = self.take(&events);
+                if !self.is_behind {
+                    // The last numbers may be those of events that were lost with another server.
+                    self.after = self.after.max(latest);
+                }
+                Ok(messages)
+            }
+            // Events that were kept when the stream began are gone: the reader was too slow for the world.
+            Ok(Err(error)) => Err(status::failure(Reason::ReaderTooSlow, error.to_string())),
+            Err(SimError::Busy) => {
+                // Without a pause this would be a busy loop, because there are events to be read.
+                tokio::time::sleep(BUSY_PAUSE).await;
+                Ok(Vec::new())
+            }
+            Err(SimError::Stopped) => Err(WorldsError::UnknownWorld(self.world).into()),
+        }
+    }
+
+    /// Takes events: a message for each tick that has wanted ones.
+    fn take(&mut self, events: &[NpcEvent]) -> Vec<wire::WatchEventsResponse> {
+        self.after = events.last().map_or(self.after, |event| event.sequence);
+        let ticks = events.chunk_by(|a, b| a.tick == b.tick);
+        let messages = ticks.filter_map(|tick| events_to_wire(self.epoch, tick, &self.npcs));
+        messages.filter(|message| !message.events.is_empty()).collect()
+    }
 }
 
 /// Streams the statistics of a world periodically.

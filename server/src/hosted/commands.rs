@@ -121,7 +121,7 @@ impl HostedWorld {
         self.last_serial += 1;
         let id = NpcId::new(self.id, self.last_serial);
         let slot = self.world.spawn_as(body, position, yaw);
-        self.records.insert(id, Record::new(slot, ticket));
+        self.add_record(id, Record::new(slot, ticket));
         self.log_event(id, EventKind::Spawned { position });
         self.assign_workers();
         Ok(id)
@@ -135,6 +135,7 @@ impl HostedWorld {
         self.log_replaced_attempt(id);
         self.leave_worker(id);
         let record = self.records.remove(&id).ok_or(NpcError::Unknown(id))?;
+        self.unassigned.remove(&id);
         self.log_event(id, EventKind::Removed);
         self.world.despawn(record.slot);
         Ok(())

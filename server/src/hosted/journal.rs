@@ -222,7 +222,7 @@ impl HostedWorld {
                 && let Some(body) = self.world.profile_idx(&newcomer.body)
             {
                 let slot = self.world.spawn_as(body, *position, newcomer.yaw);
-                self.records.insert(entry.npc, Record::new(slot, npc_quota.grant(&newcomer.owner)));
+                self.add_record(entry.npc, Record::new(slot, npc_quota.grant(&newcomer.owner)));
             }
             return;
         }
@@ -255,6 +255,7 @@ impl HostedWorld {
             Change::Removed => {
                 self.leave_worker(entry.npc);
                 self.records.remove(&entry.npc);
+                self.unassigned.remove(&entry.npc);
                 self.world.despawn(slot);
             }
         }

@@ -2,6 +2,7 @@
 
 use super::world::HostedWorld;
 use crate::ids::WorldId;
+use std::collections::BTreeSet;
 use surefoot_world::map::{Mover, MoverKind};
 use surefoot_world::player::MAX_PLAYERS;
 use surefoot_world::{MoverOrder, MoverState, PACE_RANGE, Player, PlayerSlot, Vec3};
@@ -99,9 +100,10 @@ impl HostedWorld {
     /// # Errors
     /// If one of them does not exist, or leaves the map; then none is moved.
     pub fn move_players(&mut self, moves: &[(PlayerSlot, Vec3, Vec3)]) -> Result<(), LivingError> {
+        let players: BTreeSet<PlayerSlot> = self.world.players().map(|(slot, _)| slot).collect();
         for (slot, feet, _) in moves {
             self.check_on_map(*feet, "moves.position")?;
-            if !self.world.players().any(|(known, _)| known == *slot) {
+            if !players.contains(slot) {
                 return Err(LivingError::NoSuchPlayer(self.id, slot.0));
             }
         }

@@ -314,7 +314,7 @@ impl HostedWorld {
             (record.goal, record.last_outcome) = (npc.goal, npc.last_outcome);
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
             record.began = Tick(saved.state.tick());
-            world.records.insert(npc.id, record);
+            world.add_record(npc.id, record);
             if let Some(goal) = npc.goal {
                 // The world's state may hold a waypoint of a plan that is gone.
                 world.world.set_goal(npc.slot, goal);

@@ -20,13 +20,14 @@ const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(150);
 impl HostedWorld {
     /// Assigns every NPC without a worker to one with room.
     pub fn assign_workers(&mut self) {
-        for (&id, record) in &mut self.records {
-            if record.worker.is_none() {
+        while let Some(&id) = self.unassigned.first() {
+            if let Some(record) = self.records.get_mut(&id).filter(|record| record.worker.is_none()) {
                 let Some(worker) = self.registry.assign() else { break };
                 record.worker = Some(worker);
                 record.awaiting = None;
                 self.outbox.entry(worker).or_default().assign(id);
             }
+            self.unassigned.pop_first();
         }
     }
 
@@ -106,6 +107,7 @@ impl HostedWorld {
                 // The lost worker will not answer: the next worker gets new observations.
                 record.awaiting = None;
                 hand_over(&mut self.outbox, id, &mut record.worker, &mut record.next_worker);
+                self.unassigned.insert(id);
             }
         }
         self.outbox.remove(&lost);
@@ -161,7 +163,7 @@ impl HostedWorld {
 
 impl HostedWorld {
     /// The assignments of NPCs to a worker, one for each body.
-    fn assignments(&self, npcs: Vec<NpcId>) -> impl Iterator<Item = Assignment> {
+    fn assignments(&self, npcs: BTreeSet<NpcId>) -> impl Iterator<Item = Assignment> {
         let mut by_body: BTreeMap<u8, Vec<NpcId>> = BTreeMap::new();
         for id in npcs {
             // An NPC that was removed since has been withdrawn.

@@ -106,6 +106,8 @@ pub struct HostedWorld {
     pub(super) world: World,
     pub(super) mode: TimeMode,
     pub(super) records: BTreeMap<NpcId, Record>,
+    /// All NPCs without a worker; it may also hold some that have one or are gone, until workers are assigned.
+    pub(super) unassigned: BTreeSet<NpcId>,
     pub(super) last_serial: u32,
     pub(super) counters: Counters,
     pub(super) events: EventLog,
@@ -133,6 +135,7 @@ impl HostedWorld {
             world: World::new(map, CharacterProfile::default(), TaskConfig::default()),
             mode,
             records: BTreeMap::new(),
+            unassigned: BTreeSet::new(),
             last_serial: 0,
             counters: Counters::default(),
             events: EventLog::default(),
@@ -200,6 +203,12 @@ impl HostedWorld {
     /// The latest events.
     pub fn events(&self) -> &EventLog {
         &self.events
+    }
+
+    /// Adds an NPC without a worker.
+    pub(super) fn add_record(&mut self, id: NpcId, record: Record) {
+        self.records.insert(id, record);
+        self.unassigned.insert(id);
     }
 
     pub(super) fn log_event(&mut self, npc: NpcId, kind: EventKind) {
