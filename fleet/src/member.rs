@@ -6,7 +6,6 @@ use crate::record::Record;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
-use tracing::warn;
 
 /// What a process is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,7 +32,8 @@ pub struct Member {
     pub id: i64,
     record: Record,
     lease: Duration,
-    /// Until when nobody takes it for dead, by this machine's clock.
+    /// Until when no other process takes it for dead, by this machine's clock. `Instant` does not count time in which a virtual machine
+    /// is suspended: after one wakes, reads may be stale for up to a lease. Writes are not: the database checks the lease in each.
     until: Arc<watch::Sender<Instant>>,
 }
 
@@ -52,7 +52,9 @@ impl Member {
             address,
             lease.as_secs_f64(),
         );
-        let id = id.fetch_one(&record.pool).await.map_err(|error| record.failed(error))?;
+        let mut call = record.urgent().await?;
+        let id = id.fetch_one(call.connection()).await;
+        let id = call.done(id)?;
         let until = Arc::new(watch::Sender::new(asked + lease));
         Ok(Self { id, record: record.clone(), lease, until })
     }
@@ -69,24 +71,14 @@ impl Member {
             self.id,
             self.lease.as_secs_f64(),
         );
-        let renewed = renewed.execute(&self.record.pool).await.map_err(|error| self.record.failed(error))?;
+        let mut call = self.record.urgent().await?;
+        let renewed = renewed.execute(call.connection()).await;
+        let renewed = call.done(renewed)?;
         if renewed.rows_affected() == 0 {
             return Err(FleetError::new(self.record.place(), "the lease of this process has expired"));
         }
         self.until.send_replace(asked + self.lease);
         Ok(())
-    }
-
-    /// Renews the lease three times in its length, until the future is dropped.
-    pub async fn keep(self) {
-        let mut due = tokio::time::interval(self.lease / 3);
-        due.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        loop {
-            due.tick().await;
-            if let Err(error) = self.renew().await {
-                warn!(%error, "the lease of this process is not renewed");
-            }
-        }
     }
 
     /// Ends the lease, so that others take over at once.
@@ -95,7 +87,9 @@ impl Member {
     /// If the record cannot be written; the lease then expires by itself.
     pub async fn leave(&self) -> Result<(), FleetError> {
         let left = sqlx::query!("UPDATE members SET expires_at = now() WHERE id = $1", self.id);
-        left.execute(&self.record.pool).await.map_err(|error| self.record.failed(error))?;
+        let mut call = self.record.urgent().await?;
+        let left = left.execute(call.connection()).await;
+        call.done(left)?;
         self.until.send_replace(Instant::now());
         Ok(())
     }

@@ -4,21 +4,68 @@
 //! the descriptions in `.sqlx`, which `tests/fleet/check` compares with a database.
 
 use crate::error::FleetError;
+use sqlx::migrate::MigrateError;
+use sqlx::pool::PoolConnection;
 use sqlx::postgres::{PgConnectOptions, PgPool, PgPoolOptions};
+use sqlx::{PgConnection, Postgres};
 use std::str::FromStr;
 use std::time::Duration;
 
 /// Longest wait for a connection, and for the database to come up at start.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Most connections of a process.
-const MAX_CONNECTIONS: u32 = 8;
+/// Longest time that the database works on a statement: its caller has given up by then.
+const STATEMENT_TIMEOUT: &str = "5s";
+/// Most connections for what may wait a moment, the one that listens among them.
+const MAX_CONNECTIONS: u32 = 6;
+/// Most connections for leases and journals.
+const MAX_URGENT: u32 = 2;
+/// Most connections for look-ups of clients.
+const MAX_LOOKUPS: u32 = 2;
 
-/// A connection pool to the record. Clones share it.
+/// Connections to the record. Clones share them.
+///
+/// They are divided, so that a lease is renewed however many clients ask something: what waits for a connection waits only for its equals.
 #[derive(Debug, Clone)]
 pub struct Record {
-    /// The connections.
+    /// For what may wait a moment.
     pub pool: PgPool,
+    /// For what clients may ask as often as they like. The number of connections bounds what they cost the database.
+    pub lookups: PgPool,
+    urgent: PgPool,
     place: String,
+}
+
+/// A connection for a call that must not wait behind others. It is closed if the call is given up or fails: a connection that was cut
+/// off must not stay with the few that there are.
+#[derive(Debug)]
+pub struct Urgent {
+    connection: PoolConnection<Postgres>,
+    place: String,
+    is_done: bool,
+}
+
+impl Urgent {
+    /// The connection.
+    pub fn connection(&mut self) -> &mut PgConnection {
+        &mut self.connection
+    }
+
+    /// Takes in how the call ended.
+    ///
+    /// # Errors
+    /// If it failed.
+    pub fn done<T>(mut self, result: Result<T, sqlx::Error>) -> Result<T, FleetError> {
+        self.is_done = result.is_ok();
+        result.map_err(|error| FleetError::new(self.place.clone(), error))
+    }
+}
+
+impl Drop for Urgent {
+    fn drop(&mut self) {
+        if !self.is_done {
+            self.connection.close_on_drop();
+        }
+    }
 }
 
 impl Record {
@@ -40,13 +87,26 @@ impl Record {
             options.get_database().unwrap_or_default()
         );
         let fail = |error: &dyn std::fmt::Display| FleetError::new(place.clone(), error.to_string());
-        let pool = PgPoolOptions::new().max_connections(MAX_CONNECTIONS).acquire_timeout(PATIENCE);
-        // A process that was stopped within a transaction must not keep others waiting for its locks.
-        let options = options.application_name("surefoot").options([("idle_in_transaction_session_timeout", "2s")]);
-        let pool = pool.connect_with(options).await.map_err(|error| fail(&error))?;
-        // Schemas only grow, so that one of a newer version serves this one as well: while a fleet is upgraded, both run.
-        sqlx::migrate!().set_ignore_missing(true).run(&pool).await.map_err(|error| fail(&error))?;
-        Ok(Self { pool, place })
+        let options = options.application_name("surefoot").options([
+            // A process that was stopped within a transaction must not keep others waiting for its locks.
+            ("idle_in_transaction_session_timeout", "2s"),
+            ("statement_timeout", STATEMENT_TIMEOUT),
+        ]);
+        let at_most = |count| PgPoolOptions::new().max_connections(count).acquire_timeout(PATIENCE);
+        let pool = at_most(MAX_CONNECTIONS).connect_with(options.clone()).await.map_err(|error| fail(&error))?;
+        migrate(&pool).await.map_err(|error| fail(&error))?;
+        let urgent = at_most(MAX_URGENT).connect_lazy_with(options.clone());
+        let lookups = at_most(MAX_LOOKUPS).connect_lazy_with(options);
+        Ok(Self { pool, lookups, urgent, place })
+    }
+
+    /// A connection for leases and journals.
+    ///
+    /// # Errors
+    /// If there is none within 5 s.
+    pub async fn urgent(&self) -> Result<Urgent, FleetError> {
+        let connection = self.urgent.acquire().await.map_err(|error| self.failed(error))?;
+        Ok(Urgent { connection, place: self.place.clone(), is_done: false })
     }
 
     /// Number of transactions that the database has committed so far, of all its clients, as its statistics say, for measurements.
@@ -69,4 +129,14 @@ impl Record {
     pub fn failed(&self, error: sqlx::Error) -> FleetError {
         FleetError::new(self.place.clone(), error)
     }
+}
+
+/// Brings the schema up to date. Schemas only grow, so that one of a newer version serves this one as well: while a fleet is upgraded,
+/// both run.
+async fn migrate(pool: &PgPool) -> Result<(), MigrateError> {
+    let mut connection = pool.acquire().await?;
+    // Processes that start together wait for the first one, and a change of a large table takes its time.
+    sqlx::query("SET statement_timeout = 0").execute(&mut *connection).await?;
+    connection.close_on_drop();
+    sqlx::migrate!().set_ignore_missing(true).run(&mut *connection).await
 }

@@ -3,10 +3,15 @@
 use crate::config::PlannerConfig;
 use crate::grpc::PlannerApi;
 use crate::planner::{Common, Planner};
+use std::time::Duration;
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_policy::Policy;
 use surefoot_proto::planner::v1::planner_service_server::{PlannerServiceServer, SERVICE_NAME};
 use surefoot_proto::world::v1::map_service_server::{MapServiceServer, SERVICE_NAME as MAP_SERVICE};
+use tokio::sync::watch;
+
+/// Time between two looks at the lease.
+const STANDING_EVERY: Duration = Duration::from_millis(250);
 
 /// Serves the planner on `endpoint` until `shutdown`, then cancels its builds and stores live evidence.
 ///
@@ -28,6 +33,9 @@ pub async fn serve(
             async move { text }
         }
     };
+    let (is_sure, standing) = watch::channel(true);
+    tokio::spawn(report_standing(planner.clone(), is_sure));
+    let endpoint = endpoint.with_standing(standing);
     let mut routes = tonic::service::Routes::builder();
     let grpc = PlannerServiceServer::new(PlannerApi::new(planner.clone()))
         .max_decoding_message_size(endpoint.limits().max_message_bytes)
@@ -42,4 +50,14 @@ pub async fn serve(
     // Only a panic ends it otherwise, which has been printed.
     let _ = end.await;
     result
+}
+
+/// Reports whether the planner holds its lease, as long as there is an endpoint.
+async fn report_standing(planner: Planner, is_sure: watch::Sender<bool>) {
+    let mut due = tokio::time::interval(STANDING_EVERY);
+    while !is_sure.is_closed() {
+        due.tick().await;
+        let holds = planner.shared.replicas.standing().is_sure;
+        is_sure.send_if_modified(|known| std::mem::replace(known, holds) != holds);
+    }
 }

@@ -59,12 +59,13 @@ async fn run(
 ) -> Result<(), ServerError> {
     worlds.open_state()?;
     let is_ready = ready.subscribe();
-    let restoring = tokio::spawn(restore(worlds.clone(), ready, shutdown.clone()));
+    let (is_sure, holds_lease) = watch::channel(true);
+    let restoring = tokio::spawn(restore(worlds.clone(), ready, is_sure, shutdown.clone()));
     let metrics = {
         let worlds = worlds.clone();
         move || std::future::ready(worlds.metrics())
     };
-    let endpoint = endpoint.with_readiness(is_ready);
+    let endpoint = endpoint.with_readiness(is_ready).with_standing(holds_lease);
     let routes = routes(&endpoint, &worlds, &shutdown);
     let services = [WORLD_SERVICE, DIRECTORY_SERVICE, ENV_SERVICE, MAP_SERVICE];
     let result = endpoint.serve(routes, &services, metrics, shutdown.clone()).await;
@@ -75,7 +76,7 @@ async fn run(
     if let Some(shared) = worlds.shared_store()
         && !matches!(tokio::time::timeout(LEAVE_LIMIT, shared.leave()).await, Ok(Ok(())))
     {
-        warn!("others take over the worlds only when the lease of this server is over: the record does not answer");
+        warn!("the lease was not released (the database does not answer): the worlds move when it expires");
     }
     result?;
     if let Ok(restored) = restoring.await {
@@ -85,11 +86,16 @@ async fn run(
 }
 
 /// Restores saved worlds, then saves all worlds now and then.
-async fn restore(worlds: Worlds, ready: watch::Sender<bool>, shutdown: Shutdown) -> Result<(), StoreError> {
+async fn restore(
+    worlds: Worlds,
+    ready: watch::Sender<bool>,
+    is_sure: watch::Sender<bool>,
+    shutdown: Shutdown,
+) -> Result<(), StoreError> {
     if worlds.shared_store().is_some() {
         tokio::spawn(worlds.clone().keep_saving());
         // Until the process ends: what happens while it drains is recorded too.
-        tokio::spawn(tenure::hold(worlds, ready));
+        tokio::spawn(tenure::hold(worlds, ready, is_sure));
         return Ok(());
     }
     if let Err(error) = worlds.restore_all().await {

@@ -28,6 +28,15 @@ pub enum StoreError {
     /// The store of the fleet does not answer, or refuses.
     #[error("{0}")]
     Unavailable(String),
+    /// Too many look-ups wait for the store.
+    #[error("too many look-ups wait: try again")]
+    Busy,
+    /// The world's thread does not answer.
+    #[error("world {0} does not answer: it stays as it was saved before")]
+    Silent(WorldId),
+    /// This server has no memory or no thread for the world; says why.
+    #[error("this server cannot run the world now: {0}")]
+    CannotRun(String),
 }
 
 /// What a store has of a world.
@@ -103,8 +112,13 @@ pub trait SharedStore: fmt::Debug + Send + Sync {
     /// Returns an id of at least `earliest` that no world of the fleet has had.
     fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId>;
 
-    /// Takes over worlds without a living server: this server's share of them, as long as it has at most `max_worlds`.
-    fn claim(&self, max_worlds: usize) -> StoreCall<'_, Vec<WorldId>>;
+    /// Takes over worlds without a living server: this server's share of them, as long as it has at most `max_worlds`. Also takes in those
+    /// that are this server's in the store, such as after a claim whose answer was lost. `held` are neither: the server runs or restores
+    /// them, or leaves them alone for a while. What is under way with an earlier claim to a world, such as a save, fails.
+    fn claim<'a>(&'a self, max_worlds: usize, held: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>>;
+
+    /// Gives up a world that this server cannot run, so that any other takes it over.
+    fn hand_back(&self, id: WorldId) -> StoreCall<'_, ()>;
 
     /// Records what happened in a tenure. Says for each world whether it is recorded; if not, the world is another server's. Worlds that
     /// were never saved are left out, and all are if the tenure is over.

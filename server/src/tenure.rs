@@ -1,8 +1,7 @@
 //! A server's time in a fleet: it keeps its lease, takes over worlds of servers that are gone, records what happens in its own, and drops
 //! them when its lease is not sure.
 
-use crate::ids::WorldId;
-use crate::store::{SharedStore, StoreError, Tenure};
+use crate::store::{SharedStore, StoreError};
 use crate::worlds::Worlds;
 use std::time::Duration;
 use tokio::sync::watch;
@@ -13,12 +12,10 @@ use tracing::{info, warn};
 const RECORD_EVERY: Duration = Duration::from_millis(25);
 /// Longest time between two looks for worlds without a server.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
-/// Pause before a world that was taken over is read again.
-const READ_PAUSE: Duration = Duration::from_millis(500);
 
-/// Does all this until it is dropped. `ready` becomes true once this server has looked for worlds.
-pub async fn hold(worlds: Worlds, ready: watch::Sender<bool>) {
-    tokio::join!(renew(&worlds), claim(&worlds, ready), record(&worlds), guard(&worlds));
+/// Does all this until it is dropped. `ready` becomes true once this server has looked for worlds; `is_sure` is whether it holds its lease.
+pub async fn hold(worlds: Worlds, ready: watch::Sender<bool>, is_sure: watch::Sender<bool>) {
+    tokio::join!(renew(&worlds), claim(&worlds, ready), record(&worlds), guard(&worlds, is_sure));
 }
 
 /// The shared part of the store, which a server of a fleet has.
@@ -55,55 +52,41 @@ async fn renew(worlds: &Worlds) {
 }
 
 /// Drops all worlds as soon as others may have them.
-async fn guard(worlds: &Worlds) {
+async fn guard(worlds: &Worlds, is_sure: watch::Sender<bool>) {
     let shared = shared(worlds);
     let mut due = interval(shared.lease() / 20);
     due.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         due.tick().await;
-        if !shared.is_sure() {
+        let holds = shared.is_sure();
+        is_sure.send_if_modified(|known| std::mem::replace(known, holds) != holds);
+        if !holds {
             worlds.lose_all("the lease of this server is not sure");
         }
     }
 }
 
+/// Takes over worlds, and restores what is this server's in the store and does not run. So each look puts right what the one before left
+/// behind, such as a claim whose answer was late or a world that panicked.
 async fn claim(worlds: &Worlds, ready: watch::Sender<bool>) {
     let shared = shared(worlds);
     let pause = (shared.lease() / 3).min(LOOK_EVERY);
     while !worlds.shutdown().is_triggered() {
         if shared.is_sure() {
-            let (asked, tenure) = (Instant::now(), shared.tenure());
-            match bounded(pause, shared.claim(worlds.config().max_worlds)).await {
+            let (asked, tenure, held) = (Instant::now(), shared.tenure(), worlds.held());
+            match bounded(pause, shared.claim(worlds.config().max_worlds, &held)).await {
                 Ok(claimed) => {
                     if !claimed.is_empty() {
                         info!(count = claimed.len(), ms = asked.elapsed().as_millis(), "worlds are taken over");
                     }
-                    for id in claimed {
-                        tokio::spawn(take_over(worlds.clone(), id, tenure));
-                    }
+                    claimed.into_iter().for_each(|id| worlds.begin_takeover(id, tenure));
                     ready.send_replace(true);
                 }
-                Err(error) => warn!(%error, "no look for worlds without a server"),
+                Err(error) => warn!(%error, "cannot query for worlds whose server is gone"),
             }
         }
-        // Whoever has left has done so before this returns.
+        // A server that has left has done so before this returns.
         let _ = tokio::time::timeout(pause, shared.changed()).await;
-    }
-}
-
-/// Restores a world that this server has claimed, as soon as it can be read.
-async fn take_over(worlds: Worlds, id: WorldId, tenure: Tenure) {
-    while !worlds.shutdown().is_triggered() {
-        match worlds.restore(id, tenure).await {
-            Ok(()) => return worlds.note_takeover(),
-            Err(StoreError::Unavailable(error)) => warn!(world_id = id.0, error, "a world cannot be read yet"),
-            Err(StoreError::Lost(_)) => return,
-            Err(error) => {
-                warn!(world_id = id.0, %error, "a saved world is not restored; it stays as it was saved");
-                return;
-            }
-        }
-        tokio::time::sleep(READ_PAUSE).await;
     }
 }
 
@@ -134,7 +117,7 @@ async fn record(worlds: &Worlds) {
             }
             Err(error) => {
                 if !std::mem::replace(&mut is_failing, true) {
-                    warn!(%error, "what happens in worlds is not recorded: their clients wait");
+                    warn!(%error, "cannot write world events to the database; changes and event streams wait");
                 }
             }
         }

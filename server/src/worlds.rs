@@ -4,6 +4,7 @@
 mod keeping;
 mod maps;
 mod npcs;
+mod takeovers;
 mod workers;
 
 use crate::ServerConfig;
@@ -24,6 +25,7 @@ use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
 use surefoot_world::{CharacterProfile, Map};
+use takeovers::Takeovers;
 use tokio::time::Instant;
 use tracing::info;
 
@@ -107,7 +109,9 @@ pub struct WorldHandle {
     ticket: Arc<Ticket>,
     /// What the map takes of the memory budget.
     _memory: Arc<SharedMap>,
-    /// Nothing of it is to be saved any more. Locked while it is saved.
+    /// Held from the moment that it is saved: what is saved later is newer.
+    saving: Arc<tokio::sync::Mutex<()>>,
+    /// Nothing of it is to be saved any more. Locked while a save is written, not while its thread is waited for.
     is_dropped: Arc<tokio::sync::Mutex<bool>>,
 }
 
@@ -180,6 +184,8 @@ struct Shared {
     failed_save_count: AtomicU64,
     /// Worlds that were taken over from other servers of the fleet.
     taken_over_count: AtomicU64,
+    /// Worlds of the fleet that are this server's and do not run.
+    takeovers: Takeovers,
     /// Turns of surveys.
     surveys: Turns,
     /// Turns of draws of places.
@@ -212,6 +218,7 @@ impl Worlds {
             failed_count: AtomicU64::new(0),
             failed_save_count: AtomicU64::new(0),
             taken_over_count: AtomicU64::new(0),
+            takeovers: Takeovers::default(),
             shutdown,
         };
         Self { shared: Arc::new(shared) }
@@ -317,7 +324,8 @@ impl Worlds {
             move || {
                 let Some(shared) = shared.upgrade() else { return };
                 shared.failed_count.fetch_add(1, Ordering::Relaxed);
-                // What was saved of it stays: it is restored when the server starts the next time.
+                // What was saved of it stays: it is restored when the server starts the next time, in a fleet after a pause.
+                shared.takeovers.note_failure(id);
                 shared.worlds.write().expect(POISON).remove(&id);
             }
         };
@@ -332,6 +340,7 @@ impl Worlds {
                 phase: schedule.phase,
                 body,
                 ticket: Arc::new(ticket),
+                saving: Arc::default(),
                 is_dropped: Arc::default(),
             },
         );
@@ -386,7 +395,7 @@ impl Worlds {
         self.shared.worlds.read().expect(POISON).keys().copied().collect()
     }
 
-    /// Ends a world and deletes what was saved of it, without a call to its thread. A save that is under way ends first.
+    /// Ends a world and deletes what was saved of it, also if its thread is stuck. A save that is being written ends first.
     ///
     /// # Errors
     /// If there is none of that id, it belongs to somebody else, or its file cannot be deleted; then the world goes on.

@@ -1,5 +1,6 @@
 //! What a fleet knows of a world beyond its last save, applied to it.
 
+use std::path::Path;
 use std::sync::Arc;
 use surefoot_server::WorldId;
 use surefoot_server::hosted::{HostedWorld, Journal, KeptWorld, NpcStatus, SavedMap, SpawnOrder, TimeMode};
@@ -30,7 +31,7 @@ fn spawn(world: &mut HostedWorld, quota: &Arc<Quota>, position: Vec3, goal: Opti
 fn kept(world: &HostedWorld) -> KeptWorld {
     let source = SavedMap::of(world.map(), String::new());
     let kept = KeptWorld { world: world.save("game", source), log: world.save_log() };
-    let decoded = KeptWorld::decode(&kept.encode()).expect("just encoded");
+    let decoded = KeptWorld::decode(&kept.encode(), Path::new("kept")).expect("just encoded");
     assert_eq!(decoded, kept);
     decoded
 }
@@ -116,7 +117,7 @@ fn damaged_saves_and_journals_are_refused() {
     for at in (0..bytes.len()).step_by(97) {
         let mut damaged = bytes.clone();
         damaged[at] ^= 0x10;
-        assert!(KeptWorld::decode(&damaged).is_err(), "byte {at}");
+        assert!(KeptWorld::decode(&damaged, Path::new("kept")).is_err(), "byte {at}");
     }
     let journal = journal(&world);
     assert!(Journal::decode(journal.through - 1, &journal.encode()).is_err(), "events after its number");

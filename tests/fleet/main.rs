@@ -11,6 +11,7 @@ mod services;
 
 mod harness;
 mod planners;
+mod takeovers;
 mod whole;
 mod work;
 mod worlds;

@@ -20,29 +20,37 @@ const NPC_COUNT: u32 = 512;
 const NEAR: f32 = 12.0;
 
 /// A fleet of servers.
-struct Fleet {
-    servers: Vec<Surefoot>,
-    postgres: Postgres,
-    ground: Ground,
+pub struct Fleet {
+    pub servers: Vec<Surefoot>,
+    pub postgres: Postgres,
+    pub ground: Ground,
 }
 
 impl Fleet {
     /// Starts as many servers, with a lease of so many seconds.
-    fn start(count: usize, lease: &str) -> Self {
+    pub fn start(count: usize, lease: &str) -> Self {
         let ground = Ground::new();
         let postgres = Postgres::start(&ground);
         let mut fleet = Self { ground, postgres, servers: Vec::new() };
         for _ in 0..count {
-            let (url, blobs) = (fleet.postgres.url(), fleet.ground.blobs());
-            fleet.add(&url, &blobs, &[], lease);
+            fleet.add_with(&[], lease);
         }
         fleet
     }
 
-    fn add(&mut self, url: &str, blobs: &str, env: &[(String, String)], lease: &str) {
+    pub fn add(&mut self, url: &str, blobs: &str, env: &[(String, String)], lease: &str) {
         let log = self.ground.path(&format!("server-{}.log", self.servers.len()));
         let args = ["serve", "--insecure", "--store", url, "--blobs", blobs, "--lease", lease];
         self.servers.push(Surefoot::start(&args, env, &log));
+    }
+
+    /// Adds a server with further flags.
+    pub fn add_with(&mut self, flags: &[&str], lease: &str) {
+        let log = self.ground.path(&format!("server-{}.log", self.servers.len()));
+        let (url, blobs) = (self.postgres.url(), self.ground.blobs());
+        let mut args = vec!["serve", "--insecure", "--store", &*url, "--blobs", &*blobs, "--lease", lease];
+        args.extend(flags);
+        self.servers.push(Surefoot::start(&args, &[], &log));
     }
 
     /// A worker of all servers.
@@ -53,7 +61,7 @@ impl Fleet {
         Process::spawn(command, &self.ground.path(&format!("worker-{number}.log")))
     }
 
-    fn uris(&self) -> Vec<String> {
+    pub fn uris(&self) -> Vec<String> {
         self.servers.iter().map(Surefoot::uri).collect()
     }
 
@@ -63,7 +71,7 @@ impl Fleet {
         self.servers.iter().position(|server| server.uri() == address).expect("one of ours")
     }
 
-    async fn client(&self, idx: usize) -> WorldServiceClient<Channel> {
+    pub async fn client(&self, idx: usize) -> WorldServiceClient<Channel> {
         let mut client = WorldServiceClient::new(self.servers[idx].connect().await);
         wait_until("the server is ready", || {
             let mut client = client.clone();
@@ -75,7 +83,7 @@ impl Fleet {
     }
 
     /// Members that hold a lease.
-    fn living_count(&self) -> usize {
+    pub fn living_count(&self) -> usize {
         self.postgres.query("SELECT id FROM members WHERE expires_at > now()").len()
     }
 
@@ -86,16 +94,16 @@ impl Fleet {
     }
 
     /// What the row of a world says: owner and token.
-    fn row(&self, world_id: u64) -> Vec<String> {
+    pub fn row(&self, world_id: u64) -> Vec<String> {
         self.postgres.query(&format!("SELECT owner, token FROM worlds WHERE id = {world_id}"))
     }
 }
 
-fn small_map(seed: u64) -> wire::MapSpec {
+pub fn small_map(seed: u64) -> wire::MapSpec {
     wire::MapSpec { seed, size: Some(wire::MapSize { width: 100, height: 80, depth: 100 }), ..Default::default() }
 }
 
-async fn create_world(client: &mut WorldServiceClient<Channel>) -> u64 {
+pub async fn create_world(client: &mut WorldServiceClient<Channel>) -> u64 {
     let request = wire::CreateWorldRequest {
         map: Some(small_map(3)),
         mode: wire::TimeMode::Realtime.into(),
@@ -396,8 +404,14 @@ async fn every_server_knows_where_worlds_are_and_no_id_is_given_twice() {
     // A world that is dropped is gone everywhere, and its blob too.
     let world_id = here[0];
     clients[0].clone().drop_world(wire::DropWorldRequest { world_id }).await.expect("its owner may");
-    let gone = clients[1].clone().get_world(wire::GetWorldRequest { world_id }).await.unwrap_err();
-    assert_eq!(Reason::of(&gone), Some(Reason::WorldNotFound));
+    wait_until("the other server knows that it is gone, too", || {
+        let mut there = clients[1].clone();
+        async move {
+            let gone = there.get_world(wire::GetWorldRequest { world_id }).await.unwrap_err();
+            Reason::of(&gone) == Some(Reason::WorldNotFound)
+        }
+    })
+    .await;
     assert_eq!(fleet.postgres.query("SELECT count(*) FROM worlds"), ["15"]);
 }
 

@@ -345,8 +345,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<()> {
     run_until_signal(|shutdown| async move {
         let pages = surefoot_studio::pages(args.studio.settings(args.studio_planner.clone(), args.listen));
         let endpoint = Endpoint::open(args.listen, config)?.with_pages(pages);
-        info!(address = %endpoint.address(), "world server ready");
         let config = args.world_config(endpoint.address()).await?;
+        info!(address = %endpoint.address(), "world server ready");
         let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown);
         args.agones.accompany(observer, serving).await
     })

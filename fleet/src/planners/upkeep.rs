@@ -28,7 +28,7 @@ pub async fn keep(shared: Weak<Shared>, news: mpsc::Sender<News>, lease: Duratio
         if shared.has_left() {
             return;
         }
-        let renewed = tokio::time::timeout(PATIENCE.min(lease), renew(&shared)).await;
+        let renewed = tokio::time::timeout(PATIENCE.min(lease), shared.membership.renew()).await;
         match renewed {
             Ok(Ok(())) => {
                 // While it is full, there is enough to do.
@@ -37,11 +37,16 @@ pub async fn keep(shared: Weak<Shared>, news: mpsc::Sender<News>, lease: Duratio
             Ok(Err(error)) => warn!(%error, "the lease of this planner is not renewed"),
             Err(_) => warn!("the lease of this planner is not renewed: the record does not answer"),
         }
+        // Whatever the rest waits for, the next renewal is in time.
+        match tokio::time::timeout(lease / 3, clear_away(&shared)).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => warn!(%error, "planner: cannot clear away what others left; trying again"),
+            Err(_) => warn!("planner: cannot clear away what others left (the record does not answer); trying again"),
+        }
     }
 }
 
-async fn renew(shared: &Shared) -> Result<(), FleetError> {
-    shared.membership.renew().await?;
+async fn clear_away(shared: &Shared) -> Result<(), FleetError> {
     let mut connection = shared.record.pool.acquire().await.map_err(|error| shared.failed(error))?;
     shared.notify(&mut connection, &Note::Ping).await?;
     drop(connection);

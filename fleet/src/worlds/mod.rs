@@ -3,15 +3,19 @@
 //! A save is a blob of its own, whose name goes into the world's row in a statement that checks the token of the tenure and the lease of
 //! the server. So a server that was taken for dead writes blobs that nobody reads.
 
+mod lookups;
 mod rows;
 
 use crate::blobs::{BlobId, Blobs};
 use crate::error::FleetError;
 use crate::member::{Member, MemberKind};
 use crate::record::Record;
+use lookups::Lookups;
 use rows::Claim;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::pin::Pin;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, RwLock};
 use std::time::Duration;
 use surefoot_server::WorldId;
@@ -32,6 +36,10 @@ pub struct FleetWorlds {
     member: RwLock<Member>,
     /// The worlds of this server.
     held: Mutex<BTreeMap<WorldId, Held>>,
+    lookups: Lookups,
+    /// The latest token when this server looked for worlds the last time. A world with a later one may be new: it began to run here after
+    /// the worlds were listed that a look leaves out.
+    horizon: AtomicI64,
     /// Notified when a server has left.
     left: Arc<Notify>,
 }
@@ -68,7 +76,8 @@ impl FleetWorlds {
         let left = Arc::new(Notify::new());
         tokio::spawn(rows::listen(record.clone(), left.clone()));
         let (address, member) = (address.to_owned(), RwLock::new(member));
-        Ok(Self { record, blobs, address, member, held: Mutex::default(), left })
+        let (held, lookups, horizon) = (Mutex::default(), Lookups::default(), AtomicI64::new(0));
+        Ok(Self { record, blobs, address, member, held, lookups, horizon, left })
     }
 
     fn member(&self) -> Member {
@@ -125,12 +134,14 @@ impl FleetWorlds {
 
     async fn read_world(&self, id: WorldId) -> Result<StoredWorld, StoreError> {
         let Held { blob, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
-        let damaged = || StoreError::Saved(SavedError::Damaged(format!("{} blob {blob}", self.blobs.place()).into()));
+        let place: PathBuf = format!("{} blob {blob}", self.blobs.place()).into();
+        let damaged = || StoreError::Saved(SavedError::Damaged(place.clone()));
         let bytes = self.blobs.get(blob).await?.ok_or_else(damaged)?;
-        let decode = move || KeptWorld::decode(bytes.get(8..).unwrap_or_default());
+        let named = place.clone();
+        let decode = move || KeptWorld::decode(bytes.get(8..).unwrap_or_default(), &named);
         let kept = tokio::task::spawn_blocking(decode).await;
-        let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))?;
-        let KeptWorld { world, log } = kept.ok().filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
+        let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))??;
+        let KeptWorld { world, log } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
         let journals = rows::journals(&self.record, id).await?.into_iter();
         let journals = journals.map(|(through, bytes)| Journal::decode(through, &bytes));
         let journals = journals.collect::<Result<_, _>>().map_err(|_| damaged())?;
@@ -144,8 +155,15 @@ impl FleetWorlds {
         }
     }
 
-    async fn claim_worlds(&self, max_worlds: usize) -> Result<Vec<WorldId>, StoreError> {
-        let claimed = rows::claim(&self.record, &self.member(), max_worlds).await?;
+    async fn claim_worlds(&self, max_worlds: usize, held: &[WorldId]) -> Result<Vec<WorldId>, StoreError> {
+        let horizon = self.horizon.load(Ordering::Relaxed);
+        let claimed = rows::claim(&self.record, &self.member(), max_worlds, (held, horizon)).await?;
+        match rows::last_token(&self.record).await {
+            Ok(last) => self.horizon.store(last, Ordering::Relaxed),
+            Err(error) => {
+                warn!(%error, "cannot read the latest token: worlds that were left behind wait for the next look")
+            }
+        }
         let mut held = self.held.lock().expect(POISON);
         Ok(claimed
             .into_iter()
@@ -154,6 +172,15 @@ impl FleetWorlds {
                 id
             })
             .collect())
+    }
+
+    async fn hand_back_world(&self, id: WorldId) -> Result<(), StoreError> {
+        let Held { claim, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
+        if !rows::hand_back(&self.record, id, claim).await? {
+            return Err(StoreError::Lost(id));
+        }
+        self.held.lock().expect(POISON).remove(&id);
+        Ok(rows::notify(&self.record).await?)
     }
 }
 
@@ -239,8 +266,12 @@ impl SharedStore for FleetWorlds {
         Box::pin(async move { Ok(rows::new_id(&self.record, earliest).await?) })
     }
 
-    fn claim(&self, max_worlds: usize) -> StoreCall<'_, Vec<WorldId>> {
-        Box::pin(self.claim_worlds(max_worlds))
+    fn claim<'a>(&'a self, max_worlds: usize, held: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>> {
+        Box::pin(self.claim_worlds(max_worlds, held))
+    }
+
+    fn hand_back(&self, id: WorldId) -> StoreCall<'_, ()> {
+        Box::pin(self.hand_back_world(id))
     }
 
     fn record<'a>(
@@ -256,10 +287,10 @@ impl SharedStore for FleetWorlds {
     }
 
     fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>> {
-        Box::pin(async move { Ok(rows::locate(&self.record, id, self.member().id).await?) })
+        Box::pin(async move { self.lookups.locate(&self.record, id, self.member().id).await })
     }
 
     fn servers(&self) -> StoreCall<'_, Vec<Place>> {
-        Box::pin(async move { Ok(rows::servers(&self.record, self.member().id).await?) })
+        Box::pin(async move { self.lookups.servers(&self.record, self.member().id).await })
     }
 }

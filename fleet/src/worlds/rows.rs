@@ -5,7 +5,7 @@ use crate::error::FleetError;
 use crate::member::Member;
 use crate::record::Record;
 use sqlx::postgres::PgListener;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_server::WorldId;
@@ -99,14 +99,20 @@ pub async fn forget(record: &Record, id: WorldId, claim: Claim) -> Result<bool, 
     Ok(removed.rows_affected() == 1)
 }
 
-/// Takes over worlds whose servers are gone: the member's share of all worlds among all servers, and what nobody has taken for as long as
-/// a lease, so that worlds find a place although others are full. It has at most `max_worlds` then.
+/// Takes over worlds whose servers are gone: the member's share of all worlds among all servers, and what no server has taken for as long
+/// as a lease, so that worlds find a place although others are full. It has at most `max_worlds` then.
+///
+/// Also takes in worlds that are the member's own already by a token up to `horizon`, such as after a claim whose answer was lost. `held`
+/// are left out of all this.
 pub async fn claim(
     record: &Record,
     member: &Member,
     max_worlds: usize,
+    (held, horizon): (&[WorldId], i64),
 ) -> Result<Vec<(WorldId, Claim, BlobId)>, FleetError> {
     let lease = member.lease().as_secs_f64();
+    let held: Vec<i64> = held.iter().map(|id| id.0 as i64).collect();
+    // All get new tokens: what is under way with an earlier one, such as a save, fails. A row that changes its owner meanwhile is left.
     let claimed = sqlx::query!(
         r#"WITH own AS (SELECT count(*) AS count FROM worlds WHERE owner = $1),
          living AS (SELECT count(*) AS count FROM members WHERE kind = 'server' AND expires_at > now()),
@@ -115,21 +121,29 @@ pub async fn claim(
          ),
          overdue AS (
              SELECT count(*) AS count FROM worlds JOIN members ON members.id = owner
-             WHERE expires_at <= now() - make_interval(secs => $3)
+             WHERE expires_at <= now() - make_interval(secs => $3) AND NOT worlds.id = ANY($4)
          ),
          locked AS (
-             SELECT worlds.id FROM worlds JOIN members ON members.id = owner
-             WHERE expires_at <= now() ORDER BY expires_at, worlds.id
+             SELECT worlds.id, owner FROM worlds JOIN members ON members.id = owner
+             WHERE expires_at <= now() AND NOT worlds.id = ANY($4) ORDER BY expires_at, worlds.id
              LIMIT (SELECT greatest(least($2 - own.count, greatest(share.count, overdue.count)), 0)
                     FROM own, share, overdue)
              FOR UPDATE OF worlds SKIP LOCKED
-         )
-         UPDATE worlds SET owner = $1, token = nextval('tokens') FROM locked
-         WHERE worlds.id = locked.id AND EXISTS (SELECT FROM members WHERE id = $1 AND expires_at > now())
+         ),
+         adrift AS (
+             SELECT worlds.id, owner FROM worlds WHERE owner = $1 AND token <= $5 AND NOT worlds.id = ANY($4)
+             FOR UPDATE SKIP LOCKED
+         ),
+         picked AS (SELECT id, owner FROM locked UNION SELECT id, owner FROM adrift)
+         UPDATE worlds SET owner = $1, token = nextval('tokens') FROM picked
+         WHERE worlds.id = picked.id AND worlds.owner = picked.owner
+             AND EXISTS (SELECT FROM members WHERE id = $1 AND expires_at > now())
          RETURNING worlds.id, token, blob"#,
         member.id,
         i64::try_from(max_worlds).unwrap_or(i64::MAX),
         lease,
+        &held,
+        horizon,
     );
     let claimed = claimed.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
     let claim = |row: (i64, i64, Vec<u8>)| {
@@ -137,6 +151,25 @@ pub async fn claim(
         Ok((WorldId(row.0 as u64), claim, blob_id(record, row.2)?))
     };
     claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
+}
+
+/// The latest token that any claim has.
+pub async fn last_token(record: &Record) -> Result<i64, FleetError> {
+    let last = sqlx::query_scalar!("SELECT last_value FROM tokens").fetch_one(&record.pool).await;
+    last.map_err(|error| record.failed(error))
+}
+
+/// Gives a world to no server in particular, so that any may take it over; false if another server has it, or the lease is over.
+pub async fn hand_back(record: &Record, id: WorldId, claim: Claim) -> Result<bool, FleetError> {
+    let handed = sqlx::query!(
+        "UPDATE worlds SET owner = (SELECT id FROM members WHERE expires_at = '-infinity' LIMIT 1) FROM members
+         WHERE worlds.id = $1 AND owner = $2 AND token = $3 AND members.id = owner AND expires_at > now()",
+        id.0 as i64,
+        claim.member,
+        claim.token,
+    );
+    let handed = handed.execute(&record.pool).await.map_err(|error| record.failed(error))?;
+    Ok(handed.rows_affected() == 1)
 }
 
 /// Appends what happened. Says for each world whether the server still has it, and it is recorded.
@@ -171,7 +204,9 @@ pub async fn append(
         &throughs,
         &events,
     );
-    let appended = appended.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    let mut call = record.urgent().await?;
+    let appended = appended.fetch_all(call.connection()).await;
+    let appended = call.done(appended)?;
     Ok(journals.iter().map(|(id, ..)| (*id, appended.contains(&(id.0 as i64)))).collect())
 }
 
@@ -186,21 +221,25 @@ pub async fn journals(record: &Record, id: WorldId) -> Result<Vec<(u64, Vec<u8>)
     Ok(rows.into_iter().map(|row| (row.through as u64, row.events)).collect())
 }
 
-/// Where a world runs, as the member `own` sees it.
-pub async fn locate(record: &Record, id: WorldId, own: i64) -> Result<Option<Place>, FleetError> {
-    let row = sqlx::query!(
-        r#"SELECT members.id, address, expires_at > now() AS "is_alive!",
+/// Where worlds run, as the member `own` sees it. Worlds that do not exist are left out.
+pub async fn locate(
+    record: &Record,
+    ids: &BTreeSet<WorldId>,
+    own: i64,
+) -> Result<BTreeMap<WorldId, Place>, FleetError> {
+    let ids: Vec<i64> = ids.iter().map(|id| id.0 as i64).collect();
+    let rows = sqlx::query!(
+        r#"SELECT worlds.id, members.id AS member, address, expires_at > now() AS "is_alive!",
                (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
-         FROM worlds JOIN members ON members.id = owner WHERE worlds.id = $1"#,
-        id.0 as i64,
+         FROM worlds JOIN members ON members.id = owner WHERE worlds.id = ANY($1)"#,
+        &ids,
     );
-    let row = row.fetch_optional(&record.pool).await.map_err(|error| record.failed(error))?;
-    Ok(row.map(|row| Place {
-        address: row.address,
-        is_here: row.id == own,
-        is_alive: row.is_alive,
-        world_count: row.world_count as u64,
-    }))
+    let rows = rows.fetch_all(&record.lookups).await.map_err(|error| record.failed(error))?;
+    let place = |is_here, address, is_alive, world_count| Place { address, is_here, is_alive, world_count };
+    let found = rows.into_iter().map(|row| {
+        (WorldId(row.id as u64), place(row.member == own, row.address, row.is_alive, row.world_count as u64))
+    });
+    Ok(found.collect())
 }
 
 /// All servers that hold their lease, by address.
@@ -209,7 +248,7 @@ pub async fn servers(record: &Record, own: i64) -> Result<Vec<Place>, FleetError
         r#"SELECT id, address, (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
          FROM members WHERE kind = 'server' AND expires_at > now() ORDER BY address, id"#,
     );
-    let rows = rows.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    let rows = rows.fetch_all(&record.lookups).await.map_err(|error| record.failed(error))?;
     let place = |id: i64, address, world_count: i64| Place {
         address,
         is_here: id == own,
@@ -241,7 +280,7 @@ pub async fn notify(record: &Record) -> Result<(), FleetError> {
 pub async fn listen(record: Record, left: Arc<Notify>) {
     while Arc::strong_count(&left) > 1 {
         if let Err(error) = listen_once(&record, &left).await {
-            warn!(%error, "nobody tells that servers leave: worlds are looked for all the same");
+            warn!(%error, "LISTEN on surefoot_servers was lost; polling for worlds instead");
         }
         tokio::time::sleep(LISTEN_PAUSE).await;
     }

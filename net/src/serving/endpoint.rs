@@ -21,6 +21,7 @@ use tokio::time::sleep;
 use tonic::service::RoutesBuilder;
 use tonic::transport::Server;
 use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
 use tracing::{info, warn};
 
 /// Largest header list of a request, bytes.
@@ -71,6 +72,7 @@ pub struct Endpoint {
     config: EndpointConfig,
     pages: Option<axum::Router>,
     ready: watch::Receiver<bool>,
+    standing: watch::Receiver<bool>,
 }
 
 impl Endpoint {
@@ -105,7 +107,8 @@ impl Endpoint {
         listener.set_nonblocking(true).map_err(fail)?;
         let listener = TcpListener::from_std(listener).map_err(fail)?;
         let address = listener.local_addr().map_err(fail)?;
-        Ok(Self { listener, address, config, pages: None, ready: watch::channel(true).1 })
+        let [ready, standing] = [(); 2].map(|()| watch::channel(true).1);
+        Ok(Self { listener, address, config, pages: None, ready, standing })
     }
 
     /// Also serves web pages: `pages` answers every GET and HEAD request that no service handles. Pages need no token.
@@ -116,6 +119,12 @@ impl Endpoint {
     /// While `ready` is false, health checks report NOT_SERVING and calls are refused with UNAVAILABLE.
     pub fn with_readiness(self, ready: watch::Receiver<bool>) -> Self {
         Self { ready, ..self }
+    }
+
+    /// While `standing` is false, the health of each named service is NOT_SERVING, so that load balancers prefer others. The health of the
+    /// whole process, whose name is empty, stays: a restart would not help.
+    pub fn with_standing(self, standing: watch::Receiver<bool>) -> Self {
+        Self { standing, ..self }
     }
 
     /// The address that is bound.
@@ -155,15 +164,13 @@ impl Endpoint {
         M: Fn() -> F + Clone + Send + Sync + 'static,
         F: Future<Output = String> + Send,
     {
-        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready } = self;
+        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready, standing } = self;
         let (mut health, health_service) = tonic_health::server::health_reporter();
         let served: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-        // The empty name stands for all services.
+        // The empty name stands for the process.
         let names: Vec<&str> = names.iter().copied().chain([""]).collect();
-        let first = if *ready.borrow() { ServingStatus::Serving } else { ServingStatus::NotServing };
-        for name in &names {
-            health.set_service_status(*name, first).await;
-        }
+        let (is_ready, holds) = (*ready.borrow(), *standing.borrow());
+        report(&health, &names, is_ready, holds).await;
         let reflection = tonic_reflection::server::Builder::configure()
             .register_encoded_file_descriptor_set(surefoot_proto::FILE_DESCRIPTOR_SET)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
@@ -220,25 +227,11 @@ impl Endpoint {
         let incoming = Incoming::new(listener, limits, counters, cut.clone());
         let reporter = health.clone();
         let noticed = async {
-            let mut ready = ready;
-            let started = async {
-                // A sender that is gone without a word says nothing more: the services stay as they are.
-                if ready.wait_for(|ready| *ready).await.is_err() {
-                    std::future::pending::<()>().await;
-                }
-            };
             tokio::select! {
                 () = shutdown.wait() => {}
-                () = started => {
-                    for name in &names {
-                        reporter.set_service_status(*name, ServingStatus::Serving).await;
-                    }
-                    shutdown.wait().await;
-                }
+                () = keep_reporting(&reporter, &names, ready, standing) => {}
             }
-            for name in &names {
-                reporter.set_service_status(*name, ServingStatus::NotServing).await;
-            }
+            report(&reporter, &names, false, false).await;
             sleep(NOTICE).await;
             stop.trigger();
             std::future::pending::<()>().await;
@@ -264,5 +257,37 @@ impl Endpoint {
         cut.trigger();
         info!(%address, "stopped serving");
         Ok(())
+    }
+}
+
+/// Reports the health of the services `names`; that of the process, whose name is empty, does not depend on `standing`.
+async fn report(health: &HealthReporter, names: &[&str], is_ready: bool, standing: bool) {
+    for name in names {
+        let serves = is_ready && (standing || name.is_empty());
+        let status = if serves { ServingStatus::Serving } else { ServingStatus::NotServing };
+        health.set_service_status(*name, status).await;
+    }
+}
+
+/// Reports the health whenever it changes, without end.
+async fn keep_reporting(
+    health: &HealthReporter,
+    names: &[&str],
+    mut ready: watch::Receiver<bool>,
+    mut standing: watch::Receiver<bool>,
+) {
+    // A sender that is gone without a word says nothing more: the services stay as they are.
+    async fn changed(value: &mut watch::Receiver<bool>) {
+        if value.changed().await.is_err() {
+            std::future::pending::<()>().await;
+        }
+    }
+    loop {
+        tokio::select! {
+            () = changed(&mut ready) => {}
+            () = changed(&mut standing) => {}
+        }
+        let (is_ready, holds) = (*ready.borrow(), *standing.borrow());
+        report(health, names, is_ready, holds).await;
     }
 }

@@ -125,6 +125,9 @@ fn store_error(error: StoreError) -> Status {
             "the record of the fleet does not answer: the call had no certain effect",
             &error,
         ),
+        StoreError::Silent(_) => status::failure(Reason::NotConfirmed, error.to_string()),
+        StoreError::Busy => status::retry(Reason::Busy, INBOX_TIME, error.to_string()),
+        StoreError::CannotRun(_) => status::quota(Reason::TooManyWorlds, "server", error.to_string()),
     }
 }
 

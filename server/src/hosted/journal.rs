@@ -4,11 +4,12 @@
 //! Events that only describe motion are left out: they are gone with the server.
 
 use super::events::{EventKind, EventLog, NpcEvent};
-use super::saved::SavedWorld;
+use super::saved::{SavedError, SavedWorld};
 use super::world::{HostedWorld, Record};
 use crate::ids::NpcId;
 use crate::quota::Quota;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_world::sealed::{self, SealError};
@@ -81,16 +82,17 @@ impl KeptWorld {
     /// Decodes what [`encode`](Self::encode) returned.
     ///
     /// # Errors
-    /// If `bytes` are no such world, of another version, or damaged.
-    pub fn decode(bytes: &[u8]) -> Result<Self, SealError> {
-        let content = sealed::open(MAGIC, VERSION, bytes)?;
-        let (world, log): (Vec<u8>, SavedLog) = postcard::from_bytes(content).map_err(|_| SealError::Damaged)?;
+    /// If `bytes`, which are at `place`, are no such world, of another version, or damaged.
+    pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
+        let damaged = |_| SavedError::Damaged(place.to_owned());
+        let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
+        let (world, log): (Vec<u8>, SavedLog) = postcard::from_bytes(content).map_err(damaged)?;
         let is_ascending = log.entries.is_sorted_by(|a, b| a.sequence < b.sequence);
         let ends = log.entries.last().map_or(0, |entry| entry.sequence);
         if !is_ascending || ends > log.written || log.dropped > log.written {
-            return Err(SealError::Damaged);
+            return Err(SavedError::Damaged(place.to_owned()));
         }
-        Ok(Self { world: SavedWorld::decode(&world)?, log })
+        Ok(Self { world: SavedWorld::decode(&world, place)?, log })
     }
 }
 

@@ -22,6 +22,11 @@ use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
+///
+/// From 0.3.0 on, a server reads saves of the minor version before it. Whoever raises this number keeps the former struct as a private
+/// `SavedWorldV9` with `impl From<SavedWorldV9> for SavedWorld`, and tries its version in [`SavedWorld::decode`] after this one:
+/// `sealed::open` says which version it found. What is older may go then. A server of the former minor version does not read what this one
+/// saves: in a fleet it hands such worlds back, and a server that was upgraded takes them over.
 const VERSION: u32 = 9;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
@@ -97,9 +102,16 @@ pub enum SavedError {
     /// Not all worlds could be saved in time.
     #[error("saving took longer than {} s: some worlds stay as they were saved before", .0.as_secs_f32())]
     TooSlow(Duration),
-    /// It was written by another version.
-    #[error("{0} has version {1}, this program reads version {VERSION}")]
-    Version(PathBuf, u32),
+    /// It was written by another version of the program.
+    #[error("{place} was written by version {written} of this format, this server reads version {read}")]
+    Version {
+        /// The file or blob.
+        place: PathBuf,
+        /// Its version.
+        written: u32,
+        /// The version that can be read.
+        read: u32,
+    },
     /// The file is no saved world, or it is truncated or corrupted.
     #[error("{0} is damaged")]
     Damaged(PathBuf),
@@ -112,6 +124,17 @@ pub enum SavedError {
     /// A piece on the map is not valid.
     #[error("world {0}: {1}")]
     Pieces(WorldId, PieceError),
+}
+
+impl SavedError {
+    /// Why what is sealed at `place` cannot be opened, which should have the version `read`.
+    pub(super) fn sealed(error: SealError, place: &Path, read: u32) -> Self {
+        let place = place.to_owned();
+        match error {
+            SealError::Version(written) => Self::Version { place, written, read },
+            SealError::Magic | SealError::Damaged => Self::Damaged(place),
+        }
+    }
 }
 
 impl SavedWorld {
@@ -171,11 +194,12 @@ impl SavedWorld {
     /// Decodes what [`encode`](Self::encode) returned.
     ///
     /// # Errors
-    /// If `bytes` are no saved world, of another version, damaged or inconsistent.
-    pub fn decode(bytes: &[u8]) -> Result<Self, SealError> {
-        let content = sealed::open(MAGIC, VERSION, bytes)?;
-        let saved: Self = postcard::from_bytes(content).map_err(|_| SealError::Damaged)?;
-        if saved.is_consistent() { Ok(saved) } else { Err(SealError::Damaged) }
+    /// If `bytes`, which are at `place`, are no saved world, of another version, damaged or inconsistent.
+    pub fn decode(bytes: &[u8], place: &Path) -> Result<Self, SavedError> {
+        let damaged = || SavedError::Damaged(place.to_owned());
+        let content = sealed::open(MAGIC, VERSION, bytes).map_err(|error| SavedError::sealed(error, place, VERSION))?;
+        let saved: Self = postcard::from_bytes(content).map_err(|_| damaged())?;
+        if saved.is_consistent() { Ok(saved) } else { Err(damaged()) }
     }
 
     /// Reads a file.
@@ -184,10 +208,7 @@ impl SavedWorld {
     /// If it cannot be read, or [`decode`](Self::decode) refuses it.
     pub fn read(path: &Path) -> Result<Self, SavedError> {
         let bytes = std::fs::read(path).map_err(|error| SavedError::Io(path.to_owned(), error))?;
-        Self::decode(&bytes).map_err(|error| match error {
-            SealError::Version(version) => SavedError::Version(path.to_owned(), version),
-            SealError::Magic | SealError::Damaged => SavedError::Damaged(path.to_owned()),
-        })
+        Self::decode(&bytes, path)
     }
 
     /// Whether a world can have been saved with this content, which the checksum does not prove.

@@ -1,13 +1,14 @@
-//! How worlds outlive the process: restored, saved now and then, and, in a fleet, lost to other servers.
+//! How worlds outlive the process: restored, saved now and then, and, in a fleet, taken over from other servers and lost to them.
 
-use super::{POISON, WorldHandle, Worlds, WorldsError};
-use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, StateFolder};
+use super::{CONFIRM_LIMIT, POISON, WorldHandle, Worlds, WorldsError};
+use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, SavedWorld, StateFolder};
 use crate::ids::WorldId;
 use crate::store::{Place, SharedStore, StoreError, StoredWorld, Tenure, WorldStore};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
-use surefoot_net::levels::{LevelStore, Made};
+use surefoot_net::levels::{LevelError, LevelStore, Made, SharedMap};
+use surefoot_net::memory::Reservation;
 use surefoot_net::serving::Caller;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -17,6 +18,10 @@ use tracing::{info, warn};
 const SAVE_LIMIT: Duration = Duration::from_secs(60);
 /// Longest wait for what a world has to be recorded.
 const JOURNAL_LIMIT: Duration = Duration::from_millis(20);
+/// Longest wait for what a world has to be saved.
+const WORLD_LIMIT: Duration = Duration::from_secs(5);
+/// Bytes that reading a saved map takes at most for each byte of it.
+const DECODE_FACTOR: u64 = 8;
 
 impl Worlds {
     /// Opens what the configuration names for saved worlds: a store, or a folder, which is locked against other processes.
@@ -102,50 +107,116 @@ impl Worlds {
         self.shared_store().map(SharedStore::tenure).unwrap_or_default()
     }
 
+    /// Worlds that are this server's, in a fleet, as far as it knows: they run, are being restored, or are left alone for a while.
+    pub(crate) fn held(&self) -> Vec<WorldId> {
+        // In this order: a world runs before it is noted as restored.
+        let mut held = self.shared.takeovers.ids();
+        held.extend(self.ids());
+        held.into_iter().collect()
+    }
+
+    /// Begins to restore a world that this server has claimed in this tenure.
+    pub(crate) fn begin_takeover(&self, id: WorldId, tenure: Tenure) {
+        self.shared.takeovers.begin(id);
+        let worlds = self.clone();
+        tokio::spawn(async move {
+            let taking = tokio::spawn({
+                let worlds = worlds.clone();
+                async move { worlds.take_over(id, tenure).await }
+            });
+            if taking.await.is_err() {
+                // It panicked.
+                worlds.shared.takeovers.note_failure(id);
+            }
+            worlds.shared.takeovers.end(id);
+        });
+    }
+
+    /// Restores a world that this server has claimed. One that it cannot run is handed back, and left alone for a while.
+    async fn take_over(&self, id: WorldId, tenure: Tenure) {
+        // Never closed.
+        let _turn = self.shared.takeovers.turns.acquire().await.ok();
+        if self.shared.shutdown.is_triggered() || self.tenure() != tenure {
+            return;
+        }
+        let (world_id, takeovers) = (id.0, &self.shared.takeovers);
+        match self.restore(id, tenure).await {
+            Ok(()) => _ = self.shared.taken_over_count.fetch_add(1, Ordering::Relaxed),
+            Err(StoreError::Lost(_)) => {}
+            // The next look begins again.
+            Err(StoreError::Unavailable(error)) => warn!(world_id, error, "the world cannot be read yet"),
+            Err(error) => {
+                warn!(world_id, %error, "the world cannot be restored here: handing it back to the fleet");
+                takeovers.note_failure(id);
+                let Some(shared) = self.shared_store() else { return };
+                let handed = tokio::time::timeout(shared.lease(), shared.hand_back(id)).await;
+                if !matches!(handed, Ok(Ok(()) | Err(StoreError::Lost(_)))) {
+                    warn!(
+                        world_id,
+                        "the world is not handed back (the database does not answer); this server tries it again"
+                    );
+                }
+            }
+        }
+    }
+
     /// Restores one world, and starts it, unless the tenure in which this began is over.
     ///
     /// # Errors
-    /// If what is saved of it cannot be read, or not be used.
+    /// If what is saved of it cannot be read, or not be used, or there is no room for it.
     pub(crate) async fn restore(&self, id: WorldId, tenure: Tenure) -> Result<(), StoreError> {
         let Some(store) = self.store() else { return Ok(()) };
         let StoredWorld { world: saved, since } = store.read(id).await?;
-        let shared = match saved.source() {
-            // Servers of a fleet take over many worlds at once, often on equal maps.
-            SavedMap::Spec(spec) if since.is_some() => self.maps().get(saved.owner(), &Made::Spec(*spec)).await.ok(),
-            _ => None,
-        };
+        let is_in_fleet = since.is_some();
+        let (shared, reading) = if is_in_fleet { self.make_room(&saved).await? } else { (None, None) };
         let known = shared.as_ref().map(|shared| shared.map().clone());
         let make =
             move || Ok::<_, SavedError>((known.map_or_else(|| saved.maps(), |made| saved.maps_on(made))?, saved));
         let made = tokio::task::spawn_blocking(make).await;
         let (RestoredMap { made, map }, saved) = made.map_err(|error| StoreError::Unavailable(error.to_string()))??;
-        let mut world = HostedWorld::restore(&saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
-        if let Some((log, journals)) = since {
-            world.resume(log, journals, &self.shared.npc_quota);
+        drop(reading);
+        let world_id = id.0;
+        if made.spec().is_none() {
+            let owner = Caller::on_behalf_of(saved.owner());
+            match self.shared.levels.put(&owner, saved.level().to_owned(), made.clone()) {
+                Ok(_) => {}
+                Err(LevelError::Memory(error)) if is_in_fleet => return Err(cannot_run(&error)),
+                Err(error) => {
+                    warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
+                }
+            }
         }
         if self.tenure() != tenure {
             return Err(StoreError::Lost(id));
         }
-        let world_id = id.0;
-        info!(world_id, npcs = world.npc_count(), tick = world.tick().0, "world restored");
+        let mut world = HostedWorld::restore(&saved, map, self.shared.registry.clone(), &self.shared.npc_quota);
+        if let Some((log, journals)) = since {
+            world.resume(log, journals, &self.shared.npc_quota);
+        }
+        let (npcs, tick) = (world.npc_count(), world.tick().0);
         let ticket = self.shared.world_quota.grant(saved.owner());
-        if made.spec().is_none()
-            && let Err(error) =
-                self.shared.levels.put(&Caller::on_behalf_of(saved.owner()), saved.level().to_owned(), made.clone())
-        {
-            warn!(world_id, %error, "the map of a restored world cannot be kept: MapService will not return it");
-        }
-        let limit = if self.shared_store().is_some() {
-            // Others have counted this world as one of this server's.
-            usize::MAX
-        } else {
-            self.shared.config.max_worlds
-        };
+        // In a fleet, others have counted this world as one of this server's.
+        let limit = if is_in_fleet { usize::MAX } else { self.shared.config.max_worlds };
         let shared = shared.unwrap_or_else(|| self.maps().adopt(saved.owner(), made));
-        if let Err(error) = self.start(id, world, (shared, ticket), limit) {
-            warn!(world_id, %error, "a saved world is not restored");
-        }
+        self.start(id, world, (shared, ticket), limit).map_err(|error| cannot_run(&error))?;
+        info!(world_id, npcs, tick, "world restored");
         Ok(())
+    }
+
+    /// Reserves what restoring a world of the fleet takes, and generates its map. A server that is alone restores its worlds one after the
+    /// other, whether or not there is memory for them: they were there before the limit. In a fleet, another server may have room.
+    async fn make_room(&self, saved: &SavedWorld) -> Result<(Option<Arc<SharedMap>>, Option<Reservation>), StoreError> {
+        match saved.source() {
+            // Worlds on equal maps come together.
+            SavedMap::Spec(spec) => {
+                let made = self.maps().get(saved.owner(), &Made::Spec(*spec)).await;
+                Ok((Some(made.map_err(|error| cannot_run(&error))?), None))
+            }
+            SavedMap::File(_, bytes) => {
+                let reserved = self.maps().memory().reserve(saved.owner(), DECODE_FACTOR * bytes.len() as u64);
+                Ok((None, Some(reserved.map_err(|error| cannot_run(&error))?)))
+            }
+        }
     }
 
     /// Saves all worlds, where the configuration says so; with `is_last` they end. What cannot be saved within `limit` stays as it
@@ -189,14 +260,20 @@ impl Worlds {
         if self.tenure() != tenure {
             return Ok(());
         }
+        let saved_world = handle.saving.clone();
         // Goes on if nobody waits any more: a world that is dropped meanwhile must not come back.
-        let saving = tokio::spawn(save(handle, self.shared.levels.clone(), store.clone(), (tenure, is_last)));
+        let saving = tokio::spawn(save((id, handle), self.shared.levels.clone(), store.clone(), (tenure, is_last)));
         let saved = saving.await.unwrap_or(Ok(()));
         match &saved {
             Ok(()) => {}
-            // What runs here now may be the world of the next tenure.
+            // What runs here now may be the world of the next tenure, or have been restored after a panic.
             Err(StoreError::Lost(_)) if self.tenure() != tenure => {}
-            Err(StoreError::Lost(_)) => self.lose(id, "another server has it"),
+            Err(StoreError::Lost(_)) => {
+                let is_same = |now: WorldHandle| Arc::ptr_eq(&now.saving, &saved_world);
+                if self.handle(id).is_ok_and(is_same) {
+                    self.lose(id, "another server has it");
+                }
+            }
             Err(error) => {
                 warn!(world_id = id.0, %error, "a world is not saved");
                 self.shared.failed_save_count.fetch_add(1, Ordering::Relaxed);
@@ -205,12 +282,15 @@ impl Worlds {
         saved
     }
 
-    /// Makes a new world known to the fleet, before its client learns of it.
+    /// Makes a new world known to the fleet, before its client learns of it. If that is not sure, it does not run; it is restored if the
+    /// fleet does know it.
     pub(super) async fn keep_new(&self, id: WorldId) -> Result<(), WorldsError> {
         if self.shared_store().is_none() {
             return Ok(());
         }
-        let saved = self.save(id, false).await;
+        let silent = || StoreError::Unavailable(format!("no answer within {} s", CONFIRM_LIMIT.as_secs()));
+        let saved = tokio::time::timeout(CONFIRM_LIMIT, self.save(id, false)).await;
+        let saved = saved.unwrap_or_else(|_| Err(silent()));
         if saved.is_err() {
             self.lose(id, "it cannot be saved");
         }
@@ -253,7 +333,8 @@ impl Worlds {
 
     /// Lets readers of a world see its events up to that number.
     pub(crate) fn confirm(&self, id: WorldId, through: u64) {
-        let Some(sim) = self.running().remove(&id) else { return };
+        let sim = self.shared.worlds.read().expect(POISON).get(&id).map(|handle| handle.sim.clone());
+        let Some(sim) = sim else { return };
         // A world that is too busy confirms with the next journal, which has the same events again.
         let _ = sim.cast(move |state| state.world.confirm(through));
     }
@@ -262,14 +343,9 @@ impl Worlds {
     pub(crate) fn lose(&self, id: WorldId, why: &str) {
         let lost = self.shared.worlds.write().expect(POISON).remove(&id);
         if let Some(handle) = lost {
-            warn!(world_id = id.0, why, "a world is dropped here");
+            warn!(world_id = id.0, why, "stopped serving the world");
             let _ = handle.sim.cast(|state| state.is_over = true);
         }
-    }
-
-    /// Counts a world that was taken over.
-    pub(crate) fn note_takeover(&self) {
-        self.shared.taken_over_count.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Drops all worlds, which go on elsewhere.
@@ -278,18 +354,19 @@ impl Worlds {
     }
 }
 
-/// Saves one world. A world that does not answer, because it was just dropped, stays as it was saved before.
+fn cannot_run(error: &dyn std::fmt::Display) -> StoreError {
+    StoreError::CannotRun(error.to_string())
+}
+
+/// Saves one world. A world that has just been dropped stays as it was saved before, and so does one that does not answer in time.
 async fn save(
-    handle: WorldHandle,
+    (id, handle): (WorldId, WorldHandle),
     levels: LevelStore,
     store: Arc<dyn WorldStore>,
     (tenure, is_last): (Tenure, bool),
 ) -> Result<(), StoreError> {
-    let WorldHandle { sim, ticket, shown, is_dropped, .. } = handle;
-    let is_dropped = is_dropped.lock().await;
-    if *is_dropped {
-        return Ok(());
-    }
+    let WorldHandle { sim, ticket, shown, saving, is_dropped, .. } = handle;
+    let _saving = saving.lock().await;
     let map = shown.get();
     let level = levels.name_of(map.built_hash()).unwrap_or_default();
     let Ok(source) = tokio::task::spawn_blocking(move || SavedMap::of(&map, level)).await else { return Ok(()) };
@@ -297,7 +374,15 @@ async fn save(
         state.is_over |= is_last;
         (state.world.save(ticket.client(), source), state.world.save_log())
     });
-    let Ok((saved, log)) = saved.await else { return Ok(()) };
+    let saved = tokio::time::timeout(WORLD_LIMIT, saved).await;
+    // Decided now: a world whose thread is stuck can be dropped meanwhile.
+    let is_dropped = is_dropped.lock().await;
+    let (saved, log) = match saved {
+        _ if *is_dropped => return Ok(()),
+        Err(_) => return Err(StoreError::Silent(id)),
+        Ok(Err(_)) => return Ok(()),
+        Ok(Ok(saved)) => saved,
+    };
     let through = log.written();
     store.write(tenure, saved, log).await?;
     // A world that has just ended has no readers.

@@ -1,0 +1,132 @@
+//! Look-ups of clients: where worlds run, and which servers there are.
+//!
+//! Clients may ask as often as they like. So one statement at a time asks for all worlds that callers wait for, and its answers serve all
+//! callers for a moment, also those about worlds that do not exist.
+
+use super::rows;
+use crate::record::Record;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+use surefoot_server::WorldId;
+use surefoot_server::store::{Place, StoreError};
+use tokio::sync::Semaphore;
+
+const POISON: &str = "no holder of this lock panics";
+/// Longest time for which an answer is given again.
+const FRESH: Duration = Duration::from_millis(200);
+/// Callers that wait; one more is refused.
+const MAX_CALLERS: usize = 4096;
+/// Answers of half of [`FRESH`] that are kept; when there are more, older ones are forgotten earlier.
+const MAX_ANSWERS: usize = 8192;
+/// Longest wait for an answer.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Look-ups of one server.
+#[derive(Debug)]
+pub struct Lookups {
+    callers: Semaphore,
+    /// Worlds that callers wait for.
+    waiting: Mutex<BTreeSet<WorldId>>,
+    known: Mutex<Known>,
+    /// Held while the database is asked for worlds.
+    turn: tokio::sync::Mutex<()>,
+    servers: tokio::sync::Mutex<Option<(Instant, Vec<Place>)>>,
+}
+
+/// Answers of two halves of [`FRESH`]: the older ones are forgotten all at once.
+#[derive(Debug)]
+struct Known {
+    since: Instant,
+    latest: BTreeMap<WorldId, Option<Place>>,
+    former: BTreeMap<WorldId, Option<Place>>,
+}
+
+impl Known {
+    fn forget(&mut self) {
+        let age = self.since.elapsed();
+        if age < FRESH / 2 && self.latest.len() < MAX_ANSWERS {
+            return;
+        }
+        let latest = std::mem::take(&mut self.latest);
+        self.former = if age < FRESH { latest } else { BTreeMap::new() };
+        self.since = Instant::now();
+    }
+
+    fn get(&mut self, id: WorldId) -> Option<Option<Place>> {
+        self.forget();
+        self.latest.get(&id).or_else(|| self.former.get(&id)).cloned()
+    }
+}
+
+impl Default for Lookups {
+    fn default() -> Self {
+        let known = Known { since: Instant::now(), latest: BTreeMap::new(), former: BTreeMap::new() };
+        Self {
+            callers: Semaphore::new(MAX_CALLERS),
+            waiting: Mutex::default(),
+            known: Mutex::new(known),
+            turn: tokio::sync::Mutex::default(),
+            servers: tokio::sync::Mutex::default(),
+        }
+    }
+}
+
+impl Lookups {
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().expect(POISON)
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, BTreeSet<WorldId>> {
+        self.waiting.lock().expect(POISON)
+    }
+
+    /// Where a world runs, as the member `own` sees it.
+    pub async fn locate(&self, record: &Record, id: WorldId, own: i64) -> Result<Option<Place>, StoreError> {
+        if let Some(known) = self.known().get(id) {
+            return Ok(known);
+        }
+        let look = async {
+            {
+                let mut waiting = self.waiting();
+                // Callers that have gone leave their worlds behind.
+                if waiting.len() < MAX_CALLERS {
+                    waiting.insert(id);
+                }
+            }
+            let _turn = self.turn.lock().await;
+            // The caller before may have asked for this one as well.
+            if let Some(known) = self.known().get(id) {
+                return Ok(known);
+            }
+            let mut ids = std::mem::take(&mut *self.waiting());
+            ids.insert(id);
+            let mut found = rows::locate(record, &ids, own).await?;
+            let answer = found.get(&id).cloned();
+            self.known().latest.extend(ids.into_iter().map(|id| (id, found.remove(&id))));
+            Ok::<_, StoreError>(answer)
+        };
+        self.bounded(look).await
+    }
+
+    /// All servers that hold their lease, as the member `own` sees them.
+    pub async fn servers(&self, record: &Record, own: i64) -> Result<Vec<Place>, StoreError> {
+        let look = async {
+            let mut known = self.servers.lock().await;
+            if let Some((_, servers)) = known.as_ref().filter(|(asked, _)| asked.elapsed() < FRESH) {
+                return Ok(servers.clone());
+            }
+            let asked = Instant::now();
+            let servers = rows::servers(record, own).await?;
+            *known = Some((asked, servers.clone()));
+            Ok::<_, StoreError>(servers)
+        };
+        self.bounded(look).await
+    }
+
+    async fn bounded<T>(&self, look: impl Future<Output = Result<T, StoreError>>) -> Result<T, StoreError> {
+        let _caller = self.callers.try_acquire().map_err(|_| StoreError::Busy)?;
+        let silent = |_| StoreError::Unavailable(format!("no answer within {} s", PATIENCE.as_secs()));
+        tokio::time::timeout(PATIENCE, look).await.map_err(silent)?
+    }
+}
