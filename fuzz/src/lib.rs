@@ -10,7 +10,8 @@ use std::fmt::Display;
 use std::sync::{Arc, LazyLock};
 use surefoot_planner::edits::Layer;
 use surefoot_planner::export::{Format, export, import_json};
-use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, store as cache};
+use surefoot_planner::search::EdgeCosts;
+use surefoot_planner::{Built, EdgeKey, NavGraph, Query, Router, Traffic, store as cache};
 use surefoot_planner_service::{PlannerConfig, wire as planner_wire};
 use surefoot_policy::{ActorConfig, Manifest, Policy, exchange as weights};
 use surefoot_proto::plans;
@@ -399,6 +400,11 @@ fn graph_answers(graph: NavGraph) {
             let plan = router.find_path(&query);
             assert_eq!(plan.waypoints.len(), plan.legs.len());
             assert_eq!(plan.waypoints.last(), Some(&plan.nearest.unwrap_or(query.goal)));
+            let mut traffic = Traffic::default();
+            traffic.add_crowd(query.start, 1000);
+            let around = router.find_path_in(&mut traffic, &query, &EdgeCosts::new());
+            assert_eq!(around.no_path, plan.no_path);
+            assert!(around.seconds().0.is_finite() && (0.0..=1.0).contains(&around.death_chance()), "{around:?}");
         }
     }
 }

@@ -1,16 +1,18 @@
 //! Attaches places to a graph: the vertices from or to which an unproved leg costs least.
 
-use crate::graph::NavGraph;
+use crate::graph::{Edge, NavGraph};
 use crate::grid::PointGrid;
 use crate::ids::VertexId;
 use crate::legs::{LANES, LegPrices};
-use surefoot_world::Vec3;
+use surefoot_world::{Ability, Vec3};
 
 /// Maximum number of vertices that a start or goal is attached to at first.
 pub(crate) const ATTACHMENTS: usize = 6;
 /// Maximum number where no path joins the first.
 pub(crate) const MORE_ATTACHMENTS: usize = 48;
 
+/// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
+const LEAST_CLIMB_M: f32 = 5.0;
 /// A vertex and the cost of the unproved leg between it and the start or goal, in decisions.
 pub(crate) type Attachment = (VertexId, f32);
 
@@ -168,5 +170,136 @@ impl Cheapest<'_> {
         if let Some(&(_, worst)) = self.entries.get(self.most - 1) {
             self.limit_m = self.reach_m.min(self.prices.metres_below(worst));
         }
+    }
+}
+
+/// Limits of the unproved leg to a goal. A goal beyond them from every vertex stands on ground that no vertex leads to, or on none.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reach {
+    /// Greatest length, m.
+    pub length_m: f32,
+    /// Greatest climb, m.
+    climb_m: f32,
+}
+
+impl Reach {
+    /// The longest and the highest edge that was proved on foot, without devices, but at least
+    /// `least_length_m` and [`LEAST_CLIMB_M`]. Without such edges, the range of the leg model stands in for both.
+    pub fn of(graph: &NavGraph, least_length_m: f32) -> Self {
+        let range_m = graph.legs().range_m() as f32;
+        let is_on_foot = |edge: &&Edge| edge.evidence.has_track() && edge.evidence.ability <= Ability::DoubleJump;
+        let offset = |edge: &Edge| graph.position(edge.key.to) - graph.position(edge.key.from);
+        let longest =
+            |of: fn(Vec3) -> f32| graph.edges().filter(is_on_foot).map(|edge| of(offset(edge))).reduce(f32::max);
+        Self {
+            length_m: longest(Vec3::length).unwrap_or(range_m).max(least_length_m),
+            climb_m: longest(|offset| offset.y).unwrap_or(range_m).max(LEAST_CLIMB_M),
+        }
+    }
+
+    /// Returns whether a leg with this offset from start to end is within the limits.
+    pub fn contains(&self, offset: Vec3) -> bool {
+        offset.y <= self.climb_m && offset.length_squared() <= self.length_m * self.length_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::{Caution, Evidence, TryEnd};
+    use crate::graph::GraphData;
+    use crate::ids::EdgeKey;
+    use crate::legs::LegModel;
+    use proptest::prelude::*;
+
+    fn graph(vertices: Vec<Vec3>, edges: Vec<Edge>) -> NavGraph {
+        NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+    }
+
+    fn place() -> impl Strategy<Value = Vec3> {
+        (-90.0..90.0f32, 0.0..20.0f32, -90.0..90.0f32).prop_map(|(x, y, z)| Vec3::new(x, y, z))
+    }
+
+    /// The price of one leg.
+    fn price(prices: &LegPrices, leg: Vec3) -> f32 {
+        prices.of(&leg.to_array().map(|axis| [axis; LANES]))[0]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 200, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn attachments_cost_what_the_cheapest_of_all_vertices_cost(
+            vertices in prop::collection::vec(place(), 0..150),
+            point in place(),
+            cell_m in 1.0..30.0f32,
+            most in 1..20usize,
+            reach_m in prop_oneof![Just(f32::INFINITY), 5.0..60.0f32],
+            is_away in any::<bool>(),
+        ) {
+            let graph = graph(vertices, Vec::new());
+            let prices = LegPrices::new(graph.legs(), Caution::CAREFUL);
+            let holds = |vertex: VertexId| !vertex.0.is_multiple_of(4);
+            let accept = |vertex: VertexId, leg: Vec3| !vertex.0.is_multiple_of(7) && leg.y < 9.0;
+            let leg = |vertex| (graph.position(vertex) - point) * if is_away { 1.0 } else { -1.0 };
+            let direction = if is_away { Direction::Away } else { Direction::Back };
+            let found = VertexIndex::new(&graph, cell_m, holds).cheapest(point, most, &prices, reach_m, direction, accept);
+
+            for (vertex, cost) in &found {
+                prop_assert!(holds(*vertex) && accept(*vertex, leg(*vertex)));
+                prop_assert!((cost - price(&prices, leg(*vertex))).abs() < 1.0e-3);
+            }
+            prop_assert!(found.is_sorted_by(|a, b| a.1 <= b.1) && found.len() <= most);
+            let within = |vertex: &VertexId| {
+                holds(*vertex) && accept(*vertex, leg(*vertex)) && leg(*vertex).with_y(0.0).length() <= reach_m
+            };
+            let mut all: Vec<f32> = graph.vertices().filter(within).map(|vertex| price(&prices, leg(vertex))).collect();
+            all.sort_by(f32::total_cmp);
+            prop_assert!(found.len() >= all.len().min(most));
+            for ((_, cost), least) in found.iter().zip(all) {
+                // Vertices a little beyond the reach may be cheaper.
+                let is_same = if reach_m.is_finite() { *cost <= least + 0.01 } else { (cost - least).abs() < 0.01 };
+                prop_assert!(is_same, "{cost} where {least} is the least");
+            }
+        }
+
+        #[test]
+        fn rings_hold_each_vertex_once_and_none_is_nearer_than_its_bound(
+            vertices in prop::collection::vec(place(), 0..100),
+            point in place(),
+            cell_m in 1.0..30.0f32,
+        ) {
+            let graph = graph(vertices, Vec::new());
+            let (mut seen, mut bounds) = (vec![0; graph.vertex_count()], Vec::new());
+            let mut is_beyond = true;
+            VertexIndex::new(&graph, cell_m, |_| true).visit_from(point, |bound, vertices| {
+                bounds.push(bound);
+                for (at, vertex) in vertices {
+                    seen[vertex.idx()] += 1;
+                    is_beyond &= at.distance_squared(point) >= bound * 0.999 - 0.01;
+                }
+                true
+            });
+            prop_assert!(is_beyond && bounds.is_sorted());
+            prop_assert!(seen.into_iter().all(|count| count == 1));
+        }
+    }
+
+    #[test]
+    fn legs_reach_as_far_as_edges_on_foot_but_not_as_far_as_devices() {
+        let edge = |from: u32, to: u32, ability| {
+            let mut evidence = Evidence::default();
+            evidence.note(TryEnd::Arrived, 9, ability);
+            evidence.cover(Vec3::ZERO);
+            Edge { key: EdgeKey::new(from, to), evidence }
+        };
+        let vertices = vec![Vec3::ZERO, Vec3::new(40.0, 6.0, 0.0), Vec3::new(300.0, 0.0, 0.0)];
+        let edges = vec![edge(0, 1, Ability::Jump), edge(0, 2, Ability::Teleporter)];
+        let reach = Reach::of(&graph(vertices, edges), 20.0);
+        assert!(reach.contains(Vec3::new(40.0, 6.0, 0.0)) && reach.contains(Vec3::new(0.0, -30.0, 0.0)));
+        assert!(!reach.contains(Vec3::new(45.0, 0.0, 0.0)) && !reach.contains(Vec3::new(0.0, 6.5, 0.0)));
+        // Without edges, the range of the model of legs counts.
+        let bare = Reach::of(&graph(vec![Vec3::ZERO], Vec::new()), 20.0);
+        assert!(bare.contains(Vec3::new(30.0, 0.0, 0.0)) && !bare.contains(Vec3::new(31.0, 0.0, 0.0)));
     }
 }

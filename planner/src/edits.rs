@@ -6,8 +6,10 @@
 
 use crate::build::Builder;
 use crate::candidates::Candidate;
+use crate::editable::Editable;
 use crate::evidence::Evidence;
-use crate::graph::{Edge, GraphData, NavGraph};
+pub use crate::evidence::FACTORS;
+use crate::graph::{Edge, MAX_EDGE_M, NavGraph, is_place};
 use crate::ids::{EdgeKey, VertexId};
 use crate::probe::ProbeExecutor;
 use crate::progress::Progress;
@@ -27,8 +29,6 @@ const STAND_M: f32 = 2.0;
 pub const MAX_EDITS: usize = 4096;
 /// Maximum length of a layer's name, in bytes.
 pub const MAX_NAME: usize = 64;
-/// Allowed factors on the cost of an edge.
-pub const FACTORS: std::ops::RangeInclusive<f32> = 0.1..=1000.0;
 /// Longest duration that an edit may give a forced edge, s.
 const MAX_SECONDS: f32 = 3600.0;
 /// Number of nearest neighbours that a new or moved vertex is probed against.
@@ -178,6 +178,9 @@ pub enum UnappliedReason {
     /// No edge joins the two vertices.
     #[error("no edge leads from vertex {} to vertex {}", .0.from, .0.to)]
     NoEdge(EdgeKey),
+    /// The two vertices are farther apart than any edge may be.
+    #[error("vertices {} and {} are more than {MAX_EDGE_M} m apart", .0.from, .0.to)]
+    TooLong(EdgeKey),
     /// The character cannot stand near this position.
     #[error("the character cannot stand within {STAND_M} m of ({:.1}, {:.1}, {:.1})", .0.x, .0.y, .0.z)]
     NoGround(Vec3),
@@ -270,15 +273,14 @@ pub fn apply_layers(graph: &NavGraph, layers: &[Layer], threshold: f64, terrain:
     for (layer, (index, edit)) in edits() {
         record(layer, index, editor.change_edges(edit));
     }
-    let graph = NavGraph::check(editor.data).expect("edits join existing vertices");
-    Some(Edited { graph, unapplied, removed: editor.removed, forced: editor.forced, forbidden: editor.forbidden })
+    let (data, removed) = editor.graph.into_data();
+    let graph = NavGraph::check(data).expect("edits join existing vertices");
+    Some(Edited { graph, unapplied, removed, forced: editor.forced, forbidden: editor.forbidden })
 }
 
 /// A graph to which edits are being applied.
 struct GraphEditor {
-    data: GraphData,
-    /// Vertices that were removed.
-    removed: BTreeSet<VertexId>,
+    graph: Editable,
     /// Vertices that were added or moved.
     unprobed: BTreeSet<VertexId>,
     /// Edges that were forced.
@@ -290,8 +292,7 @@ struct GraphEditor {
 impl GraphEditor {
     fn of(graph: &NavGraph) -> Self {
         Self {
-            data: graph.to_data(),
-            removed: BTreeSet::new(),
+            graph: Editable::of(graph, FIT_M),
             unprobed: BTreeSet::new(),
             forced: BTreeSet::new(),
             forbidden: BTreeSet::new(),
@@ -300,13 +301,11 @@ impl GraphEditor {
 
     /// Returns the nearest remaining vertex, at most [`FIT_M`] away.
     fn vertex_at(&self, place: Vec3) -> Result<VertexId, UnappliedReason> {
-        let standing =
-            (0..).map(VertexId).zip(&self.data.vertices).filter(|(vertex, _)| !self.removed.contains(vertex));
-        let nearest = standing.min_by(|a, b| a.1.distance_squared(place).total_cmp(&b.1.distance_squared(place)));
-        match nearest {
-            Some((vertex, at)) if at.distance(place) <= FIT_M => Ok(vertex),
-            _ => Err(UnappliedReason::NoVertex(place)),
-        }
+        self.graph.vertex_at(place).ok_or(UnappliedReason::NoVertex(place))
+    }
+
+    fn length(&self, EdgeKey { from, to }: EdgeKey) -> f32 {
+        self.graph.vertices()[from.idx()].distance(self.graph.vertices()[to.idx()])
     }
 
     /// Returns the key of the edge between the vertices at two positions.
@@ -316,59 +315,43 @@ impl GraphEditor {
     }
 
     fn change_vertices(&mut self, edit: &Edit, terrain: &dyn Terrain) -> Result<(), UnappliedReason> {
-        let stand = |place| terrain.stand(place).ok_or(UnappliedReason::NoGround(place));
+        let stand = |place| terrain.stand(place).filter(|feet| is_place(*feet)).ok_or(UnappliedReason::NoGround(place));
         match *edit {
             Edit::AddVertex { at } => {
-                let feet = stand(at)?;
-                self.unprobed.insert(VertexId::at(self.data.vertices.len()));
-                self.data.vertices.push(feet);
+                let vertex = self.graph.add_vertex(stand(at)?);
+                self.unprobed.insert(vertex);
             }
             Edit::MoveVertex { from, to } => {
                 let vertex = self.vertex_at(from)?;
-                self.data.vertices[vertex.idx()] = stand(to)?;
-                self.remove_edges_of(vertex);
+                self.graph.move_vertex(vertex, stand(to)?);
                 self.unprobed.insert(vertex);
             }
             Edit::RemoveVertex { at } => {
                 let vertex = self.vertex_at(at)?;
-                self.remove_edges_of(vertex);
+                self.graph.remove_vertex(vertex);
                 self.unprobed.remove(&vertex);
-                self.removed.insert(vertex);
             }
             Edit::ForbidEdge { .. } | Edit::ForceEdge { .. } | Edit::PriceEdge { .. } => {}
         }
         Ok(())
     }
 
-    /// Removes all edges of a vertex.
-    fn remove_edges_of(&mut self, vertex: VertexId) {
-        self.data.edges.retain(|edge| edge.key.from != vertex && edge.key.to != vertex);
-    }
-
     /// Probes added and moved vertices against their nearest neighbours, in both directions. `None` if cancelled.
     fn prove_unprobed(&mut self, threshold: f64, terrain: &dyn Terrain) -> Option<()> {
-        let mut candidates: BTreeSet<Candidate> = BTreeSet::new();
-        for &vertex in &self.unprobed {
-            let at = self.data.vertices[vertex.idx()];
-            let mut others: Vec<(f32, VertexId)> = (0..)
-                .map(VertexId)
-                .zip(&self.data.vertices)
-                .filter(|(other, _)| *other != vertex && !self.removed.contains(other))
-                .map(|(other, place)| (place.distance_squared(at), other))
-                .collect();
-            others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            candidates.extend(others.iter().take(NEIGHBOURS).flat_map(|&(_, other)| {
-                let there = EdgeKey { from: vertex, to: other };
-                [there, there.reversed()]
-            }));
+        if self.unprobed.is_empty() {
+            return Some(());
         }
+        let near = self.graph.neighbours(self.unprobed.iter().copied(), NEIGHBOURS);
+        let pairs = near.flat_map(|(from, near)| near.into_iter().map(move |to| EdgeKey { from, to }));
+        let short = pairs.filter(|key| self.length(*key) <= MAX_EDGE_M);
+        let candidates: BTreeSet<Candidate> = short.flat_map(|there| [there, there.reversed()]).collect();
         if candidates.is_empty() {
             return Some(());
         }
         let candidates: Vec<Candidate> = candidates.into_iter().collect();
-        let evidence = terrain.prove(&self.data.vertices, &candidates)?;
+        let evidence = terrain.prove(self.graph.vertices(), &candidates)?;
         let proved = candidates.iter().zip(evidence).filter(|(_, evidence)| evidence.proves(threshold));
-        self.data.edges.extend(proved.map(|(&key, evidence)| Edge { key, evidence }));
+        proved.for_each(|(&key, evidence)| self.graph.add_edge(Edge { key, evidence }));
         Some(())
     }
 
@@ -376,9 +359,7 @@ impl GraphEditor {
         match *edit {
             Edit::ForbidEdge { from, to } => {
                 let key = self.ends(from, to)?;
-                let before = self.data.edges.len();
-                self.data.edges.retain(|edge| edge.key != key);
-                if self.data.edges.len() == before {
+                if !self.graph.remove_edge(key) {
                     return Err(UnappliedReason::NoEdge(key));
                 }
                 self.forced.remove(&key);
@@ -386,20 +367,22 @@ impl GraphEditor {
             }
             Edit::ForceEdge { from, to, seconds } => {
                 let key = self.ends(from, to)?;
-                let (start, end) = (self.data.vertices[key.from.idx()], self.data.vertices[key.to.idx()]);
+                if self.length(key) > MAX_EDGE_M {
+                    return Err(UnappliedReason::TooLong(key));
+                }
+                let [start, end] = [key.from, key.to].map(|end| self.graph.vertices()[end.idx()]);
                 let decisions = match seconds {
                     Some(seconds) => Seconds(seconds).decisions(),
-                    None => self.data.legs.decisions(start, end),
+                    None => self.graph.legs().decisions(start, end),
                 };
-                self.data.edges.retain(|edge| edge.key != key);
-                self.data.edges.push(Edge { key, evidence: Evidence::vouched(decisions) });
+                self.graph.remove_edge(key);
+                self.graph.add_edge(Edge { key, evidence: Evidence::vouched(decisions) });
                 self.forced.insert(key);
                 self.forbidden.remove(&key);
             }
             Edit::PriceEdge { from, to, factor } => {
                 let key = self.ends(from, to)?;
-                let edge = self.data.edges.iter_mut().find(|edge| edge.key == key);
-                let edge = edge.ok_or(UnappliedReason::NoEdge(key))?;
+                let edge = self.graph.edge_mut(key).ok_or(UnappliedReason::NoEdge(key))?;
                 edge.evidence.price_factor =
                     (edge.evidence.price_factor * factor).clamp(*FACTORS.start(), *FACTORS.end());
             }

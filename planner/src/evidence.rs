@@ -59,6 +59,11 @@ impl Default for Evidence {
 /// Prior of a candidate edge without a prediction; high, because candidates join vertices that are near each other.
 const UNKNOWN_PRIOR: f32 = 0.9;
 
+/// Allowed factors of designers on the cost of an edge.
+pub const FACTORS: std::ops::RangeInclusive<f32> = 0.1..=1000.0;
+/// Greatest mean of the decisions of tries, somewhat more than one try can report: no cost or duration overflows.
+const MAX_DECISIONS: f64 = 2.0 * u32::MAX as f64;
+
 impl Evidence {
     /// Evidence without any tries, with a prior in [0, 1].
     pub fn expected(prior: f32) -> Self {
@@ -209,12 +214,12 @@ impl Evidence {
     /// Returns whether the values are in range and do not contradict each other.
     pub fn is_consistent(&self) -> bool {
         self.successes.checked_add(self.deaths).is_some_and(|ended| ended <= self.tries)
-            && (0.0..=f64::MAX).contains(&self.decisions_sum)
-            && (0.0..=f64::MAX).contains(&self.decisions_squared)
+            && (0.0..=MAX_DECISIONS).contains(&self.decisions_mean().0)
+            && (0.0..=MAX_DECISIONS * MAX_DECISIONS)
+                .contains(&(self.decisions_squared / f64::from(self.successes.max(1))))
             && (0.0..=1.0).contains(&self.prior)
             && (0.0..=1.0).contains(&self.death_share)
-            && self.price_factor > 0.0
-            && self.price_factor.is_finite()
+            && FACTORS.contains(&self.price_factor)
             && self.bounds.iter().all(|corner| corner.is_finite())
             && self.needs.are_possible()
     }

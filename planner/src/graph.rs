@@ -1,15 +1,22 @@
 //! The proved graph: positions, directed edges with their evidence, islands.
 
 use crate::candidates::Candidate;
+use crate::closure::reached_sizes;
 use crate::evidence::Evidence;
 use crate::ids::{EdgeKey, VertexId};
 use crate::legs::LegModel;
 use petgraph::Direction;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
+use petgraph::visit::EdgeRef;
 use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
+
+/// Greatest coordinate of a vertex, m: that of a hundred of the largest maps side by side.
+pub const MAX_COORDINATE_M: f32 = 1.0e5;
+/// Greatest length of an edge, m: ten times the side of the largest map.
+pub const MAX_EDGE_M: f32 = 10_000.0;
 
 /// A proved edge.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -46,9 +53,12 @@ pub enum GraphError {
     /// An edge names a vertex that does not exist, or joins a vertex to itself.
     #[error("edge {} -> {} does not join two different vertices of the graph", .0.from, .0.to)]
     BadEdge(EdgeKey),
-    /// The position of a vertex is not finite.
-    #[error("the position of vertex {0} is not finite")]
+    /// The position of a vertex is not finite, or farther from the origin than any map extends.
+    #[error("a coordinate of vertex {0} is not finite or exceeds {MAX_COORDINATE_M} m")]
     BadVertex(usize),
+    /// An edge is too long.
+    #[error("edge {} -> {} is longer than {MAX_EDGE_M} m", .0.from, .0.to)]
+    LongEdge(EdgeKey),
     /// The evidence of an edge is inconsistent.
     #[error("the evidence of edge {} -> {} is inconsistent", .0.from, .0.to)]
     BadEvidence(EdgeKey),
@@ -58,8 +68,8 @@ pub enum GraphError {
          and a ride leads from one stop where its mover must stand to another", .0.from, .0.to
     )]
     BadNeeds(EdgeKey),
-    /// The cost model of unproved legs has a coefficient that is not finite, or a range below 1 m.
-    #[error("the cost model of unproved legs has a coefficient that is not finite or a range below 1 m")]
+    /// The cost model of unproved legs has a coefficient, range or share that is out of range.
+    #[error("the cost model of unproved legs has a coefficient, range or share of deaths that is out of range")]
     BadLegs,
 }
 
@@ -87,7 +97,7 @@ impl NavGraph {
     pub fn check(data: GraphData) -> Result<Self, GraphError> {
         let mut graph = DiGraph::with_capacity(data.vertices.len(), data.edges.len());
         for (idx, vertex) in data.vertices.iter().enumerate() {
-            if !vertex.is_finite() {
+            if !is_place(*vertex) {
                 return Err(GraphError::BadVertex(idx));
             }
             graph.add_node(*vertex);
@@ -101,12 +111,15 @@ impl NavGraph {
             if !edge.evidence.needs.are_possible() {
                 return Err(GraphError::BadNeeds(edge.key));
             }
+            if data.vertices[from.idx()].distance(data.vertices[to.idx()]) > MAX_EDGE_M {
+                return Err(GraphError::LongEdge(edge.key));
+            }
             if !edge.evidence.is_sound() {
                 return Err(GraphError::BadEvidence(edge.key));
             }
             graph.add_edge(node(from), node(to), edge);
         }
-        if !data.legs.is_finite() {
+        if !data.legs.is_sound() {
             return Err(GraphError::BadLegs);
         }
         // petgraph's Tarjan is recursive: a long chain of vertices would overflow the stack.
@@ -212,20 +225,57 @@ impl NavGraph {
         &self.islands
     }
 
-    /// Returns for each vertex whether it can be reached from `from`; `from` itself counts as reached.
-    pub fn reachable_from(&self, from: VertexId) -> Vec<bool> {
-        self.reachable_along(from, |_| true)
+    /// For each island the islands that edges lead to, each once. Islands are numbered in reverse topological order: all of these numbers
+    /// are lower.
+    pub(crate) fn exits(&self) -> Vec<Vec<u32>> {
+        let mut exits: Vec<Vec<u32>> = vec![Vec::new(); self.island_count as usize];
+        for edge in self.edges() {
+            let [from, to] = [edge.key.from, edge.key.to].map(|vertex| self.islands[vertex.idx()]);
+            if from != to && exits[from as usize].last() != Some(&to) {
+                exits[from as usize].push(to);
+            }
+        }
+        for exits in &mut exits {
+            exits.sort_unstable();
+            exits.dedup();
+        }
+        exits
     }
 
-    /// The same by edges that `is_open` accepts.
-    pub fn reachable_along(&self, from: VertexId, is_open: impl Fn(&Edge) -> bool) -> Vec<bool> {
+    /// Returns for each vertex whether it can be reached from `from`; `from` itself counts as reached.
+    pub fn reachable_from(&self, from: VertexId) -> Vec<bool> {
+        self.reachable_along([from], |_| true)
+    }
+
+    /// Returns for each vertex whether it can be reached from any of `from` by edges that `is_open` accepts; these themselves count as
+    /// reached.
+    pub fn reachable_along(
+        &self,
+        from: impl IntoIterator<Item = VertexId>,
+        is_open: impl Fn(&Edge) -> bool,
+    ) -> Vec<bool> {
+        self.flood(from, Direction::Outgoing, is_open)
+    }
+
+    /// Returns for each vertex whether a path leads from it to `to`; `to` itself counts.
+    pub fn reaching(&self, to: VertexId) -> Vec<bool> {
+        self.flood([to], Direction::Incoming, |_| true)
+    }
+
+    fn flood(
+        &self,
+        from: impl IntoIterator<Item = VertexId>,
+        direction: Direction,
+        is_open: impl Fn(&Edge) -> bool,
+    ) -> Vec<bool> {
         let mut seen = vec![false; self.vertex_count()];
-        let mut stack = vec![from];
-        seen[from.idx()] = true;
+        let mut stack: Vec<NodeIndex> = from.into_iter().map(node).collect();
+        stack.iter().for_each(|start| seen[start.index()] = true);
         while let Some(vertex) = stack.pop() {
-            for edge in self.edges_from(vertex) {
-                if is_open(edge) && !std::mem::replace(&mut seen[edge.key.to.idx()], true) {
-                    stack.push(edge.key.to);
+            for edge in self.graph.edges_directed(vertex, direction) {
+                let next = if direction == Direction::Outgoing { edge.target() } else { edge.source() };
+                if is_open(edge.weight()) && !std::mem::replace(&mut seen[next.index()], true) {
+                    stack.push(next);
                 }
             }
         }
@@ -235,16 +285,18 @@ impl NavGraph {
     /// Returns the share of ordered pairs of different vertices that a path joins, in [0, 1].
     pub fn connected_share(&self) -> f64 {
         let count = self.vertex_count();
+        let mut sizes = vec![0_u64; self.island_count as usize];
+        self.islands.iter().for_each(|&island| sizes[island as usize] += 1);
         // What one vertex of an island reaches, all do.
-        let mut members: Vec<(usize, VertexId)> = vec![(0, VertexId(0)); self.island_count as usize];
-        for (vertex, &island) in self.vertices().zip(&self.islands) {
-            let (size, member) = &mut members[island as usize];
-            (*size, *member) = (*size + 1, vertex);
-        }
-        let reached = |from: VertexId| self.reachable_from(from).iter().filter(|&&seen| seen).count() - 1;
-        let pairs: usize = members.into_iter().map(|(size, member)| size * reached(member)).sum();
+        let reached = reached_sizes(&self.exits(), &sizes);
+        let pairs: u64 = sizes.iter().zip(reached).map(|(size, reached)| size * (reached - 1)).sum();
         pairs as f64 / (count * count.saturating_sub(1)).max(1) as f64
     }
+}
+
+/// Whether a vertex can be at `place`, m.
+pub(crate) fn is_place(place: Vec3) -> bool {
+    place.is_finite() && place.abs().max_element() <= MAX_COORDINATE_M
 }
 
 fn node(vertex: VertexId) -> NodeIndex {

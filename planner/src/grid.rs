@@ -69,6 +69,11 @@ fn around(points: &[Vec3]) -> (Vec3, Vec3) {
 }
 
 impl PointGrid {
+    /// Buckets `points` into columns that would hold about one point each if the points were spread evenly.
+    pub fn spread(points: &[Vec3]) -> Self {
+        Self::new(points, spacing(points))
+    }
+
     /// Buckets `points` into columns with sides of at least `cell_m` metres.
     pub fn new(points: &[Vec3], cell_m: f32) -> Self {
         let (low, high) = around(points);
@@ -112,6 +117,31 @@ impl PointGrid {
     pub fn within(&self, point: Vec3, reach: f32) -> impl Iterator<Item = u32> {
         let entries = |cell: usize| &self.entries[self.starts[cell] as usize..self.starts[cell + 1] as usize];
         self.columns.within(point, reach).flat_map(entries).copied()
+    }
+
+    /// Returns the indices of the `most` points nearest to `at` that `accept` lets pass, the nearest first; of equally near ones the lower
+    /// index comes first. `points` are those that the grid was made of.
+    pub fn nearest(&self, points: &[Vec3], at: Vec3, most: usize, accept: impl Fn(u32) -> bool) -> Vec<u32> {
+        let mut best: Vec<(f32, u32)> = Vec::with_capacity(most.saturating_add(1).min(points.len() + 1));
+        for ring in 0..=self.ring_count() {
+            // A little less than the distance of the ring, because columns are computed with rounding.
+            let bound = (ring - 1) as f32 * self.cell_m * 0.999;
+            if best.len() >= most && best.last().is_none_or(|(worst, _)| *worst < bound) {
+                break;
+            }
+            self.ring(at, ring, |range| {
+                for &idx in &self.entries[range] {
+                    let entry = (points[idx as usize].distance(at), idx);
+                    let comes_before = |known: &(f32, u32)| known.0.total_cmp(&entry.0).then(known.1.cmp(&idx)).is_lt();
+                    let has_room = best.len() < most || best.last().is_some_and(|worst| !comes_before(worst));
+                    if has_room && accept(idx) {
+                        best.insert(best.partition_point(comes_before), entry);
+                        best.truncate(most);
+                    }
+                }
+            });
+        }
+        best.into_iter().map(|(_, idx)| idx).collect()
     }
 
     /// Returns the indices of all points in the order of their columns, row by row; [`ring`](Self::ring) yields ranges of it.
@@ -196,6 +226,16 @@ impl GrowingGrid {
     }
 }
 
+/// Returns the distance between neighbouring points if all were spread evenly over their bounding rectangle, m; at least 1 m.
+pub(crate) fn spacing(points: &[Vec3]) -> f32 {
+    let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
+    for point in points {
+        (low, high) = (low.min(*point), high.max(*point));
+    }
+    let area = (high.x - low.x).max(1.0) * (high.z - low.z).max(1.0);
+    (area / points.len().max(1) as f32).sqrt().max(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -242,5 +282,28 @@ mod tests {
             assert!(expected.into_iter().all(|other| near.iter().any(|(idx, _)| *idx == other)));
         }
         assert_eq!(grid.within(Vec3::ZERO, f32::INFINITY).count(), 300);
+    }
+
+    #[test]
+    fn the_nearest_points_are_those_of_a_full_sort() {
+        let on_a_lattice: Vec<Vec3> =
+            (0..400).map(|idx| Vec3::new((idx % 20) as f32 * 3.0, (idx % 3) as f32, (idx / 20) as f32 * 3.0)).collect();
+        let scattered: Vec<Vec3> =
+            (0..300).map(|idx| Vec3::new((idx * 37 % 211) as f32 * 0.9, 0.0, (idx * 53 % 197) as f32 * 1.1)).collect();
+        let in_a_heap = vec![Vec3::ONE; 30];
+        let with_an_outlier: Vec<Vec3> = scattered.iter().copied().chain([Vec3::new(9.0e4, 0.0, -9.0e4)]).collect();
+        for points in [on_a_lattice, scattered, in_a_heap, with_an_outlier, Vec::new()] {
+            let grid = PointGrid::spread(&points);
+            let places = points.iter().copied().step_by(17).chain([Vec3::new(-40.0, 5.0, 500.0)]);
+            for (at, most) in places.zip([1, 8, 12, 0, 1000].into_iter().cycle()) {
+                let accept = |idx: u32| !idx.is_multiple_of(5);
+                let mut all: Vec<u32> = (0..points.len() as u32).filter(|&idx| accept(idx)).collect();
+                all.sort_by(|a, b| {
+                    points[*a as usize].distance(at).total_cmp(&points[*b as usize].distance(at)).then(a.cmp(b))
+                });
+                all.truncate(most);
+                assert_eq!(grid.nearest(&points, at, most, accept), all);
+            }
+        }
     }
 }

@@ -22,6 +22,10 @@ const MAX_CHANCE: f64 = 0.99;
 /// Number of probes below which [`LegModel::default`] is used instead of a fit.
 const MIN_PROBES: usize = 200;
 
+/// Greatest magnitude of a coefficient.
+const MAX_COEFFICIENT: f64 = 1.0e9;
+/// Greatest range of a fit, m.
+const MAX_RANGE_M: f64 = 1.0e5;
 /// Number of failures at the usual share of deaths that are added to those of a build.
 const USUAL_FAILURES: f64 = 10.0;
 /// Share of deaths among failures, anywhere.
@@ -110,11 +114,10 @@ impl LegModel {
         }
     }
 
-    /// Returns whether every coefficient is finite and the range is at least 1 m.
-    pub fn is_finite(&self) -> bool {
-        self.success.iter().chain(&self.decisions).all(|value| value.is_finite())
-            && self.range_m.is_finite()
-            && self.range_m >= 1.0
+    /// Returns whether every coefficient and the range are such that no estimate overflows.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.success.iter().chain(&self.decisions).all(|value| value.abs() <= MAX_COEFFICIENT)
+            && (1.0..=MAX_RANGE_M).contains(&self.range_m)
             && (0.0..=1.0).contains(&self.death_share)
     }
 

@@ -15,6 +15,7 @@ mod attach;
 pub mod build;
 pub mod candidates;
 mod closure;
+mod editable;
 pub mod edits;
 pub mod evidence;
 pub mod export;

@@ -232,6 +232,7 @@ impl LiveEvidence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn sums_of_several_planners_are_the_evidence_of_one() {
@@ -267,5 +268,73 @@ mod tests {
         let mut live = LiveEvidence::of_counts([on(proved), on(proved), on(added)]);
         live.renew(LiveEvidence::of_counts([on(proved)]), 5);
         assert_eq!(live, LiveEvidence::of_counts([on(proved), on(added)]));
+    }
+
+    fn graph() -> NavGraph {
+        let edge = |from: u32, tries: u32| {
+            let mut evidence = Evidence::default();
+            (0..tries).for_each(|_| evidence.note(TryEnd::Arrived, 10, surefoot_world::Ability::Walk));
+            Edge { key: EdgeKey::new(from, from + 1), evidence }
+        };
+        let vertices = (0..4_u8).map(|idx| surefoot_world::Vec3::new(30.0 * f32::from(idx), 0.0, 0.0)).collect();
+        let edges = vec![edge(0, 1), edge(1, 8), edge(2, 40)];
+        NavGraph::check(crate::graph::GraphData { vertices, edges, legs: crate::legs::LegModel::default() }).unwrap()
+    }
+
+    /// Reports as (reporter, whether it is trusted, edge, end, decisions); the last edge is none of the graph.
+    fn reports() -> impl Strategy<Value = Vec<(u8, bool, u32, TryEnd, u32)>> {
+        let end = prop::sample::select(vec![TryEnd::Arrived, TryEnd::Failed, TryEnd::Died]);
+        let decisions = prop_oneof![9 => 1..90u32, 1 => Just(u32::MAX)];
+        prop::collection::vec((any::<u8>(), any::<bool>(), 0..4u32, end, decisions), 0..400)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 100, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn whatever_is_reported_the_evidence_is_sound_and_strangers_count_half_as_much_as_probes(reports in reports()) {
+            let graph = graph();
+            let mut live = LiveEvidence::default();
+            // By edge: all trusted reports, which count one by one until there are too many to remember.
+            let mut trusted: BTreeMap<EdgeKey, Evidence> = BTreeMap::new();
+            for (name, is_trusted, from, end, decisions) in reports {
+                let reporter = Reporter { name: format!("reporter {name}"), is_trusted };
+                let traversal = Traversal { edge: EdgeKey::new(from, from + 1), end, decisions };
+                let cost = live.note(&graph, &reporter, &traversal);
+                prop_assert_eq!(cost.is_some(), graph.edge(traversal.edge).is_some());
+                prop_assert_eq!(cost, live.cost(&graph, traversal.edge));
+                if cost.is_some() && is_trusted {
+                    trusted.entry(traversal.edge).or_default().note(end, decisions, surefoot_world::Ability::Walk);
+                }
+            }
+            prop_assert!(live.is_sound() && live.reports().len() <= MAX_REPORTERS + 2);
+            prop_assert_eq!(&crate::store::decode_live(&crate::store::encode_live(&live)).unwrap(), &live);
+            let applied = live.apply_to(&graph);
+            for edge in graph.edges() {
+                let both = applied.edge(edge.key).unwrap().evidence;
+                prop_assert_eq!(Some(both.edge_cost()), live.cost(&graph, edge.key));
+                let all = trusted.get(&edge.key).copied().unwrap_or_default();
+                if all.tries < MEMORY {
+                    let others = both.tries - edge.evidence.tries - all.tries;
+                    prop_assert!(others <= edge.evidence.tries / PROBES_FOR_EACH);
+                    prop_assert!(both.successes >= edge.evidence.successes + all.successes);
+                }
+            }
+            // Without the reports, the graph is what it was.
+            let names: Vec<String> = live.reports().into_iter().map(|report| report.reporter.name).collect();
+            names.iter().for_each(|name| _ = live.drop_reports(name));
+            prop_assert!(live.is_empty());
+            prop_assert_eq!(live.apply_to(&graph).to_data(), graph.to_data());
+        }
+    }
+
+    #[test]
+    fn counts_that_overflow_are_left_out() {
+        let reporter = Reporter { name: "a".to_owned(), is_trusted: true };
+        let one = Counts::of(&reporter, &Traversal { edge: EdgeKey::new(0, 1), end: TryEnd::Arrived, decisions: 9 });
+        for decisions in [[1.0e300, 81.0], [9.0, 1.0e300], [f64::NAN, 81.0], [-1.0, 1.0]] {
+            let live = LiveEvidence::of_counts([one.clone(), Counts { decisions, ..one.clone() }, one.clone()]);
+            assert_eq!((live.traversals(), live.is_sound()), (2, true), "{decisions:?}");
+        }
     }
 }

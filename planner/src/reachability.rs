@@ -2,6 +2,7 @@
 //! differences between two versions.
 
 use crate::graph::NavGraph;
+use crate::grid::PointGrid;
 use crate::ids::VertexId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -57,6 +58,7 @@ pub fn describe(graph: &NavGraph) -> Connection {
     order.sort_by_key(|(id, members)| (std::cmp::Reverse(members.len()), *id));
     let main = order.first().map(|(_, members)| members[0]);
     let from_main = main.map_or(Vec::new(), |main| graph.reachable_from(main));
+    let to_main = main.map_or(Vec::new(), |main| graph.reaching(main));
     let islands = order
         .iter()
         .map(|(id, members)| Island {
@@ -64,7 +66,7 @@ pub fn describe(graph: &NavGraph) -> Connection {
             vertices: members.len(),
             at: graph.position(members[0]),
             entered: from_main[members[0].idx()],
-            left: main.is_some_and(|main| graph.reachable_from(members[0])[main.idx()]),
+            left: to_main[members[0].idx()],
         })
         .collect();
     let connected = graph.connected_share();
@@ -115,19 +117,17 @@ pub struct Difference {
 
 /// Compares two versions of a level. A position counts as reached in a version if a reached vertex lies within 8 m of it.
 pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
-    let places = |graph: &NavGraph| -> Vec<(Vec3, bool)> {
-        graph
-            .vertices()
-            .zip(reached_from_main(graph))
-            .map(|(vertex, reached)| (graph.position(vertex), reached))
-            .collect()
+    let reached = |graph: &NavGraph| -> Vec<Vec3> {
+        let reached = graph.vertices().zip(reached_from_main(graph)).filter(|(_, reached)| *reached);
+        reached.map(|(vertex, _)| graph.position(vertex)).collect()
     };
-    let (old, new) = (places(before), places(after));
-    let is_reached = |places: &[(Vec3, bool)], at: Vec3| {
-        places.iter().any(|(place, reached)| *reached && place.distance_squared(at) <= SAME_M * SAME_M)
-    };
-    let only = |here: &[(Vec3, bool)], there: &[(Vec3, bool)]| -> Vec<Vec3> {
-        here.iter().filter(|(at, reached)| *reached && !is_reached(there, *at)).map(|(at, _)| *at).collect()
+    let (old, new) = (reached(before), reached(after));
+    let only = |here: &[Vec3], there: &[Vec3]| -> Vec<Vec3> {
+        let grid = PointGrid::new(there, SAME_M);
+        let is_same = |at: Vec3, other: u32| there[other as usize].distance_squared(at) <= SAME_M * SAME_M;
+        // A little more, because columns are computed with rounding.
+        let is_reached = |at: &Vec3| grid.within(*at, SAME_M + 0.1).any(|other| is_same(*at, other));
+        here.iter().copied().filter(|at| !is_reached(at)).collect()
     };
     Difference {
         connected_before: before.connected_share(),
@@ -135,5 +135,78 @@ pub fn compare(before: &NavGraph, after: &NavGraph) -> Difference {
         lost: only(&old, &new),
         gained: only(&new, &old),
         islands: (before.island_count() as usize, after.island_count() as usize),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::{Evidence, TryEnd};
+    use crate::graph::{Edge, GraphData};
+    use crate::ids::EdgeKey;
+    use crate::legs::LegModel;
+    use proptest::prelude::*;
+
+    /// A graph of vertices on a plane and edges by abilities.
+    fn graph(places: &[(u8, u8)], edges: &[(u8, u8, Ability)]) -> NavGraph {
+        let vertices = places.iter().map(|(x, z)| Vec3::new(f32::from(*x), 0.0, f32::from(*z))).collect();
+        let end = |end: u8| u32::from(end) % places.len() as u32;
+        let edges = edges.iter().filter(|(from, to, _)| end(*from) != end(*to)).map(|(from, to, ability)| {
+            let mut evidence = Evidence::default();
+            evidence.note(TryEnd::Arrived, 9, *ability);
+            Edge { key: EdgeKey::new(end(*from), end(*to)), evidence }
+        });
+        NavGraph::check(GraphData { vertices, edges: edges.collect(), legs: LegModel::default() }).unwrap()
+    }
+
+    fn graphs() -> impl Strategy<Value = NavGraph> {
+        let ability = prop::sample::select(vec![Ability::Walk, Ability::Jump, Ability::Pad]);
+        let places = prop::collection::vec((any::<u8>(), any::<u8>()), 1..40);
+        let edges = prop::collection::vec((any::<u8>(), any::<u8>(), ability), 0..70);
+        (places, edges).prop_map(|(places, edges)| graph(&places, &edges))
+    }
+
+    /// The share of pairs with a path, by a search from every vertex.
+    fn searched_share(graph: &NavGraph) -> f64 {
+        let reached = |from| graph.reachable_from(from).iter().filter(|reached| **reached).count() - 1;
+        let pairs: usize = graph.vertices().map(reached).sum();
+        pairs as f64 / (graph.vertex_count() * (graph.vertex_count() - 1)).max(1) as f64
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 200, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn descriptions_agree_with_a_search_from_every_vertex(graph in graphs()) {
+            let described = describe(&graph);
+            prop_assert_eq!(described.connected, searched_share(&graph));
+            for (name, lost) in &described.lost_without {
+                let ability = Ability::ALL.into_iter().find(|ability| ability.name() == name).unwrap();
+                prop_assert_eq!(*lost, described.connected - searched_share(&without(&graph, ability)));
+            }
+            let of_island = |id: u32| graph.vertices().find(|vertex| graph.islands()[vertex.idx()] == id).unwrap();
+            let main = of_island(described.islands[0].id);
+            for island in &described.islands {
+                let member = of_island(island.id);
+                prop_assert_eq!(island.at, graph.position(member));
+                prop_assert_eq!(island.entered, graph.reachable_from(main)[member.idx()]);
+                prop_assert_eq!(island.left, graph.reachable_from(member)[main.idx()]);
+            }
+        }
+
+        #[test]
+        fn versions_differ_where_no_reached_place_of_the_other_is_near(before in graphs(), after in graphs()) {
+            let reached = |graph: &NavGraph| -> Vec<Vec3> {
+                let reached = reached_from_main(graph);
+                graph.vertices().filter(|vertex| reached[vertex.idx()]).map(|vertex| graph.position(vertex)).collect()
+            };
+            let only = |here: &NavGraph, there: &NavGraph| -> Vec<Vec3> {
+                let there = reached(there);
+                reached(here).into_iter().filter(|at| there.iter().all(|other| other.distance(*at) > SAME_M)).collect()
+            };
+            let difference = compare(&before, &after);
+            prop_assert_eq!(difference.lost, only(&before, &after));
+            prop_assert_eq!(difference.gained, only(&after, &before));
+        }
     }
 }

@@ -7,13 +7,15 @@
 //! where a graph has neither, or where the path that was looked up uses an avoided or repriced edge, or an ability that the
 //! query does without.
 
+mod afar;
+
 use crate::adjacency::{Adjacency, EdgeIdx};
-use crate::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS, VertexIndex};
+use crate::attach::{ATTACHMENTS, Attachment, Direction, Reach, VertexIndex};
 use crate::closure::Closure;
 use crate::evidence::Caution;
 pub use crate::evidence::EdgeCosts;
-use crate::graph::{Edge, NavGraph};
-use crate::grid::PointGrid;
+use crate::graph::NavGraph;
+use crate::grid::{PointGrid, spacing};
 use crate::hierarchy::Hierarchy;
 use crate::ids::{EdgeKey, LegKey, Stop, VertexId};
 use crate::legs::LegPrices;
@@ -25,14 +27,12 @@ use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet};
 use std::sync::OnceLock;
-use surefoot_world::{Ability, Seconds, Vec3};
+use surefoot_world::{Seconds, Vec3};
 
 /// Greatest distance at which heading straight for the goal is considered as an alternative to the graph, m.
 const DIRECT_M: f32 = 20.0;
 /// Distance from a vertex within which a start or goal counts as lying at it, m: that at which an NPC has reached it.
 const AT_VERTEX_M: f32 = 1.0;
-/// Least limit on the climb of the leg to a goal, m: the height of a double jump with the default profile.
-const LEAST_CLIMB_M: f32 = 5.0;
 /// Default for the largest vertex count at which a router keeps a table; the table then takes 84 MB.
 pub const DEFAULT_TABLE_LIMIT: usize = 4096;
 
@@ -72,8 +72,8 @@ impl Router {
     pub fn new(graph: NavGraph, table_limit: usize, thread_count: usize) -> Self {
         let adjacency = Adjacency::new(&graph);
         let fits = graph.vertex_count() <= table_limit && adjacency.fits_table();
-        let cell_m = spacing(&graph);
         let positions: Vec<Vec3> = graph.vertices().map(|vertex| graph.position(vertex)).collect();
+        let cell_m = spacing(&positions);
         let table =
             fits.then(|| Table::fill(&adjacency, PointGrid::new(&positions, 2.0 * cell_m).order(), thread_count));
         let mut metres_per_cost = f32::MIN_POSITIVE;
@@ -91,9 +91,9 @@ impl Router {
             sources: VertexIndex::new(&graph, cell_m, |vertex| graph.is_left(vertex)),
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
             prices: LegPrices::new(graph.legs(), Caution::CAREFUL),
-            reach: Reach::of(&graph),
+            reach: Reach::of(&graph, DIRECT_M),
             forbidden: Vec::new(),
-            closure: Closure::new(&graph),
+            closure: Closure::new(graph.islands(), &graph.exits()),
             labels: OnceLock::new(),
             passing: OnceLock::new(),
             graph,
@@ -244,22 +244,6 @@ impl Router {
         if path.edges.iter().all(is_usual) { Some(path) } else { self.a_star(starts, goals, query, repriced) }
     }
 
-    /// Finds a plan where no path joins the cheapest attachments, of which `goals` are those of the goal: between more of them, or else to
-    /// the reachable vertex that is nearest to the goal.
-    fn plan_from_afar(&self, query: &Query, goals: Vec<Attachment>, repriced: &EdgeCosts) -> Plan {
-        let starts = self.attach_start_widely(query);
-        // Fewer than were asked for are all that there are.
-        let goals = if goals.len() < ATTACHMENTS { goals } else { self.attach_goal(query, MORE_ATTACHMENTS) };
-        if let Some(path) = self.join(&starts, &goals, query, repriced) {
-            return self.assemble(query, &path);
-        }
-        let reason = self.explain(query, &starts, &goals);
-        match self.nearest_reachable(query, &starts) {
-            Some(nearest) => self.lead_to(query, &starts, nearest, reason, repriced),
-            None => self.direct(query, Some(reason)),
-        }
-    }
-
     /// Searches the cheapest path between two vertices with A*. Returns its cost in decisions and its vertices.
     pub fn search(&self, from: VertexId, to: VertexId) -> Option<(f32, Vec<VertexId>)> {
         let query = Query::new(self.graph.position(from), self.graph.position(to));
@@ -284,19 +268,6 @@ impl Router {
             is_start_open(query, vertex) && !closed.contains(&vertex) && self.is_boarded(query.start, vertex)
         };
         self.sources.cheapest(query.start, ATTACHMENTS, &self.prices(query), f32::INFINITY, Direction::Away, accept)
-    }
-
-    /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
-    fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
-        let closed = self.closed_from(query.start);
-        let accept = |vertex, leg| {
-            is_start_open(query, vertex)
-                && !closed.contains(&vertex)
-                && self.reach.contains(leg)
-                && self.is_boarded(query.start, vertex)
-        };
-        let reach_m = self.reach.length_m;
-        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, accept)
     }
 
     /// Finds the cheapest vertices to walk from to the goal. Those without incoming edges are left out, and those farther from
@@ -465,101 +436,6 @@ impl Router {
         legs.push(Leg::unproved(model, LegKey { from: Stop::Vertex(last), to: Stop::Goal }, [at, query.goal]));
         Plan { waypoints, legs, no_path: None, needs: hanging, nearest: None }
     }
-
-    fn explain(&self, query: &Query, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
-        if starts.is_empty() {
-            return NoPath::StartOffGraph;
-        }
-        if goals.is_empty() {
-            return NoPath::GoalOffGraph;
-        }
-        let back = goals.iter().any(|&(goal, _)| {
-            let reached = self.reached_from(goal, query);
-            starts.iter().any(|&(start, _)| reached.contains(start))
-        });
-        if back { NoPath::OneWay } else { NoPath::DifferentIslands }
-    }
-
-    /// The plan to the vertex `nearest`, because there is none to the goal.
-    fn lead_to(
-        &self,
-        query: &Query,
-        starts: &[Attachment],
-        nearest: VertexId,
-        reason: NoPath,
-        repriced: &EdgeCosts,
-    ) -> Plan {
-        let ends = [(nearest, 0.0)];
-        let path = if query.is_usual() && repriced.is_empty() && self.knows_all() {
-            self.look_up_path(starts, &ends)
-        } else {
-            self.a_star(starts, &ends, query, repriced)
-        };
-        // Avoided legs may cut off what the table knows.
-        let Some(path) = path else { return self.direct(query, Some(reason)) };
-        let mut plan = self.assemble(query, &path);
-        // The leg from the last vertex to the goal.
-        plan.waypoints.pop();
-        plan.legs.pop();
-        Plan { no_path: Some(reason), nearest: Some(self.graph.position(nearest)), ..plan }
-    }
-
-    /// The vertex that is nearest to the goal among those that a path leads to from any of `starts`.
-    fn nearest_reachable(&self, query: &Query, starts: &[Attachment]) -> Option<VertexId> {
-        let goal = query.goal;
-        let islands = self.graph.islands();
-        let mut from: Vec<VertexId> = Vec::new();
-        for &(start, _) in starts {
-            // What one vertex of an island leads to, all do, unless the query does without an ability or a mover.
-            let is_new = from.iter().all(|other| islands[other.idx()] != islands[start.idx()]);
-            if is_new || !query.without.is_empty() || !query.stops.is_empty() {
-                from.push(start);
-            }
-        }
-        let reached: Vec<Reached<'_>> = from.iter().map(|&start| self.reached_from(start, query)).collect();
-        let mut best: Option<(f32, VertexId)> = None;
-        self.vertices.visit_from(goal, |bound, vertices| {
-            if best.is_some_and(|(least, _)| bound > least) {
-                return false;
-            }
-            for &(at, vertex) in vertices {
-                let distance = at.distance_squared(goal);
-                let is_nearer = best.is_none_or(|(least, _)| distance < least);
-                if is_nearer && reached.iter().any(|reached| reached.contains(vertex)) {
-                    best = Some((distance, vertex));
-                }
-            }
-            true
-        });
-        best.map(|(_, vertex)| vertex)
-    }
-
-    /// The vertices that paths that a query may take lead to from `from`, itself included.
-    fn reached_from(&self, from: VertexId, query: &Query) -> Reached<'_> {
-        let is_open =
-            |edge: &Edge| !query.without.contains(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops);
-        match &self.closure {
-            Some(closure) if query.without.is_empty() && query.stops.is_empty() => Reached::Closure(closure, from),
-            _ => Reached::Search(self.graph.reachable_along(from, is_open)),
-        }
-    }
-}
-
-/// The vertices that paths lead to from one vertex.
-enum Reached<'a> {
-    /// The closure of the islands knows.
-    Closure(&'a Closure, VertexId),
-    /// A search has found out, for each vertex.
-    Search(Vec<bool>),
-}
-
-impl Reached<'_> {
-    fn contains(&self, vertex: VertexId) -> bool {
-        match self {
-            Self::Closure(closure, from) => closure.joins(*from, vertex),
-            Self::Search(reached) => reached[vertex.idx()],
-        }
-    }
 }
 
 /// A path through the graph.
@@ -589,46 +465,6 @@ impl Ord for HeapCost {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
     }
-}
-
-/// Limits of the unproved leg to a goal. A goal beyond them from every vertex stands on ground that no vertex leads to, or on none.
-#[derive(Debug, Clone, Copy)]
-struct Reach {
-    /// Greatest length, m.
-    length_m: f32,
-    /// Greatest climb, m.
-    climb_m: f32,
-}
-
-impl Reach {
-    /// The longest and the highest edge that was proved on foot, without devices, but at least [`DIRECT_M`] and [`LEAST_CLIMB_M`].
-    /// Without such edges, the range of the leg model stands in for both.
-    fn of(graph: &NavGraph) -> Self {
-        let range_m = graph.legs().range_m() as f32;
-        let is_on_foot = |edge: &&Edge| edge.evidence.has_track() && edge.evidence.ability <= Ability::DoubleJump;
-        let offset = |edge: &Edge| graph.position(edge.key.to) - graph.position(edge.key.from);
-        let longest =
-            |of: fn(Vec3) -> f32| graph.edges().filter(is_on_foot).map(|edge| of(offset(edge))).reduce(f32::max);
-        Self {
-            length_m: longest(Vec3::length).unwrap_or(range_m).max(DIRECT_M),
-            climb_m: longest(|offset| offset.y).unwrap_or(range_m).max(LEAST_CLIMB_M),
-        }
-    }
-
-    /// Returns whether a leg with this offset from start to end is within the limits.
-    fn contains(&self, offset: Vec3) -> bool {
-        offset.y <= self.climb_m && offset.length_squared() <= self.length_m * self.length_m
-    }
-}
-
-/// Returns the distance between neighbouring vertices if all were spread evenly over their bounding rectangle, m.
-fn spacing(graph: &NavGraph) -> f32 {
-    let (mut low, mut high) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
-    for vertex in graph.vertices() {
-        (low, high) = (low.min(graph.position(vertex)), high.max(graph.position(vertex)));
-    }
-    let area = (high.x - low.x).max(1.0) * (high.z - low.z).max(1.0);
-    (area / graph.vertex_count().max(1) as f32).sqrt().max(1.0)
 }
 
 /// Whether the query does not avoid the leg from its start to `vertex`.

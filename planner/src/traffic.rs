@@ -19,6 +19,8 @@ const STOREY_M: f32 = 4.0;
 const AHEAD_M: f32 = 40.0;
 /// Distance between two places of a way that are looked at, m.
 const STRIDE_M: f32 = 1.0;
+/// Length of an edge on which it counts as passing squares, m. Longer ones are no ways on foot, but devices.
+const PASSING_M: f32 = 200.0;
 /// Squares on each side of one that belong to the same crowd: whoever goes around a crowd goes around all of them.
 const AROUND: i32 = 1;
 /// NPCs in a square that do not delay each other.
@@ -155,7 +157,7 @@ impl Passing {
         for vertex in graph.vertices() {
             for (edge, to, _) in adjacency.outgoing(vertex) {
                 let ends = [graph.position(vertex), graph.position(to)];
-                walk(ends.into_iter(), f32::INFINITY, |place| {
+                walk(ends.into_iter(), PASSING_M, |place| {
                     let passing = edges.entry(square(place)).or_default();
                     if passing.last() != Some(&edge) {
                         passing.push(edge);
@@ -177,5 +179,138 @@ impl Passing {
             costs.insert(key, cost.delayed(met.delay));
         }
         costs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::Evidence;
+    use crate::graph::{Edge, GraphData};
+    use crate::ids::EdgeKey;
+    use crate::legs::LegModel;
+    use crate::plan::Query;
+    use crate::search::Router;
+    use proptest::prelude::*;
+
+    fn graph(vertices: Vec<Vec3>, edges: &[(u32, u32, f64)]) -> NavGraph {
+        let edges = edges.iter().map(|&(from, to, decisions)| Edge {
+            key: EdgeKey::new(from, to),
+            evidence: Evidence::vouched(Decisions(decisions)),
+        });
+        NavGraph::check(GraphData { vertices, edges: edges.collect(), legs: LegModel::default() }).unwrap()
+    }
+
+    fn place() -> impl Strategy<Value = Vec3> {
+        (-30.0..30.0f32, 0.0..9.0f32, -30.0..30.0f32).prop_map(|(x, y, z)| Vec3::new(x, y, z))
+    }
+
+    /// The places on straight lines between those of a way, every millimetre, up to `most` metres from the first.
+    fn closely(way: &[Vec3], most: f32) -> Vec<Vec3> {
+        let mut places = vec![way[0]];
+        let mut gone = 0.0;
+        for pair in way.windows(2) {
+            let length = pair[0].distance(pair[1]);
+            let steps = (length * 1000.0) as u32;
+            let on_line = (0..=steps).map(|step| pair[0] + (pair[1] - pair[0]) * (step as f32 / steps.max(1) as f32));
+            places.extend(on_line.take_while(|at| gone + pair[0].distance(*at) <= most));
+            gone += length;
+        }
+        places
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 100, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_walk_visits_every_metre_of_a_way_and_nothing_else(way in prop::collection::vec(place(), 1..6), most in 5.0..90.0f32) {
+            let mut visited = Vec::new();
+            walk(way.iter().copied(), most, |place| visited.push(place));
+            let close = closely(&way, most);
+            for at in &visited {
+                prop_assert!(close.iter().any(|other| other.distance(*at) < 0.01), "{at} is not on the way");
+            }
+            for at in &close {
+                prop_assert!(visited.iter().any(|other| other.distance(*at) <= STRIDE_M + 0.01), "{at} is left out");
+            }
+        }
+
+        #[test]
+        fn an_npc_counts_once_in_each_square_that_it_is_about_to_pass(
+            ways in prop::collection::vec(prop::collection::vec(place(), 1..5), 1..12),
+        ) {
+            let mut traffic = Traffic::default();
+            let mut expected: BTreeMap<Square, u32> = BTreeMap::new();
+            for way in &ways {
+                let plan = Plan { waypoints: way[1..].to_vec(), ..Plan::straight(Vec3::ZERO) };
+                traffic.add_plan(way[0], &plan, 0);
+                let mut squares = BTreeSet::new();
+                walk(way.iter().copied(), AHEAD_M, |place| _ = squares.insert(square(place)));
+                squares.into_iter().for_each(|square| *expected.entry(square).or_default() += 1);
+            }
+            prop_assert_eq!(&traffic.npcs, &expected);
+            // What is met is the most crowded square of a way, if it is crowded at all.
+            let plan = Plan { waypoints: ways[0][1..].to_vec(), ..Plan::straight(Vec3::ZERO) };
+            traffic.add_crowd(ways[0][ways[0].len() - 1], 40);
+            let mut most = 0;
+            walk(ways[0].iter().copied(), AHEAD_M, |place| most = most.max(traffic.npcs[&square(place)]));
+            let met = traffic.met_by(ways[0][0], &plan);
+            prop_assert_eq!(met.map(|met| met.delay), delay(most));
+            prop_assert_eq!(met.map(|met| traffic.npcs[&met.square]), delay(most).map(|_| most));
+        }
+
+        #[test]
+        fn a_crowd_delays_the_edges_that_pass_it_and_no_others(
+            vertices in prop::collection::vec(place(), 12),
+            ends in prop::collection::btree_set((0..12u32, 0..12u32), 0..30),
+            crowd in place(),
+        ) {
+            let edges: Vec<(u32, u32, f64)> = ends.into_iter().filter(|(from, to)| from != to).map(|(from, to)| (from, to, 7.0)).collect();
+            let graph = graph(vertices, &edges);
+            let adjacency = Adjacency::new(&graph);
+            let met = Met { square: square(crowd), delay: Decisions(12.0) };
+            let costs = Passing::new(&graph, &adjacency).delayed(&adjacency, met, &EdgeCosts::new());
+            for edge in graph.edges() {
+                let mut passes = false;
+                let ends = [edge.key.from, edge.key.to].map(|end| graph.position(end));
+                walk(ends.into_iter(), f32::INFINITY, |place| passes |= around(met.square).any(|near| near == square(place)));
+                let expected = passes.then(|| edge.evidence.edge_cost().delayed(met.delay));
+                prop_assert_eq!(costs.get(&edge.key).copied(), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn the_longest_edges_pass_a_bounded_number_of_squares() {
+        let graph = graph(vec![Vec3::ZERO, Vec3::new(9999.0, 0.0, 0.0)], &[(0, 1, 50.0), (1, 0, 50.0)]);
+        let passing = Passing::new(&graph, &Adjacency::new(&graph));
+        assert!(passing.0.len() <= 2 * (PASSING_M / SQUARE_M) as usize + 4, "{} squares", passing.0.len());
+    }
+
+    #[test]
+    fn a_plan_goes_around_a_crowd_if_that_takes_less_time_than_waiting() {
+        let vertices = [[0.0, 0.0], [80.0, 0.0], [40.0, 40.0]].map(|[x, z]| Vec3::new(x, 0.0, z)).to_vec();
+        let router = Router::new(graph(vertices.clone(), &[(0, 1, 40.0), (0, 2, 35.0), (2, 1, 35.0)]), 64, 1);
+        let query = Query::new(vertices[0], vertices[1] + Vec3::X);
+        let passes = |npcs: u32| {
+            let mut traffic = Traffic::default();
+            traffic.add_crowd(Vec3::new(20.0, 0.0, 0.0), npcs);
+            let plan = router.find_path_in(&mut traffic, &query, &EdgeCosts::new());
+            plan.legs.iter().filter_map(|leg| leg.key.edge()).map(|key| (key.from.0, key.to.0)).collect::<Vec<_>>()
+        };
+        assert_eq!(passes(FREE), [(0, 1)]);
+        assert_eq!(passes(FREE + STEP), [(0, 1)], "a step aside gains nothing");
+        assert_eq!(passes(400), [(0, 2), (2, 1)]);
+    }
+
+    #[test]
+    fn places_that_no_map_has_share_the_last_square() {
+        let mut traffic = Traffic::default();
+        for far in [Vec3::splat(f32::MAX), Vec3::splat(f32::MIN), Vec3::new(f32::NAN, f32::INFINITY, 0.0)] {
+            traffic.add_crowd(far, u32::MAX);
+            traffic.add_crowd(far, u32::MAX);
+            assert!(traffic.met_by(far, &Plan::straight(Vec3::ZERO)).is_some());
+        }
+        assert!(!traffic.crowds().is_empty());
     }
 }

@@ -9,6 +9,7 @@ use crate::build::{BuildStats, Builder, Built, find_candidates_of, untried};
 use crate::candidates::Candidate;
 use crate::evidence::Evidence;
 use crate::graph::{Edge, GraphData, NavGraph};
+use crate::grid::GrowingGrid;
 use crate::ids::VertexId;
 use crate::legs::LegModel;
 use crate::needs::Berths;
@@ -130,9 +131,15 @@ impl Change {
     pub fn touches(&self, low: Vec3, high: Vec3) -> bool {
         let margin = Vec3::splat(MARGIN_M);
         let (low, high) = (low - margin, high + margin);
-        !self.is_far_from(low, high)
-            && cells(low, high)
-                .any(|cell| self.columns.get(&cell).is_some_and(|&(bottom, top)| bottom <= high.y && top >= low.y))
+        if self.is_far_from(low, high) || low.cmpgt(high).any() {
+            return false;
+        }
+        let is_touched = |&(bottom, top): &(f32, f32)| bottom <= high.y && top >= low.y;
+        // Bounds in a file may be as large as numbers get: only the part around the change is looked at.
+        let (near, far) = (low.max(self.bounds[0]), high.min(self.bounds[1]));
+        let (left, right, back, front) = (cell(near.x), cell(far.x), cell(near.z), cell(far.z));
+        (left..=right)
+            .any(|column| self.columns.range((column, back)..=(column, front)).any(|(_, heights)| is_touched(heights)))
     }
 
     /// Returns whether a box lies outside the one around all that differs.
@@ -164,9 +171,12 @@ impl Change {
     }
 }
 
+fn cell(metres: f32) -> i32 {
+    (metres / CELL_M).floor() as i32
+}
+
 /// Iterates over the columns that a box touches.
 fn cells(low: Vec3, high: Vec3) -> impl Iterator<Item = (i32, i32)> {
-    let cell = |value: f32| (value / CELL_M).floor() as i32;
     let (left, right, back, front) = (cell(low.x), cell(high.x), cell(low.z), cell(high.z));
     (back..=front).flat_map(move |row| (left..=right).map(move |column| (column, row)))
 }
@@ -180,7 +190,7 @@ pub struct Updated {
     pub change: Change,
     /// Number of candidate edges that the change affects; frugal probing may skip some of them.
     pub retried: u64,
-    /// Vertices where the character can no longer stand; they have no edges any more.
+    /// Vertices where the character can no longer stand, in ascending order; they have no edges any more.
     pub lost: Vec<VertexId>,
 }
 
@@ -191,6 +201,7 @@ pub struct Update {
     /// Those of the graph, and new ones at the end.
     vertices: Vec<Vec3>,
     known_count: usize,
+    /// In ascending order.
     lost: Vec<VertexId>,
     /// The edges of the graph, in its order.
     edges: Vec<Edge>,
@@ -218,7 +229,7 @@ impl Update {
     }
 
     fn is_lost(&self, key: &Candidate) -> bool {
-        [key.from, key.to].iter().any(|end| self.lost.contains(end))
+        [key.from, key.to].iter().any(|end| self.lost.binary_search(end).is_ok())
     }
 
     fn is_affected(&self, key: &Candidate) -> bool {
@@ -299,16 +310,18 @@ impl Builder<'_> {
 /// Adds vertices around and on top of the pieces that are new on the map of the site.
 fn add_vertices(vertices: &mut Vec<Vec3>, lost: &[VertexId], old_map: &Map, site: &Site) {
     let mut scratch = MoveScratch::default();
-    let lost: BTreeSet<VertexId> = lost.iter().copied().collect();
     let known_count = vertices.len();
+    let mut grid = GrowingGrid::new(site.map.extent(), APART_M, vertices);
     for piece in site.map.pieces().iter().filter(|piece| !old_map.pieces().contains(piece)) {
         for spot in around::spots(piece, &site.profile) {
             let feet = navigable::stand_at(&site.map, &site.profile, spot, around::RISE_M, &mut scratch);
             let Some(feet) = feet.filter(|_| vertices.len() < known_count + MAX_NEW) else { continue };
+            let is_lost = |vertex: u32| lost.binary_search(&VertexId(vertex)).is_ok();
             let is_taken =
-                (0..).zip(&*vertices).any(|(idx, at)| at.distance(feet) < APART_M && !lost.contains(&VertexId(idx)));
+                grid.within(feet, APART_M).any(|(vertex, at)| at.distance(feet) < APART_M && !is_lost(vertex));
             if !is_taken {
                 vertices.push(feet);
+                grid.push(feet);
             }
         }
     }
@@ -329,4 +342,51 @@ fn lost_vertices(vertices: &[Vec3], change: &Change, site: &Site) -> Vec<VertexI
         })
         .map(|(vertex, _)| vertex)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn change(boxes: &[[Vec3; 2]]) -> Change {
+        let mut change = Change::default();
+        boxes.iter().for_each(|[low, high]| change.add(*low, *high));
+        change
+    }
+
+    fn boxes() -> impl Strategy<Value = [Vec3; 2]> {
+        let corner = (-20.0..20.0f32, 0.0..9.0f32, -20.0..20.0f32);
+        let size = (0.0..6.0f32, 0.0..6.0f32, 0.0..6.0f32);
+        (corner, size).prop_map(|((x, y, z), (width, height, depth))| {
+            let low = Vec3::new(x, y, z);
+            [low, low + Vec3::new(width, height, depth)]
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 300, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_box_is_touched_if_any_of_its_columns_is(changed in prop::collection::vec(boxes(), 0..5), [low, high] in boxes()) {
+            let change = change(&changed);
+            let (wide_low, wide_high) = (low - MARGIN_M, high + MARGIN_M);
+            let touched = cells(wide_low, wide_high).any(|cell| {
+                change.columns.get(&cell).is_some_and(|&(bottom, top)| bottom <= wide_high.y && top >= wide_low.y)
+            });
+            let is_far = wide_low.cmpgt(change.bounds[1]).any() || wide_high.cmplt(change.bounds[0]).any();
+            prop_assert_eq!(change.touches(low, high), touched && !is_far);
+        }
+    }
+
+    #[test]
+    fn boxes_as_large_as_numbers_get_are_answered() {
+        let change = change(&[[Vec3::ZERO, Vec3::splat(30.0)], [Vec3::splat(900.0), Vec3::splat(950.0)]]);
+        assert!(change.touches(Vec3::MIN, Vec3::MAX));
+        assert!(!change.touches(Vec3::MIN.with_y(100.0), Vec3::MAX.with_y(200.0)), "between the two in height");
+        assert!(!change.touches(Vec3::MAX, Vec3::MIN), "no track at all");
+        assert!(!Change::default().touches(Vec3::MIN, Vec3::MAX));
+        // No box, although the margin of its corners is within the change.
+        assert!(!change.touches(Vec3::splat(20.0), Vec3::splat(5.0)));
+    }
 }

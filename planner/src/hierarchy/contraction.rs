@@ -67,18 +67,13 @@ pub struct Contracted {
 /// Contracts all vertices of a graph.
 pub fn contract(adjacency: &Adjacency) -> Contracted {
     let count = adjacency.vertex_count();
-    let mut rest = Rest {
-        leaving: vec![Vec::new(); count],
-        entering: vec![Vec::new(); count],
-        level: vec![0; count],
-        search: Search { costs: vec![f32::INFINITY; count], touched: Vec::new(), open: BinaryHeap::new() },
-    };
+    let mut rest = Rest::new(count);
     for from in 0..count {
         for (edge, to, cost) in adjacency.outgoing(VertexId::at(from)) {
             rest.add(from as u32, to.0, cost, Origin(edge), 1);
         }
     }
-    let mut queue: BinaryHeap<Reverse<(u32, u32)>> =
+    let mut queue: BinaryHeap<Reverse<(u64, u32)>> =
         (0..count as u32).map(|vertex| Reverse((rest.importance(vertex), vertex))).collect();
     let mut order = Vec::with_capacity(count);
     while let Some(Reverse((_, vertex))) = queue.pop() {
@@ -104,6 +99,15 @@ struct Rest {
 }
 
 impl Rest {
+    fn new(count: usize) -> Self {
+        Self {
+            leaving: vec![Vec::new(); count],
+            entering: vec![Vec::new(); count],
+            level: vec![0; count],
+            search: Search { costs: vec![f32::INFINITY; count], touched: Vec::new(), open: BinaryHeap::new() },
+        }
+    }
+
     /// Adds an arc unless there is one that costs no more, which it replaces otherwise.
     fn add(&mut self, from: u32, to: u32, cost: f32, origin: Origin, hops: u32) {
         for (list, other) in [(&mut self.leaving[from as usize], to), (&mut self.entering[to as usize], from)] {
@@ -116,16 +120,17 @@ impl Rest {
         }
     }
 
-    /// How late a vertex should be contracted.
-    fn importance(&mut self, vertex: u32) -> u32 {
-        let (mut added, mut added_hops) = (0, 0);
+    /// How late a vertex should be contracted. Shortcuts number up to the square of a vertex's arcs: their hops do not fit into 32 bits.
+    fn importance(&mut self, vertex: u32) -> u64 {
+        let (mut added, mut added_hops): (u64, u64) = (0, 0);
         self.for_each_shortcut(vertex, SETTLED[0], |_, _, _, hops| {
             added += 1;
-            added_hops += hops;
+            added_hops += u64::from(hops);
         });
         let arcs = || self.leaving[vertex as usize].iter().chain(&self.entering[vertex as usize]);
-        let (removed, removed_hops) = (arcs().count() as u32, arcs().map(|arc| arc.hops).sum::<u32>());
-        1000 * self.level[vertex as usize] + 1000 * added / removed.max(1) + 1000 * added_hops / removed_hops.max(1)
+        let (removed, removed_hops) = (arcs().count() as u64, arcs().map(|arc| u64::from(arc.hops)).sum::<u64>());
+        let level = u64::from(self.level[vertex as usize]);
+        1000 * level + 1000 * added / removed.max(1) + 1000 * added_hops / removed_hops.max(1)
     }
 
     fn contract(&mut self, vertex: u32) {
@@ -158,7 +163,7 @@ impl Rest {
             for outward in leaving.iter().filter(|arc| arc.other != from) {
                 let cost = inward.cost + outward.cost;
                 if self.search.costs[outward.other as usize] > cost {
-                    note(from, outward.other, cost, inward.hops + outward.hops);
+                    note(from, outward.other, cost, inward.hops.saturating_add(outward.hops));
                 }
             }
         }
@@ -202,5 +207,30 @@ impl Search {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_importance_of_a_vertex_with_many_long_shortcuts_is_exact() {
+        const SIDE: u32 = 200;
+        let middle = 2 * SIDE;
+        let mut rest = Rest::new(middle as usize + 1);
+        for idx in 0..SIDE {
+            rest.add(idx, middle, 1.0, Origin(idx), 150);
+            rest.add(middle, SIDE + idx, 1.0, Origin(SIDE + idx), 150);
+        }
+        // 40,000 shortcuts of 300 hops each for 400 arcs of 150.
+        assert_eq!(rest.importance(middle), 1000 * 40_000 / 400 + 1000 * (40_000 * 300) / (400 * 150));
+        assert!(
+            rest.importance(middle) > rest.importance(0),
+            "an end of an arc is contracted before the middle of many"
+        );
+        rest.contract(middle);
+        assert_eq!(rest.leaving[0].len(), SIDE as usize);
+        assert!(rest.leaving[0].iter().all(|arc| (arc.cost, arc.hops) == (2.0, 300)));
     }
 }

@@ -1,0 +1,204 @@
+//! Plans where there is no path to the goal: why there is none, and the way to the place that is nearest to it.
+
+use super::{Router, is_start_open};
+use crate::attach::{ATTACHMENTS, Attachment, Direction, MORE_ATTACHMENTS};
+use crate::closure;
+use crate::evidence::EdgeCosts;
+use crate::graph::Edge;
+use crate::ids::VertexId;
+use crate::plan::{NoPath, Plan, Query};
+
+impl Router {
+    /// Finds a plan where no path joins the cheapest attachments, of which `goals` are those of the goal: between more of them, or else to
+    /// the reachable vertex that is nearest to the goal.
+    pub(super) fn plan_from_afar(&self, query: &Query, goals: Vec<Attachment>, repriced: &EdgeCosts) -> Plan {
+        let starts = self.attach_start_widely(query);
+        // Fewer than were asked for are all that there are.
+        let goals = if goals.len() < ATTACHMENTS { goals } else { self.attach_goal(query, MORE_ATTACHMENTS) };
+        if let Some(path) = self.join(&starts, &goals, query, repriced) {
+            return self.assemble(query, &path);
+        }
+        let reason = self.explain(query, &starts, &goals);
+        match self.nearest_reachable(query, &starts) {
+            Some(nearest) => self.lead_to(query, &starts, nearest, reason, repriced),
+            None => self.direct(query, Some(reason)),
+        }
+    }
+
+    /// Finds more vertices to walk to from the start, none of them farther away than any character is known to get on foot.
+    fn attach_start_widely(&self, query: &Query) -> Vec<Attachment> {
+        let closed = self.closed_from(query.start);
+        let accept = |vertex, leg| {
+            is_start_open(query, vertex)
+                && !closed.contains(&vertex)
+                && self.reach.contains(leg)
+                && self.is_boarded(query.start, vertex)
+        };
+        let reach_m = self.reach.length_m;
+        self.sources.cheapest(query.start, MORE_ATTACHMENTS, &self.prices(query), reach_m, Direction::Away, accept)
+    }
+
+    /// Why there is no path between these attachments.
+    pub(super) fn explain(&self, query: &Query, starts: &[Attachment], goals: &[Attachment]) -> NoPath {
+        if starts.is_empty() {
+            return NoPath::StartOffGraph;
+        }
+        if goals.is_empty() {
+            return NoPath::GoalOffGraph;
+        }
+        let reached = self.reached_from(goals, query);
+        let leads_back = starts.iter().any(|&(start, _)| reached.contains(start));
+        if leads_back { NoPath::OneWay } else { NoPath::DifferentIslands }
+    }
+
+    /// The plan to the vertex `nearest`, because there is none to the goal.
+    fn lead_to(
+        &self,
+        query: &Query,
+        starts: &[Attachment],
+        nearest: VertexId,
+        reason: NoPath,
+        repriced: &EdgeCosts,
+    ) -> Plan {
+        let ends = [(nearest, 0.0)];
+        let path = if query.is_usual() && repriced.is_empty() && self.knows_all() {
+            self.look_up_path(starts, &ends)
+        } else {
+            self.a_star(starts, &ends, query, repriced)
+        };
+        // Avoided legs may cut off what the table knows.
+        let Some(path) = path else { return self.direct(query, Some(reason)) };
+        let mut plan = self.assemble(query, &path);
+        // The leg from the last vertex to the goal.
+        plan.waypoints.pop();
+        plan.legs.pop();
+        Plan { no_path: Some(reason), nearest: Some(self.graph.position(nearest)), ..plan }
+    }
+
+    /// The vertex that is nearest to the goal among those that a path leads to from any of `starts`.
+    fn nearest_reachable(&self, query: &Query, starts: &[Attachment]) -> Option<VertexId> {
+        let reached = self.reached_from(starts, query);
+        let mut best: Option<(f32, VertexId)> = None;
+        self.vertices.visit_from(query.goal, |bound, vertices| {
+            if best.is_some_and(|(least, _)| bound > least) {
+                return false;
+            }
+            for &(at, vertex) in vertices {
+                let distance = at.distance_squared(query.goal);
+                if best.is_none_or(|(least, _)| distance < least) && reached.contains(vertex) {
+                    best = Some((distance, vertex));
+                }
+            }
+            true
+        });
+        best.map(|(_, vertex)| vertex)
+    }
+
+    /// The vertices that paths that a query may take lead to from any of `from`, these included.
+    fn reached_from(&self, from: &[Attachment], query: &Query) -> Reached<'_> {
+        let is_open =
+            |edge: &Edge| !query.without.contains(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops);
+        let from = from.iter().map(|&(vertex, _)| vertex);
+        match &self.closure {
+            Some(closure) if query.without.is_empty() && query.stops.is_empty() => {
+                Reached::Known(closure.reached_from(from))
+            }
+            _ => Reached::Searched(self.graph.reachable_along(from, is_open)),
+        }
+    }
+}
+
+/// The vertices that paths lead to.
+enum Reached<'a> {
+    /// The closure of the islands knows them.
+    Known(closure::Reached<'a>),
+    /// A search has found them: whether it reached each vertex.
+    Searched(Vec<bool>),
+}
+
+impl Reached<'_> {
+    fn contains(&self, vertex: VertexId) -> bool {
+        match self {
+            Self::Known(reached) => reached.contains(vertex),
+            Self::Searched(reached) => reached[vertex.idx()],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::{Evidence, TryEnd};
+    use crate::graph::{GraphData, NavGraph};
+    use crate::ids::EdgeKey;
+    use crate::legs::LegModel;
+    use crate::needs::{Need, Needs};
+    use proptest::prelude::*;
+    use surefoot_world::{Ability, Vec3};
+
+    const COUNT: u32 = 30;
+
+    /// A graph of edges by ability, some of which need one of the two stops of a mover.
+    fn graph(edges: &[(u32, u32, Ability, u16)]) -> NavGraph {
+        let place = |idx: u32| Vec3::new((idx * 37 % 101) as f32, (idx * 13 % 7) as f32, (idx * 53 % 89) as f32);
+        let edges = edges.iter().filter(|(from, to, ..)| from != to).map(|&(from, to, ability, stops)| {
+            let mut evidence = Evidence::default();
+            evidence.note(TryEnd::Arrived, 9, ability);
+            let mut needs = Needs::default();
+            needs.add(Need { mover: 0, stops });
+            evidence.needs = if stops == 0 { Needs::default() } else { needs };
+            Edge { key: EdgeKey::new(from, to), evidence }
+        });
+        let (vertices, edges) = ((0..COUNT).map(place).collect(), edges.collect());
+        NavGraph::check(GraphData { vertices, edges, legs: LegModel::default() }).unwrap()
+    }
+
+    fn vertices() -> impl Strategy<Value = Vec<Attachment>> {
+        prop::collection::vec((0..COUNT).prop_map(|vertex| (VertexId(vertex), 1.0)), 1..6)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 500, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// The definition: a search from each start and each goal of its own.
+        #[test]
+        fn answers_are_those_of_a_search_from_each_start_and_goal(
+            edges in prop::collection::vec((0..COUNT, 0..COUNT, prop::sample::select(vec![Ability::Walk, Ability::Jump]), 0..3u16), 0..45),
+            (starts, goals) in (vertices(), vertices()),
+            goal in (0..100u8, 0..90u8),
+            (is_without, stops) in (any::<bool>(), 0..3u16),
+        ) {
+            let router = Router::new(graph(&edges), 0, 1);
+            let graph = router.graph();
+            let query = Query {
+                without: [Ability::Jump].into_iter().filter(|_| is_without).collect(),
+                stops: if stops == 0 { Vec::new() } else { vec![stops] },
+                ..Query::new(Vec3::ZERO, Vec3::new(f32::from(goal.0), 0.0, f32::from(goal.1)))
+            };
+            let is_open = |edge: &Edge| {
+                !query.without.contains(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops)
+            };
+            let reached = |from: &[Attachment]| -> Vec<bool> {
+                let searches: Vec<Vec<bool>> =
+                    from.iter().map(|&(vertex, _)| graph.reachable_along([vertex], is_open)).collect();
+                (0..graph.vertex_count()).map(|idx| searches.iter().any(|reached| reached[idx])).collect()
+            };
+            let leads_back = reached(&goals);
+            let reason = if starts.iter().any(|(start, _)| leads_back[start.idx()]) { NoPath::OneWay } else { NoPath::DifferentIslands };
+            prop_assert_eq!(router.explain(&query, &starts, &goals), reason);
+            let reached = reached(&starts);
+            let distance = |vertex: VertexId| graph.position(vertex).distance_squared(query.goal);
+            let nearest = graph.vertices().filter(|vertex| reached[vertex.idx()]).map(distance).min_by(f32::total_cmp);
+            prop_assert_eq!(router.nearest_reachable(&query, &starts).map(distance), nearest);
+        }
+    }
+
+    #[test]
+    fn without_attachments_an_end_is_off_the_graph() {
+        let router = Router::new(graph(&[(0, 1, Ability::Walk, 0)]), 0, 1);
+        let (query, some) = (Query::new(Vec3::ZERO, Vec3::ONE), [(VertexId(0), 1.0)]);
+        assert_eq!(router.explain(&query, &[], &some), NoPath::StartOffGraph);
+        assert_eq!(router.explain(&query, &some, &[]), NoPath::GoalOffGraph);
+        assert_eq!(router.nearest_reachable(&query, &[]), None);
+    }
+}
