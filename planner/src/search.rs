@@ -25,7 +25,7 @@ use crate::table::Table;
 use crate::traffic::{Passing, Traffic};
 use std::borrow::Cow;
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap, HashSet};
+use std::collections::{BTreeSet, BinaryHeap, HashMap, HashSet};
 use std::sync::OnceLock;
 use surefoot_world::{Seconds, Vec3};
 
@@ -57,8 +57,8 @@ pub struct Router {
     prices: LegPrices,
     /// Limits of the unproved leg from the last vertex to the goal.
     reach: Reach,
-    /// Edges that unproved legs must not stand in for.
-    forbidden: Vec<EdgeKey>,
+    /// Edges that unproved legs must not stand in for, and the same edges reversed: by first and by second vertex.
+    forbidden: [BTreeSet<EdgeKey>; 2],
     /// What edges hang on, of those that do.
     needs: HashMap<EdgeKey, Needs>,
     /// Which edges pass where, once somebody asks for a plan around traffic.
@@ -92,7 +92,7 @@ impl Router {
             targets: VertexIndex::new(&graph, cell_m, |vertex| graph.is_reached(vertex)),
             prices: LegPrices::new(graph.legs(), Caution::CAREFUL),
             reach: Reach::of(&graph, DIRECT_M),
-            forbidden: Vec::new(),
+            forbidden: Default::default(),
             closure: Closure::new(graph.islands(), &graph.exits()),
             labels: OnceLock::new(),
             passing: OnceLock::new(),
@@ -148,7 +148,7 @@ impl Router {
     pub fn forbid(&mut self, edges: Vec<EdgeKey>) {
         let count = self.graph.vertex_count();
         assert!(edges.iter().all(|key| key.from.idx() < count && key.to.idx() < count));
-        self.forbidden = edges;
+        self.forbidden = [edges.iter().copied().collect(), edges.into_iter().map(EdgeKey::reversed).collect()];
     }
 
     /// Returns the graph.
@@ -176,7 +176,7 @@ impl Router {
         let goals = self.attach_goal(query, ATTACHMENTS);
         let is_near = query.start.distance(query.goal) <= DIRECT_M
             && !query.avoid.contains(&LegKey::DIRECT)
-            && !self.forbidden.iter().any(|key| self.is_at(query.start, key.from) && self.is_at(query.goal, key.to));
+            && !self.closed_from(query.start).iter().any(|&vertex| self.is_at(query.goal, vertex));
         match self.join(&starts, &goals, query, repriced) {
             Some(path) if is_near && self.direct_cost(query) <= path.cost => self.direct(query, None),
             Some(path) => self.assemble(query, &path),
@@ -293,12 +293,28 @@ impl Router {
 
     /// The vertices to which designers forbid the edge from a vertex at `start`.
     fn closed_from(&self, start: Vec3) -> Vec<VertexId> {
-        self.forbidden.iter().filter(|key| self.is_at(start, key.from)).map(|key| key.to).collect()
+        self.closed_at(start, &self.forbidden[0])
     }
 
     /// The vertices from which designers forbid the edge to a vertex at `goal`.
     fn closed_to(&self, goal: Vec3) -> Vec<VertexId> {
-        self.forbidden.iter().filter(|key| self.is_at(goal, key.to)).map(|key| key.from).collect()
+        self.closed_at(goal, &self.forbidden[1])
+    }
+
+    /// The second vertices of those edges of `forbidden` whose first one is at `point`.
+    fn closed_at(&self, point: Vec3, forbidden: &BTreeSet<EdgeKey>) -> Vec<VertexId> {
+        let mut closed = Vec::new();
+        if forbidden.is_empty() {
+            return closed;
+        }
+        self.vertices.visit_from(point, |bound, vertices| {
+            for &(_, vertex) in vertices.iter().filter(|(_, vertex)| self.is_at(point, *vertex)) {
+                let edges = EdgeKey::new(vertex.0, 0)..=EdgeKey::new(vertex.0, u32::MAX);
+                closed.extend(forbidden.range(edges).map(|key| key.to));
+            }
+            bound <= AT_VERTEX_M * AT_VERTEX_M
+        });
+        closed
     }
 
     fn is_at(&self, point: Vec3, vertex: VertexId) -> bool {

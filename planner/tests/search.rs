@@ -110,6 +110,30 @@ proptest! {
         }
         prop_assert!(with.legs.iter().all(|leg| !barred.contains(&leg.key)));
     }
+
+    #[test]
+    fn no_leg_of_a_plan_leads_along_a_forbidden_edge(
+        tuples in edges_strategy(),
+        ends in (0..40u32, 0..40u32),
+        forbidden in prop::collection::btree_set((0..40u32, 0..40u32), 0..400),
+    ) {
+        let forbidden: Vec<EdgeKey> = forbidden.into_iter().map(|(from, to)| EdgeKey::new(from, to)).collect();
+        let edges = edges_of(tuples).into_iter().filter(|edge| !forbidden.contains(&edge.key)).collect();
+        let graph = graph(scattered(40), edges);
+        let near = |vertex: u32| graph.position(VertexId(vertex)) + Vec3::new(0.3, 0.0, -0.3);
+        let query = Query::new(near(ends.0), near(ends.1));
+        let plan = router(graph.clone()).forbidding(forbidden.iter().copied()).find_path(&query);
+        let passed = std::iter::once(&query.start).chain(&plan.waypoints).collect::<Vec<_>>();
+        if plan.no_path.is_some() {
+            return Ok(());
+        }
+        for pair in passed.windows(2) {
+            let is_at = |vertex: VertexId, place: &Vec3| graph.position(vertex).distance(*place) <= 1.0;
+            for key in &forbidden {
+                prop_assert!(!(is_at(key.from, pair[0]) && is_at(key.to, pair[1])), "{:?} is forbidden", key);
+            }
+        }
+    }
 }
 
 #[test]
