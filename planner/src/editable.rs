@@ -11,6 +11,9 @@ use surefoot_world::Vec3;
 /// A square of the horizontal plane.
 type Square = (i32, i32);
 
+/// Vertices in a column of the grid in which the nearest ones are looked up.
+const VERTICES_PER_COLUMN: f32 = 2.0;
+
 /// A graph that is being changed.
 #[derive(Debug)]
 pub(crate) struct Editable {
@@ -79,7 +82,7 @@ impl Editable {
         vertices: impl Iterator<Item = VertexId> + 'a,
         most: usize,
     ) -> impl Iterator<Item = (VertexId, Vec<VertexId>)> + 'a {
-        let grid = PointGrid::spread(&self.vertices);
+        let grid = PointGrid::spread(&self.vertices, VERTICES_PER_COLUMN);
         vertices.map(move |vertex| {
             let is_other = |other: u32| other != vertex.0 && !self.removed.contains(&VertexId(other));
             let near = grid.nearest(&self.vertices, self.vertices[vertex.idx()], most, is_other);

@@ -69,11 +69,6 @@ fn around(points: &[Vec3]) -> (Vec3, Vec3) {
 }
 
 impl PointGrid {
-    /// Buckets `points` into columns that would hold about one point each if the points were spread evenly.
-    pub fn spread(points: &[Vec3]) -> Self {
-        Self::new(points, spacing(points))
-    }
-
     /// Buckets `points` into columns with sides of at least `cell_m` metres.
     pub fn new(points: &[Vec3], cell_m: f32) -> Self {
         let (low, high) = around(points);
@@ -125,7 +120,7 @@ impl PointGrid {
         let mut best: Vec<(f32, u32)> = Vec::with_capacity(most.saturating_add(1).min(points.len() + 1));
         for ring in 0..=self.ring_count() {
             // A little less than the distance of the ring, because columns are computed with rounding.
-            let bound = (ring - 1) as f32 * self.cell_m * 0.999;
+            let bound = (ring - 1) as f32 * self.cell_m() * 0.999;
             if best.len() >= most && best.last().is_none_or(|(worst, _)| *worst < bound) {
                 break;
             }
@@ -293,7 +288,7 @@ mod tests {
         let in_a_heap = vec![Vec3::ONE; 30];
         let with_an_outlier: Vec<Vec3> = scattered.iter().copied().chain([Vec3::new(9.0e4, 0.0, -9.0e4)]).collect();
         for points in [on_a_lattice, scattered, in_a_heap, with_an_outlier, Vec::new()] {
-            let grid = PointGrid::spread(&points);
+            let grid = PointGrid::spread(&points, 2.0);
             let places = points.iter().copied().step_by(17).chain([Vec3::new(-40.0, 5.0, 500.0)]);
             for (at, most) in places.zip([1, 8, 12, 0, 1000].into_iter().cycle()) {
                 let accept = |idx: u32| !idx.is_multiple_of(5);

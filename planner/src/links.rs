@@ -29,6 +29,8 @@ pub const DEFAULT_MAX_DETOUR: f64 = 3.0;
 const FOOT_DETOUR: f32 = 1.5;
 /// Number of nearest vertices on the same island to which each vertex is connected on foot.
 const FOOT_NEIGHBOURS: usize = 8;
+/// Vertices in a column of the grid in which the nearest ones are looked up.
+const VERTICES_PER_COLUMN: f32 = 2.0;
 /// Greatest descent of an edge on foot that is not a drop, m; a NavMesh does not take drops.
 const STEP_M: f32 = 0.5;
 /// Greatest slope of a longer descent that is not a drop.
@@ -88,7 +90,7 @@ impl NavMesh<'_> {
             let from_centre = |vertex: &VertexId| graph.position(*vertex).distance(centre);
             let middle = *members.iter().min_by(|a, b| from_centre(a).total_cmp(&from_centre(b))).expect("not empty");
             let places: Vec<Vec3> = members.iter().map(|vertex| graph.position(*vertex)).collect();
-            let grid = PointGrid::spread(&places);
+            let grid = PointGrid::spread(&places, VERTICES_PER_COLUMN);
             for (idx, &vertex) in (0..).zip(members) {
                 let near = grid.nearest(&places, graph.position(vertex), FOOT_NEIGHBOURS, |other| other != idx);
                 for other in near.into_iter().map(|other| members[other as usize]).chain([middle]) {
