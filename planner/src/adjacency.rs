@@ -5,7 +5,7 @@ use crate::graph::NavGraph;
 use crate::ids::{EdgeKey, VertexId};
 use crate::plan::Leg;
 use std::ops::Range;
-use surefoot_world::Vec3;
+use surefoot_world::{Ability, Vec3};
 
 /// Exclusive limit on the edges that leave a vertex in a graph with a table of next hops. The table stores an index into them
 /// as a byte, whose highest value stands for "no path".
@@ -15,12 +15,14 @@ const MAX_OUT_DEGREE: u32 = u8::MAX as u32;
 pub(crate) type EdgeIdx = u32;
 
 /// A graph's edges by source vertex.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Adjacency {
     /// First edge of each vertex, followed by the edge count.
     starts: Vec<EdgeIdx>,
     keys: Vec<EdgeKey>,
     hops: Vec<Hop>,
+    /// The most demanding ability that each edge needs, once more without the rest of its hop: searches look at most edges.
+    abilities: Vec<Ability>,
     /// Cost of each edge, in decisions, for careful plans.
     costs: Vec<f32>,
     /// The part of it that the risk of death makes up.
@@ -41,13 +43,13 @@ pub(crate) struct Hop {
 
 impl Adjacency {
     pub fn new(graph: &NavGraph) -> Self {
-        let mut adjacency =
-            Self { starts: vec![0], keys: Vec::new(), hops: Vec::new(), costs: Vec::new(), death_costs: Vec::new() };
+        let mut adjacency = Self { starts: vec![0], ..Self::default() };
         for vertex in graph.vertices() {
             for edge in graph.edges_from(vertex) {
                 adjacency.keys.push(edge.key);
                 let (end, leg) = (graph.position(edge.key.to), Leg::proved(edge.key, &edge.evidence));
                 adjacency.hops.push(Hop { end, to: edge.key.to, leg });
+                adjacency.abilities.push(leg.ability);
                 let EdgeCost { careful, by_death } = edge.evidence.edge_cost();
                 adjacency.costs.push(careful);
                 adjacency.death_costs.push(by_death);
@@ -76,6 +78,10 @@ impl Adjacency {
 
     pub fn hop(&self, edge: EdgeIdx) -> &Hop {
         &self.hops[edge as usize]
+    }
+
+    pub fn ability(&self, edge: EdgeIdx) -> Ability {
+        self.abilities[edge as usize]
     }
 
     /// Returns the outgoing edge of a vertex by its index among the vertex's outgoing edges.

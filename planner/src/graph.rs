@@ -244,33 +244,23 @@ impl NavGraph {
 
     /// Returns for each vertex whether it can be reached from `from`; `from` itself counts as reached.
     pub fn reachable_from(&self, from: VertexId) -> Vec<bool> {
-        self.reachable_along([from], |_| true)
+        self.reachable_along(from, |_| true)
     }
 
-    /// Returns for each vertex whether it can be reached from any of `from` by edges that `is_open` accepts; these themselves count as
-    /// reached.
-    pub fn reachable_along(
-        &self,
-        from: impl IntoIterator<Item = VertexId>,
-        is_open: impl Fn(&Edge) -> bool,
-    ) -> Vec<bool> {
+    /// Returns for each vertex whether it can be reached from `from` by edges that `is_open` accepts; `from` itself counts as reached.
+    pub fn reachable_along(&self, from: VertexId, is_open: impl Fn(&Edge) -> bool) -> Vec<bool> {
         self.flood(from, Direction::Outgoing, is_open)
     }
 
     /// Returns for each vertex whether a path leads from it to `to`; `to` itself counts.
     pub fn reaching(&self, to: VertexId) -> Vec<bool> {
-        self.flood([to], Direction::Incoming, |_| true)
+        self.flood(to, Direction::Incoming, |_| true)
     }
 
-    fn flood(
-        &self,
-        from: impl IntoIterator<Item = VertexId>,
-        direction: Direction,
-        is_open: impl Fn(&Edge) -> bool,
-    ) -> Vec<bool> {
+    fn flood(&self, from: VertexId, direction: Direction, is_open: impl Fn(&Edge) -> bool) -> Vec<bool> {
         let mut seen = vec![false; self.vertex_count()];
-        let mut stack: Vec<NodeIndex> = from.into_iter().map(node).collect();
-        stack.iter().for_each(|start| seen[start.index()] = true);
+        let mut stack = vec![node(from)];
+        seen[from.idx()] = true;
         while let Some(vertex) = stack.pop() {
             for edge in self.graph.edges_directed(vertex, direction) {
                 let next = if direction == Direction::Outgoing { edge.target() } else { edge.source() };

@@ -352,17 +352,24 @@ impl Router {
 
     /// Whether the query neither avoids an edge nor does without its ability, and the movers that it hangs on stand where it needs them.
     fn is_open(&self, query: &Query, edge: EdgeIdx) -> bool {
+        self.is_possible(query, edge)
+            && (query.avoid.is_empty() || !query.avoid.contains(&self.adjacency.key(edge).into()))
+    }
+
+    /// Whether an edge needs no ability that the query does without, and the movers it depends on stand where it needs them.
+    fn is_possible(&self, query: &Query, edge: EdgeIdx) -> bool {
         let is_met = |needs: &Needs| needs.are_met(&query.stops);
-        if !query.stops.is_empty() && !self.needs_of(self.adjacency.key(edge)).is_none_or(is_met) {
-            return false;
-        }
-        (query.avoid.is_empty() || !query.avoid.contains(&self.adjacency.key(edge).into()))
-            && (query.without.is_empty() || !query.without.contains(self.adjacency.hop(edge).leg.ability))
+        (query.without.is_empty() || !query.without.contains(self.adjacency.ability(edge)))
+            && (query.stops.is_empty() || self.needs_of(self.adjacency.key(edge)).is_none_or(is_met))
     }
 
     /// Runs A* from all of `starts` to the best of `goals`, attachments included. The heuristic is the straight-line distance
     /// at the graph's greatest distance per cost, which never overestimates, so the path is the cheapest.
     fn a_star(&self, starts: &[Attachment], goals: &[Attachment], query: &Query, repriced: &EdgeCosts) -> Option<Path> {
+        if goals.is_empty() {
+            // Without a goal, the heuristic would put vertices into no useful order.
+            return None;
+        }
         let ends: Vec<(Vec3, f32)> = goals.iter().map(|&(goal, exit)| (self.graph.position(goal), exit)).collect();
         let heuristic = |vertex: VertexId| {
             let at = self.graph.position(vertex);
