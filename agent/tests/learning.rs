@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 use surefoot_agent::train::CollectorConfig;
 use surefoot_agent::train::SacConfig;
 use surefoot_agent::train::{Launch, Processor, Run, TrainConfig, TrainError, run};
-use surefoot_policy::ActorConfig;
 use surefoot_policy::checkpoint::module_bytes;
+use surefoot_policy::{ActorConfig, Manifest};
 
 fn tiny() -> TrainConfig {
     TrainConfig {
@@ -97,6 +97,48 @@ fn a_recurrent_run_may_start_from_a_reactive_one() {
     let wider = TrainConfig { sac: SacConfig { network, ..config.sac.clone() }, ..config };
     let refusal = Run::new(wider).err().expect("other shapes are an error").to_string();
     assert!(refusal.contains("16") && refusal.contains("24"), "{refusal}");
+}
+
+#[test]
+fn a_run_that_starts_from_weights_copies_their_stages() {
+    let folders = [(); 3].map(|()| tempfile::tempdir().unwrap());
+    let stop = AtomicBool::new(false);
+    let last = |idx: usize| folders[idx].path().join("last");
+    let manifest = |idx: usize| Manifest::load(&last(idx)).unwrap();
+    run(tiny(), Launch::here(folders[0].path(), false), &stop, |_| {}).unwrap();
+    let from_first = TrainConfig { start_from: Some(last(0)), ..tiny() };
+    let launch = Launch { revision: Some("abc".to_owned()), ..Launch::here(folders[1].path(), false) };
+    run(from_first, launch, &stop, |_| {}).unwrap();
+    let second = manifest(1);
+    let from_second = TrainConfig { start_from: Some(last(1)), ..tiny() };
+    run(from_second, Launch::here(folders[2].path(), false), &stop, |_| {}).unwrap();
+    // What the run started from may be gone when it is continued.
+    std::fs::remove_dir_all(last(1)).unwrap();
+    run(tiny(), Launch::here(folders[2].path(), true), &stop, |_| {}).unwrap();
+
+    let training = manifest(2).training;
+    assert!(training["config"].get("start_from").is_none());
+    assert_eq!((&training["revision"], training["revision_unknown"].is_string()), (&serde_json::Value::Null, true));
+    let start = &training["started_from"];
+    assert_eq!((&start["weights_hash"], &start["revision"]), (&second.weights_hash.into(), &"abc".into()));
+    assert_eq!(start["started_from"]["weights_hash"], manifest(0).weights_hash);
+    assert_eq!((&start["updates"], &training["total"]["updates"]), (&12.into(), &36.into()));
+    let decisions = |stage: &serde_json::Value| stage["decisions"].as_u64().unwrap();
+    let sum = decisions(&training) + decisions(start) + decisions(&start["started_from"]);
+    assert_eq!(training["total"]["decisions"], sum);
+}
+
+#[test]
+fn a_run_does_not_start_from_its_own_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let stop = AtomicBool::new(false);
+    run(tiny(), Launch::here(folder.path(), false), &stop, |_| {}).unwrap();
+    let model = folder.path().join("last");
+    for start in [model.clone(), folder.path().join("last/../last")] {
+        let config = TrainConfig { start_from: Some(start), ..tiny() };
+        let refusal = run(config, Launch::here(&model, false), &stop, |_| {}).unwrap_err().to_string();
+        assert!(refusal.contains("start_from") && refusal.contains("own folder"), "{refusal}");
+    }
 }
 
 #[test]

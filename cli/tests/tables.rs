@@ -103,6 +103,28 @@ fn a_table_says_what_it_was_made_with_and_holds_up_to_a_check() {
 }
 
 #[test]
+fn the_figures_of_some_maps_follow_from_the_attempts_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let on = |maps: &str, more: &[&str]| {
+        let small = ["--size", "60", "--goals", "4", "--method", "policy"];
+        eval(&[&["--maps", maps][..], &small, more].concat())
+    };
+    let made = on("1000,1001,1002", &["--out", out]);
+    assert!(made.status.success(), "{}", errors(&made));
+    let alone = json(&on("1001,1002", &["--json"]).stdout);
+    let part = eval(&["--check", out, "--maps", "1001,1002", "--json"]);
+    assert!(part.status.success(), "{}", errors(&part));
+    let part = json(&part.stdout);
+    for figure in ["maps", "success", "by_map", "ends", "per_map"] {
+        assert!(!part[figure].is_null());
+        assert_eq!(part[figure], alone[figure], "{figure}");
+    }
+    let other = eval(&["--check", out, "--maps", "1003"]);
+    assert!(errors(&other).contains("the record has no unit"), "{}", errors(&other));
+}
+
+#[test]
 fn what_cannot_be_checked_says_why() {
     let folder = tempfile::tempdir().unwrap();
     assert!(errors(&check(folder.path(), "0")).contains("provenance.json"));

@@ -349,7 +349,8 @@ impl Default for SacConfig {
 /// Configuration of the collector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CollectorConfig {
-    /// Seeds of the maps to train on.
+    /// Seeds of the maps to train on; a range in files where they are one.
+    #[serde(with = "seed_range")]
     pub map_seeds: Vec<u64>,
     /// Saved maps to train on, which take the place of generated ones: a map's seed modulo their number chooses one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -469,6 +470,40 @@ impl CollectorConfig {
 fn map_refusal() -> TrainError {
     let problem = "make no valid map: see `surefoot map generate --help`";
     TrainError::Config { field: "collector.map_side, map_height and map_features", problem }
+}
+
+/// Serializes seeds that follow one another as a range.
+mod seed_range {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::ops::Range;
+
+    /// Most seeds that a range may stand for.
+    const MAX_SEEDS: u64 = 1 << 20;
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Seeds {
+        Range(Range<u64>),
+        List(Vec<u64>),
+    }
+
+    pub fn serialize<S: Serializer>(seeds: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
+        let are_range = seeds.len() > 1 && seeds.windows(2).all(|pair| pair[0].checked_add(1) == Some(pair[1]));
+        let end = seeds.last().and_then(|last| last.checked_add(1)).filter(|_| are_range);
+        let seeds = end.map_or_else(|| Seeds::List(seeds.to_vec()), |end| Seeds::Range(seeds[0]..end));
+        seeds.serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u64>, D::Error> {
+        match Seeds::deserialize(deserializer)? {
+            Seeds::List(seeds) => Ok(seeds),
+            Seeds::Range(range) if range.end.saturating_sub(range.start) > MAX_SEEDS => {
+                Err(D::Error::custom(format!("the range of seeds has more than {MAX_SEEDS}")))
+            }
+            Seeds::Range(range) => Ok(range.collect()),
+        }
+    }
 }
 
 /// Serializes `None` as 0.

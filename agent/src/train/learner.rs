@@ -102,9 +102,11 @@ impl Learner {
     /// Loads the networks of a trained model. A recurrent learner can start from a reactive model and adds the LSTM; one that sees others
     /// can start from one that does not.
     ///
+    /// Returns the model's manifest.
+    ///
     /// # Errors
     /// If the model cannot be read or does not fit the configured networks.
-    pub fn start_from(&mut self, folder: &Path) -> Result<(), CheckpointError> {
+    pub fn start_from(&mut self, folder: &Path) -> Result<Manifest, CheckpointError> {
         let manifest = Manifest::load(folder)?;
         let weights = checkpoint::weights(folder, &manifest)?;
         manifest.check(&weights)?;
@@ -119,7 +121,7 @@ impl Learner {
         self.actor = load_module(self.actor.clone(), &module_bytes(&actor)?)?;
         self.critics = load_module(self.critics.clone(), &module_bytes(&critics)?)?;
         self.target = self.critics.valid();
-        Ok(())
+        Ok(manifest)
     }
 
     /// The current policy network.

@@ -24,6 +24,7 @@ mod rng;
 pub mod run;
 mod source;
 mod squash;
+pub mod stages;
 mod state;
 mod tensorboard;
 mod validation;

@@ -10,6 +10,7 @@ use super::learner::{Learner, UpdateStats};
 use super::log::Log;
 use super::replay::{self, Batch, Census, Replay, Sampling, census};
 use super::source::{Source, Ties};
+use super::stages::{STAGES_FILE, holds, stages};
 use super::validation::ValidationSet;
 use super::worlds::Connect;
 use crate::game::GameError;
@@ -45,6 +46,10 @@ pub struct Run {
     pub(super) connect: Connect,
     /// Time spent on updates since it was last logged.
     pub(super) learned: Duration,
+    /// The stages of the weights that the run started from, for its manifests.
+    pub(super) started_from: Option<serde_json::Value>,
+    /// Revision of the program, for its manifests.
+    pub(super) revision: Option<String>,
 }
 
 /// Where a run is, and how it reaches worlds.
@@ -59,12 +64,14 @@ pub struct Launch<'a> {
     pub connect: Connect,
     /// Where actors connect, for a run that has some.
     pub listener: Option<Listener>,
+    /// Revision of the program, if it is known.
+    pub revision: Option<String>,
 }
 
 impl<'a> Launch<'a> {
     /// A run whose worlds are in this process.
     pub fn here(folder: &'a Path, resume: bool) -> Self {
-        Self { folder, resume, worlds: Vec::new(), connect: nowhere(), listener: None }
+        Self { folder, resume, worlds: Vec::new(), connect: nowhere(), listener: None, revision: None }
     }
 }
 
@@ -105,14 +112,25 @@ impl Run {
             rng
         };
         let mut learner = Learner::on(config.processor.device()?, config.sac.clone(), stream(11));
-        if let Some(folder) = &config.start_from {
-            learner.start_from(folder)?;
-        }
+        let start = config.start_from.as_deref().map(|folder| learner.start_from(folder)).transpose()?;
+        let started_from = start.as_ref().map(stages);
         let connect = ties.connect.clone();
         let source = Source::new(&config, stream(10), policy(&config, &learner), ties)?;
         let buffers = source.buffers(config.replay_capacity);
         let best = Best { score: -1.0, updates: 0, validated: 0 };
-        Ok(Self { source, learner, buffers, rounds: 0, best, hours: 0.0, connect, learned: Duration::ZERO, config })
+        Ok(Self {
+            source,
+            learner,
+            buffers,
+            rounds: 0,
+            best,
+            hours: 0.0,
+            connect,
+            learned: Duration::ZERO,
+            started_from,
+            revision: None,
+            config,
+        })
     }
 
     /// The current policy.
@@ -236,7 +254,9 @@ pub fn run(
     mut report: impl FnMut(&str),
 ) -> Result<(), TrainError> {
     let folder = launch.folder;
+    let revision = launch.revision.clone();
     let mut run = if launch.resume { Run::load(launch)? } else { start(config, launch)? };
+    run.revision = revision;
     let validation_set = ValidationSet::new(&run.config);
     let mut log = Log::create(folder, &run.config, run.updates(), &mut report)?;
     let mut logged = Instant::now();
@@ -277,9 +297,22 @@ fn start(config: TrainConfig, Launch { folder, connect, listener, .. }: Launch<'
     if folder.join(CONFIG_FILE).exists() {
         return Err(TrainError::Exists(folder.to_owned()));
     }
+    if config.start_from.as_deref().is_some_and(|start| holds(folder, start)) {
+        return Err(TrainError::Config {
+            field: "start_from",
+            problem: "is the run's own folder: name another folder",
+        });
+    }
     let text = serde_json::to_vec_pretty(&config).expect("a config is plain data");
     let run = Run::create(config, Ties { connect, listener })?;
     std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
+    if let Some(stages) = &run.started_from {
+        // The model that the run started from may be replaced before the run is continued.
+        write_atomically(
+            &folder.join(STAGES_FILE),
+            &serde_json::to_vec_pretty(stages).expect("a value is plain data"),
+        )?;
+    }
     write_atomically(&folder.join(CONFIG_FILE), &text)?;
     Ok(run)
 }

@@ -6,6 +6,7 @@ use super::learner::{CRITICS_FILE, Learner, LearnerState};
 use super::replay::{Census, Replay, census};
 use super::run::{Best, Launch, Run, policy};
 use super::source::{Source, SourceState, Ties};
+use super::stages::{STAGES_FILE, total};
 use super::validation::Validation;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -47,6 +48,19 @@ fn read_state(folder: &Path) -> Result<(RunState, PathBuf), TrainError> {
     Ok((state, path))
 }
 
+/// Reads the stages of the weights that the run in `folder` started from, if there are any.
+fn read_stages(folder: &Path) -> Result<Option<serde_json::Value>, TrainError> {
+    let path = folder.join(STAGES_FILE);
+    match std::fs::read(&path) {
+        Ok(bytes) => {
+            let damaged = |error: serde_json::Error| TrainError::Damaged { path, reason: error.to_string() };
+            serde_json::from_slice(&bytes).map(Some).map_err(damaged)
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(TrainError::Io { path, source }),
+    }
+}
+
 impl Run {
     /// Writes the whole state, and the current weights to `last`.
     pub(super) fn save(&self, folder: &Path) -> Result<(), TrainError> {
@@ -77,13 +91,23 @@ impl Run {
     /// Writes a model's folder.
     pub(super) fn save_weights(&self, folder: &Path, validation: Option<&Validation>) -> Result<(), TrainError> {
         let weights = module_bytes(self.actor())?;
-        let training = serde_json::json!({
-            "config": self.config,
+        // `started_from` names the start by its hash; a path would say nothing elsewhere.
+        let config = TrainConfig { start_from: None, ..self.config.clone() };
+        let mut training = serde_json::json!({
+            "config": config,
             "updates": self.updates(),
             "decisions": self.decisions(),
             "hours": self.hours,
             "validation": validation,
+            "revision": self.revision,
         });
+        if self.revision.is_none() {
+            training["revision_unknown"] = "the run was not started in a checkout".into();
+        }
+        if let Some(stages) = &self.started_from {
+            training["started_from"] = stages.clone();
+        }
+        training["total"] = total(&training);
         let manifest = Manifest::new(&self.config.name, self.config.sac.network, &weights, training);
         std::fs::create_dir_all(folder).map_err(|source| TrainError::Io { path: folder.to_owned(), source })?;
         write_atomically(&folder.join(CRITICS_FILE), &module_bytes(self.learner.critics())?)?;
@@ -109,6 +133,7 @@ impl Run {
             return Self::create(config, ties);
         }
         let (state, path) = read_state(folder)?;
+        let started_from = read_stages(folder)?;
         let damaged = |reason: &str| TrainError::Damaged { path: path.clone(), reason: reason.to_owned() };
         let foreign = || damaged("it is the state of a run with other lanes, networks or maps than config.json says");
         let learner = Learner::restore(config.processor.device()?, config.sac.clone(), state.learner)?;
@@ -138,6 +163,8 @@ impl Run {
             hours: state.hours,
             connect,
             learned: Duration::ZERO,
+            started_from,
+            revision: None,
             config,
         })
     }

@@ -20,6 +20,7 @@ pub mod train;
 pub mod up;
 
 use anyhow::{Context, bail};
+use std::ops::Range;
 use std::path::Path;
 use surefoot_policy::Policy;
 use surefoot_world::MapSpec;
@@ -50,6 +51,18 @@ fn machine() -> String {
     format!("{} x {}", core_count(), model.unwrap_or(std::env::consts::ARCH))
 }
 
+/// Commit of the checkout that the program runs in, followed by `+` if there are changes.
+fn revision() -> Option<String> {
+    let git = |arguments: &[&str]| {
+        let output =
+            std::process::Command::new("git").args(arguments).output().ok().filter(|it| it.status.success())?;
+        String::from_utf8(output.stdout).ok()
+    };
+    let head = git(&["rev-parse", "HEAD"])?;
+    let changes = git(&["status", "--porcelain", "--untracked-files=no"])?;
+    Some(format!("{}{}", head.trim(), if changes.is_empty() { "" } else { "+" }))
+}
+
 /// Parses seeds such as `5`, `5,7` or `0..4`.
 fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
     let number = |text: &str| text.trim().parse::<u64>().with_context(|| format!("`{text}` is not a seed"));
@@ -63,14 +76,16 @@ fn parse_seeds(text: &str) -> anyhow::Result<Vec<u64>> {
     text.split(',').map(number).collect()
 }
 
+/// Seeds of the named splits.
+const SPLITS: [(&str, Range<u64>); 4] =
+    [("training", 0..128), ("validation", 1000..1004), ("test", 2000..2004), ("benchmark", 5000..5064)];
+
 /// Specs of the maps of a named split or of listed seeds.
 fn parse_maps(text: &str, side: u32) -> anyhow::Result<Vec<MapSpec>> {
-    let seeds = match text {
-        "training" => (0..128).collect(),
-        "validation" => vec![1000, 1001, 1002, 1003],
-        "test" => vec![2000, 2001, 2002, 2003],
-        "benchmark" => (5000..5064).collect(),
-        seeds => parse_seeds(seeds)
+    let split = SPLITS.into_iter().find(|(name, _)| *name == text);
+    let seeds = match split {
+        Some((_, seeds)) => seeds.collect(),
+        None => parse_seeds(text)
             .context("--maps takes training, validation, test, benchmark, or seeds such as 7 or 0..4")?,
     };
     seeds.into_iter().map(|seed| MapSpec::with_side(seed, side)).collect::<Result<_, _>>().context("--size")

@@ -5,6 +5,7 @@ use super::game::connector;
 use super::map::{file_name, level_files, load_body, load_level, parse_features, parse_kind, parse_movers};
 use super::parse_seconds;
 use super::parse_seeds;
+use super::revision;
 use anyhow::Context;
 use std::net::SocketAddr;
 use std::num::NonZeroU64;
@@ -167,7 +168,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if let Some(listener) = &listener {
         println!("actors connect to {}", listener.endpoint.address());
     }
-    let launch = Launch { folder: &args.folder, resume: args.resume, worlds: args.worlds, connect, listener };
+    let (resume, worlds) = (args.resume, args.worlds);
+    let launch = Launch { folder: &args.folder, resume, worlds, connect, listener, revision: revision() };
     train::run(config, launch, &stop, |line| println!("{line}"))?;
     Ok(())
 }

@@ -180,7 +180,7 @@ fn feed_by_actors(count: usize, link: Option<&Link>) -> anyhow::Result<f64> {
 fn rate_of(config: TrainConfig, listener: Option<Listener>, stop: &AtomicBool) -> anyhow::Result<f64> {
     let folder = tempfile::tempdir()?;
     let run = folder.path().join("run");
-    let launch = Launch { folder: &run, resume: false, worlds: Vec::new(), connect: connect(), listener };
+    let launch = Launch { connect: connect(), listener, ..Launch::here(&run, false) };
     let lines: Mutex<Vec<(Instant, u64)>> = Mutex::default();
     train::run(config, launch, stop, |line| {
         let Some(decisions) = line.split_whitespace().nth(3).filter(|_| line.starts_with("updates ")) else { return };

@@ -22,7 +22,7 @@ const UNITS: &str = "units";
 /// Measure success on maps by the paper's protocol: random goals, thirds by distance, 300 decisions of patience.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out docs/results/paper\n  surefoot eval --suite sweep --goals 500 --out docs/results/sweep\n  surefoot eval --suite big-map --goals 10000 --out docs/results/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out docs/results/kinds\n  surefoot eval --suite kinds --out kinds --shard 0/8\n  surefoot eval --check docs/results/kinds"
+    after_help = "Examples:\n  surefoot eval --maps validation --goals 200 --placement flood\n  surefoot eval --maps validation --goals 500 --method policy --distance 2..25 --json\n  surefoot eval --maps test --goals 2500 --seed 0..3 --vertices 800 --neighbours 20\n  surefoot eval --maps level.glb,other.obj --json\n  surefoot eval --maps validation --kind islands --features all\n  surefoot eval --maps level.glb --world http://127.0.0.1:7700 --graph level.json\n  surefoot eval --maps level.obj --world tcp://127.0.0.1:7701\n  surefoot eval --suite paper --goals 2500 --seed 0..3 --out runs/paper\n  surefoot eval --suite sweep --goals 500 --out runs/sweep\n  surefoot eval --suite big-map --goals 10000 --out runs/big-map\n  surefoot eval --suite living --runs 10\n  surefoot eval --suite kinds --goals 150 --out runs/kinds\n  surefoot eval --suite kinds --out kinds --shard 0/8\n  surefoot eval --check docs/results/kinds\n  surefoot eval --check docs/results/benchmark-plan --maps 5002..5064"
 )]
 pub struct Args {
     /// Run a whole table instead: the paper's rows for which --models has weights (paper); what each of our choices adds to the paper's
@@ -43,8 +43,9 @@ pub struct Args {
     /// Parts may run on any machines, in any order, more than once
     #[arg(long, value_name = "I/N", value_parser = parse_shard, conflicts_with = "check")]
     pub(super) shard: Option<Shard>,
-    /// Check what --out wrote into this folder: derive the figures again from the attempts on record, and make a share of these again
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["suite", "out", "maps", "method"])]
+    /// Check what --out wrote into this folder: derive the figures again from the attempts on record, and make a share of these again. With
+    /// --maps, print the figures of these maps alone, and make no attempt again
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["suite", "out", "method"])]
     pub(super) check: Option<PathBuf>,
     /// Share of the attempts that --check makes again, 0 to 1
     #[arg(long, default_value_t = 0.02, value_name = "SHARE", requires = "check")]

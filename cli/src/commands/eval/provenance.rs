@@ -3,7 +3,7 @@
 use super::args::Args;
 use super::measure::measure;
 use super::results::{Results, write_into};
-use crate::commands::{core_count, machine};
+use crate::commands::{core_count, machine, revision};
 use crate::terminal::print_json;
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_agent::eval::record::{Comparison, Model, Record};
@@ -67,7 +66,7 @@ impl Start {
     pub fn now() -> Self {
         let load = std::fs::read_to_string("/proc/loadavg").ok();
         let load_before = load.and_then(|text| text.split_whitespace().next()?.parse().ok());
-        Self { load_before, commit: commit().unwrap_or_default() }
+        Self { load_before, commit: revision().unwrap_or_default() }
     }
 
     /// Writes figures, table, attempts and provenance into a folder.
@@ -108,16 +107,6 @@ fn hash_file(path: &Path) -> anyhow::Result<(String, u64)> {
     Ok((hasher.finalize().to_hex().to_string(), bytes))
 }
 
-fn commit() -> Option<String> {
-    let git = |arguments: &[&str]| {
-        let output = Command::new("git").args(arguments).output().ok().filter(|it| it.status.success())?;
-        String::from_utf8(output.stdout).ok()
-    };
-    let head = git(&["rev-parse", "HEAD"])?;
-    let changes = git(&["status", "--porcelain", "--untracked-files=no"])?;
-    Some(format!("{}{}", head.trim(), if changes.is_empty() { "" } else { "+" }))
-}
-
 /// Arguments of the command that made a table.
 #[derive(Parser)]
 #[command(name = "eval", no_binary_name = false)]
@@ -143,7 +132,7 @@ struct Outcome {
     agrees: bool,
 }
 
-/// Derives a table again from its attempts, and makes a share of these again.
+/// Derives a table again from its attempts, and makes a share of these again; with `--maps`, prints the figures of these maps alone.
 pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     ensure!((0.0..=1.0).contains(&args.share), "--share is {}, allowed are 0 to 1", args.share);
     let read = |name: &str| {
@@ -165,12 +154,17 @@ pub fn check(args: &Args, folder: &Path) -> anyhow::Result<()> {
     let path = folder.join(&attempts.file);
     ensure!(hash_file(&path)?.0 == attempts.hash, "{} is not the file that the provenance is of", path.display());
     let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let record = Record::read(BufReader::new(file), args.share, args.check_seed)
+    let share = if args.maps.is_some() { 0.0 } else { args.share };
+    let record = Record::read(BufReader::new(file), share, args.check_seed)
         .with_context(|| format!("cannot use {}", path.display()))?;
     let stored = Stored::try_parse_from(&provenance.command).context("this version has no such command any more")?;
-    let made = Args { out: None, threads: Some(args.threads.unwrap_or_else(core_count)), ..stored.args };
+    let maps = args.maps.clone().or(stored.args.maps);
+    let made = Args { out: None, maps, threads: Some(args.threads.unwrap_or_else(core_count)), ..stored.args };
     let record = Arc::new(record);
     let results = measure(&made, Some(record.clone()))?;
+    if args.maps.is_some() {
+        return results.print(args.json);
+    }
     let figures: serde_json::Value = serde_json::from_slice(&figures)?;
     let comparison = record.comparison();
     let outcome = Outcome {
