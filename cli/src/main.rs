@@ -16,7 +16,13 @@ use commands::{act, bench, challenge, eval, export, graph, health, licenses, map
 
 /// Game NPCs that reach their goals: worlds, NPC workers, and a planner whose every edge is proved.
 #[derive(Parser)]
-#[command(name = "surefoot", version, propagate_version = true, max_term_width = 110)]
+#[command(
+    name = "surefoot",
+    version,
+    propagate_version = true,
+    max_term_width = 110,
+    after_help = "Examples:\n  surefoot                                  # the same as surefoot up\n  surefoot up --maps level.glb --body unity\n  surefoot graph reach level.glb\n  surefoot eval --help"
+)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -43,14 +49,20 @@ enum Command {
     /// Measure success on maps by the paper's protocol.
     Eval(eval::Args),
     /// Compare agents and planners of any origin on the same goals.
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  surefoot challenge record paper-like --out surefoot.json.gz\n  surefoot challenge score surefoot.json.gz"
+    )]
     Challenge(challenge::Command),
     /// Write a model as ONNX or safetensors.
     Export(export::ExportArgs),
     /// Make a model from a safetensors file.
     Import(export::ImportArgs),
     /// Build, show, check, edit and export graphs.
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  surefoot graph show 2000 --png graph.png --tracks 24\n  surefoot graph reach level.glb --body unity\n  surefoot graph export level.glb --format json --out graph.json"
+    )]
     Graph(graph::Command),
     /// Measure speed.
     Bench(bench::Args),
@@ -61,7 +73,10 @@ enum Command {
     /// Watch a running world server.
     Top(top::Args),
     /// Generate, show, exchange and replay maps.
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  surefoot map show 7 --features all --stats\n  surefoot map import level.glb --out level.sfmap\n  surefoot map export 7 --out seven.glb"
+    )]
     Map(map::Command),
 }
 
@@ -119,5 +134,42 @@ fn execute(command: Command) -> anyhow::Result<()> {
         Command::Licenses(args) => licenses::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Map(command) => map::run(&command),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Names of the commands below `command`, itself included, whose help has no examples.
+    fn without_examples(command: &clap::Command) -> Vec<String> {
+        let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let name = command.get_name();
+        let example = if name == "surefoot" { "\n  surefoot".to_owned() } else { format!(" {name}") };
+        let has_examples =
+            help.split_once("Examples:\n").is_some_and(|(_, examples)| format!("\n{examples}").contains(&example));
+        let own = (!has_examples).then(|| name.to_owned());
+        let below = command.get_subcommands().flat_map(without_examples);
+        own.into_iter().chain(below.map(|below| format!("{name} {below}"))).collect()
+    }
+
+    #[test]
+    fn the_help_of_every_command_has_examples() {
+        assert_eq!(without_examples(&Cli::command()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn every_bench_has_an_example() {
+        let command = Cli::command();
+        let bench = command.find_subcommand("bench").expect("there are benches");
+        let help = bench.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let what = bench.get_arguments().find(|it| it.get_id() == "what").expect("a bench is named");
+        for name in what.get_possible_values().iter().map(clap::builder::PossibleValue::get_name) {
+            assert!(help.contains(&format!("surefoot bench {name}")), "bench {name}");
+        }
+        let names: Vec<String> = what.get_possible_values().iter().map(|it| it.get_name().to_owned()).collect();
+        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/training-and-models.md");
+        let page = std::fs::read_to_string(page).expect("the page exists");
+        assert!(page.contains(&format!("`surefoot bench {}`", names.join("|"))), "the page lists other benches");
     }
 }

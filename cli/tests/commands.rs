@@ -70,7 +70,7 @@ fn eval_prints_the_agreed_document() {
 
 #[test]
 fn bad_input_ends_with_one_clear_line() {
-    let cases: [(&[&str], &str); 13] = [
+    let cases: [(&[&str], &str); 14] = [
         (&["eval", "--maps", "nowhere"], "--maps takes training, validation, test"),
         (&["eval", "--distance", "9..3"], "expected MIN..MAX"),
         (&["eval", "--goals", "0"], "--goals is 0"),
@@ -84,6 +84,8 @@ fn bad_input_ends_with_one_clear_line() {
         (&["serve", "--tls-cert", "/no/cert.pem"], "--tls-cert and --tls-key must be given together"),
         (&["serve", "--tokens", "/no/tokens.toml"], "cannot read /no/tokens.toml"),
         (&["work", "--token-file", "/no/secret"], "cannot read /no/secret"),
+        // Before anything is measured, with and without the feature `fleet`.
+        (&["bench", "scale", "--store", "nowhere", "--blobs", "file:///no"], "--store"),
     ];
     for (args, words) in cases {
         let output = surefoot(args);

@@ -275,7 +275,7 @@ pub struct ImportArgs {
 
 /// Write a map as .glb.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  surefoot map export 7 --features all --out seven.glb")]
+#[command(after_help = "Examples:\n  surefoot map export 7 --features all --out seven.glb")]
 pub struct ExportArgs {
     #[command(flatten)]
     source: Source,
@@ -286,7 +286,7 @@ pub struct ExportArgs {
 
 /// Run NPCs on a map and record every input.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  surefoot map record 7 --npcs 32 --ticks 3600 --out run.sfreplay")]
+#[command(after_help = "Examples:\n  surefoot map record 7 --npcs 32 --ticks 3600 --out run.sfreplay")]
 pub struct RecordArgs {
     #[command(flatten)]
     source: Source,
@@ -303,7 +303,7 @@ pub struct RecordArgs {
 
 /// Run a recording again; without --check only describe it.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  surefoot map replay run.sfreplay --check")]
+#[command(after_help = "Examples:\n  surefoot map replay run.sfreplay --check")]
 pub struct ReplayArgs {
     /// The recording
     file: PathBuf,

@@ -24,8 +24,8 @@ use surefoot_world::{CharacterProfile, MapSpec, exchange};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-/// Seed of the scene's first map; none of the splits contains its maps.
-const FIRST_SEED: u64 = 5000;
+/// Seed of the scene's first map. The scene shows none of the maps that are trained on or that results are measured on.
+const FIRST_SEED: u64 = 9000;
 /// Seeds from [`FIRST_SEED`] on that belong to the scene.
 const MAX_SCENE_MAPS: u64 = 1000;
 /// Bytes of a level that are uploaded at a time; servers take 1 MiB in a message unless configured.
@@ -387,4 +387,26 @@ fn summarise(args: &Args, started: Instant, watches: &[Watched]) -> anyhow::Resu
         bail!("no NPC arrived");
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::SPLITS;
+    use surefoot_policy::Policy;
+
+    #[test]
+    fn the_scene_shows_no_map_of_a_split() {
+        let scene = FIRST_SEED..FIRST_SEED + MAX_SCENE_MAPS;
+        for (name, seeds) in SPLITS {
+            assert!(seeds.end <= scene.start || seeds.start >= scene.end, "{name}: {seeds:?}");
+        }
+        // The map of 1 km.
+        assert!(!scene.contains(&3000));
+        let policy = Policy::shipped().unwrap();
+        let stages = std::iter::successors(Some(&policy.manifest().training), |stage| stage.get("started_from"));
+        for seeds in stages.map(|stage| &stage["config"]["collector"]["map_seeds"]).filter(|it| !it.is_null()) {
+            assert!(seeds["end"].as_u64().unwrap() <= scene.start, "trained on {seeds}");
+        }
+    }
 }

@@ -25,7 +25,7 @@ use std::time::Instant;
 /// Measure speed.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods\n  surefoot bench growth"
+    after_help = "Examples:\n  surefoot bench world\n  surefoot bench learn --json\n  surefoot bench plan\n  surefoot bench serve --minutes 1\n  surefoot bench soak --minutes 3\n  surefoot bench floods\n  surefoot bench feed\n  surefoot bench scale --out docs/results/scale\n  surefoot bench queue --json\n  surefoot bench growth"
 )]
 pub struct Args {
     /// world: simulation and maps; learn: SAC updates and inference; plan: graphs and path queries; serve: the world server under load;
@@ -50,8 +50,8 @@ pub struct Args {
     /// scale: Simulate with this recorded load instead of recording one
     #[arg(long, value_name = "FILE")]
     load: Option<std::path::PathBuf>,
-    /// scale: Measure with this PostgreSQL database of this machine, too: what the record of a fleet takes
-    #[arg(long, value_name = "URL", hide_env_values = true, requires = "blobs")]
+    /// scale: Measure with this PostgreSQL database of this machine, too: what the record of a fleet takes. Needs a build with --features fleet
+    #[arg(long, value_name = "URL", hide_env_values = true, requires = "blobs", conflicts_with = "load")]
     store: Option<String>,
     /// scale: The object store of the same fleet
     #[arg(long, value_name = "URI", requires = "store")]

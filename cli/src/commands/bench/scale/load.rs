@@ -92,17 +92,17 @@ impl Load {
     /// Records the load of crowds on this machine, which should do nothing else; that of the record and the blobs only if there are some.
     pub fn record(fleet: Option<[&str; 2]>) -> anyhow::Result<Self> {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-        let rungs = NPCS.map(|npcs| runtime.block_on(record(npcs)));
-        let rungs = rungs.into_iter().collect::<anyhow::Result<_>>()?;
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let record = match fleet {
+        let of_fleet = match fleet {
             #[cfg(feature = "fleet")]
             Some([store, blobs]) => runtime.block_on(super::record::measure(store, blobs))?,
             #[cfg(not(feature = "fleet"))]
             Some(_) => anyhow::bail!("--store needs a program that was built with --features fleet"),
             None => RecordLoad::default(),
         };
-        Ok(Self { machine: machine(), cores, rungs, record })
+        // After the fleet, so that a database that cannot be used is refused before minutes of measuring.
+        let rungs = NPCS.iter().map(|npcs| runtime.block_on(record(*npcs))).collect::<anyhow::Result<_>>()?;
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(Self { machine: machine(), cores, rungs, record: of_fleet })
     }
 }
 

@@ -24,7 +24,7 @@ const LEASE_S: f64 = 5.0;
 
 /// Measures over this database and this object store, from which it removes its worlds.
 pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
-    let record = Record::open(store).await?;
+    let (record, opened) = (Record::open(store).await?, Blobs::open(blobs)?);
     let cache = CacheArgs::default_folder()?.join("bench-serve");
     let scene = Scene::start_of_fleet(NPCS, &cache, store, blobs).await?;
     scene.measure(WARM_UP).await?;
@@ -45,7 +45,7 @@ pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
         renew_every_s: LEASE_S / 3.0,
         notes_per_s: (commits / seconds - by_clock).max(0.0),
         cpu_us_per_write: 1e6 * cpu / commits,
-        save_bytes: save_bytes(&scene, &record, &Blobs::open(blobs)?).await?,
+        save_bytes: save_bytes(&scene, &record, &opened).await?,
     };
     eprintln!(
         "over PostgreSQL, {NPCS} NPCs: {:.1} commits/s, of which {:.1} record what happened; {:.0} us of CPU each; server {:.1} % of a core, tick p99 {:.2} ms; a saved world {:.0} bytes + {:.0} for each NPC",
