@@ -86,8 +86,12 @@ impl SharedStore for Fleet {
         done(earliest)
     }
 
-    fn claim(&self, _: usize) -> StoreCall<'_, Vec<WorldId>> {
+    fn claim<'a>(&'a self, _: usize, _: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>> {
         done(Vec::new())
+    }
+
+    fn hand_back(&self, _: WorldId) -> StoreCall<'_, ()> {
+        done(())
     }
 
     fn record<'a>(&'a self, _: Tenure, journals: &'a [(WorldId, Journal)]) -> StoreCall<'a, BTreeMap<WorldId, bool>> {

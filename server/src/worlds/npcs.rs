@@ -96,6 +96,7 @@ impl Worlds {
             Ok(Some(place)) if place.is_alive && !place.is_here => Absence::Elsewhere(place.address),
             // It is about to be restored, here or elsewhere.
             Ok(Some(_)) => Absence::Moving,
+            Err(WorldsError::Store(StoreError::Busy)) => Absence::Busy,
             Err(error) => Absence::Unanswered(error.to_string()),
         }
     }
@@ -124,6 +125,8 @@ enum Absence {
     Moving,
     /// The server at this address runs it.
     Elsewhere(String),
+    /// Too many calls look for worlds.
+    Busy,
     /// The record of the fleet does not answer; says why.
     Unanswered(String),
 }
@@ -135,6 +138,7 @@ impl Absence {
             Self::Unknown => NpcError::Unknown(npc).into(),
             Self::Moving => WorldsError::Moving(npc.world()),
             Self::Elsewhere(address) => WorldsError::Elsewhere(npc.world(), address.clone()),
+            Self::Busy => StoreError::Busy.into(),
             Self::Unanswered(why) => StoreError::Unavailable(why.clone()).into(),
         }
     }
