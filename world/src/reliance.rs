@@ -6,6 +6,7 @@ use crate::map::{Map, Mover};
 use crate::mesh::Triangle;
 use crate::movers::MoverState;
 use crate::navigable::DOWN;
+use crate::posed::{Near, REACH_M};
 
 /// How deep a mover must reach into a body to be in its way, m.
 const IN_THE_WAY_M: f32 = 0.05;
@@ -28,8 +29,10 @@ struct Shape {
 pub struct Reliance {
     /// Shapes of each mover, stop by stop; none where it is not there.
     shapes: Vec<Vec<Option<Shape>>>,
-    /// Boxes around the journeys of all movers, from stop to stop, and around those that stay.
-    swept: Vec<(Vec3, Vec3)>,
+    /// Boxes around the journeys of each mover from stop to stop; around itself if it stays.
+    swept: Vec<Vec<(Vec3, Vec3)>>,
+    /// Movers by where any of their stops is.
+    near: Near,
 }
 
 impl Reliance {
@@ -46,7 +49,11 @@ impl Reliance {
             let around = |pair: &[(Vec3, Vec3)]| (pair[0].0.min(pair[1].0), pair[0].1.max(pair[1].1));
             if stops.len() == 1 { stops } else { stops.windows(2).map(around).collect() }
         };
-        Self { shapes: map.movers().iter().map(of).collect(), swept: map.movers().iter().flat_map(journeys).collect() }
+        Self {
+            shapes: map.movers().iter().map(of).collect(),
+            swept: map.movers().iter().map(journeys).collect(),
+            near: Near::new(map),
+        }
     }
 
     /// Whether the map has no movers, so that no body relies on any.
@@ -67,7 +74,9 @@ impl Reliance {
         let (low, height) = (body.feet + Vec3::Y * profile.radius, profile.height - 2.0 * profile.radius);
         let reach = Vec3::new(profile.radius, KNEE_M, profile.radius);
         let (least, most) = (body.feet - reach, body.feet + reach + Vec3::new(0.0, profile.height, 0.0));
-        for (((idx, mover), shapes), state) in (0..).zip(map.movers()).zip(&self.shapes).zip(states) {
+        for &idx in self.near.of(body.feet) {
+            let at = usize::from(idx);
+            let (mover, shapes, state) = (&map.movers()[at], &self.shapes[at], &states[at]);
             let mut possible = mover.all_stops();
             for (stop, shape) in shapes.iter().enumerate() {
                 let Some(shape) = shape.as_ref().filter(|it| it.low.cmple(most).all() && it.high.cmpge(least).all())
@@ -88,12 +97,14 @@ impl Reliance {
         }
     }
 
-    /// Whether a mover goes where a body with its feet at `feet` is, or nearer to it than `margin`, m.
+    /// Whether a mover goes where a body with its feet at `feet` is, or nearer to it than `margin`, m, which is at most 0.5.
     pub fn is_swept(&self, profile: &CharacterProfile, feet: Vec3, margin: f32) -> bool {
+        debug_assert!(profile.radius + margin <= REACH_M, "movers are looked for within {REACH_M} m");
         let reach = Vec3::new(profile.radius + margin, 0.0, profile.radius + margin);
         // What is below the feet is not in the way.
         let (least, most) = (feet - reach + Vec3::Y * STEP_ON_M, feet + reach + Vec3::Y * profile.height);
-        self.swept.iter().any(|(low, high)| low.cmple(most).all() && high.cmpge(least).all())
+        let is_in = |(low, high): &(Vec3, Vec3)| low.cmple(most).all() && high.cmpge(least).all();
+        self.near.of(feet).iter().any(|idx| self.swept[usize::from(*idx)].iter().any(is_in))
     }
 }
 

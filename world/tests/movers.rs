@@ -1,6 +1,7 @@
 //! Doors, lifts, floors that vanish and conveyors: what levels say of them, how they move, and what they do to bodies and rays.
 
 use std::sync::Arc;
+use surefoot_world::character::{Body, Support};
 use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
@@ -462,6 +463,29 @@ fn a_lift_may_have_sixteen_stops() {
     reliance
         .of(world.map(), world.movers(), world.profile_of(npc), &npc.body, |mover, stops| needs.push((mover, stops)));
     assert_eq!(needs, [(0, 1 << 15)]);
+}
+
+#[test]
+fn a_body_relies_on_the_lift_beneath_it_among_a_hundred() {
+    let low = |idx: usize| Vec3::new((idx % 10) as f32 * 4.0, GROUND + 0.2, (idx / 10) as f32 * 4.0);
+    let lift = |idx: usize| {
+        let up = [Vec3::Y * 8.0];
+        Mover { name: format!("lift {idx}"), ..mover(MoverKind::Lift, low(idx), low(idx) + Vec3::splat(2.0), &up) }
+    };
+    let world = world((0..100).map(lift).collect());
+    let reliance = surefoot_world::reliance::Reliance::on(world.map());
+    let profile = CharacterProfile::default();
+    for idx in 0..100 {
+        let aboard = low(idx) + Vec3::new(1.0, 2.0, 1.0);
+        let mut noted = Vec::new();
+        let mut body = Body::at(aboard, 0.0);
+        body.support = Support::Ground;
+        reliance.of(world.map(), world.movers(), &profile, &body, |mover, stops| noted.push((mover, stops)));
+        assert_eq!(noted, [(idx as u16, 1)]);
+        let is_swept = |feet: Vec3| reliance.is_swept(&profile, feet, 0.4);
+        assert!(is_swept(aboard + Vec3::Y * 4.0) && is_swept(aboard + Vec3::new(1.6, 4.0, 0.0)), "lift {idx}");
+        assert!(!is_swept(aboard + Vec3::Y * 8.0) && !is_swept(aboard + Vec3::new(2.0, 4.0, 2.0)), "lift {idx}");
+    }
 }
 
 #[test]
