@@ -59,7 +59,7 @@ async fn a_record_that_cannot_be_opened_says_why() {
 }
 
 async fn blobs_keep_what_they_are_given(blobs: &Blobs) {
-    let bytes: Vec<u8> = (0..2_000_000u32).map(|idx| ((idx * idx) >> 7) as u8).collect();
+    let bytes: Vec<u8> = (0..2_000_000u32).map(|idx| (idx.wrapping_mul(idx) >> 7) as u8).collect();
     let id = blobs.put(bytes.clone()).await.unwrap();
     assert_eq!(id, BlobId::of(&bytes));
     assert_eq!(id.to_string().parse(), Ok(id));
