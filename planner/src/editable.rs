@@ -210,7 +210,7 @@ mod tests {
         Remove(u32),
         AddEdge(u32, u32, u32),
         RemoveEdge(u32, u32),
-        ChangeEdge(u32, u32, u32),
+        ReplaceEdge(u32, u32, u32),
     }
 
     /// Places on a grid of half metres, so that many are equally near.
@@ -226,7 +226,7 @@ mod tests {
             vertex().prop_map(Change::Remove),
             (vertex(), vertex(), 1..9u32).prop_map(|(from, to, decisions)| Change::AddEdge(from, to, decisions)),
             (vertex(), vertex()).prop_map(|(from, to)| Change::RemoveEdge(from, to)),
-            (vertex(), vertex(), 1..9u32).prop_map(|(from, to, decisions)| Change::ChangeEdge(from, to, decisions)),
+            (vertex(), vertex(), 1..9u32).prop_map(|(from, to, decisions)| Change::ReplaceEdge(from, to, decisions)),
         ]
     }
 
@@ -279,7 +279,7 @@ mod tests {
                         plain.edges.retain(|edge| edge.key != key);
                         prop_assert_eq!(editable.remove_edge(key), had);
                     }
-                    Change::ChangeEdge(from, to, decisions) => {
+                    Change::ReplaceEdge(from, to, decisions) => {
                         let new = edge(from % count, to % count, decisions);
                         let known = plain.edges.iter_mut().find(|edge| edge.key == new.key);
                         let found = editable.edge_mut(new.key);
