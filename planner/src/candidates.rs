@@ -38,8 +38,8 @@ const BOARD_M: f32 = 14.0;
 
 /// Vertices in a column of the grid in which neighbours are looked up, on average.
 const VERTICES_PER_COLUMN: f32 = 4.0;
-/// What distances on a grid may be off by, in columns and in metres.
-const ROUNDING: f32 = 0.01;
+/// What distances may be off by, m.
+const ROUNDING_M: f32 = 0.01;
 
 /// Pairs each vertex with its `neighbours` nearest vertices, in the order of the vertices, nearest first.
 pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
@@ -48,28 +48,12 @@ pub fn nearest(vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
 
 /// The same for some of the vertices.
 pub fn nearest_of(some: impl Iterator<Item = u32>, vertices: &[Vec3], neighbours: usize) -> Vec<Candidate> {
-    let mut candidates = Vec::with_capacity(some.size_hint().0 * neighbours);
     let grid = PointGrid::spread(vertices, VERTICES_PER_COLUMN);
-    let mut others: Vec<(f32, u32)> = Vec::new();
-    for from in some {
-        let position = vertices[from as usize];
-        others.clear();
-        for ring in 0..=grid.ring_count() {
-            // Vertices of this ring and of all further ones are no nearer, but for what is lost to rounding.
-            let least = (ring as f32 - 1.0 - ROUNDING) * grid.cell_m();
-            let farthest = others.last().filter(|_| others.len() == neighbours);
-            if least > 0.0 && farthest.is_some_and(|(distance, _)| *distance < least * least) {
-                break;
-            }
-            grid.ring(position, ring, |range| {
-                let found = grid.order()[range].iter().filter(|&&to| to != from);
-                others.extend(found.map(|&to| (position.distance_squared(vertices[to as usize]), to)));
-            });
-            keep_nearest(&mut others, neighbours);
-        }
-        candidates.extend(others.iter().map(|&(_, to)| EdgeKey::new(from, to)));
-    }
-    candidates
+    let of = |from: u32| {
+        let near = grid.nearest(vertices, vertices[from as usize], neighbours, |to| to != from);
+        near.into_iter().map(move |to| EdgeKey::new(from, to))
+    };
+    some.flat_map(of).collect()
 }
 
 /// Keeps the `count` nearest of some vertices, nearest first; of those that are equally near, the first.
@@ -152,7 +136,7 @@ pub fn by_berths(berths: &[Option<(u16, u8)>], vertices: &[Vec3], known: &[Candi
     let grid = PointGrid::new(&places, BOARD_M);
     for berth in moored {
         let at = vertices[berth as usize];
-        let near = grid.within(at, BOARD_M + ROUNDING).map(|idx| (places[idx as usize], others[idx as usize]));
+        let near = grid.within(at, BOARD_M + ROUNDING_M).map(|idx| (places[idx as usize], others[idx as usize]));
         let near = near.filter(|(place, _)| place.distance(at) <= BOARD_M);
         let mut near: Vec<(f32, u32)> = near.map(|(place, other)| (place.distance_squared(at), other)).collect();
         keep_nearest(&mut near, BOARDINGS);

@@ -120,13 +120,13 @@ impl PointGrid {
         let mut best: Vec<(f32, u32)> = Vec::with_capacity(most.saturating_add(1).min(points.len() + 1));
         for ring in 0..=self.ring_count() {
             // A little less than the distance of the ring, because columns are computed with rounding.
-            let bound = (ring - 1) as f32 * self.cell_m() * 0.999;
-            if best.len() >= most && best.last().is_none_or(|(worst, _)| *worst < bound) {
+            let bound = (ring - 1).max(0) as f32 * self.cell_m() * 0.999;
+            if best.len() >= most && best.last().is_none_or(|(worst, _)| *worst < bound * bound) {
                 break;
             }
             self.ring(at, ring, |range| {
                 for &idx in &self.entries[range] {
-                    let entry = (points[idx as usize].distance(at), idx);
+                    let entry = (points[idx as usize].distance_squared(at), idx);
                     let comes_before = |known: &(f32, u32)| known.0.total_cmp(&entry.0).then(known.1.cmp(&idx)).is_lt();
                     let has_room = best.len() < most || best.last().is_some_and(|worst| !comes_before(worst));
                     if has_room && accept(idx) {
@@ -294,7 +294,10 @@ mod tests {
                 let accept = |idx: u32| !idx.is_multiple_of(5);
                 let mut all: Vec<u32> = (0..points.len() as u32).filter(|&idx| accept(idx)).collect();
                 all.sort_by(|a, b| {
-                    points[*a as usize].distance(at).total_cmp(&points[*b as usize].distance(at)).then(a.cmp(b))
+                    points[*a as usize]
+                        .distance_squared(at)
+                        .total_cmp(&points[*b as usize].distance_squared(at))
+                        .then(a.cmp(b))
                 });
                 all.truncate(most);
                 assert_eq!(grid.nearest(&points, at, most, accept), all);
