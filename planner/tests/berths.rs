@@ -80,7 +80,7 @@ fn rides(graph: &NavGraph) -> Vec<Ride> {
     graph.edges().filter_map(|edge| edge.evidence.needs.ride).collect()
 }
 
-/// With a scan of all berths for each of them and each vertex, this build would take days.
+/// With a scan of all berths for each of them and each vertex, this build would take hours.
 #[test]
 fn a_thousand_lifts_of_sixteen_floors_are_built() {
     let (lift_count, vertices) = (1000, 300);
