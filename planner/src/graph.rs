@@ -8,7 +8,6 @@ use crate::legs::LegModel;
 use petgraph::Direction;
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
-use petgraph::visit::EdgeRef;
 use serde::{Deserialize, Serialize};
 use surefoot_world::Vec3;
 use surefoot_world::map::mover::{MAX_MOVERS, MAX_STOPS};
@@ -31,6 +30,8 @@ pub struct Edge {
 #[derive(Debug, Clone)]
 pub struct NavGraph {
     graph: DiGraph<Vec3, Edge>,
+    /// The ends of the edges, once more without their evidence: what is connected is found out in a fraction of the memory.
+    ends: Vec<EdgeKey>,
     legs: LegModel,
     islands: Vec<u32>,
     island_count: u32,
@@ -96,6 +97,7 @@ impl NavGraph {
     /// Returns the first invalid vertex or edge, or an invalid cost model.
     pub fn check(data: GraphData) -> Result<Self, GraphError> {
         let mut graph = DiGraph::with_capacity(data.vertices.len(), data.edges.len());
+        let ends: Vec<EdgeKey> = data.edges.iter().map(|edge| edge.key).collect();
         for (idx, vertex) in data.vertices.iter().enumerate() {
             if !is_place(*vertex) {
                 return Err(GraphError::BadVertex(idx));
@@ -122,15 +124,8 @@ impl NavGraph {
         if !data.legs.is_sound() {
             return Err(GraphError::BadLegs);
         }
-        // petgraph's Tarjan is recursive: a long chain of vertices would overflow the stack.
-        let components = kosaraju_scc(&graph);
-        let mut islands = vec![0; graph.node_count()];
-        for (island, members) in components.iter().enumerate() {
-            for member in members {
-                islands[member.index()] = island as u32;
-            }
-        }
-        Ok(Self { graph, legs: data.legs, islands, island_count: components.len() as u32 })
+        let (islands, island_count) = islands(graph.node_count(), &ends);
+        Ok(Self { graph, ends, legs: data.legs, islands, island_count })
     }
 
     /// Returns this graph with edges that cost their mean decisions, whatever the risk: see [`Evidence::of_steps`].
@@ -228,60 +223,95 @@ impl NavGraph {
     /// For each island the islands that edges lead to, each once. Islands are numbered in reverse topological order: all of these numbers
     /// are lower.
     pub(crate) fn exits(&self) -> Vec<Vec<u32>> {
-        let mut exits: Vec<Vec<u32>> = vec![Vec::new(); self.island_count as usize];
-        for edge in self.edges() {
-            let [from, to] = [edge.key.from, edge.key.to].map(|vertex| self.islands[vertex.idx()]);
-            if from != to && exits[from as usize].last() != Some(&to) {
-                exits[from as usize].push(to);
-            }
-        }
-        for exits in &mut exits {
-            exits.sort_unstable();
-            exits.dedup();
-        }
-        exits
+        exits(&self.islands, self.island_count, &self.ends)
     }
 
     /// Returns for each vertex whether it can be reached from `from`; `from` itself counts as reached.
     pub fn reachable_from(&self, from: VertexId) -> Vec<bool> {
-        self.reachable_along(from, |_| true)
-    }
-
-    /// Returns for each vertex whether it can be reached from `from` by edges that `is_open` accepts; `from` itself counts as reached.
-    pub fn reachable_along(&self, from: VertexId, is_open: impl Fn(&Edge) -> bool) -> Vec<bool> {
-        self.flood(from, Direction::Outgoing, is_open)
+        flood(self.vertex_count(), from, self.ends.iter().map(|key| (key.from, key.to)))
     }
 
     /// Returns for each vertex whether a path leads from it to `to`; `to` itself counts.
     pub fn reaching(&self, to: VertexId) -> Vec<bool> {
-        self.flood(to, Direction::Incoming, |_| true)
-    }
-
-    fn flood(&self, from: VertexId, direction: Direction, is_open: impl Fn(&Edge) -> bool) -> Vec<bool> {
-        let mut seen = vec![false; self.vertex_count()];
-        let mut stack = vec![node(from)];
-        seen[from.idx()] = true;
-        while let Some(vertex) = stack.pop() {
-            for edge in self.graph.edges_directed(vertex, direction) {
-                let next = if direction == Direction::Outgoing { edge.target() } else { edge.source() };
-                if is_open(edge.weight()) && !std::mem::replace(&mut seen[next.index()], true) {
-                    stack.push(next);
-                }
-            }
-        }
-        seen
+        flood(self.vertex_count(), to, self.ends.iter().map(|key| (key.to, key.from)))
     }
 
     /// Returns the share of ordered pairs of different vertices that a path joins, in [0, 1].
     pub fn connected_share(&self) -> f64 {
-        let count = self.vertex_count();
-        let mut sizes = vec![0_u64; self.island_count as usize];
-        self.islands.iter().for_each(|&island| sizes[island as usize] += 1);
-        // What one vertex of an island reaches, all do.
-        let reached = reached_sizes(&self.exits(), &sizes);
-        let pairs: u64 = sizes.iter().zip(reached).map(|(size, reached)| size * (reached - 1)).sum();
-        pairs as f64 / (count * count.saturating_sub(1)).max(1) as f64
+        share(&self.islands, self.island_count, &self.ends)
     }
+
+    /// Returns the same share without the edges that `is_removed` accepts.
+    pub fn connected_share_without(&self, is_removed: impl Fn(&Edge) -> bool) -> f64 {
+        let ends: Vec<EdgeKey> = self.edges().filter(|edge| !is_removed(edge)).map(|edge| edge.key).collect();
+        let (islands, island_count) = islands(self.vertex_count(), &ends);
+        share(&islands, island_count, &ends)
+    }
+}
+
+/// The island of each of `count` vertices that edges with these ends join, and the number of islands.
+fn islands(count: usize, ends: &[EdgeKey]) -> (Vec<u32>, u32) {
+    let mut graph: DiGraph<(), ()> = DiGraph::with_capacity(count, ends.len());
+    (0..count).for_each(|_| _ = graph.add_node(()));
+    ends.iter().for_each(|key| _ = graph.add_edge(node(key.from), node(key.to), ()));
+    // petgraph's Tarjan is recursive: a long chain of vertices would overflow the stack.
+    let components = kosaraju_scc(&graph);
+    let mut islands = vec![0; count];
+    for (island, members) in (0..).zip(&components) {
+        members.iter().for_each(|member| islands[member.index()] = island);
+    }
+    (islands, components.len() as u32)
+}
+
+/// For each island the others that edges lead to, each once.
+fn exits(islands: &[u32], island_count: u32, ends: &[EdgeKey]) -> Vec<Vec<u32>> {
+    let mut exits: Vec<Vec<u32>> = vec![Vec::new(); island_count as usize];
+    for key in ends {
+        let [from, to] = [key.from, key.to].map(|vertex| islands[vertex.idx()]);
+        if from != to && exits[from as usize].last() != Some(&to) {
+            exits[from as usize].push(to);
+        }
+    }
+    for exits in &mut exits {
+        exits.sort_unstable();
+        exits.dedup();
+    }
+    exits
+}
+
+/// The share of ordered pairs of different vertices that a path joins.
+fn share(islands: &[u32], island_count: u32, ends: &[EdgeKey]) -> f64 {
+    let count = islands.len();
+    let mut sizes = vec![0_u64; island_count as usize];
+    islands.iter().for_each(|&island| sizes[island as usize] += 1);
+    // What one vertex of an island reaches, all do.
+    let reached = reached_sizes(&exits(islands, island_count, ends), &sizes);
+    let pairs: u64 = sizes.iter().zip(reached).map(|(size, reached)| size * (reached - 1)).sum();
+    pairs as f64 / (count * count.saturating_sub(1)).max(1) as f64
+}
+
+/// For each of `count` vertices whether it can be reached from `from` along these steps; `from` itself counts.
+fn flood(count: usize, from: VertexId, steps: impl Iterator<Item = (VertexId, VertexId)> + Clone) -> Vec<bool> {
+    // The ends of all steps by their beginnings.
+    let mut starts = vec![0_usize; count + 1];
+    steps.clone().for_each(|(from, _)| starts[from.idx() + 1] += 1);
+    (0..count).for_each(|idx| starts[idx + 1] += starts[idx]);
+    let (mut next, mut ends) = (starts.clone(), vec![VertexId(0); starts[count]]);
+    for (from, to) in steps {
+        ends[next[from.idx()]] = to;
+        next[from.idx()] += 1;
+    }
+    let mut seen = vec![false; count];
+    let mut open = vec![from];
+    seen[from.idx()] = true;
+    while let Some(vertex) = open.pop() {
+        for &to in &ends[starts[vertex.idx()]..starts[vertex.idx() + 1]] {
+            if !std::mem::replace(&mut seen[to.idx()], true) {
+                open.push(to);
+            }
+        }
+    }
+    seen
 }
 
 /// Whether a vertex can be at `place`, m.

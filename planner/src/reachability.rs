@@ -77,7 +77,12 @@ pub fn describe(graph: &NavGraph) -> Connection {
         .collect();
     let lost_without = used
         .into_iter()
-        .map(|ability| (ability.name().to_owned(), connected - without(graph, ability).connected_share()))
+        .map(|ability| {
+            (
+                ability.name().to_owned(),
+                connected - graph.connected_share_without(|edge| edge.evidence.ability == ability),
+            )
+        })
         .collect();
     Connection { vertices: graph.vertex_count(), edges: graph.edge_count(), connected, islands, lost_without }
 }
