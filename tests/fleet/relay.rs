@@ -104,7 +104,7 @@ fn pass(mut from: TcpStream, mut to: TcpStream, state: &State, are_answers: bool
     let mut buffer = [0; 1 << 16];
     while let Ok(count @ 1..) = from.read(&mut buffer) {
         match are_answers.then(|| state.spring(&buffer[..count])).flatten() {
-            // For good: whoever waits for it has to give up.
+            // For good: its reader has to give up.
             Some(Trap::Hold) => loop {
                 std::thread::park();
             },

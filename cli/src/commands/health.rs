@@ -8,14 +8,13 @@ use tonic_health::pb::health_client::HealthClient;
 
 /// Ask a service whether it is serving; exits non-zero if not. Meant for container health checks.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  surefoot health\n  surefoot health http://127.0.0.1:7601\n  surefoot health --service surefoot.world.v1.WorldService"
-)]
+#[command(after_help = "Examples:\n  surefoot health\n  surefoot health http://127.0.0.1:7601\n  \
+        surefoot health --service surefoot.world.v1.WorldService")]
 pub struct Args {
     /// URI of the service
     #[arg(default_value = "http://127.0.0.1:7600")]
     uri: String,
-    /// Service to ask about, which is not serving either while a process of a fleet has lost its lease; default: the process
+    /// Service to ask about: it is not serving while its process has lost its lease; default: the process
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     service: String,
     #[command(flatten)]

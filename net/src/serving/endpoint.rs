@@ -121,8 +121,8 @@ impl Endpoint {
         Self { ready, ..self }
     }
 
-    /// While `standing` is false, the health of each named service is NOT_SERVING, so that load balancers prefer others. The health of the
-    /// whole process, whose name is empty, stays: a restart would not help.
+    /// While `standing` is false, the health of each named service is NOT_SERVING, so that load balancers prefer others.
+    /// The health of the whole process, whose name is empty, stays: a restart would not help.
     pub fn with_standing(self, standing: watch::Receiver<bool>) -> Self {
         Self { standing, ..self }
     }
@@ -260,7 +260,8 @@ impl Endpoint {
     }
 }
 
-/// Reports the health of the services `names`; that of the process, whose name is empty, does not depend on `standing`.
+/// Reports the health of the services `names`. The health of the process, whose name is empty, does not depend on
+/// `standing`.
 async fn report(health: &HealthReporter, names: &[&str], is_ready: bool, standing: bool) {
     for name in names {
         let serves = is_ready && (standing || name.is_empty());

@@ -23,10 +23,11 @@ use tracing::warn;
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
 /// Changed whenever [`SavedWorld`] or anything inside it is.
 ///
-/// From 0.3.0 on, a server reads saves of the minor version before it. Whoever raises this number keeps the former struct as a private
-/// `SavedWorldV9` with `impl From<SavedWorldV9> for SavedWorld`, and tries its version in [`SavedWorld::decode`] after this one:
-/// `sealed::open` says which version it found. What is older may go then. A server of the former minor version does not read what this one
-/// saves: in a fleet it hands such worlds back, and a server that was upgraded takes them over.
+/// From 0.3.0 on, a server reads saves of the minor version before it. A change that raises this number keeps the former
+/// struct as a private `SavedWorldV9` with `impl From<SavedWorldV9> for SavedWorld`, and tries the former version in
+/// [`SavedWorld::decode`] after this one: `sealed::open` says which version it found. What is older may go then. A server
+/// of the former minor version does not read what this one saves: in a fleet it hands such worlds back, and a server that
+/// was upgraded takes them over.
 const VERSION: u32 = 9;
 const SUFFIX: &str = "world";
 /// Locked by the server that uses the folder.
