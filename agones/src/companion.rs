@@ -125,8 +125,8 @@ async fn set_or_fill(sidecar: &mut Sidecar, name: &str, count: i64) -> Result<i6
     }
 }
 
-/// Whether health is reported: while at least half of the worlds tick. Without health Agones ends the server with all its worlds, which costs
-/// more than it saves while most of them are well.
+/// Whether health is reported: while at least half of the worlds tick. Without health Agones ends the server with all
+/// its worlds, which costs more than it saves while most of them are well.
 fn is_healthy(vitals: &Vitals) -> bool {
     2 * vitals.stalled.len() <= vitals.world_count
 }

@@ -171,7 +171,8 @@ struct Inner {
 }
 
 impl Envs {
-    /// At most `limit` environments at a time, and `limit_per_client` of each client; those that are unused for `idle_limit` are removed.
+    /// At most `limit` environments at a time, and `limit_per_client` of each client; those that are unused for
+    /// `idle_limit` are removed.
     pub fn new(limit: usize, limit_per_client: usize, idle_limit: Duration, grounds: Grounds) -> Self {
         let what = "environments, the most it may have (--max-envs-per-client)";
         Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, grounds, inner: Arc::default() }

@@ -1,4 +1,5 @@
-//! The latest figures of a world. Its thread overwrites them after each tick; other threads read them without a call to it.
+//! The latest figures of a world. Its thread overwrites them after each tick; other threads read them without a call to
+//! it.
 
 use crate::hosted::{Counters, HostedWorld, Tally, TimeMode};
 use crate::ids::WorldId;

@@ -1,9 +1,12 @@
 //! The world server: many worlds, each stepped on its own thread, their NPCs and workers, and the gRPC services in front of them.
 //!
 //! [`hosted`] is one world with the decisions of its NPCs, [`sim`] the thread that steps a world on an absolute 60 Hz schedule,
-//! [`figures`] what is known of a world without a call to its thread, [`worlds`] all worlds and their lifecycle, [`store`] where they outlive the process, `tenure` a server's time in a fleet. [`registry`] has the connected workers, [`messages`] the messages to and from them,
-//! [`envs`] the environments that remote trainers step themselves, [`observer`] what others beside the server see of it, [`survey`] what bodies find on a map. [`grpc`] decodes, calls and encodes, [`wire`] converts.
-//! Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know wire types.
+//! [`figures`] what is known of a world without a call to its thread, [`worlds`] all worlds and their lifecycle,
+//! [`store`] where they outlive the process, `tenure` a server's time in a fleet. [`registry`] has the connected
+//! workers, [`messages`] the messages to and from them, [`envs`] the environments that remote trainers step themselves,
+//! [`observer`] what others beside the server see of it, [`survey`] what bodies find on a map. [`grpc`] decodes, calls
+//! and encodes, [`wire`] converts. Simulation never runs on tokio's async threads, and only [`grpc`] and [`wire`] know
+//! wire types.
 
 mod config;
 mod editing;

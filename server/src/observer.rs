@@ -1,4 +1,5 @@
-//! What others in the process see of a server: whether its worlds are restored, how many there are, and which of them stand still.
+//! What others in the process see of a server: whether its worlds are restored, how many there are, and which of them
+//! stand still.
 //!
 //! An observer reads the figures that the threads of the worlds write. It calls no thread, so it never waits.
 

@@ -22,7 +22,8 @@ const CALL_TIME: Duration = Duration::from_millis(2);
 /// How long a lockstep world that cannot be stepped waits for a call before it looks for silent workers.
 const IDLE: Duration = Duration::from_millis(50);
 
-/// Batches of events that wait for a reader: about a second of ticks. A reader that is farther behind reads on in the world's log.
+/// Batches of events that wait for a reader: about a second of ticks. A reader that is farther behind reads on in the
+/// world's log.
 const EVENT_BATCHES: usize = 64;
 /// Most events of a batch, so that all batches together hold no more events than the log.
 const EVENTS_IN_A_BATCH: usize = KEPT_EVENTS / EVENT_BATCHES;

@@ -1,4 +1,5 @@
-//! Turns for long CPU work: few run at a time, and of each client one, so that no client waits for all calls of another.
+//! Turns for long CPU work: few run at a time, and of each client one, so that no client waits for all calls of
+//! another.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};

@@ -1,5 +1,5 @@
-//! All worlds of a server: their owners and lifecycle. `npcs` has the calls about NPCs, `maps` those about the ground, `workers` those of
-//! workers, `keeping` how worlds outlive the process.
+//! All worlds of a server: their owners and lifecycle. `npcs` has the calls about NPCs, `maps` those about the ground,
+//! `workers` those of workers, `keeping` how worlds outlive the process.
 
 mod keeping;
 mod maps;

@@ -1,4 +1,5 @@
-//! What a server of a fleet says of worlds that are not here, and what it keeps to itself when the record of the fleet fails.
+//! What a server of a fleet says of worlds that are not here, and what it keeps to itself when the record of the fleet
+//! fails.
 
 use e2e::{create_world, ground, spawn, start_server, world_client};
 use std::collections::BTreeMap;
@@ -167,7 +168,8 @@ async fn items_of_a_batch_say_where_their_worlds_are_and_no_text_of_the_database
         assert_eq!(Reason::of(&failure), Some(Reason::NotConfirmed), "{failure}");
         check_is_clean(failure.message());
     }
-    // A batch does not flood the record of the fleet: it looks for a few worlds, and says of the others that they may be moving.
+    // A batch does not flood the record of the fleet: it looks for a few worlds, and says of the others that they may
+    // be moving.
     let npc_ids = (10..100).map(|number| NpcId::new(WorldId(number), 1).0).collect();
     let many = client.batch_get_npcs(wire::BatchGetNpcsRequest { npc_ids }).await.unwrap().into_inner().results;
     let with = |wanted: &str| {

@@ -484,7 +484,8 @@ async fn readers_of_events_do_not_keep_the_thread_of_the_world_busy() {
         numbers_until(reader, CHANGES).await;
     }
     let called = calls().await - before;
-    // Figures are as of the last tick: the calls that opened the streams, and one look of each into the log, may be among these.
+    // Figures are as of the last tick: the calls that opened the streams, and one look of each into the log, may be
+    // among these.
     assert!((CHANGES..CHANGES + 3 * READERS).contains(&called), "{called} calls");
     server.stop().await;
 }

@@ -18,7 +18,8 @@ const LOOK_LIMIT: Duration = Duration::from_secs(2);
 /// When and where a worker looks into the directory.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Looks {
-    /// Time between two looks. Each pause is up to a quarter longer or shorter, so that workers do not look all at once.
+    /// Time between two looks. Each pause is up to a quarter longer or shorter, so that workers do not look all at
+    /// once.
     pub every: Duration,
     /// Decides which server a worker looks at, so that workers spread over them.
     pub seed: u64,
@@ -30,8 +31,8 @@ impl Default for Looks {
     }
 }
 
-/// Keeps `listed` up to date for as long as it has receivers. One server that is listed or among the `seeds` answers on one connection until it
-/// fails; then another one does. If none answers, the list stays as it is.
+/// Keeps `listed` up to date for as long as it has receivers. One server that is listed or among the `seeds` answers on
+/// one connection until it fails; then another one does. If none answers, the list stays as it is.
 ///
 /// # Errors
 /// If an address or the credentials cannot be used.

@@ -187,8 +187,9 @@ pub fn watch_events(
     stream
 }
 
-/// Where a reader takes events from: the batches that a world publishes each tick, and the world's log while the reader is behind them, as
-/// at its start. A slow reader falls behind when it misses batches. If the log has dropped what it needs next, its stream ends.
+/// Where a reader takes events from: the batches that a world publishes each tick, and the world's log while the reader
+/// is behind them, as at its start. A slow reader falls behind when it misses batches. If the log has dropped what it
+/// needs next, its stream ends.
 pub struct EventSource {
     /// Epoch of the world's cursors.
     pub epoch: u64,

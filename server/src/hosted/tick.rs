@@ -1,5 +1,5 @@
-//! The tick: move, log events, end attempts, request the decisions that are due next; and the answers that arrive between ticks. A lockstep
-//! world requests decisions before it moves, because it waits for the answers.
+//! The tick: move, log events, end attempts, request the decisions that are due next; and the answers that arrive
+//! between ticks. A lockstep world requests decisions before it moves, because it waits for the answers.
 
 use super::events::EventKind;
 use super::mode::TimeMode;

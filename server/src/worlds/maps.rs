@@ -31,8 +31,8 @@ impl Worlds {
         Ok(in_background("sampling", sample).await??)
     }
 
-    /// Surveys a map for each of these bodies, and lists at most `max_cut_off` places that each cannot get to. A client's surveys run one
-    /// after the other; each goes on when its caller is gone.
+    /// Surveys a map for each of these bodies, and lists at most `max_cut_off` places that each cannot get to. A
+    /// client's surveys run one after the other; each goes on when its caller is gone.
     ///
     /// # Errors
     /// If the map cannot be made.

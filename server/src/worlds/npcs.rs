@@ -47,8 +47,8 @@ impl Worlds {
         Ok(results)
     }
 
-    /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of one world are
-    /// handled between two of its ticks.
+    /// Runs `call` for each of the `items`, on the world that its NPC belongs to; the results in order. The items of
+    /// one world are handled between two of its ticks.
     pub async fn with_npcs<T: Send + 'static, R: Send + 'static>(
         &self,
         caller: &Caller,
@@ -81,7 +81,8 @@ impl Worlds {
         results.into_iter().map(|result| result.expect("every item belongs to a world or has failed")).collect()
     }
 
-    /// Why a world is not here. Looks at other servers of a fleet at most `lookups` times, so that a batch cannot flood their record.
+    /// Why a world is not here. Looks at other servers of a fleet at most `lookups` times, so that a batch cannot flood
+    /// their record.
     async fn absence(&self, world: WorldId, error: &WorldsError, lookups: &mut usize) -> Absence {
         if matches!(error, WorldsError::Moving(_)) {
             return Absence::Moving;

@@ -33,8 +33,8 @@ impl Worlds {
         self.cast_all(move |world| world.lose_worker(worker));
     }
 
-    /// Hands a worker's answer to its world. A world that cannot take it counts the decisions as missed; other worlds of the worker
-    /// are not affected.
+    /// Hands a worker's answer to its world. A world that cannot take it counts the decisions as missed; other worlds
+    /// of the worker are not affected.
     pub fn answer(&self, worker: WorkerId, world: WorldId, answer: Answer) {
         // A world that has just been dropped needs no answers any more.
         let Ok(handle) = self.handle(world) else { return };
