@@ -1,8 +1,11 @@
 //! Pieces that are put onto a map: rays, contacts, the survey and saved maps know them, and NPCs make room for them.
 
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use std::sync::Arc;
+use std::collections::BTreeSet;
+use std::sync::{Arc, LazyLock};
 use surefoot_world::exchange;
 use surefoot_world::map::{Features, Liquid, MapSize, Outline, Piece, PieceShape, Placed, Pool};
 use surefoot_world::mesh::{Surface, Triangle};
@@ -27,6 +30,13 @@ fn floors() -> Map {
     };
     let triangles = floor(0.0, 18.0).chain(floor(22.0, 40.0)).collect();
     Map::from_parts(MapSize { width: 40, height: 30, depth: 40 }, triangles, Placed::default())
+}
+
+/// A floor of two triangles.
+fn floor() -> Map {
+    let [a, b, c, d] = [[0.0, 0.0], [0.0, 40.0], [40.0, 40.0], [40.0, 0.0]].map(|[x, z]| Vec3::new(x, GROUND, z));
+    let triangles = [[a, b, c], [a, c, d]].into_iter().filter_map(|corners| Triangle::new(corners, Surface::Ground));
+    Map::from_parts(MapSize { width: 40, height: 30, depth: 40 }, triangles.collect(), Placed::default())
 }
 
 fn piece(name: &str, shape: PieceShape) -> Piece {
@@ -114,6 +124,143 @@ fn an_edited_map_is_that_of_all_its_triangles() {
         rows.iter_mut().zip(&worlds).for_each(|(row, world)| _ = world.observe(slot, row));
         let farthest = rows[0].iter().zip(&rows[1]).map(|(one, other)| (one - other).abs()).fold(0.0, f32::max);
         assert!(farthest < 1.0e-4, "NPC {} sees something else, by {farthest}", slot.0);
+    }
+}
+
+/// The maps of the properties, from two triangles to thousands.
+static MAPS: LazyLock<[Map; 4]> = LazyLock::new(|| {
+    let small = MapSpec::with_side(8, 60).unwrap().with(|spec| spec.features = Features::all()).unwrap();
+    [floor(), floors(), Map::generate(&small), terrain()]
+});
+
+/// A place in or just outside of a map, as shares of its extent.
+fn share() -> impl Strategy<Value = Vec3> {
+    // Half of them at the height of the floors.
+    let height = prop_oneof![Just(GROUND / 30.0), -0.02..1.02f32];
+    (-0.02..1.02f32, height, -0.02..1.02f32).prop_map(Vec3::from)
+}
+
+/// Blocks and planks at shares of a map's extent.
+fn shapes() -> impl Strategy<Value = Vec<PieceShape>> {
+    let side = || prop::sample::select(vec![0.05f32, 0.2, 1.0, 2.0, 5.0, 17.0]);
+    let yaw = prop::sample::select(vec![0.0, 0.3, 1.0, std::f32::consts::FRAC_PI_4, -2.5]);
+    let block = (share(), side(), side(), side(), yaw).prop_map(|(foot, x, z, height, yaw)| PieceShape::Block {
+        foot,
+        half: [x, z],
+        height,
+        yaw,
+    });
+    let plank = (share(), share(), side(), side()).prop_map(|(from, to, width, thickness)| PieceShape::Plank {
+        from,
+        to,
+        width,
+        thickness,
+    });
+    prop::collection::vec(prop_oneof![2 => block, 1 => plank], 1..14)
+}
+
+/// The pieces of these shapes that fit onto a map.
+fn pieces_on(map: &Map, shapes: Vec<PieceShape>) -> Vec<Piece> {
+    let place = |share: Vec3| share * map.extent();
+    let shapes = shapes.into_iter().map(|shape| match shape {
+        PieceShape::Block { foot, half, height, yaw } => PieceShape::Block { foot: place(foot), half, height, yaw },
+        PieceShape::Plank { from, to, width, thickness } => {
+            PieceShape::Plank { from: place(from), to: place(to), width, thickness }
+        }
+        shape @ PieceShape::Pool(_) => shape,
+    });
+    let named = shapes.enumerate().map(|(idx, shape)| piece(&idx.to_string(), shape));
+    named.filter(|piece| map.with_pieces(vec![piece.clone()]).is_ok()).collect()
+}
+
+type Corners = [[u32; 3]; 3];
+
+/// The triangles that a map gathers for a box and that pass through it, by the bits of their corners, which must be each once.
+fn gathered(map: &Map, low: Vec3, high: Vec3) -> Vec<Corners> {
+    let mut found = vec![u32::MAX; 3];
+    map.mesh().gather_solids(low, high, &mut found);
+    assert!(found.is_sorted_by(|one, other| one < other), "{found:?}");
+    let triangles = found.iter().map(|idx| map.mesh().triangles()[*idx as usize]);
+    let mut corners: Vec<Corners> = triangles
+        .filter(|triangle| passes_through(triangle, low, high))
+        .map(|triangle| triangle.corners().map(|corner| corner.to_array().map(f32::to_bits)))
+        .collect();
+    corners.sort_unstable();
+    corners
+}
+
+/// Whether the plane of a triangle passes through the part of a box that lies in the triangle's bounds.
+fn passes_through(triangle: &Triangle, low: Vec3, high: Vec3) -> bool {
+    let corners = triangle.corners();
+    let bounds = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
+    let (low, high) = (low.max(bounds.0), high.min(bounds.1));
+    let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    let reach = triangle.normal().abs().dot(half);
+    low.cmple(high).all() && triangle.normal().dot(middle - corners[0]).abs() <= reach
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+            cases: 200, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default()
+        })]
+
+    #[test]
+    fn an_edited_map_gathers_what_a_map_built_of_the_same_triangles_gathers(
+        map in prop::sample::select(vec![0, 0, 0, 0, 1, 1, 2, 3]),
+        shapes in shapes(),
+        boxes in prop::collection::vec((share(), any::<prop::sample::Index>(), 0.0..2.0f32), 1..40),
+        rays in prop::collection::vec((share(), share()), 1..20),
+    ) {
+        let plain = &MAPS[map];
+        let pieces = pieces_on(plain, shapes);
+        let edited = plain.with_pieces(pieces).unwrap();
+        let whole = rebuilt(&edited);
+        let solid = || edited.mesh().triangles().iter().filter(|triangle| triangle.surface().is_solid());
+        let triangles: Vec<&Triangle> = solid().collect();
+        for (at, triangle, half) in boxes {
+            // Somewhere, and where a body would stand.
+            let [a, b, c] = triangles[triangle.index(triangles.len())].corners();
+            let middle = if half < 0.5 { at * plain.extent() } else { a + (b - a) * at.x + (c - b) * (at.x * at.z) };
+            let (low, high) = (middle - half, middle + half);
+            let expected: BTreeSet<Corners> = solid()
+                .filter(|triangle| passes_through(triangle, low, high))
+                .map(|triangle| triangle.corners().map(|corner| corner.to_array().map(f32::to_bits)))
+                .collect();
+            let found = gathered(&edited, low, high);
+            prop_assert_eq!(&found, &gathered(&whole, low, high));
+            prop_assert_eq!(found.into_iter().collect::<BTreeSet<_>>(), expected);
+        }
+        for (from, to) in rays {
+            // What reaches out of a map is not seen from its border or from outside.
+            let [from, to] = [from, to].map(|share| share.clamp(Vec3::splat(0.001), Vec3::splat(0.999)) * plain.extent());
+            let Some(direction) = (to - from).try_normalize() else { continue };
+            let most = to.distance(from);
+            let ray = |map: &Map| map.mesh().cast_ray(from, direction, most).filter(|hit| hit.surface.is_solid());
+            match (ray(&edited), ray(&whole)) {
+                (Some(one), Some(other)) => prop_assert!((one.distance - other.distance).abs() < 1.0e-3),
+                (one, other) => prop_assert!(one.is_some() == other.is_some(), "{one:?} and {other:?} from {from}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn bodies_stand_on_a_block_that_lies_on_a_floor_of_two_triangles() {
+    let middle = Vec3::new(20.0, GROUND, 20.0);
+    for yaw in [0.0, 0.3, std::f32::consts::FRAC_PI_4, 1.0] {
+        let shape = PieceShape::Block { foot: middle, half: [5.0, 5.0], height: 0.2, yaw };
+        let map = Arc::new(floor().with_pieces(vec![piece("block", shape)]).unwrap());
+        let mut world = World::new(map, CharacterProfile::default(), TaskConfig::default());
+        let (sin, cos) = libm::sincosf(yaw);
+        for idx in 0..144 {
+            let [x, z] = [idx % 12, idx / 12].map(|step| (step as f32 - 5.5) * 0.8);
+            world.spawn(middle + Vec3::new(x * cos + z * sin, 0.2, z * cos - x * sin), 0.0);
+        }
+        (0..120).for_each(|_| world.tick());
+        for (slot, npc) in world.npcs() {
+            let height = npc.body.feet.y - GROUND;
+            assert!((height - 0.2).abs() < 0.01, "NPC {} at {height} m, yaw {yaw}, {}", slot.0, npc.body.feet);
+        }
     }
 }
 
@@ -223,7 +370,22 @@ fn pieces_that_cannot_be_are_refused() {
     refuse(vec![block("thin", at, 0.0, 1.0)], "the width of the piece `thin` is 0");
     refuse(vec![block("nowhere", at.with_x(f32::NAN), 1.0, 1.0)], "not a finite number");
     refuse(vec![block("far", at.with_x(400.0), 1.0, 1.0)], "reaches out of the map");
+    for depth in [1.1e3, 1.0e30, 3.0e38] {
+        let shape = PieceShape::Plank { from: at.with_y(-depth), to: at + Vec3::X, width: 1.0, thickness: 0.2 };
+        refuse(vec![piece("deep", shape)], "reaches out of the map");
+        let pool = Pool { centre: at, outline: Outline::Round { radius: 2.0 }, depth: 1.0, liquid: Liquid::Lava };
+        refuse(vec![piece("pool", PieceShape::Pool(Pool { centre: at.with_y(-depth), ..pool }))], "reaches out");
+    }
     let shape = PieceShape::Plank { from: at, to: at + Vec3::Y * 5.0, width: 1.0, thickness: 0.2 };
     refuse(vec![piece("upright", shape)], "horizontal length of the piece `upright`");
+    let wide = |idx: u32| {
+        let shape = PieceShape::Block { foot: Vec3::new(500.0, 1.0, 500.0), half: [500.0; 2], height: 1.0, yaw: 0.0 };
+        piece(&idx.to_string(), shape)
+    };
+    let size = MapSize { width: 1000, height: 30, depth: 1000 };
+    let large = Map::from_parts(size, Vec::new(), Placed::default());
+    assert!(large.with_pieces((0..20).map(wide).collect()).is_ok());
+    let error = large.with_pieces((0..21).map(wide).collect()).unwrap_err().to_string();
+    assert!(error.contains("21000000 m2"), "{error}");
     refuse((0..1025).map(|idx| block(&idx.to_string(), at, 1.0, 1.0)).collect(), "1025 pieces");
 }

@@ -14,10 +14,13 @@ pub const MAX_PIECES: usize = 1024;
 pub const MAX_NAME_LEN: usize = 64;
 /// Allowed lengths of a side, m.
 pub const SIDES_M: std::ops::RangeInclusive<f32> = 0.05..=1000.0;
+/// Most ground that the pieces of a map cover together, m2, each counted by its bounds: their index stays small.
+pub const MAX_COVERED_M2: f64 = 2.0e7;
 /// How far a block reaches below its foot, m: no two faces may coincide where it stands on the ground.
 const SINK_M: f32 = 0.05;
-/// How far a piece may reach out of the map, m.
+/// How far a piece may reach out of the map, m, and below it.
 const RIM_M: f32 = 1.0;
+const CELLAR_M: f32 = 1000.0;
 
 /// What was added to a map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,6 +66,9 @@ pub enum PieceError {
     /// There are too many.
     #[error("the map would have {0} pieces, but at most {MAX_PIECES} fit: remove some, or import the level anew")]
     TooMany(usize),
+    /// Together they cover too much.
+    #[error("the pieces cover {0:.0} m2 together, but at most {MAX_COVERED_M2:.0} are possible: make them smaller")]
+    TooLarge(f64),
     /// A name is empty or too long.
     #[error("the name of a piece has 1 to {MAX_NAME_LEN} bytes, not {0}")]
     Name(usize),
@@ -159,8 +165,9 @@ impl Piece {
         }
         let (low, high) = self.bounds();
         let rim = Vec3::splat(RIM_M);
-        // Below the map there is nothing that a pool could cover.
-        let is_within = high.cmple(extent + rim).all() && low.x >= -RIM_M && low.z >= -RIM_M && high.y >= 0.0;
+        // Below the map there is nothing that a pool could cover. NaN, of corners beyond all numbers, is not within.
+        let least = Vec3::new(-RIM_M, -CELLAR_M - RIM_M, -RIM_M);
+        let is_within = high.cmple(extent + rim).all() && low.cmpge(least).all() && high.y >= 0.0;
         if is_within { Ok(()) } else { Err(PieceError::Outside { name: name(), extent: extent.to_array() }) }
     }
 }
@@ -175,11 +182,14 @@ pub fn arrange(pieces: &mut [Piece], extent: Vec3) -> Result<(), PieceError> {
         return Err(PieceError::TooMany(pieces.len()));
     }
     let mut names = BTreeSet::new();
+    let mut covered = 0.0;
     for piece in &*pieces {
         piece.check(extent)?;
+        let (low, high) = piece.bounds();
+        covered += f64::from(high.x - low.x) * f64::from(high.z - low.z);
         if !names.insert(&piece.name) {
             return Err(PieceError::Twice(piece.name.clone()));
         }
     }
-    Ok(())
+    if covered > MAX_COVERED_M2 { Err(PieceError::TooLarge(covered)) } else { Ok(()) }
 }

@@ -108,10 +108,10 @@ impl Added {
         let begin = found.len();
         for cell in self.cells_of(low, high) {
             let is_met = |idx: &&u32| self.triangles[**idx as usize].is_solid_in(low, high);
-            found.extend(self.cells[cell].iter().filter(is_met));
+            found.extend(self.cells[cell].iter().filter(is_met).map(|idx| first + idx));
         }
+        // `found` holds other triangles as well: indices are only compared where each names one triangle of the whole mesh.
         found[begin..].sort_unstable();
         found.dedup();
-        found[begin..].iter_mut().for_each(|idx| *idx += first);
     }
 }

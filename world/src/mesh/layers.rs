@@ -169,8 +169,9 @@ impl Mesh {
         count
     }
 
-    /// Replaces the content of `found` with the indices of the solid triangles whose bounds touch the box, in ascending order.
-    pub(crate) fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
+    /// Replaces the content of `found` with the indices of the solid triangles that may touch the box, ascending and each once: all that
+    /// touch it, and none whose bounds do not.
+    pub fn gather_solids(&self, low: Vec3, high: Vec3, found: &mut Vec<u32>) {
         self.built.gather_solids(low, high, found);
         if let Some(added) = &self.added {
             added.gather_solids(low, high, self.built.triangles.len() as u32, found);
