@@ -423,13 +423,13 @@ impl Env {
     /// As [`step`](Self::step) and then [`redirect`](Self::redirect) for each of `routes`, but a game hears of all of it at once.
     ///
     /// # Panics
-    /// As both.
+    /// As both, and if two routes are for the same NPC.
     pub fn step_and_redirect(&mut self, actions: &[Action], routes: &[Route]) -> Vec<Ended> {
-        let starts = routes.iter().filter_map(|route| route.start.map(|start| (route.npc_idx, start)));
-        let mut placements: Vec<Placement> =
-            starts.map(|(npc_idx, (feet, yaw))| Placement { npc_idx, feet, yaw }).collect();
-        placements.sort_by_key(|placement| placement.npc_idx);
-        placements.dedup_by_key(|placement| placement.npc_idx);
+        let mut ascending: Vec<&Route> = routes.iter().collect();
+        ascending.sort_by_key(|route| route.npc_idx);
+        assert!(ascending.windows(2).all(|pair| pair[0].npc_idx < pair[1].npc_idx), "one route for each NPC");
+        let placement = |route: &Route| route.start.map(|(feet, yaw)| Placement { npc_idx: route.npc_idx, feet, yaw });
+        let placements: Vec<Placement> = ascending.into_iter().filter_map(placement).collect();
         self.physics.announce(&placements);
         let ended = self.step(actions);
         routes.iter().for_each(|route| self.redirect(route));

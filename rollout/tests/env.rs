@@ -1,9 +1,9 @@
 //! Environments whose episodes are renewed at once or on call, in rows of the caller.
 
 use std::sync::Arc;
-use surefoot_rollout::env::{Draw, Env, Episodes, Renewal};
+use surefoot_rollout::env::{Draw, Env, Episodes, Renewal, Route};
 use surefoot_world::map::MapKind;
-use surefoot_world::{Action, CharacterProfile, Map, MapSpec};
+use surefoot_world::{Action, CharacterProfile, Map, MapSpec, Vec3};
 
 const NPCS: usize = 12;
 const BAND: (f32, f32) = (2.0, 8.0);
@@ -58,4 +58,11 @@ fn a_draw_gives_the_episodes_of_an_environment() {
     let drawn: Vec<_> = (0..NPCS).map(|_| draw.goal()).collect();
     assert_eq!(drawn.iter().map(|goal| goal.goal).collect::<Vec<_>>(), env.goals());
     assert_eq!(drawn.iter().map(|goal| goal.start).collect::<Vec<_>>(), env.positions().collect::<Vec<_>>());
+}
+
+#[test]
+#[should_panic(expected = "one route for each NPC")]
+fn an_npc_has_one_route_in_a_step_so_that_the_start_that_is_announced_is_the_one_that_is_used() {
+    let route = |x: f32| Route { npc_idx: 3, start: Some((Vec3::X * x, 0.0)), waypoints: vec![Vec3::ONE] };
+    env(&map(), Renewal::AtOnce).step_and_redirect(&actions(), &[route(1.0), route(2.0)]);
 }

@@ -95,12 +95,7 @@ pub fn finite(value: f32, field: &'static str) -> Result<f32, FieldError> {
 pub fn answer(batch: wire::ActionBatch) -> Result<Answer, Status> {
     let count = batch.npc_ids.len();
     let values = convert::unpack(&batch.actions, count * ACTION_LEN, "actions.actions")?;
-    let mut seen: Vec<u64> = batch.npc_ids.clone();
-    seen.sort_unstable();
-    if let Some(pair) = seen.windows(2).find(|pair| pair[0] == pair[1]) {
-        let message = format!("actions.npc_ids names npc {} twice", pair[0]);
-        return Err(status::invalid("actions.npc_ids", message));
-    }
+    each_once(batch.npc_ids.clone(), "actions.npc_ids")?;
     if batch.attempts.len() != count {
         let message = format!("actions.attempts has {} values for {count} NPCs", batch.attempts.len());
         return Err(status::invalid("actions.attempts", message));
@@ -218,13 +213,23 @@ fn env_goals(goals: &[wire::EnvGoal]) -> Result<Vec<Goal>, FieldError> {
 /// Reads the actions and the routes of an environment's NPCs.
 ///
 /// # Errors
-/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, a value is not finite, or a route is out of range.
+/// INVALID_ARGUMENT if there is not one action for each of `npc_count` NPCs, a value is not finite, a route is out of range, or an NPC has
+/// two routes.
 pub fn env_actions(actions: Option<wire::EnvActions>, npc_count: usize) -> Result<(Vec<Action>, Vec<Route>), Status> {
     let wire::EnvActions { actions, routes } = actions.ok_or(FieldError::Missing("actions"))?;
     let values = convert::unpack(&actions, npc_count * ACTION_LEN, "actions.actions")?;
     let actions =
         actions_of(&values, |idx| idx as u64).map_err(|message| status::invalid("actions.actions", message))?;
-    Ok((actions, env_routes(&routes, npc_count)?))
+    let routes = env_routes(&routes, npc_count)?;
+    each_once(routes.iter().map(|route| route.npc_idx as u64).collect(), "actions.routes.npc")?;
+    Ok((actions, routes))
+}
+
+/// Checks that `field` names each NPC at most once.
+fn each_once(mut npcs: Vec<u64>, field: &'static str) -> Result<(), Status> {
+    npcs.sort_unstable();
+    let Some(pair) = npcs.windows(2).find(|pair| pair[0] == pair[1]) else { return Ok(()) };
+    Err(status::invalid(field, format!("{field} names npc {} twice", pair[0])))
 }
 
 fn env_routes(routes: &[wire::EnvRoute], npc_count: usize) -> Result<Vec<Route>, FieldError> {
