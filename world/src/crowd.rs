@@ -45,6 +45,13 @@ struct Listed {
     player: Option<(Vec3, PlayerContact)>,
 }
 
+/// Column and row of the cell of this side, m, that a place lies in, as one number: the column decides first, then the row.
+pub(crate) fn cell_of(place: Vec3, side: f32) -> u64 {
+    // No map is so large that a row or a column would run over; places far outside share the last one.
+    let number = |metres: f32| ((metres / side) as i32).clamp(-(1 << 20), 1 << 20) as i64 + (1 << 21);
+    (number(place.x) << 32 | number(place.z)) as u64
+}
+
 /// The number of the cell `rows` further than that of the key, in the column `columns` further.
 fn shifted(cell: u64, columns: u64, rows: i64) -> u64 {
     cell.wrapping_add(columns << 32).wrapping_add_signed(rows)
@@ -57,9 +64,7 @@ impl Listed {
     }
 
     fn new(slot: u32, feet: Vec3, (radius, height): (f32, f32), player: Option<(Vec3, PlayerContact)>) -> Self {
-        // No map is so large that a row or a column would run over; bodies far outside share the last one.
-        let number = |metres: f32| ((metres / CELL_M) as i32).clamp(-(1 << 20), 1 << 20) as i64 + (1 << 21);
-        let cell = (number(feet.x) << 32 | number(feet.z)) as u64;
+        let cell = cell_of(feet, CELL_M);
         Self { cell, slot, feet, radius, height, player }
     }
 

@@ -22,6 +22,7 @@ pub mod map;
 pub mod mesh;
 mod movers;
 pub mod navigable;
+mod neighbours;
 mod npc;
 mod others;
 mod parallel;

@@ -16,6 +16,9 @@ pub struct NpcSlot(pub u32);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct ProfileIdx(pub u8);
 
+/// Most profiles of a world.
+pub const MAX_PROFILES: usize = 256;
+
 /// Configuration of a world, besides its map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WorldConfig {

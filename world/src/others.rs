@@ -5,6 +5,8 @@ use crate::character::Body;
 use crate::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
 use crate::map::Map;
 use crate::movers::Movers;
+use crate::npc::NpcSlot;
+use crate::player::PlayerSlot;
 
 /// How many other bodies the observation describes one by one.
 const NEAREST: usize = 4;
@@ -18,6 +20,16 @@ const SPEED: f32 = 12.0;
 /// Length of the part of an observation that tells of others: the proximity of each ray that ends on another body, then the nearest
 /// bodies in sight.
 pub const OTHERS_LEN: usize = RAY_COUNT + NEAREST * VALUES;
+/// Nothing of a body is seen whose feet are farther from those of the beholder than this, m, seen from above: a ray is that long, no body
+/// is taller than 5 m, and the rest is slack.
+pub(crate) const REACH_M: f32 = RAY_RANGE_M + 6.0;
+
+/// Names a body of a world. Of two that are equally near, the lesser is described first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum BodySlot {
+    Npc(NpcSlot),
+    Player(PlayerSlot),
+}
 
 /// Another body, an upright cylinder.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,8 +51,12 @@ impl Other {
         let offset = self.feet - eye;
         let along = offset.x * heading.0 + offset.z * heading.1;
         let aside = offset.x * heading.1 - offset.z * heading.0;
-        let half = (self.radius * self.radius - aside * aside).max(0.0).sqrt();
-        (half > 0.0 && along + half > 0.0).then_some(((along - half).max(0.0), along + half))
+        let half_squared = self.radius * self.radius - aside * aside;
+        if half_squared <= 0.0 {
+            return None;
+        }
+        let half = half_squared.sqrt();
+        (along + half > 0.0).then_some(((along - half).max(0.0), along + half))
     }
 
     /// Where on that chord a ray that climbs by `slope` on each metre enters the body, m.
@@ -87,17 +103,23 @@ pub(crate) fn observe(
     cone: &RayCone,
     (map, movers): (&Map, &Movers),
     (eye, body): (Vec3, &Body),
-    others: impl Iterator<Item = Other> + Clone,
+    others: impl Iterator<Item = (BodySlot, Other)>,
     proximities: &[f32],
     row: &mut [f32],
 ) {
     row.fill(0.0);
     let (rays, states) = row.split_at_mut(RAY_COUNT);
-    cast_cone(cone, eye, body, others.clone(), |ray, distance| note_ray(rays, ray, distance, proximities[ray]));
-    let distance = |other: &Other| other.feet.distance(body.feet);
-    let mut near: Vec<Other> = others.filter(|other| distance(other) < RANGE_M).collect();
-    near.sort_by(|one, other| distance(one).total_cmp(&distance(other)));
-    let seen = near.iter().filter(|other| is_in_sight(map, movers, eye, other.middle()));
+    let mut near = Vec::new();
+    let others = others.map(|(slot, other)| {
+        let distance = other.feet.distance(body.feet);
+        if distance < RANGE_M {
+            near.push((distance, slot, other));
+        }
+        other
+    });
+    cast_cone(cone, eye, body, others, |ray, distance| note_ray(rays, ray, distance, proximities[ray]));
+    near.sort_unstable_by(|one, other| one.0.total_cmp(&other.0).then(one.1.cmp(&other.1)));
+    let seen = near.iter().map(|(.., other)| other).filter(|other| is_in_sight(map, movers, eye, other.middle()));
     describe(body, seen.map(|other| (other.feet, other.velocity)), states);
 }
 

@@ -5,7 +5,7 @@
 use crate::character::{Action, CharacterProfile};
 use crate::map::{Map, MapHash, MapSpec, Piece};
 use crate::movers::MoverOrder;
-use crate::npc::{NpcSlot, ProfileIdx, WorldConfig, WorldState};
+use crate::npc::{MAX_PROFILES, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::player::{Player, PlayerSlot};
 use crate::sealed::{self, SealError};
 use crate::{TaskConfig, Vec3};
@@ -45,6 +45,8 @@ pub enum Input {
     RemovePlayer(PlayerSlot),
     /// `World::edit`, with all pieces of the map.
     Edit(Vec<Piece>),
+    /// A profile that `World::profile_idx` put in the place of one that no NPC had.
+    Reprofile(ProfileIdx, Box<CharacterProfile>),
 }
 
 /// A recorded run of one world.
@@ -214,8 +216,11 @@ impl Recording {
     fn check(&self) -> Result<(), ReplayError> {
         let senseless = |what| Err(ReplayError::Senseless(what));
         let profile_count = self.profiles.len();
-        if !(1..=256).contains(&profile_count) {
+        if !(1..=MAX_PROFILES).contains(&profile_count) {
             return senseless("it has no character profile or too many");
+        }
+        if !self.task.is_sound() {
+            return senseless("a constant of its task is out of range");
         }
         if !self.start.fits_some_map(profile_count) {
             return senseless("its initial state is out of range");

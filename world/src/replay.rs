@@ -23,7 +23,7 @@ impl Recording {
         }
         let config =
             WorldConfig { profiles: self.profiles.clone(), task: self.task.clone(), npc_collision: self.npc_collision };
-        let mut world = World::with_config(map, config.clone());
+        let mut world = World::with_config(map, config);
         world.restore(self.start.clone());
         let (mut inputs, mut checks) = ((0..).zip(&self.inputs).peekable(), self.checks.iter().peekable());
         let mut agreed = world.current_tick();
@@ -47,7 +47,7 @@ impl Recording {
             }
             if restore_at == Some(tick) {
                 let state = world.save();
-                world = World::with_config(world.map().clone(), config.clone());
+                world = World::with_config(world.map().clone(), world.config().clone());
                 world.restore(state);
             }
             world.tick();
@@ -80,9 +80,11 @@ fn apply(world: &mut World, tick: u64, input: &Input) -> Result<(), ReplayError>
             let edited = world.edit(map);
             edited.map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })?;
         }
-        Input::Despawn(slot) => {
-            check_npc(world, tick, *slot, "despawn")?;
-            world.despawn(*slot);
+        // Recordings of version 0.2 hold calls that removed nothing.
+        Input::Despawn(slot) => _ = world.despawn(*slot),
+        Input::Reprofile(idx, profile) => {
+            let changed = world.reprofile(*idx, profile.as_ref().clone());
+            return if changed { Ok(()) } else { Err(ReplayError::Senseless("a profile changes that NPCs have")) };
         }
         Input::Teleport(slot, feet, yaw) => {
             check_npc(world, tick, *slot, "teleport")?;

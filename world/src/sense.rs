@@ -24,7 +24,7 @@ use crate::character::{Body, CharacterProfile, RawCharacterProfile};
 use crate::map::{DEVICE_RANGE_M, Map, Placed};
 use crate::mesh::Surface;
 use crate::movers::Movers;
-use crate::others::{self, Other};
+use crate::others::{self, BodySlot, Other};
 use crate::task::TaskConfig;
 use crate::{Episode, Vec3};
 use serde::{Deserialize, Serialize};
@@ -112,15 +112,15 @@ pub struct LastDecision {
     pub ticks_in_water: u32,
 }
 
-/// Writes a whole observation into `row`, without `others` if it has no room for them.
+/// Writes a whole observation into `row`. `others` lists the bodies that may be seen; it is not called if the row has no room for them.
 ///
 /// # Panics
 /// If `row` is neither [`OBSERVATION_LEN`] nor [`OBSERVATION_WITH_OTHERS_LEN`] long.
-pub(crate) fn observe(
+pub(crate) fn observe<T: Iterator<Item = (BodySlot, Other)>>(
     cone: &RayCone,
     context: SenseContext<'_>,
     (map, movers): (&Map, &Movers),
-    others: impl Iterator<Item = Other> + Clone,
+    others: impl FnOnce() -> T,
     (body, episode, last): (&Body, &Episode, &LastDecision),
     row: &mut [f32],
 ) {
@@ -129,7 +129,7 @@ pub(crate) fn observe(
     state.copy_from_slice(&state_vector(context, body, episode, last));
     if !social.is_empty() {
         let eye = RayCone::eye(context.profile, body);
-        others::observe(cone, (map, movers), (eye, body), others, &rays[..RAY_COUNT], social);
+        others::observe(cone, (map, movers), (eye, body), others(), &rays[..RAY_COUNT], social);
     }
 }
 

@@ -24,6 +24,18 @@ impl Default for TaskConfig {
     }
 }
 
+impl TaskConfig {
+    /// Whether the numbers are finite and those that something is divided by are above 0.
+    pub(crate) fn is_sound(&self) -> bool {
+        // These comparisons are false for NaN.
+        (0.0..=f32::MAX).contains(&self.goal_radius)
+            && self.patience > 0
+            && (f32::MIN_POSITIVE..=f32::MAX).contains(&self.lambda)
+            && self.decision_penalty.is_finite()
+            && self.drown_ticks > 0
+    }
+}
+
 /// How an episode ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -6,14 +6,20 @@ use crate::crowd::CrowdScratch;
 use crate::editing::{self, Enclosed};
 use crate::map::{Liquid, Map, Piece};
 use crate::movers::{MoverOrder, MoverState, Movers};
-use crate::npc::{Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
-use crate::others::Other;
-use crate::player::{Player, PlayerSlot};
+use crate::neighbours::Neighbours;
+use crate::npc::{MAX_PROFILES, Npc, NpcSlot, ProfileIdx, WorldConfig, WorldState};
+use crate::others::BodySlot;
+use crate::player::Player;
 use crate::recording::{CHECK_EVERY_TICKS, Input, Recording};
-use crate::sense::{self, LastDecision, RayCone, SenseContext, Sight};
+use crate::sense::{LastDecision, RayCone};
 use crate::task::{End, Episode, TaskConfig};
 use crate::{TICKS_PER_DECISION, Vec3};
+use std::collections::BTreeSet;
 use std::sync::Arc;
+
+mod players;
+mod profiles;
+mod sensing;
 
 /// Result of one decision.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,7 +30,8 @@ pub struct DecisionOutcome {
     pub end: Option<End>,
 }
 
-/// A map with its NPCs, stepped tick by tick. Stepping does not allocate.
+/// A map with its NPCs, stepped tick by tick. A tick allocates nothing once its buffers have grown, unless the map has crates or
+/// a recording runs.
 ///
 /// The calls of one decision, for one NPC: [`World::observe`], [`World::decide`], ten times [`World::tick`]
 /// (which moves every NPC), [`World::close_decision`]. NPCs may be at different ticks of their decisions.
@@ -35,11 +42,14 @@ pub struct World {
     cone: RayCone,
     tick: u64,
     npcs: Vec<Option<Npc>>,
+    /// The empty slots of `npcs`.
+    free: BTreeSet<u32>,
     /// Events of each NPC in the last tick; not part of the state.
     tick_events: Vec<TickEvents>,
     /// Scratch memory of each NPC; not part of the state.
     scratch: Vec<MoveScratch>,
     crowd: CrowdScratch,
+    neighbours: Neighbours,
     movers: Movers,
     players: Vec<Option<Player>>,
     recording: Option<Box<Recording>>,
@@ -56,7 +66,7 @@ impl World {
     /// # Panics
     /// If there are no profiles or more than 256.
     pub fn with_config(map: Arc<Map>, config: WorldConfig) -> Self {
-        assert!((1..=256).contains(&config.profiles.len()), "1 to 256 profiles");
+        assert!((1..=MAX_PROFILES).contains(&config.profiles.len()), "1 to {MAX_PROFILES} profiles");
         Self {
             movers: Movers::new(&map),
             map,
@@ -64,9 +74,11 @@ impl World {
             cone: RayCone::default(),
             tick: 0,
             npcs: Vec::new(),
+            free: BTreeSet::new(),
             tick_events: Vec::new(),
             scratch: Vec::new(),
             crowd: CrowdScratch::default(),
+            neighbours: Neighbours::default(),
             players: Vec::new(),
             recording: None,
         }
@@ -102,6 +114,8 @@ impl World {
         self.recording = None;
         self.tick = state.tick;
         self.npcs = state.npcs;
+        self.free = (0..).zip(&self.npcs).filter(|(_, npc)| npc.is_none()).map(|(slot, _)| slot).collect();
+        self.neighbours.forget();
         self.movers.restore(&self.map, state.movers);
         self.players = state.players;
         self.tick_events = vec![TickEvents::default(); self.npcs.len()];
@@ -128,20 +142,6 @@ impl World {
         self.tick
     }
 
-    /// Index of a profile, which is added if the world does not have it; `None` if it has 256 others.
-    pub fn profile_idx(&mut self, profile: &CharacterProfile) -> Option<ProfileIdx> {
-        let profiles = &mut self.config.profiles;
-        let known = profiles.iter().position(|known| known == profile);
-        let idx = u8::try_from(known.unwrap_or(profiles.len())).ok()?;
-        if known.is_none() {
-            profiles.push(profile.clone());
-            if let Some(recording) = &mut self.recording {
-                recording.profiles.push(profile.clone());
-            }
-        }
-        Some(ProfileIdx(idx))
-    }
-
     /// Adds an NPC of the first profile at rest and returns its slot; `feet` is in m, `yaw` in rad.
     pub fn spawn(&mut self, feet: Vec3, yaw: f32) -> NpcSlot {
         self.spawn_as(ProfileIdx::default(), feet, yaw)
@@ -163,15 +163,16 @@ impl World {
             events: TickEvents::default(),
             harm: None,
         };
-        let free = self.npcs.iter().position(Option::is_none).unwrap_or_else(|| {
+        let slot = self.free.pop_first().unwrap_or_else(|| {
             self.npcs.push(None);
             self.tick_events.push(TickEvents::default());
             self.scratch.push(MoveScratch::default());
-            self.npcs.len() - 1
+            self.npcs.len() as u32 - 1
         });
-        self.npcs[free] = Some(npc);
-        self.tick_events[free] = TickEvents::default();
-        NpcSlot(free as u32)
+        self.npcs[slot as usize] = Some(npc);
+        self.tick_events[slot as usize] = TickEvents::default();
+        self.list(BodySlot::Npc(NpcSlot(slot)));
+        NpcSlot(slot)
     }
 
     /// Adds a copy of an NPC of another world, with the same map and configuration, and returns its slot. A recording in progress
@@ -182,7 +183,9 @@ impl World {
     pub fn adopt(&mut self, npc: Npc) -> NpcSlot {
         self.recording = None;
         let slot = self.spawn_as(npc.profile, npc.body.feet, npc.body.yaw);
+        self.unlist(BodySlot::Npc(slot));
         *self.npc_mut(slot) = npc;
+        self.list(BodySlot::Npc(slot));
         slot
     }
 
@@ -190,14 +193,21 @@ impl World {
     pub fn clear(&mut self) {
         self.recording = None;
         self.npcs.clear();
+        self.free.clear();
+        self.neighbours.forget();
         self.tick_events.clear();
         self.scratch.clear();
     }
 
     /// Removes an NPC; false if the slot was empty.
     pub fn despawn(&mut self, slot: NpcSlot) -> bool {
+        if self.npc(slot).is_none() {
+            return false;
+        }
         self.note(Input::Despawn(slot));
-        self.npcs.get_mut(slot.0 as usize).is_some_and(|npc| npc.take().is_some())
+        self.unlist(BodySlot::Npc(slot));
+        self.npcs[slot.0 as usize] = None;
+        self.free.insert(slot.0)
     }
 
     /// Number of slots, occupied and empty.
@@ -234,12 +244,14 @@ impl World {
     /// If the slot is empty, like every method below that takes a slot.
     pub fn teleport(&mut self, slot: NpcSlot, feet: Vec3, yaw: f32) {
         self.note(Input::Teleport(slot, feet, yaw));
+        self.unlist(BodySlot::Npc(slot));
         let npc = self.npc_mut(slot);
         npc.body = Body::at(feet, yaw);
         npc.action = Action::default();
         npc.episode = None;
         npc.last = LastDecision::default();
         npc.harm = None;
+        self.list(BodySlot::Npc(slot));
     }
 
     /// Starts an episode towards `goal`, m; the body keeps its motion.
@@ -304,6 +316,7 @@ impl World {
 
     /// Moves the NPCs one by one, each by all ticks, which leaves what is around it in the cache.
     fn move_npcs(&mut self, tick_count: u32) {
+        self.neighbours.forget();
         let Self { map, config, npcs, tick_events, scratch, .. } = self;
         for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(scratch) {
             let Some(npc) = npc else { continue };
@@ -317,6 +330,7 @@ impl World {
 
     /// Moves the movers, then the NPCs that they carry and push; a mover that would crush an NPC stays where it was.
     fn move_with_movers(&mut self) {
+        self.neighbours.forget();
         let pushers = if self.movers.has_crates() { self.pushers() } else { Vec::new() };
         let Self { map, config, npcs, tick_events, scratch, movers, .. } = self;
         movers.advance(map, &pushers);
@@ -355,48 +369,6 @@ impl World {
             wish: Vec3::new(velocity.x, 0.0, velocity.z),
         });
         npcs.chain(players).collect()
-    }
-
-    /// Adds a player and returns its slot.
-    ///
-    /// # Panics
-    /// If the player is not sound.
-    pub fn spawn_player(&mut self, player: Player) -> PlayerSlot {
-        assert!(player.is_sound(), "a player of an allowed size");
-        self.note(Input::SpawnPlayer(player));
-        let free = self.players.iter().position(Option::is_none).unwrap_or_else(|| {
-            self.players.push(None);
-            self.players.len() - 1
-        });
-        self.players[free] = Some(player);
-        PlayerSlot(free as u32)
-    }
-
-    /// Moves a player; `feet` is in m, `velocity` in m/s. False, and nothing changes, if it does not exist or a number is not finite.
-    pub fn move_player(&mut self, slot: PlayerSlot, feet: Vec3, velocity: Vec3) -> bool {
-        let Some(player) = self.players.get_mut(slot.0 as usize).and_then(Option::as_mut) else { return false };
-        let moved = Player { feet, velocity, ..*player };
-        if !moved.is_sound() {
-            return false;
-        }
-        *player = moved;
-        self.note(Input::MovePlayer(slot, feet, velocity));
-        true
-    }
-
-    /// Removes a player; false if it does not exist.
-    pub fn remove_player(&mut self, slot: PlayerSlot) -> bool {
-        let removed = self.players.get_mut(slot.0 as usize).is_some_and(|player| player.take().is_some());
-        if removed {
-            self.note(Input::RemovePlayer(slot));
-        }
-        removed
-    }
-
-    /// All players with their slots, in ascending order.
-    pub fn players(&self) -> impl Iterator<Item = (PlayerSlot, &Player)> {
-        let listed = (0..).zip(&self.players);
-        listed.filter_map(|(slot, player)| player.as_ref().map(|player| (PlayerSlot(slot), player)))
     }
 
     /// States of the movers, in the order of those of the map.
@@ -444,7 +416,10 @@ impl World {
     /// If `map` was built of something else.
     pub fn edit(&mut self, map: Arc<Map>) -> Result<Vec<NpcSlot>, Enclosed> {
         assert!(map.built_hash() == self.map.built_hash(), "the same map but for its pieces");
-        let is_new = |piece: &&Piece| !self.map.pieces().contains(piece);
+        // Pieces are in the order of their names.
+        let known = self.map.pieces();
+        let same = |piece: &Piece| known.binary_search_by(|it| it.name.cmp(&piece.name)).map(|at| &known[at] == piece);
+        let is_new = |piece: &&Piece| !same(piece).unwrap_or(false);
         let changed: Vec<(Vec3, Vec3)> = map.pieces().iter().filter(is_new).map(Piece::bounds).collect();
         let mut scratch = MoveScratch::default();
         let mut moves = Vec::new();
@@ -455,6 +430,7 @@ impl World {
         self.note(Input::Edit(map.pieces().to_vec()));
         self.map = map;
         self.movers.wake_crates();
+        self.neighbours.forget();
         for &(slot, place) in &moves {
             let npc = self.npc_mut(slot);
             npc.body = Body::at(place, npc.body.yaw);
@@ -469,45 +445,6 @@ impl World {
         let episode = npc.episode.as_mut()?;
         let reward = episode.close_decision(&self.config.task);
         Some(DecisionOutcome { reward, end: episode.end })
-    }
-
-    /// Writes the NPC's observation into `row`, without what it tells of others if it has no room for that; false (and zeros) if it has no
-    /// episode.
-    pub fn observe(&self, slot: NpcSlot, row: &mut [f32]) -> bool {
-        let npc = self.npc(slot).expect("observe an occupied slot");
-        let Some(episode) = &npc.episode else {
-            row.fill(0.0);
-            return false;
-        };
-        let profile = &self.config.profiles[usize::from(npc.profile.0)];
-        let context = SenseContext { placed: self.map.placed(), profile, task: &self.config.task };
-        let own = (&npc.body, episode, &npc.last);
-        sense::observe(&self.cone, context, (&self.map, &self.movers), self.others(slot), own, row);
-        true
-    }
-
-    /// Casts the rays of an NPC, for display.
-    pub fn sight(&self, slot: NpcSlot) -> Sight {
-        let npc = self.npc(slot).expect("an occupied slot");
-        let profile = self.profile_of(npc);
-        Sight::of(&self.cone, &self.map, &self.movers, profile, &npc.body, self.others(slot))
-    }
-
-    /// The bodies that get in the way of an NPC.
-    fn others(&self, slot: NpcSlot) -> impl Iterator<Item = Other> + Clone {
-        let npcs = self.npcs().filter(move |(other, npc)| *other != slot && npc.is_solid());
-        let npcs = npcs.filter(|_| self.config.npc_collision).map(|(_, npc)| {
-            let profile = self.profile_of(npc);
-            let (radius, height) = (profile.radius, profile.height);
-            Other { feet: npc.body.feet, velocity: npc.body.velocity, radius, height }
-        });
-        let players = self.players.iter().flatten().filter(|player| player.is_solid());
-        npcs.chain(players.map(|&Player { feet, velocity, radius, height, .. }| Other {
-            feet,
-            velocity,
-            radius,
-            height,
-        }))
     }
 
     fn npc_mut(&mut self, slot: NpcSlot) -> &mut Npc {

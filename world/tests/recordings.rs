@@ -22,6 +22,7 @@ type Corrupt = fn(&mut Parts, Vec3);
 /// The fields of a recording's file, for tests to corrupt before the file is sealed.
 struct Parts {
     profiles: Vec<RawCharacterProfile>,
+    task: TaskConfig,
     start_tick: u64,
     npcs: Vec<Option<Npc>>,
     inputs: Vec<(u64, Input)>,
@@ -39,6 +40,7 @@ impl Parts {
         world.tick_decision();
         Self {
             profiles: vec![RawCharacterProfile::default()],
+            task: TaskConfig::default(),
             start_tick: 0,
             npcs,
             inputs: Vec::new(),
@@ -54,7 +56,7 @@ impl Parts {
     fn replay(&self, map: &Arc<Map>) -> Result<(), ReplayError> {
         let none: (Vec<MoverState>, Vec<Option<Player>>) = Default::default();
         let state = (self.start_tick, &self.npcs, &none);
-        let config = (&self.profiles, TaskConfig::default(), true);
+        let config = (&self.profiles, &self.task, true);
         let pieces: Vec<Piece> = Vec::new();
         let content = (map.hash(), pieces, None::<MapSpec>, config, state, &self.inputs, &self.checks, self.end_tick);
         let content = postcard::to_stdvec(&content).expect("plain data");
@@ -70,10 +72,14 @@ fn what_cannot_have_happened_is_refused() {
     let map = floor();
     assert_eq!(Parts::new(&map).replay(&map), Ok(()));
     let at = Vec3::new(10.0, 1.0, 10.0);
-    let cases: [(&str, Corrupt); 17] = [
+    let cases: [(&str, Corrupt); 23] = [
         ("character profile", |parts, _| parts.profiles.clear()),
         ("character profile", |parts, _| parts.profiles[0].forward_speed = f32::INFINITY),
         ("character profile", |parts, _| parts.profiles = vec![RawCharacterProfile::default(); 257]),
+        ("character profile", |parts, _| parts.profiles[0].coyote_ticks = 255),
+        ("constant of its task", |parts, _| parts.task.patience = 0),
+        ("constant of its task", |parts, _| parts.task.lambda = 0.0),
+        ("constant of its task", |parts, _| parts.task.goal_radius = f32::NAN),
         ("initial state", |parts, _| parts.npc().profile = ProfileIdx(1)),
         ("initial state", |parts, _| parts.npc().body.feet.x = f32::NAN),
         ("initial state", |parts, _| parts.npc().body.feet.x = 1.0e30),
@@ -87,7 +93,13 @@ fn what_cannot_have_happened_is_refused() {
             parts.npc().body.ride = Some(Ride { line_idx: 0, distance: 0.0 });
         }),
         ("profile that does not exist", |parts, at| parts.inputs.push((3, Input::Spawn(ProfileIdx(1), at, 0.0)))),
-        ("despawn for NPC 7", |parts, _| parts.inputs.push((3, Input::Despawn(NpcSlot(7))))),
+        ("teleport for NPC 7", |parts, at| parts.inputs.push((3, Input::Teleport(NpcSlot(7), at, 0.0)))),
+        ("a profile changes that NPCs have", |parts, _| {
+            parts.inputs.push((3, Input::Reprofile(ProfileIdx(0), Box::default())));
+        }),
+        ("a profile changes that NPCs have", |parts, _| {
+            parts.inputs.push((3, Input::Reprofile(ProfileIdx(1), Box::default())));
+        }),
         ("not in order", |parts, _| parts.start_tick = 11),
         ("not in order", |parts, at| {
             parts.inputs = [5, 4].map(|tick| (tick, Input::SetGoal(NpcSlot(0), at))).to_vec();
@@ -130,4 +142,53 @@ fn an_npc_that_gave_up_far_outside_the_map_does_not_stop_a_replay() {
     parts.inputs.push((0, Input::Decide(NpcSlot(1), Action::default())));
     parts.checks[0].1 = parts.inputs.len() as u64;
     assert!(matches!(parts.replay(&map), Err(ReplayError::Diverged { .. })), "it ran to the end");
+}
+
+#[test]
+fn a_despawn_of_an_empty_slot_changes_nothing_and_can_be_replayed() {
+    let map = floor();
+    let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
+    let slot = world.spawn(Vec3::new(5.0, 1.0, 15.0), 0.0);
+    world.start_recording();
+    assert!(world.despawn(slot));
+    assert!(!world.despawn(slot) && !world.despawn(NpcSlot(7)) && !world.despawn(NpcSlot(u32::MAX)));
+    (0..5).for_each(|_| world.tick());
+    let recording = world.finish_recording().unwrap();
+    assert_eq!(recording.input_count(), 1, "a call that removes nothing is no input");
+    assert_eq!(recording.replay(map.clone(), Some(2)).unwrap().hash(), world.save().hash());
+
+    // Older recordings hold such calls.
+    let mut parts = Parts::new(&map);
+    parts.inputs = [7, u32::MAX].map(|slot| (0, Input::Despawn(NpcSlot(slot)))).to_vec();
+    parts.checks[0].1 = 2;
+    assert_eq!(parts.replay(&map), Ok(()));
+}
+
+#[test]
+fn profiles_that_no_npc_has_make_room_and_the_run_can_be_repeated() {
+    let map = floor();
+    let body = |height: f32| CharacterProfile::default().with(|it| it.height = height).unwrap();
+    let mut world = World::new(map.clone(), body(1.8), TaskConfig::default());
+    world.start_recording();
+    let at = Vec3::new(5.0, 1.0, 15.0);
+    let spawn = |world: &mut World, height: f32| {
+        let profile = world.profile_idx(&body(height), 3).unwrap();
+        world.spawn_as(profile, at, 0.0)
+    };
+    let (one, other) = (spawn(&mut world, 1.0), spawn(&mut world, 2.0));
+    assert_eq!(world.profile_idx(&body(3.0), 3), None, "all have NPCs, or are the world's first");
+    world.despawn(one);
+    let third = spawn(&mut world, 3.0);
+    assert_eq!(world.profile_idx(&body(1.0), 3), None);
+    assert_eq!(world.config().profiles, [body(1.8), body(3.0), body(2.0)]);
+    for (slot, height) in [(third, 3.0), (other, 2.0)] {
+        assert_eq!(world.profile_of(world.npc(slot).unwrap()), &body(height));
+    }
+    for slot in [third, other] {
+        world.set_goal(slot, Vec3::new(1.0, 1.0, 18.0));
+        world.decide(slot, Action { forward: 1.0, ..Action::default() });
+    }
+    (0..30).for_each(|_| world.tick());
+    let recording = Recording::decode(&world.finish_recording().unwrap().encode()).unwrap();
+    assert_eq!(recording.replay(map, Some(7)).unwrap().hash(), world.save().hash());
 }

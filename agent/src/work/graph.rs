@@ -62,6 +62,11 @@ impl GraphKey {
         Self { map, map_hash, body, pieces }
     }
 
+    /// Whether it has the body of an assignment.
+    pub fn is_for(&self, assignment: &wire::Assignment) -> bool {
+        self.body == assignment.body
+    }
+
     /// The key of the same map with other pieces.
     pub fn with_pieces(&self, pieces: Vec<wire::Piece>) -> Self {
         Self { pieces, ..self.clone() }

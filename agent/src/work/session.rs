@@ -134,9 +134,11 @@ impl Session<'_> {
                     Ok(())
                 }
                 Some(Message::Assignment(assignment)) => {
-                    if worlds.queues.contains_key(&(assignment.world_id, assignment.body_idx)) {
+                    let known = worlds.keys.get(&(assignment.world_id, assignment.body_idx));
+                    if known.is_some_and(|key| key.is_for(&assignment)) {
                         Ok(())
                     } else {
+                        // Where another body had this index, no NPC has it any more: the task ends with its queue.
                         self.start_world(&mut worlds, channel.clone(), &assignment, out.clone())
                     }
                 }

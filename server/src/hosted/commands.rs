@@ -79,20 +79,15 @@ impl HostedWorld {
         if let Some(goal) = order.goal {
             self.check_inside(goal, "goal")?;
         }
-        let body = order.body.map_or(Ok(ProfileIdx::default()), |body| self.body_idx(&body))?;
+        let body = match order.body {
+            Some(body) => self.world.profile_idx(&body, MAX_BODIES).ok_or(NpcError::TooManyBodies(self.id))?,
+            None => ProfileIdx::default(),
+        };
         let id = self.spawn_as(body, order.position, order.yaw, limit, ticket)?;
         if let Some(goal) = order.goal {
             self.set_goal(id, goal)?;
         }
         Ok(id)
-    }
-
-    /// Index of a body among those of the world, to which it is added.
-    fn body_idx(&mut self, body: &CharacterProfile) -> Result<ProfileIdx, NpcError> {
-        if self.bodies().len() >= MAX_BODIES && !self.bodies().contains(body) {
-            return Err(NpcError::TooManyBodies(self.id));
-        }
-        self.world.profile_idx(body).ok_or(NpcError::TooManyBodies(self.id))
     }
 
     /// Adds an NPC with the world's usual body for the client that holds `ticket` and returns its id.

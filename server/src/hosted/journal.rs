@@ -3,6 +3,7 @@
 //!
 //! Events that only describe motion are left out: they are gone with the server.
 
+use super::commands::MAX_BODIES;
 use super::events::{EventKind, EventLog, NpcEvent};
 use super::saved::{SavedError, SavedWorld};
 use super::world::{HostedWorld, Record};
@@ -221,7 +222,7 @@ impl HostedWorld {
             let is_new = entry.npc.world() == self.id && !self.records.contains_key(&entry.npc);
             if is_new
                 && self.within_map(*position).is_ok()
-                && let Some(body) = self.world.profile_idx(&newcomer.body)
+                && let Some(body) = self.world.profile_idx(&newcomer.body, MAX_BODIES)
             {
                 let slot = self.world.spawn_as(body, *position, newcomer.yaw);
                 self.add_record(entry.npc, Record::new(slot, npc_quota.grant(&newcomer.owner)));

@@ -3,6 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 
+/// Largest `coyote_ticks`. A body that has jumped counts as one that left the ground 255 ticks ago, which must be too long ago.
+const MAX_COYOTE_TICKS: u8 = u8::MAX - 1;
+
 /// Everything that makes one kind of character move differently from another.
 ///
 /// Every value is in its range: a profile is made from a [`RawCharacterProfile`], which is checked.
@@ -40,7 +43,7 @@ pub struct RawCharacterProfile {
     pub ground_acceleration: f32,
     /// Horizontal acceleration in the air, m/s2.
     pub air_acceleration: f32,
-    /// Ticks after leaving the ground during which a jump still counts as one from the ground.
+    /// Ticks after leaving the ground during which a jump still counts as one from the ground, at most 254.
     pub coyote_ticks: u8,
     /// Whether the character can use zip lines.
     pub uses_zip_lines: bool,
@@ -135,6 +138,7 @@ impl RawCharacterProfile {
             ("step_height", self.step_height, 0.0, self.radius),
             ("ground_acceleration", self.ground_acceleration, 1.0, 1000.0),
             ("air_acceleration", self.air_acceleration, 0.0, 1000.0),
+            ("coyote_ticks", self.coyote_ticks.into(), 0.0, f32::from(MAX_COYOTE_TICKS)),
             ("zip_line_speed", self.zip_line_speed, 1.0, 40.0),
             ("jetpack_acceleration", self.jetpack_acceleration, 0.0, 200.0),
             ("jetpack_climb_speed", self.jetpack_climb_speed, 0.0, 40.0),

@@ -1,0 +1,59 @@
+//! Which bodies may be near a place: the index through which NPCs see others, made when the first of them looks.
+
+use crate::Vec3;
+use crate::crowd::cell_of;
+use crate::others::{BodySlot, Other};
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+/// Side of a cell, m.
+const CELL_M: f32 = 8.0;
+
+/// Bodies by column and row of their cells, seen from above; in no order within a cell.
+#[derive(Debug, Default)]
+pub(crate) struct Neighbours {
+    /// Empty until an NPC looks.
+    listed: OnceLock<BTreeMap<u64, Vec<(BodySlot, Other)>>>,
+}
+
+impl Neighbours {
+    /// Drops the index: every body may have moved.
+    pub fn forget(&mut self) {
+        self.listed.take();
+    }
+
+    /// Lists a body that has appeared or moved.
+    pub fn add(&mut self, body: BodySlot, other: Other) {
+        if let Some(listed) = self.listed.get_mut() {
+            listed.entry(cell_of(other.feet, CELL_M)).or_default().push((body, other));
+        }
+    }
+
+    /// Removes a body from where it is listed.
+    pub fn remove(&mut self, body: BodySlot, other: Other) {
+        let cell = cell_of(other.feet, CELL_M);
+        if let Some(cell) = self.listed.get_mut().and_then(|listed| listed.get_mut(&cell)) {
+            cell.retain(|(listed, _)| *listed != body);
+        }
+    }
+
+    /// All bodies within `reach`, m, of a place, seen from above, and some that are farther, in no order. `bodies` are all bodies
+    /// of the world.
+    pub fn around(
+        &self,
+        place: Vec3,
+        reach: f32,
+        bodies: impl Iterator<Item = (BodySlot, Other)>,
+    ) -> impl Iterator<Item = (BodySlot, Other)> {
+        let listed = self.listed.get_or_init(|| {
+            let mut listed: BTreeMap<u64, Vec<_>> = BTreeMap::new();
+            bodies.for_each(|it| listed.entry(cell_of(it.1.feet, CELL_M)).or_default().push(it));
+            listed
+        });
+        let reach = Vec3::new(reach, 0.0, reach);
+        let [low, high] = [place - reach, place + reach].map(|corner| cell_of(corner, CELL_M));
+        let row = |cell: u64| cell & u64::from(u32::MAX);
+        let columns = (low >> 32..=high >> 32).map(move |column| column << 32 | row(low)..=column << 32 | row(high));
+        columns.flat_map(|rows| listed.range(rows)).flat_map(|(_, bodies)| bodies).copied()
+    }
+}
