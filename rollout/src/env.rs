@@ -8,7 +8,7 @@ use rand::rngs::ChaCha8Rng;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
-use surefoot_world::character::{ACTION_LEN, Action, MoveScratch};
+use surefoot_world::character::{ACTION_LEN, Action};
 use surefoot_world::navigable::{self, NoGround};
 use surefoot_world::sense::observation_len;
 use surefoot_world::{Ability, CharacterProfile, DecisionOutcome, End, Map, TaskConfig, Vec3, World, WorldConfig};
@@ -235,8 +235,7 @@ impl Draw {
 
 /// Draws places to stand on a map.
 fn places_on(map: &Map, profile: &CharacterProfile, rng: &mut ChaCha8Rng) -> Result<Vec<Vec3>, NoGround> {
-    let mut scratch = MoveScratch::default();
-    (0..PLACES).map(|_| navigable::sample(map, profile, rng, &mut scratch)).collect()
+    navigable::sample_many(map, profile, PLACES, rng)
 }
 
 /// An episode that ended.

@@ -170,7 +170,9 @@ fn live(map: &Arc<Map>, profile: CharacterProfile, movers: Option<MoverState>, o
         for slot in (0..4).map(NpcSlot) {
             world.decide(slot, Action { forward: 1.0, strafe: 0.3, turn: 0.4, jump: (step % 2) as f32 });
         }
-        orders.get(step).map(|order| world.order(0, *order));
+        if let Some(order) = orders.get(step) {
+            world.order(0, *order);
+        }
         world.tick_decision();
         world.call(0, 1);
         for slot in (0..4).map(NpcSlot) {
