@@ -1,5 +1,5 @@
 //! Blobs: immutable byte strings in an object store or a folder, named by their hash. To store the same bytes twice changes nothing, and
-//! nothing is ever overwritten, so that a process that was declared dead can do no harm here.
+//! only what is damaged is overwritten, so that a process that was declared dead can do no harm here.
 
 use crate::error::FleetError;
 use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
@@ -11,6 +11,8 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
+use surefoot_planner::store::StoreErrorKind;
+use tracing::warn;
 
 /// Retries of a call, which fails after 5 s: whoever calls knows whether it can wait longer.
 const RETRIES: RetryConfig = RetryConfig {
@@ -95,17 +97,29 @@ impl Blobs {
         Ok(Self { store, place: uri.to_owned() })
     }
 
-    /// Stores bytes and returns their name once they are durable. If they are there already, nothing changes.
+    /// Stores bytes and returns their name once they are durable. If they are there already, nothing changes; a damaged blob of their name is
+    /// replaced.
     ///
     /// # Errors
     /// If the store does not take them.
     pub async fn put(&self, bytes: Vec<u8>) -> Result<BlobId, FleetError> {
-        let id = BlobId::of(&bytes);
-        let create = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
-        match self.store.put_opts(&path(id), PutPayload::from(bytes), create).await {
-            Ok(_) | Err(object_store::Error::AlreadyExists { .. }) => Ok(id),
-            Err(error) => Err(FleetError::caused(self.place.clone(), &error)),
+        let (id, payload) = (BlobId::of(&bytes), PutPayload::from(bytes));
+        match self.put_as(PutMode::Create, id, payload.clone()).await {
+            Err(object_store::Error::AlreadyExists { .. }) => {}
+            put => return put.map(|()| id).map_err(|error| FleetError::caused(self.place.clone(), &error)),
         }
+        match self.get(id).await {
+            Ok(Some(_)) => return Ok(id),
+            Err(error) if error.kind != StoreErrorKind::Lost => return Err(error),
+            Ok(None) | Err(_) => warn!(%id, place = self.place, "replaces a damaged blob"),
+        }
+        let put = self.put_as(PutMode::Overwrite, id, payload).await;
+        put.map(|()| id).map_err(|error| FleetError::caused(self.place.clone(), &error))
+    }
+
+    async fn put_as(&self, mode: PutMode, id: BlobId, payload: PutPayload) -> Result<(), object_store::Error> {
+        let options = PutOptions { mode, ..PutOptions::default() };
+        self.store.put_opts(&path(id), payload, options).await.map(drop)
     }
 
     /// Returns the bytes of that name; `None` if there are none.
@@ -120,10 +134,8 @@ impl Blobs {
             Err(error) => return Err(fail(error)),
         };
         if BlobId::of(&bytes) != id {
-            return Err(FleetError::new(
-                self.place.clone(),
-                format!("blob {id} is damaged: restore it from a copy, or remove it"),
-            ));
+            let reason = format!("blob {id} is damaged: restore it from a copy, or remove it");
+            return Err(FleetError::lost(self.place.clone(), reason));
         }
         Ok(Some(bytes.into()))
     }

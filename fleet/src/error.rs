@@ -1,5 +1,7 @@
 //! Errors of what is shared.
 
+use surefoot_planner::store::StoreErrorKind;
+
 /// A failure of the record, the blobs or the queue.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{place}: {reason}")]
@@ -8,6 +10,8 @@ pub struct FleetError {
     pub place: String,
     /// Why, and what to change.
     pub reason: String,
+    /// What may be done about it.
+    pub kind: StoreErrorKind,
 }
 
 impl FleetError {
@@ -24,11 +28,16 @@ impl FleetError {
             }
             source = cause.source();
         }
-        Self { place: place.into(), reason }
+        Self::new(place, reason)
     }
 
-    /// An error of `place`.
+    /// An error of `place`, which may go away by itself.
     pub fn new(place: impl Into<String>, reason: impl ToString) -> Self {
-        Self { place: place.into(), reason: reason.to_string() }
+        Self { place: place.into(), reason: reason.to_string(), kind: StoreErrorKind::Unavailable }
+    }
+
+    /// The same, of something that is gone or damaged for good.
+    pub fn lost(place: impl Into<String>, reason: impl ToString) -> Self {
+        Self { kind: StoreErrorKind::Lost, ..Self::new(place, reason) }
     }
 }

@@ -60,6 +60,18 @@ impl<A> Default for AnswerCache<A> {
     }
 }
 
+/// Checks the length of a request id.
+///
+/// # Errors
+/// If it is too long.
+pub fn check_id(request_id: &str) -> Result<(), Status> {
+    if request_id.len() > MAX_ID {
+        let message = format!("request_id is {} bytes long, at most {MAX_ID} are allowed", request_id.len());
+        return Err(status::invalid("request_id", message));
+    }
+    Ok(())
+}
+
 impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
     /// Runs `call`, or returns the answer that an earlier call with the same `request_id` got. `request` is the whole
     /// message, its id included. With an empty id the call always runs.
@@ -82,10 +94,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
         if request_id.is_empty() {
             return call.await;
         }
-        if request_id.len() > MAX_ID {
-            let message = format!("request_id is {} bytes long, at most {MAX_ID} are allowed", request_id.len());
-            return Err(status::invalid("request_id", message));
-        }
+        check_id(request_id)?;
         let cell = self.cell((client.clone(), request_id.to_owned()), blake3::hash(&request.encode_to_vec()))?;
         let task = tokio::spawn(async move { cell.get_or_try_init(|| call).await.cloned() });
         task.await.map_err(|error| status::failure(Reason::Internal, format!("the call failed: {error}")))?

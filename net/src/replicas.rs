@@ -5,11 +5,15 @@
 //! goes, only its maps move.
 
 use crate::client::{Credentials, Dialer, Link, LinkError};
+use axum::body::Bytes;
 use http::{Request, Response};
 use http_body_util::{BodyExt, Full};
+use prost::encoding::{DecodeContext, decode_key, skip_field, string};
 use std::cmp::Reverse;
+use std::hash::{BuildHasher, RandomState};
 use std::pin::Pin;
-use std::sync::{Arc, Mutex};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, LazyLock, Mutex};
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 use tonic::body::Body;
@@ -19,8 +23,16 @@ use tower_service::Service;
 
 /// How long a replica that did not answer is asked last: the first time, and at most, doubled in between.
 const RESTS: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
-/// Calls that must not be made twice: one that broke off may have been carried out.
-const ONCE_ONLY: [&str; 3] = ["/ReportTraversals", "/AppendEdits", "/UndoEdits"];
+/// Calls that change something, and the number of the field `request_id` in their requests: a call that broke off may have been carried out,
+/// and its id makes a repeat harmless.
+const REQUEST_IDS: [(&str, u32); 4] = [
+    ("/surefoot.planner.v1.PlannerService/ReportTraversals", 3),
+    ("/surefoot.planner.v1.PlannerService/PutLayer", 4),
+    ("/surefoot.planner.v1.PlannerService/AppendEdits", 5),
+    ("/surefoot.planner.v1.PlannerService/UndoEdits", 5),
+];
+/// Bytes of a gRPC frame before its message: whether it is compressed, and its length.
+const FRAME_HEAD: usize = 5;
 const POISON: &str = "no holder of this lock panics";
 
 /// The order in which replicas at these `addresses` are asked about what `key` names, such as the hash of a map: indices, the first is
@@ -116,8 +128,9 @@ impl ReplicaLinks {
     }
 }
 
-/// A link for generated clients. A call that its replica does not answer, or answers with UNAVAILABLE, goes to the next one, unless it may
-/// have been carried out and must not be repeated. Only for calls with a single request.
+/// A link for generated clients. A call that its replica does not answer, or answers with UNAVAILABLE, goes to the next one. A call that
+/// changes something gets a `request_id` first, if it has none, so that replicas that share a store carry it out once. Only for calls with a
+/// single request.
 #[derive(Debug, Clone)]
 pub struct ReplicaLink {
     lines: Arc<[Arc<Line>]>,
@@ -139,10 +152,9 @@ impl Service<Request<Body>> for ReplicaLink {
             let (head, body) = request.into_parts();
             // A client has encoded the request already, so that this neither waits nor fails.
             let body = match body.collect().await {
-                Ok(body) => body.to_bytes(),
+                Ok(body) => identified(head.uri.path(), body.to_bytes()),
                 Err(status) => return Ok(status.into_http()),
             };
-            let is_once_only = ONCE_ONLY.iter().any(|call| head.uri.path().ends_with(call));
             // Those that have not failed of late first; the sort keeps the order of the others.
             let mut order: Vec<&Arc<Line>> = lines.iter().collect();
             order.sort_by_key(|line| line.is_resting());
@@ -157,11 +169,10 @@ impl Service<Request<Body>> for ReplicaLink {
                 std::mem::forget(waiting);
                 let is_refused = answer.as_ref().is_ok_and(is_unavailable);
                 line.note(answer.is_ok() && !is_refused);
-                match &answer {
-                    Ok(_) if !is_refused => return answer,
-                    Err(error) if is_once_only && !was_never_sent(error) => return answer,
-                    _ => last = answer,
+                if answer.is_ok() && !is_refused {
+                    return answer;
                 }
+                last = answer;
             }
             last
         })
@@ -173,26 +184,72 @@ async fn send(mut link: Link, request: Request<Body>) -> Result<Response<Body>, 
     link.call(request).await
 }
 
-/// Whether a replica refuses a call without having done anything, as one that stops does.
+/// Whether a replica asks to try elsewhere, as one that stops does.
 fn is_unavailable(response: &Response<Body>) -> bool {
     Status::from_header_map(response.headers()).is_some_and(|status| status.code() == Code::Unavailable)
 }
 
-/// Whether there was no connection.
-fn was_never_sent(error: &Error) -> bool {
-    let mut source: Option<&(dyn std::error::Error + 'static)> = Some(error);
-    while let Some(error) = source {
-        if error.is::<tonic::ConnectError>() {
+/// The frame of a call with a `request_id`, if its request may have one and lacks it. A frame that is compressed stays as it is.
+fn identified(path: &str, frame: Bytes) -> Bytes {
+    let Some((_, field)) = REQUEST_IDS.iter().find(|(call, _)| *call == path) else { return frame };
+    match frame.split_at_checked(FRAME_HEAD) {
+        Some(([0, ..], message)) if !has_field(message, *field) => {
+            let mut message = message.to_vec();
+            string::encode(*field, &new_request_id(), &mut message);
+            let length = u32::try_from(message.len()).unwrap_or(u32::MAX).to_be_bytes();
+            [&[0][..], &length, &message].concat().into()
+        }
+        _ => frame,
+    }
+}
+
+/// Whether an encoded message has this field. One that cannot be read has it: it is left to the service.
+fn has_field(mut message: &[u8], field: u32) -> bool {
+    while !message.is_empty() {
+        let Ok((number, wire_type)) = decode_key(&mut message) else { return true };
+        if number == field || skip_field(wire_type, number, &mut message, DecodeContext::default()).is_err() {
             return true;
         }
-        source = error.source();
     }
     false
+}
+
+/// 32 hexadecimal digits that no other call has: hashes of a number under two random keys of this process.
+fn new_request_id() -> String {
+    static KEYS: LazyLock<[RandomState; 2]> = LazyLock::new(|| [RandomState::new(), RandomState::new()]);
+    static CALLS: AtomicU64 = AtomicU64::new(0);
+    let number = CALLS.fetch_add(1, Ordering::Relaxed);
+    KEYS.iter().map(|key| format!("{:016x}", key.hash_one(number))).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use prost::Message;
+    use prost_reflect::{DescriptorPool, DynamicMessage};
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn calls_of_planners_with_a_request_id_get_one_unless_they_have_it() {
+        let pool = DescriptorPool::decode(surefoot_proto::FILE_DESCRIPTOR_SET).unwrap();
+        let mut ids = BTreeSet::new();
+        for method in pool.get_service_by_name("surefoot.planner.v1.PlannerService").unwrap().methods() {
+            let path = format!("/surefoot.planner.v1.PlannerService/{}", method.name());
+            let empty = Bytes::from_static(&[0, 0, 0, 0, 0]);
+            let frame = identified(&path, empty.clone());
+            let Some(field) = method.input().get_field_by_name("request_id") else {
+                assert_eq!(frame, empty, "{path}");
+                continue;
+            };
+            let message = DynamicMessage::decode(method.input(), &frame[FRAME_HEAD..]).unwrap();
+            let id = message.get_field(&field).as_str().unwrap().to_owned();
+            assert_eq!((id.len(), u32::from_be_bytes(frame[1..FRAME_HEAD].try_into().unwrap())), (32, 34), "{path}");
+            assert!(ids.insert(id), "{path}");
+            assert_eq!(message.encode_to_vec(), frame[FRAME_HEAD..], "nothing else");
+            assert_eq!(identified(&path, frame.clone()), frame, "it keeps the id that it has");
+        }
+        assert_eq!(ids.len(), REQUEST_IDS.len());
+    }
 
     #[test]
     fn keys_spread_evenly_and_stay_when_another_replica_goes() {

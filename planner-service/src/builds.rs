@@ -15,6 +15,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use surefoot_net::levels::MapSource;
 use surefoot_planner::live::LiveEvidence;
+use surefoot_planner::store::StoreErrorKind;
 use surefoot_planner::update::{Update, Updated};
 use surefoot_planner::{BuildError, BuildSettings, BuildStats, Built, GraphId};
 use surefoot_rollout::graphs;
@@ -265,7 +266,11 @@ impl Planner {
         let (recipe, since) = (wanted.recipe(), Instant::now());
         loop {
             match self.shared.replicas.publish(&wanted.id, token, &recipe, built) {
-                Err(error) if error.is_away && since.elapsed() < PUBLISH_PATIENCE && !wanted.job.is_cancelled() => {
+                Err(error)
+                    if error.kind == StoreErrorKind::Unavailable
+                        && since.elapsed() < PUBLISH_PATIENCE
+                        && !wanted.job.is_cancelled() =>
+                {
                     warn!(%error, "a graph waits to be stored");
                     std::thread::park_timeout(PUBLISH_PAUSE);
                 }
@@ -303,7 +308,9 @@ impl Planner {
         let stored = match store.get(id) {
             Ok(stored) => stored,
             // Others may have the graph: a second one must not be built.
-            Err(error) if error.is_away => return Err(PlannerError::store("the graph cannot be loaded")(error)),
+            Err(error) if error.kind == StoreErrorKind::Unavailable => {
+                return Err(PlannerError::store("the graph cannot be loaded")(error));
+            }
             Err(error) => {
                 warn!(%error, "graph cache cannot be read; building the graph instead");
                 None
@@ -314,7 +321,9 @@ impl Planner {
         job.reach(Stage::Index);
         let live = match store.live(id) {
             Ok(live) => live,
-            Err(error) if error.is_away => return Err(PlannerError::store("the graph cannot be loaded")(error)),
+            Err(error) if error.kind == StoreErrorKind::Unavailable => {
+                return Err(PlannerError::store("the graph cannot be loaded")(error));
+            }
             Err(error) => {
                 warn!(%error, "live evidence cannot be read; the graph begins without it");
                 LiveEvidence::default()

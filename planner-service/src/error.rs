@@ -3,7 +3,7 @@
 use crate::origin::MARGIN_M;
 use surefoot_net::levels::LevelError;
 use surefoot_planner::edits::LayerError;
-use surefoot_planner::store::StoreError;
+use surefoot_planner::store::{StoreError, StoreErrorKind};
 use surefoot_planner::{BuildError, VertexId};
 use surefoot_world::Vec3;
 
@@ -77,6 +77,12 @@ pub enum PlannerError {
     /// The layers were changed since the revision that the caller knows.
     #[error("somebody else has changed the layers of this level: read them with GetLayers, then try again")]
     LayersChanged,
+    /// A request id was used for another request.
+    #[error("request_id `{0}` was used for a different request: choose another id")]
+    RequestIdReused(String),
+    /// The stored answer of a call cannot be read.
+    #[error("the answer to an earlier call with this request_id cannot be read")]
+    BadReceipt,
     /// The change of layers asks for more than one call or level may have.
     #[error("{field} has {found} {what}; at most {limit} are allowed in {scope}")]
     TooManyEdits {
@@ -147,9 +153,9 @@ impl PlannerError {
 
     /// Converts a failure of the store; `what` says what failed.
     pub(crate) fn store(what: &'static str) -> impl FnOnce(StoreError) -> Self {
-        move |error| match error.is_away {
-            true => Self::StoreAway { what, reason: error.to_string() },
-            false => Self::Store { what, reason: error.to_string() },
+        move |error| match error.kind {
+            StoreErrorKind::Unavailable => Self::StoreAway { what, reason: error.to_string() },
+            StoreErrorKind::Lost | StoreErrorKind::Refused => Self::Store { what, reason: error.to_string() },
         }
     }
 }

@@ -1,9 +1,11 @@
 //! One graph in memory: the proved graph, the layers and live evidence that apply to it, and the router that results.
 
 use crate::error::PlannerError;
+use crate::figures::{Figures, Summary};
 use crate::locks::POISON;
 use crate::origin::{MARGIN_M, Origin};
 use crate::proofs::Proofs;
+use crate::replicas::Report;
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
 use std::sync::atomic::{AtomicBool, AtomicU64};
@@ -11,12 +13,12 @@ use std::sync::{Arc, Mutex, RwLock};
 use surefoot_planner::edits::{Edited, Layer, Unapplied, apply_layers};
 use surefoot_planner::live::{Counts, LiveEvidence, Reported, Reporter, Traversal};
 use surefoot_planner::search::EdgeCosts;
-use surefoot_planner::store::{LevelId, encode_layer};
+use surefoot_planner::store::{Call, LevelId, Receipt, encode_layer};
 use surefoot_planner::{BuildStats, Built, EdgeKey, NavGraph, Plan, Progress, Query, Router, Traffic, VertexId};
 use surefoot_world::Vec3;
 use tokio::sync::watch;
 
-/// Largest number of traversals that wait to be shared with other planners; what comes while there are more counts here only.
+/// Largest number of traversals that wait to be stored; what comes while there are more counts here only.
 const MAX_UNSENT: usize = 1 << 16;
 
 /// Revision of a level's layers: a hash of their content, so that equal layers have equal revisions.
@@ -62,8 +64,8 @@ pub struct Hosted {
     view: RwLock<Arc<View>>,
     /// Shared with the graphs of the same build that came before.
     live: Arc<Mutex<LiveEvidence>>,
-    /// Traversals that other planners have not been told of; part of `live`.
-    unsent: Arc<Mutex<Vec<Counts>>>,
+    /// Reports that are not stored yet; their traversals are part of `live`.
+    unsent: Arc<Mutex<Vec<Report>>>,
     /// Held while evidence is exchanged with other planners.
     exchanging: Mutex<()>,
     proofs: Arc<Proofs>,
@@ -91,8 +93,8 @@ struct View {
     connected: f64,
     /// Why no plans are made on the graph: its layers cannot be read.
     refusal: Option<PlannerError>,
-    /// Costs of edges that have changed since the router was made.
-    repriced: RwLock<EdgeCosts>,
+    /// Costs of edges that have changed since the router was made. The lock is held for moments: a search has a snapshot of its own.
+    repriced: RwLock<Arc<EdgeCosts>>,
 }
 
 /// A proved graph with layers applied to it, which no plans use yet.
@@ -100,6 +102,7 @@ struct View {
 pub struct Prepared {
     edited: Edited,
     layers: Vec<Layer>,
+    connected: f64,
     refusal: Option<PlannerError>,
 }
 
@@ -116,7 +119,7 @@ impl Prepared {
         let (layers, refusal) = layers.map_or_else(|error| (Vec::new(), Some(error)), |layers| (layers, None));
         let terrain = proofs.terrain(origin, progress);
         let edited = apply_layers(proved, &layers, origin.settings.threshold, &terrain)?;
-        Some(Self { edited, layers, refusal })
+        Some(Self { connected: edited.graph.connected_share(), edited, layers, refusal })
     }
 }
 
@@ -124,7 +127,7 @@ impl Prepared {
 #[derive(Debug, Default)]
 pub struct Legacy {
     live: Arc<Mutex<LiveEvidence>>,
-    unsent: Arc<Mutex<Vec<Counts>>>,
+    unsent: Arc<Mutex<Vec<Report>>>,
     /// Those of the layers.
     pub proofs: Arc<Proofs>,
     changes: watch::Sender<()>,
@@ -236,39 +239,48 @@ impl Hosted {
     /// Finds the cheapest plan at current costs.
     pub fn plan(&self, query: &Query) -> Plan {
         let view = self.view();
-        let repriced = view.repriced.read().expect(POISON);
-        view.router.find_path_at(query, &repriced)
+        view.router.find_path_at(query, &view.costs())
     }
 
     /// Finds plans at current costs for NPCs that get in each other's way.
     pub fn plans_in(&self, traffic: &mut Traffic, queries: &[Query]) -> Vec<Plan> {
         let view = self.view();
-        let repriced = view.repriced.read().expect(POISON).clone();
-        queries.iter().map(|query| view.router.find_path_in(traffic, query, &repriced)).collect()
+        let costs = view.costs();
+        queries.iter().map(|query| view.router.find_path_in(traffic, query, &costs)).collect()
     }
 
     /// Adds traversals to the live evidence and reprices their edges. Returns the number of traversals along edges that the
-    /// graph has.
-    pub fn report(&self, reporter: &Reporter, traversals: &[Traversal]) -> u32 {
+    /// graph has. Those of a `call` are stored with its receipt by the next exchange or [`store_live`](Self::store_live).
+    pub fn report(&self, reporter: &Reporter, traversals: &[Traversal], call: Option<Call>) -> u32 {
         let view = self.view();
         let mut live = self.live.lock().expect(POISON);
-        let mut repriced = view.repriced.write().expect(POISON);
         let mut accepted = 0;
-        for traversal in traversals {
-            let Some(cost) = live.note(&view.edited.graph, reporter, traversal) else { continue };
-            repriced.insert(traversal.edge, cost);
-            accepted += 1;
+        {
+            let mut costs = view.repriced.write().expect(POISON);
+            for traversal in traversals {
+                let Some(cost) = live.note(&view.edited.graph, reporter, traversal) else { continue };
+                Arc::make_mut(&mut costs).insert(traversal.edge, cost);
+                accepted += 1;
+            }
+        }
+        if let Some(call) = call.filter(|_| accepted > 0) {
+            self.store_later(call, accepted, reporter, traversals);
         }
         accepted
     }
 
-    /// Notes that other planners are to be told of traversals along edges that were proved. What layers add may be something else there.
-    pub fn send_later(&self, reporter: &Reporter, traversals: &[Traversal]) {
+    /// Notes a report that is to be stored, with its traversals along edges that were proved. What layers add may be something else for
+    /// other planners.
+    fn store_later(&self, call: Call, accepted: u32, reporter: &Reporter, traversals: &[Traversal]) {
         let count = self.proved.vertex_count();
         let is_proved = |traversal: &&Traversal| traversal.edge.from.idx().max(traversal.edge.to.idx()) < count;
+        let counts = traversals.iter().filter(is_proved).map(|traversal| Counts::of(reporter, traversal)).collect();
+        let report = Report { receipt: Receipt { call, answer: accepted.to_le_bytes().to_vec() }, counts };
         let mut unsent = self.unsent.lock().expect(POISON);
-        let room = MAX_UNSENT.saturating_sub(unsent.len());
-        unsent.extend(traversals.iter().filter(is_proved).take(room).map(|traversal| Counts::of(reporter, traversal)));
+        let waiting: usize = unsent.iter().map(|report| 1 + report.counts.len()).sum();
+        if waiting + report.counts.len() < MAX_UNSENT {
+            unsent.push(report);
+        }
     }
 
     /// Whether there are traversals that other planners have not been told of.
@@ -283,7 +295,7 @@ impl Hosted {
     /// Those of `send` and `read`; what was not sent then is sent by the next exchange.
     pub fn exchange<E>(
         &self,
-        send: impl FnOnce(&[Counts]) -> Result<(), E>,
+        send: impl FnOnce(&[Report]) -> Result<(), E>,
         read: impl FnOnce() -> Result<LiveEvidence, E>,
     ) -> Result<bool, E> {
         let _turn = self.exchanging.lock().expect(POISON);
@@ -298,14 +310,14 @@ impl Hosted {
         unsent.drain(..sent.len());
         let before = live.clone();
         live.renew(fresh?, self.proved.vertex_count());
-        unsent.iter().for_each(|counts| live.add(counts));
+        unsent.iter().flat_map(|report| &report.counts).for_each(|counts| live.add(counts));
         let mut repriced = view.repriced.write().expect(POISON);
         let graph = &view.edited.graph;
         let mut has_changed = false;
         for edge in before.edges().chain(live.edges()) {
             let Some(cost) = live.cost(graph, edge) else { continue };
             if before.cost(graph, edge) != Some(cost) {
-                repriced.insert(edge, cost);
+                Arc::make_mut(&mut repriced).insert(edge, cost);
                 has_changed = true;
             }
         }
@@ -315,7 +327,8 @@ impl Hosted {
     /// Forgets traversals that other planners have not been told of, if reporters of this name reported them.
     pub fn drop_unsent(&self, name: &str) {
         let _turn = self.exchanging.lock().expect(POISON);
-        self.unsent.lock().expect(POISON).retain(|counts| counts.reporter.name != name);
+        let is_other = |report: &Report| report.counts.iter().all(|counts| counts.reporter.name != name);
+        self.unsent.lock().expect(POISON).retain(is_other);
     }
 
     /// Makes a new router from the live evidence so far, with hub labels if the old one has them.
@@ -379,11 +392,21 @@ impl Hosted {
         self.announce();
     }
 
-    /// Calls `store` with the live evidence so far. Calls do not overlap, so that the latest evidence is stored last.
-    pub fn store_live<T>(&self, store: impl FnOnce(&LiveEvidence) -> T) -> T {
+    /// Calls `store` with the live evidence so far and the receipts of the calls that reported it, unless they are stored. Calls do not
+    /// overlap, so that the latest evidence is stored last.
+    ///
+    /// # Errors
+    /// Those of `store`.
+    pub fn store_live<E>(&self, store: impl FnOnce(&LiveEvidence, &[Receipt]) -> Result<(), E>) -> Result<(), E> {
         let _updating = self.updating.lock().expect(POISON);
-        let live = self.live.lock().expect(POISON).clone();
-        store(&live)
+        let (live, receipts) = {
+            let live = self.live.lock().expect(POISON);
+            let unsent = self.unsent.lock().expect(POISON);
+            (live.clone(), unsent.iter().map(|report| report.receipt.clone()).collect::<Vec<_>>())
+        };
+        store(&live, &receipts)?;
+        self.unsent.lock().expect(POISON).drain(..receipts.len());
+        Ok(())
     }
 
     /// Returns what each reporter's traversals amount to.
@@ -421,27 +444,28 @@ impl Hosted {
 
     /// Returns the figures of the graph and of its build.
     pub fn figures(&self) -> Figures {
+        let view = self.view();
+        let traversals = self.live.lock().expect(POISON).traversals();
+        let summary = Summary::of(view.router.graph(), view.connected, traversals);
+        self.figures_with(summary.with_edits(&view.layers, view.edited.unapplied.len()))
+    }
+
+    /// Returns what the figures will be, the edits that will not be applied, and the revision once a prepared graph is in use.
+    pub fn preview(&self, prepared: &Prepared) -> (Figures, Vec<Unapplied>, Revision) {
+        let Prepared { edited, layers, connected, .. } = prepared;
+        let mut live = self.live.lock().expect(POISON).clone();
+        live.keep_below(self.proved.vertex_count());
+        let summary = Summary::of(&live.apply_to(&edited.graph), *connected, live.traversals());
+        let figures = self.figures_with(summary.with_edits(layers, edited.unapplied.len()));
+        (figures, edited.unapplied.clone(), Revision::of(layers))
+    }
+
+    fn figures_with(&self, summary: Summary) -> Figures {
         Figures {
             map_hash: self.origin.map_hash.clone(),
             stats: self.stats,
             cached: self.provenance == Provenance::Stored,
-            summary: self.summary(),
-        }
-    }
-
-    /// Returns the figures of the graph as it is now.
-    fn summary(&self) -> Summary {
-        let view = self.view();
-        let graph = view.router.graph();
-        Summary {
-            vertices: graph.vertex_count(),
-            edges: graph.edge_count(),
-            expected_edges: graph.edges().filter(|edge| edge.evidence.is_of_expected_edge()).count(),
-            islands: graph.island_count(),
-            connected: view.connected,
-            traversals: self.live.lock().expect(POISON).traversals(),
-            edits: view.layers.iter().map(|layer| layer.edits.len()).sum(),
-            unapplied_edits: view.edited.unapplied.len(),
+            summary,
         }
     }
 }
@@ -459,44 +483,10 @@ pub struct GraphView<'a> {
     pub revision: Revision,
 }
 
-/// Figures of a graph and of its build.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Figures {
-    /// Content hash of the map, 64 hexadecimal digits.
-    pub map_hash: String,
-    /// Statistics of the build.
-    pub stats: BuildStats,
-    /// Whether the graph came from the store.
-    pub cached: bool,
-    /// Figures of the graph as it is now.
-    pub summary: Summary,
-}
-
-/// Figures of a graph.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Summary {
-    /// Number of vertices.
-    pub vertices: usize,
-    /// Number of edges.
-    pub edges: usize,
-    /// Number of these that have not been tried yet, because the build is still running.
-    pub expected_edges: usize,
-    /// Number of islands (strongly connected components).
-    pub islands: u32,
-    /// Share of ordered pairs of vertices with a path, in [0, 1].
-    pub connected: f64,
-    /// Number of NPCs' traversals that count towards the evidence.
-    pub traversals: u64,
-    /// Number of edits in all layers.
-    pub edits: usize,
-    /// Number of these edits that could not be applied.
-    pub unapplied_edits: usize,
-}
-
 impl View {
-    fn new(origin: &Origin, Prepared { edited, layers, refusal }: Prepared, live: &LiveEvidence) -> Self {
+    fn new(origin: &Origin, Prepared { edited, layers, connected, refusal }: Prepared, live: &LiveEvidence) -> Self {
         Self {
-            connected: edited.graph.connected_share(),
+            connected,
             router: origin.router(&edited, live),
             edited,
             revision: Revision::of(&layers),
@@ -504,5 +494,10 @@ impl View {
             refusal,
             repriced: RwLock::default(),
         }
+    }
+
+    /// Costs of edges that have changed since the router was made, as they are now.
+    fn costs(&self) -> Arc<EdgeCosts> {
+        self.repriced.read().expect(POISON).clone()
     }
 }

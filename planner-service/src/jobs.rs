@@ -2,7 +2,7 @@
 //! watches it.
 
 use crate::error::PlannerError;
-use crate::hosted::Figures;
+use crate::figures::Figures;
 use crate::locks::POISON;
 use std::collections::BTreeMap;
 use std::fmt;

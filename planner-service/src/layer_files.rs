@@ -9,7 +9,9 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use surefoot_net::durable;
 use surefoot_planner::edits::Layer;
-use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, StoreError, decode_layer, encode_layer};
+use surefoot_planner::store::{
+    DamagedLayer, LevelId, LevelLayers, StoreError, StoreErrorKind, decode_layer, encode_layer,
+};
 
 /// Extension of the files.
 const EXTENSION: &str = "layer";
@@ -110,7 +112,7 @@ fn fail(path: &Path, what: &str) -> impl FnOnce(io::Error) -> StoreError {
     move |error| StoreError {
         place,
         reason: format!("{what}: {error}; check its permissions and the space on its disk"),
-        is_away: false,
+        kind: StoreErrorKind::Refused,
     }
 }
 

@@ -5,10 +5,11 @@ use crate::error::PlannerError;
 use crate::hosted::{Hosted, Prepared, Revision};
 use crate::locks::POISON;
 use crate::planner::Planner;
+use crate::wire;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard};
-use surefoot_planner::edits::{Edit, Layer, Unapplied};
-use surefoot_planner::store::{LevelId, LevelLayers};
+use surefoot_planner::edits::{Edit, Layer};
+use surefoot_planner::store::{Call, LevelId, LevelLayers, MAX_ANSWER_BYTES, Receipt, StoreErrorKind};
 use surefoot_planner::{BuildError, Progress};
 
 /// Maximum number of layers of a level.
@@ -131,14 +132,6 @@ fn check_level(before: &[Layer], after: &LevelLayers) -> Result<(), PlannerError
     Ok(())
 }
 
-/// Result of a change of layers.
-pub struct Changed {
-    /// The graph that the caller named.
-    pub hosted: Arc<Hosted>,
-    /// Edits that could not be applied to this graph.
-    pub unapplied: Vec<Unapplied>,
-}
-
 /// Cancels probes when it is dropped, as happens when the caller goes away.
 struct CancelOnDrop(Arc<Progress>);
 
@@ -148,19 +141,42 @@ impl Drop for CancelOnDrop {
     }
 }
 
+/// A change that a call asks for.
+struct WantedChange {
+    hosted: Arc<Hosted>,
+    if_revision: Option<Revision>,
+    change: LayerChange,
+    call: Option<Call>,
+    progress: Arc<Progress>,
+}
+
+/// The answer to a change after which `hosted` is as it is prepared, and the receipt of the `call`. If the answer is long, the one in the
+/// receipt lacks the edits that could not be applied.
+fn answer_of(hosted: &Hosted, prepared: &Prepared, call: Option<&Call>) -> (Vec<u8>, Option<Receipt>) {
+    let (figures, unapplied, revision) = hosted.preview(prepared);
+    let answer = wire::changed(&figures, &unapplied, revision);
+    let receipt = call.cloned().map(|call| {
+        let is_short = answer.len() <= MAX_ANSWER_BYTES;
+        Receipt { call, answer: if is_short { answer.clone() } else { wire::changed(&figures, &[], revision) } }
+    });
+    (answer, receipt)
+}
+
 impl Planner {
     /// Changes a layer of a graph's level. If `if_revision` is given, the layers must be of that revision. The change is abandoned
-    /// if the caller drops the future or the service shuts down before it is stored.
+    /// if the caller drops the future or the service shuts down before it is stored. Returns the answer, as [`wire::changed`] encodes it; a
+    /// `call` that has been carried out before gets its first answer.
     ///
     /// # Errors
     /// If the graph is not in memory, the layers are of another revision or change too often, the changed layer is invalid or too
-    /// large, there is no layer to remove edits from, or the change cannot be stored.
+    /// large, there is no layer to remove edits from, the change cannot be stored, or the id of the call was used for another one.
     pub async fn change_layers(
         &self,
         graph_id: &str,
         if_revision: Option<Revision>,
         change: LayerChange,
-    ) -> Result<Changed, PlannerError> {
+        call: Option<Call>,
+    ) -> Result<Vec<u8>, PlannerError> {
         let hosted = self.ready(graph_id).await?;
         let work = async {
             let _turn = match change.is_probed() {
@@ -168,8 +184,9 @@ impl Planner {
                 true => Some(self.shared.proving.acquire().await.map_err(|_| PlannerError::ShuttingDown)?),
             };
             let cancel = CancelOnDrop(Arc::default());
-            let (planner, progress) = (self.clone(), cancel.0.clone());
-            let task = tokio::task::spawn_blocking(move || planner.change_now(hosted, if_revision, &change, &progress));
+            let wanted = WantedChange { hosted, if_revision, change, call, progress: cancel.0.clone() };
+            let planner = self.clone();
+            let task = tokio::task::spawn_blocking(move || planner.change_now(&wanted));
             task.await.map_err(PlannerError::lost("the edit"))?
         };
         tokio::select! {
@@ -178,36 +195,37 @@ impl Planner {
         }
     }
 
-    fn change_now(
-        &self,
-        hosted: Arc<Hosted>,
-        if_revision: Option<Revision>,
-        change: &LayerChange,
-        progress: &Arc<Progress>,
-    ) -> Result<Changed, PlannerError> {
+    fn change_now(&self, wanted: &WantedChange) -> Result<Vec<u8>, PlannerError> {
+        let WantedChange { hosted, if_revision, change, call, progress } = wanted;
         let (level, store) = (hosted.level(), &self.shared.store);
         let read = || store.layers(&level).map_err(PlannerError::store("the layers cannot be read"));
         let level_lock = self.shared.level_locks.of(&level);
         for _ in 0..MAX_ATTEMPTS {
             let stored = read()?;
+            // After the layers, which a call that is carried out meanwhile changes.
+            if let Some(answer) = self.first_answer(call.as_ref())? {
+                return Ok(answer);
+            }
             if if_revision.is_some_and(|revision| revision != Revision::of(&stored.layers)) {
                 return Err(PlannerError::LayersChanged);
             }
             let (changed, after) = change.apply(&stored)?;
-            let graphs = self.graphs_of(&level, &hosted);
+            let graphs = self.graphs_of(&level, hosted);
             let prepare = |graph: &Arc<Hosted>| graph.prepare(readable(after.clone()), progress);
             let prepared: Option<Vec<Prepared>> = graphs.iter().map(prepare).collect();
             let prepared = prepared.ok_or(PlannerError::ShuttingDown)?;
+            // The first graph is the one that the caller named.
+            let (answer, receipt) = answer_of(hosted, &prepared[0], call.as_ref());
             let _held = level_lock.lock().expect(POISON);
             if progress.cancel.load(Ordering::Relaxed) {
                 return Err(PlannerError::ShuttingDown);
             }
             let has_all =
                 |now: &[Arc<Hosted>]| now.iter().all(|one| graphs.iter().any(|other| Arc::ptr_eq(one, other)));
-            if read()? != stored || !has_all(&self.graphs_of(&level, &hosted)) {
+            if read()? != stored || !has_all(&self.graphs_of(&level, hosted)) {
                 continue;
             }
-            let replaced = store.replace_layer(&level, stored.version, &changed);
+            let replaced = store.replace_layer(&level, stored.version, &changed, receipt.as_ref());
             if !replaced.map_err(PlannerError::store("the layer cannot be stored"))? {
                 continue;
             }
@@ -215,20 +233,16 @@ impl Planner {
                 graph.apply(prepared);
                 self.label_later(graph);
             }
-            let (_, unapplied) = hosted.layers();
-            return Ok(Changed { hosted, unapplied });
+            return Ok(answer);
         }
         Err(PlannerError::LayersChanged)
     }
 
-    /// Returns `hosted` and all other graphs of the level in memory.
+    /// Returns `hosted`, first, and all other graphs of the level in memory.
     fn graphs_of(&self, level: &LevelId, hosted: &Arc<Hosted>) -> Vec<Arc<Hosted>> {
-        let mut graphs = self.all_ready();
-        graphs.retain(|other| other.level() == *level);
-        if !graphs.iter().any(|other| Arc::ptr_eq(other, hosted)) {
-            graphs.push(hosted.clone());
-        }
-        graphs
+        let others = self.all_ready().into_iter();
+        let others = others.filter(|other| other.level() == *level && !Arc::ptr_eq(other, hosted));
+        std::iter::once(hosted.clone()).chain(others).collect()
     }
 
     /// Prepares a graph with the layers of a level, and returns it with the level's `lock`, which is held so that the layers stay as
@@ -246,7 +260,9 @@ impl Planner {
             let stored = self.shared.store.layers(level);
             let layers = match stored.clone() {
                 Ok(layers) => readable(layers),
-                Err(error) if error.is_away => return Err(PlannerError::store("the layers cannot be read")(error)),
+                Err(error) if error.kind == StoreErrorKind::Unavailable => {
+                    return Err(PlannerError::store("the layers cannot be read")(error));
+                }
                 Err(error) => Err(PlannerError::LayersUnreadable(error.to_string())),
             };
             let prepared = prepare(layers).ok_or(BuildError::Cancelled)?;

@@ -1,7 +1,7 @@
 //! The planner service: builds, caches, edits and searches graphs for clients over gRPC.
 //!
 //! [`planner`] is the service without its transport: [`hosted`] is one graph in memory, [`builds`] makes graphs, and
-//! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers, and [`provers`] run the probes of builds.
+//! [`layers`] applies designers' changes. [`store`] keeps graphs on disk, `layer_files` layers, `receipts` the answers of calls that may be repeated, and [`provers`] run the probes of builds.
 //! [`grpc`] decodes requests, calls the planner and encodes responses; [`replicas`] is what planners that share a store agree on:
 //! `operations` has their builds, `sharing` what they change. [`wire`] converts types. Only these two and `serve` use wire types. Building
 //! and searching
@@ -11,6 +11,7 @@ pub mod builds;
 mod config;
 mod error;
 pub mod faults;
+pub mod figures;
 pub mod grpc;
 pub mod hosted;
 pub mod jobs;
@@ -22,6 +23,7 @@ pub mod origin;
 pub mod planner;
 mod proofs;
 pub mod provers;
+mod receipts;
 pub mod replicas;
 mod serve;
 mod sharing;

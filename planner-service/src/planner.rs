@@ -20,7 +20,7 @@ use surefoot_net::serving::Shutdown;
 use surefoot_planner::live::{Reporter, Traversal};
 use surefoot_planner::probe::{Outcome, Trial};
 use surefoot_planner::reachability::{self, Difference};
-use surefoot_planner::store::GraphStore;
+use surefoot_planner::store::{Call, GraphStore};
 use surefoot_planner::{GraphId, Plan, Query, Traffic, VertexId};
 use surefoot_policy::Policy;
 use surefoot_rollout::probe::{self, ProbeContext};
@@ -94,6 +94,8 @@ pub(crate) struct Shared {
     plans: AtomicU64,
     /// Number of graphs built here.
     pub built: AtomicU64,
+    /// Number of reports that this planner has identified.
+    own_calls: AtomicU64,
     pub shutdown: Shutdown,
 }
 
@@ -115,6 +117,7 @@ impl Planner {
             replicas,
             graph_news: watch::Sender::new(()),
             built: AtomicU64::new(0),
+            own_calls: AtomicU64::new(0),
             build_slot: Arc::new(Semaphore::new(1)),
             loading: Arc::new(Semaphore::new(MAX_LOADS)),
             proving: Semaphore::new(1),
@@ -296,17 +299,70 @@ impl Planner {
     }
 
     /// Adds traversals to the live evidence of a graph, and schedules a new table of next hops. Returns the number of traversals
-    /// along edges that the graph has.
-    pub fn report(&self, hosted: &Arc<Hosted>, reporter: &Reporter, traversals: &[Traversal]) -> u32 {
-        let accepted = hosted.report(reporter, traversals);
-        if accepted > 0 {
-            if self.shared.replicas.are_several() {
-                hosted.send_later(reporter, traversals);
-                self.exchange_later(hosted);
+    /// along edges that the graph has. A call that has been carried out before gets its first answer.
+    ///
+    /// # Errors
+    /// If the id of the call was used for another one.
+    pub async fn report(
+        &self,
+        hosted: Arc<Hosted>,
+        reporter: Reporter,
+        traversals: Vec<Traversal>,
+        call: Option<Call>,
+    ) -> Result<u32, PlannerError> {
+        if let Some(call) = call.clone() {
+            match self.in_store(move |planner| planner.first_answer(Some(&call))).await {
+                Ok(Some(answer)) => {
+                    return answer.try_into().map(u32::from_le_bytes).map_err(|_| PlannerError::BadReceipt);
+                }
+                // Whether it is a repeat is decided when it is stored.
+                Ok(None) | Err(PlannerError::StoreAway { .. }) => {}
+                Err(error) => return Err(error),
             }
-            self.refresh_later(hosted.clone());
         }
-        accepted
+        let are_several = self.shared.replicas.are_several();
+        // Others are told of each report once, also if the first answer of the store is lost.
+        let call = call.or_else(|| are_several.then(|| self.own_call()));
+        let accepted = hosted.report(&reporter, &traversals, call);
+        if accepted > 0 {
+            if are_several {
+                self.exchange_later(&hosted);
+            }
+            self.refresh_later(hosted);
+        }
+        Ok(accepted)
+    }
+
+    /// Identifies a call whose client has not: by this planner, which has an id that no other has, and a number.
+    fn own_call(&self) -> Call {
+        let number = self.shared.own_calls.fetch_add(1, Ordering::Relaxed);
+        Call { client: String::new(), id: format!("{}-{number}", self.shared.replicas.site()), request: [0; 32] }
+    }
+
+    /// Returns the answer that a call got when it was carried out; `None` if it has not been. Call this from a thread that may block.
+    ///
+    /// # Errors
+    /// If the id of the call was used for another one, or the store cannot be read.
+    pub(crate) fn first_answer(&self, call: Option<&Call>) -> Result<Option<Vec<u8>>, PlannerError> {
+        let Some(call) = call else { return Ok(None) };
+        let found = self.shared.store.receipt(&call.client, &call.id);
+        match found.map_err(PlannerError::store("the call cannot be looked up"))? {
+            Some(receipt) if receipt.call.request != call.request => {
+                Err(PlannerError::RequestIdReused(call.id.clone()))
+            }
+            found => Ok(found.map(|receipt| receipt.answer)),
+        }
+    }
+
+    /// Calls the store on a thread that may block.
+    async fn in_store<T: Send + 'static>(
+        &self,
+        call: impl FnOnce(&Self) -> Result<T, PlannerError> + Send + 'static,
+    ) -> Result<T, PlannerError> {
+        let planner = self.clone();
+        tokio::task::spawn_blocking(move || call(&planner))
+            .await
+            .map_err(PlannerError::lost("the call of the store"))?
     }
 
     /// Schedules a new table of next hops, unless one is already scheduled.
@@ -350,9 +406,9 @@ impl Planner {
         if !Self::has_row(hosted) {
             return;
         }
-        let stored = hosted.store_live(|live| match live.is_empty() {
+        let stored = hosted.store_live(|live, receipts| match live.is_empty() && receipts.is_empty() {
             true => Ok(()),
-            false => self.shared.store.put_live(&hosted.origin.id, live),
+            false => self.shared.store.put_live(&hosted.origin.id, live, receipts),
         });
         if let Err(error) = stored {
             warn!(%error, "live evidence could not be stored");
@@ -380,7 +436,8 @@ impl Planner {
             if is_shared {
                 return Ok(dropped);
             }
-            let stored = hosted.store_live(|live| planner.shared.store.put_live(&hosted.origin.id, live));
+            let put = |live: &_, receipts: &[_]| planner.shared.store.put_live(&hosted.origin.id, live, receipts);
+            let stored = hosted.store_live(put);
             stored.map_err(PlannerError::store("the remaining reports cannot be stored"))?;
             Ok(dropped)
         });

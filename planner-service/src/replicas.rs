@@ -6,7 +6,7 @@ use crate::jobs::{BuildId, Stage};
 use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_planner::live::Counts;
-use surefoot_planner::store::{GraphStore, LevelId, StoreError};
+use surefoot_planner::store::{GraphStore, LevelId, Receipt, StoreError};
 use surefoot_planner::{Built, GraphId};
 use tokio::sync::mpsc;
 use tracing::warn;
@@ -63,6 +63,15 @@ pub struct Standing {
     pub is_sure: bool,
     /// Graphs that it did not publish, because their claims had been lost.
     pub stale_publishes: u64,
+}
+
+/// Traversals that one call reported, and its receipt: whoever stores them stores both, or neither if the receipt is there already.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// The call.
+    pub receipt: Receipt,
+    /// What it reported of edges that were proved.
+    pub counts: Vec<Counts>,
 }
 
 /// Something that changed elsewhere.
@@ -157,11 +166,11 @@ pub trait Replicas: Send + Sync {
     /// If the store is away.
     fn adopt(&self) -> Result<Vec<Operation>, StoreError>;
 
-    /// Adds traversals to the live evidence of a graph.
+    /// Adds to the live evidence of a graph what calls have reported, unless it has been added before.
     ///
     /// # Errors
     /// If the store is away.
-    fn add_evidence(&self, graph: &GraphId, counts: &[Counts]) -> Result<(), StoreError>;
+    fn add_evidence(&self, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError>;
 
     /// Removes the live evidence of a graph that reporters of this name reported.
     ///
@@ -226,7 +235,7 @@ impl Replicas for Alone {
         Ok(Vec::new())
     }
 
-    fn add_evidence(&self, _: &GraphId, _: &[Counts]) -> Result<(), StoreError> {
+    fn add_evidence(&self, _: &GraphId, _: &[Report]) -> Result<(), StoreError> {
         Ok(())
     }
 

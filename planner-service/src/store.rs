@@ -1,5 +1,5 @@
 //! The store on disk: one redb file with graphs and live evidence, the cache, and beside it a folder with the layers of designers
-//! (`layer_files`).
+//! (`layer_files`). The file also has the answers of calls that may be repeated (`receipts`).
 //!
 //! A damaged graph is logged and treated as absent, so that it is built again. A damaged cache file is renamed, never over an
 //! earlier one, and replaced. Every other failure to open it ends the start, because the file may be whole: no permission, no
@@ -7,6 +7,7 @@
 //! part of the cache.
 
 use crate::layer_files::LayerFiles;
+use crate::receipts::{self, Expected};
 use redb::{Database, DatabaseError, Durability, ReadableDatabase, ReadableTable, StorageError, TableDefinition};
 use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,7 +17,8 @@ use surefoot_planner::edits::Layer;
 use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::settings::GraphId;
 use surefoot_planner::store::{
-    GraphStore, LevelId, LevelLayers, StoreError, decode_entry, decode_live, encode_entry, encode_live,
+    GraphStore, LevelId, LevelLayers, Receipt, StoreError, StoreErrorKind, decode_entry, decode_live, encode_entry,
+    encode_live,
 };
 use tracing::{info, warn};
 
@@ -88,7 +90,7 @@ impl DiskStore {
     /// that this version does not read.
     pub fn open(folder: &Path, limit_bytes: u64) -> Result<Self, StoreError> {
         let path = folder.join("graphs.redb");
-        let fail = |reason: String| StoreError { place: path.display().to_string(), reason, is_away: false };
+        let fail = |reason| StoreError { place: path.display().to_string(), reason, kind: StoreErrorKind::Refused };
         std::fs::create_dir_all(folder).map_err(|error| fail(error.to_string()))?;
         let database = match open_file(&path) {
             Ok(database) => database,
@@ -102,6 +104,12 @@ impl DiskStore {
         };
         let store = Self { path, database, limit_bytes, layers: LayerFiles::open(folder)? };
         store.move_layers()?;
+        store.guarded(|| {
+            let transaction = store.database.begin_write()?;
+            receipts::settle(&transaction, |expected| store.is_met(expected))?;
+            transaction.commit()?;
+            Ok(())
+        })?;
         Ok(store)
     }
 
@@ -129,7 +137,7 @@ impl DiskStore {
                 reason:
                     "a layer of an earlier version belongs to no level: move the file away to begin with an empty cache"
                         .to_owned(),
-                is_away: false,
+                kind: StoreErrorKind::Refused,
             })?;
             self.layers.add(&LevelId(*level), name, bytes)?;
         }
@@ -146,10 +154,13 @@ impl DiskStore {
 
     /// Runs one access to the file, and turns a panic of redb on damaged data into an error.
     fn guarded<T>(&self, access: impl FnOnce() -> Result<T, redb::Error>) -> Result<T, StoreError> {
-        let fail = |reason: String| StoreError { place: self.path.display().to_string(), reason, is_away: false };
+        let fail = |kind, reason| StoreError { place: self.path.display().to_string(), reason, kind };
         match catch_unwind(AssertUnwindSafe(access)) {
-            Ok(result) => result.map_err(|error| fail(error.to_string())),
-            Err(_) => Err(fail("the file is damaged: stop all processes that use it and delete it".to_owned())),
+            Ok(result) => result.map_err(|error| fail(StoreErrorKind::Refused, error.to_string())),
+            Err(_) => {
+                let reason = "the file is damaged: stop all processes that use it and delete it".to_owned();
+                Err(fail(StoreErrorKind::Lost, reason))
+            }
         }
     }
 
@@ -178,13 +189,10 @@ impl DiskStore {
         }))
     }
 
-    fn write(&self, table: Blobs, key: &[u8], bytes: &[u8]) -> Result<(), StoreError> {
-        self.guarded(|| {
-            let transaction = self.database.begin_write()?;
-            transaction.open_table(table)?.insert(key, bytes)?;
-            transaction.commit()?;
-            Ok(())
-        })
+    /// Whether the layer that a receipt is about has what it must have for the receipt to count.
+    fn is_met(&self, expected: &Expected) -> bool {
+        let layers = self.layers.read(&LevelId(expected.level)).unwrap_or_default();
+        expected.is_met_by(layers.layers.iter().find(|layer| layer.name == expected.layer))
     }
 
     /// Records a use of a graph, without waiting for the disk.
@@ -263,8 +271,14 @@ impl GraphStore for DiskStore {
         Ok(self.read(LIVE, &id.0, "live evidence", decode_live)?.unwrap_or_default())
     }
 
-    fn put_live(&self, id: &GraphId, live: &LiveEvidence) -> Result<(), StoreError> {
-        self.write(LIVE, &id.0, &encode_live(live))
+    fn put_live(&self, id: &GraphId, live: &LiveEvidence, receipts: &[Receipt]) -> Result<(), StoreError> {
+        self.guarded(|| {
+            let transaction = self.database.begin_write()?;
+            transaction.open_table(LIVE)?.insert(id.0.as_slice(), encode_live(live).as_slice())?;
+            receipts::put(&transaction, receipts, None)?;
+            transaction.commit()?;
+            Ok(())
+        })
     }
 
     fn layers(&self, level: &LevelId) -> Result<LevelLayers, StoreError> {
@@ -273,6 +287,37 @@ impl GraphStore for DiskStore {
 
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError> {
         self.layers.put(level, layer)
+    }
+
+    fn replace_layer(
+        &self,
+        level: &LevelId,
+        _: u64,
+        layer: &Layer,
+        receipt: Option<&Receipt>,
+    ) -> Result<bool, StoreError> {
+        let Some(receipt) = receipt else { return self.layers.put(level, layer).map(|()| true) };
+        let note = |expected| {
+            self.guarded(|| {
+                let transaction = self.database.begin_write()?;
+                receipts::put(&transaction, std::slice::from_ref(receipt), expected)?;
+                transaction.commit()?;
+                Ok(())
+            })
+        };
+        let expected = Expected::of(level, layer);
+        note(Some(&expected))?;
+        self.layers.put(level, layer)?;
+        // From now on the receipt counts whatever becomes of the layer.
+        if let Err(error) = note(None) {
+            warn!(%error, "a change of layers that is repeated after another one may be made twice");
+        }
+        Ok(true)
+    }
+
+    fn receipt(&self, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
+        let found = self.guarded(|| receipts::get(&self.database.begin_read()?, client, id))?;
+        Ok(found.and_then(|(receipt, expected)| expected.is_none_or(|it| self.is_met(&it)).then_some(receipt)))
     }
 }
 

@@ -2,7 +2,8 @@
 
 use crate::config::PlannerConfig;
 use crate::error::{Failure, PlannerError};
-use crate::hosted::{Figures, GraphView, Hosted, Revision};
+use crate::figures::Figures;
+use crate::hosted::{GraphView, Hosted, Revision};
 use crate::jobs::{Job, Stage};
 use prost::Message;
 use std::num::NonZeroU64;
@@ -260,6 +261,13 @@ pub fn unapplied_to_wire(unapplied: &[Unapplied]) -> Vec<wire::UnappliedEdit> {
             reason: unapplied.reason.to_string(),
         })
         .collect()
+}
+
+/// Encodes the answer to a change of layers. The responses of PutLayer, AppendEdits and UndoEdits have the same fields.
+pub fn changed(figures: &Figures, unapplied: &[Unapplied], revision: Revision) -> Vec<u8> {
+    let summary = Some(summary_to_wire(figures));
+    let (unapplied, revision) = (unapplied_to_wire(unapplied), revision_to_wire(revision));
+    wire::PutLayerResponse { summary, unapplied, revision }.encode_to_vec()
 }
 
 /// Converts the figures of a graph to the wire.

@@ -8,7 +8,9 @@ use surefoot_planner::evidence::{Evidence, TryEnd};
 use surefoot_planner::graph::GraphData;
 use surefoot_planner::legs::LegModel;
 use surefoot_planner::live::{LiveEvidence, Reporter, Traversal};
-use surefoot_planner::store::{GraphStore, LevelId, decode_layer, decode_live, encode_layer};
+use surefoot_planner::store::{
+    Call, GraphStore, LevelId, MAX_RECEIPTS, Receipt, decode_layer, decode_live, encode_layer,
+};
 use surefoot_planner::{BuildStats, GraphId};
 use surefoot_planner::{Built, Edge, EdgeKey, NavGraph};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
@@ -212,7 +214,7 @@ fn layers_and_live_evidence_persist() {
         store.put_layer(&level, &layer("night")).unwrap();
         store.put_layer(&level, &layer("day")).unwrap();
         store.put_layer(&other, &layer("else")).unwrap();
-        store.put_live(&id(1), &live).unwrap();
+        store.put_live(&id(1), &live, &[]).unwrap();
     }
     let store = open(folder.path());
     assert_eq!(store.layers(&level).unwrap().whole().unwrap(), [layer("day"), layer("night")]);
@@ -221,6 +223,52 @@ fn layers_and_live_evidence_persist() {
     store.put_layer(&level, &Layer { edits: Vec::new(), ..layer("day") }).unwrap();
     assert_eq!(store.layers(&level).unwrap().whole().unwrap(), [layer("night")]);
     assert_eq!(store.layers(&LevelId::of(b"three")).unwrap().whole().unwrap(), []);
+}
+
+fn receipt(client: &str, number: usize) -> Receipt {
+    let call = Call { client: client.to_owned(), id: number.to_string(), request: [number as u8; 32] };
+    Receipt { call, answer: vec![number as u8; 3] }
+}
+
+#[test]
+fn a_receipt_counts_once_its_layer_is_stored_and_goes_on_counting_when_the_layer_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    let level = LevelId::of(b"one");
+    let store = open(folder.path());
+    assert!(store.replace_layer(&level, 0, &layer("night"), Some(&receipt("a", 1))).unwrap());
+    // A folder that cannot be written stands for a crash between the receipt and the layer.
+    let levels = folder.path().join("layers");
+    let aside = folder.path().join("aside");
+    std::fs::rename(&levels, &aside).unwrap();
+    std::fs::write(&levels, b"a file where a folder belongs").unwrap();
+    store.replace_layer(&level, 0, &layer("day"), Some(&receipt("a", 2))).unwrap_err();
+    std::fs::remove_file(&levels).unwrap();
+    std::fs::rename(&aside, &levels).unwrap();
+    assert_eq!(store.receipt("a", "2").unwrap(), None);
+    store.put_layer(&level, &Layer { edits: Vec::new(), ..layer("night") }).unwrap();
+    assert_eq!(store.receipt("a", "1").unwrap(), Some(receipt("a", 1)));
+    drop(store);
+    let store = open(folder.path());
+    // Had it been kept, it would count by chance now.
+    store.put_layer(&level, &layer("day")).unwrap();
+    assert_eq!(store.receipt("a", "2").unwrap(), None);
+    assert_eq!(store.receipt("a", "1").unwrap(), Some(receipt("a", 1)));
+    assert_eq!(store.receipt("b", "1").unwrap(), None, "each client has its own ids");
+}
+
+#[test]
+fn each_client_keeps_its_latest_receipts() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path());
+    let put = |receipts: &[Receipt]| store.put_live(&id(1), &LiveEvidence::default(), receipts).unwrap();
+    put(&[receipt("quiet", 1)]);
+    let all: Vec<Receipt> = (0..MAX_RECEIPTS).map(|number| receipt("loud", number)).collect();
+    put(&all);
+    put(&[receipt("loud", MAX_RECEIPTS), receipt("loud", MAX_RECEIPTS)]);
+    let is_kept = |number: &usize| store.receipt("loud", &number.to_string()).unwrap().is_some();
+    assert_eq!((0..=MAX_RECEIPTS).filter(is_kept).count(), MAX_RECEIPTS);
+    assert!(is_kept(&MAX_RECEIPTS), "the latest");
+    assert_eq!(store.receipt("quiet", "1").unwrap(), Some(receipt("quiet", 1)));
 }
 
 #[test]

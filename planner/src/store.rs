@@ -11,6 +11,7 @@ use crate::live::LiveEvidence;
 use crate::settings::GraphId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 
 /// Identity of a level, independent of the settings of its graphs. Layers belong to a level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -48,11 +49,11 @@ pub trait GraphStore: Send + Sync {
     /// If the store itself cannot be read.
     fn live(&self, id: &GraphId) -> Result<LiveEvidence, StoreError>;
 
-    /// Stores the live evidence of a graph, in place of what was stored before.
+    /// Stores the live evidence of a graph, in place of what was stored before, and with it the receipts of the calls that reported it.
     ///
     /// # Errors
     /// If the store cannot be written.
-    fn put_live(&self, id: &GraphId, live: &LiveEvidence) -> Result<(), StoreError>;
+    fn put_live(&self, id: &GraphId, live: &LiveEvidence, receipts: &[Receipt]) -> Result<(), StoreError>;
 
     /// Returns the layers of a level by name. A damaged layer is listed as such, and its bytes are kept.
     ///
@@ -66,15 +67,53 @@ pub trait GraphStore: Send + Sync {
     /// If the store cannot be written; the layers are then as before.
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError>;
 
-    /// Does the same if the layers of the level are still of this [`version`](LevelLayers::version), and returns whether they were. A
-    /// store of one process needs no versions: whoever changes layers holds the lock of their level.
+    /// Does the same if the layers of the level are still of this [`version`](LevelLayers::version) and no receipt of the same call is
+    /// stored. Returns whether that was so. The layer and `receipt` are stored together or not at all. A store of one process needs no
+    /// versions: it is called with the lock of the level held.
     ///
     /// # Errors
     /// Same as [`put_layer`](Self::put_layer). If the store became unreachable, the layer may have been stored nevertheless.
-    fn replace_layer(&self, level: &LevelId, version: u64, layer: &Layer) -> Result<bool, StoreError> {
-        debug_assert_eq!(version, 0, "only stores of several processes count versions");
-        self.put_layer(level, layer).map(|()| true)
-    }
+    fn replace_layer(
+        &self,
+        level: &LevelId,
+        version: u64,
+        layer: &Layer,
+        receipt: Option<&Receipt>,
+    ) -> Result<bool, StoreError>;
+
+    /// Returns the receipt of a call of `client` with the request id `id`; `None` if there is none, or none any more
+    /// ([`RECEIPTS_KEPT_FOR`], [`MAX_RECEIPTS`]).
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    fn receipt(&self, client: &str, id: &str) -> Result<Option<Receipt>, StoreError>;
+}
+
+/// How long a receipt is kept at least, unless its client has [`MAX_RECEIPTS`] newer ones.
+pub const RECEIPTS_KEPT_FOR: Duration = Duration::from_secs(600);
+/// Most receipts of one client; the oldest are dropped first.
+pub const MAX_RECEIPTS: usize = 4096;
+/// Most bytes of the answer in a receipt.
+pub const MAX_ANSWER_BYTES: usize = 16 << 10;
+
+/// A call that is carried out once, however often it is sent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Call {
+    /// Name of the client.
+    pub client: String,
+    /// The request id, which the client chose.
+    pub id: String,
+    /// Hash of the request: another request must not have the same id.
+    pub request: [u8; 32],
+}
+
+/// A call that was carried out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Receipt {
+    /// The call.
+    pub call: Call,
+    /// Its encoded answer, at most [`MAX_ANSWER_BYTES`].
+    pub answer: Vec<u8>,
 }
 
 /// The layers of a level.
@@ -118,8 +157,19 @@ pub struct StoreError {
     pub place: String,
     /// What went wrong.
     pub reason: String,
-    /// Whether the store cannot be reached now, and may be reached again later.
-    pub is_away: bool,
+    /// What may be done about it.
+    pub kind: StoreErrorKind,
+}
+
+/// Kind of a failure of the store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StoreErrorKind {
+    /// The store cannot be reached now, and may be reached again later.
+    Unavailable,
+    /// What was stored is gone or damaged: it has to be made again.
+    Lost,
+    /// The store can be reached and refuses: somebody has to change its settings, its permissions or the space that it has.
+    Refused,
 }
 
 /// Content of a graph's entry.

@@ -165,15 +165,24 @@ fn planner_messages() -> Vec<(&'static str, Vec<u8>)> {
             plan::FindPathsRequest { graph_id: graph_id.clone(), queries: vec![query], traffic: None }.encode_to_vec(),
         ),
         ("plan", plan::FindPathResponse { plan: Some(plan_to_wire(&found)), interim: false }.encode_to_vec()),
-        ("traversals", plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals }.encode_to_vec()),
         (
-            "put_layer",
-            plan::PutLayerRequest { graph_id: graph_id.clone(), layer: Some(on_wire.clone()), if_revision: 7 }
+            "traversals",
+            plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals, ..Default::default() }
                 .encode_to_vec(),
         ),
         (
+            "put_layer",
+            plan::PutLayerRequest {
+                graph_id: graph_id.clone(),
+                layer: Some(on_wire.clone()),
+                if_revision: 7,
+                ..Default::default()
+            }
+            .encode_to_vec(),
+        ),
+        (
             "append_edits",
-            plan::AppendEditsRequest { graph_id, layer: on_wire.name, edits: on_wire.edits, if_revision: 0 }
+            plan::AppendEditsRequest { graph_id, layer: on_wire.name, edits: on_wire.edits, ..Default::default() }
                 .encode_to_vec(),
         ),
     ]

@@ -10,7 +10,9 @@ mod relay;
 mod services;
 
 mod harness;
+mod healing;
 mod planners;
+mod repeats;
 mod takeovers;
 mod whole;
 mod work;

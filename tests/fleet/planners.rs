@@ -16,28 +16,28 @@ use tokio::sync::{Mutex, MutexGuard};
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 
-type Client = PlannerServiceClient<Channel>;
+pub(super) type Client = PlannerServiceClient<Channel>;
 
 /// Lease of the planners, s.
 const LEASE: f64 = 3.0;
 
 /// A test of planners at a time: each starts many processes, and some measure time.
-async fn turn() -> MutexGuard<'static, ()> {
+pub(super) async fn turn() -> MutexGuard<'static, ()> {
     static TURN: Mutex<()> = Mutex::const_new(());
     TURN.lock().await
 }
 
 /// Planners and their engines.
-struct Fleet {
-    ground: Ground,
-    postgres: Postgres,
-    store: String,
+pub(super) struct Fleet {
+    pub(super) ground: Ground,
+    pub(super) postgres: Postgres,
+    pub(super) store: String,
     blobs: String,
     lease: f64,
 }
 
 impl Fleet {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let ground = Ground::new();
         let postgres = Postgres::start(&ground);
         let (store, blobs) = (postgres.url(), ground.blobs());
@@ -45,7 +45,7 @@ impl Fleet {
     }
 
     /// A planner with these variables.
-    fn planner(&self, name: &str, env: &[(&str, &str)]) -> Surefoot {
+    pub(super) fn planner(&self, name: &str, env: &[(&str, &str)]) -> Surefoot {
         let lease = self.lease.to_string();
         let args = ["plan", "--store", &self.store, "--blobs", &self.blobs, "--lease", &lease];
         let env: Vec<(String, String)> = env.iter().map(|&(name, value)| (name.to_owned(), value.to_owned())).collect();
@@ -61,7 +61,7 @@ impl Fleet {
         graph(&mut client, &graph_id).await
     }
 
-    fn count(&self, from: &str) -> u64 {
+    pub(super) fn count(&self, from: &str) -> u64 {
         self.postgres.query(&format!("SELECT count(*) FROM {from}"))[0].parse().unwrap()
     }
 
@@ -74,12 +74,12 @@ impl Fleet {
     }
 }
 
-async fn client(planner: &Surefoot) -> Client {
+pub(super) async fn client(planner: &Surefoot) -> Client {
     PlannerServiceClient::new(planner.connect().await).max_decoding_message_size(64 << 20)
 }
 
 /// A build that takes a second or two.
-fn request(seed: u64) -> wire::StartBuildRequest {
+pub(super) fn request(seed: u64) -> wire::StartBuildRequest {
     wire::StartBuildRequest {
         map: Some(MapSpec { seed, size: Some(MapSize { width: 60, height: 80, depth: 60 }), ..Default::default() }),
         settings: Some(wire::BuildSettings { vertices: 60, neighbours: 8, repeats: 2, ..Default::default() }),
@@ -95,7 +95,7 @@ fn large(seed: u64) -> wire::StartBuildRequest {
 }
 
 /// Waits for a build, and returns the id of its graph.
-async fn watch(client: &mut Client, build_id: String) -> Result<String, Status> {
+pub(super) async fn watch(client: &mut Client, build_id: String) -> Result<String, Status> {
     let mut messages = client.watch_build(wire::WatchBuildRequest { build_id }).await?.into_inner();
     let mut last = wire::Build::default();
     while let Some(message) = messages.message().await? {
@@ -108,17 +108,17 @@ async fn watch(client: &mut Client, build_id: String) -> Result<String, Status> 
     }
 }
 
-async fn start(client: &mut Client, request: &wire::StartBuildRequest) -> Result<String, Status> {
+pub(super) async fn start(client: &mut Client, request: &wire::StartBuildRequest) -> Result<String, Status> {
     Ok(client.start_build(request.clone()).await?.into_inner().build.unwrap().build_id)
 }
 
-async fn build(client: &mut Client, request: &wire::StartBuildRequest) -> Result<String, Status> {
+pub(super) async fn build(client: &mut Client, request: &wire::StartBuildRequest) -> Result<String, Status> {
     let build_id = start(client, request).await?;
     watch(client, build_id).await
 }
 
 /// A graph, without what may differ between planners: how long its build took, and whether it was loaded.
-async fn graph(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
+pub(super) async fn graph(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
     let request = wire::GetGraphRequest { graph_id: graph_id.to_owned() };
     let mut graph = client.get_graph(request).await.unwrap().into_inner();
     let summary = graph.summary.as_mut().unwrap();
@@ -127,7 +127,7 @@ async fn graph(client: &mut Client, graph_id: &str) -> wire::GetGraphResponse {
 }
 
 /// Start and goal of a query on a graph.
-async fn ends(client: &mut Client, graph_id: &str) -> (Vec3, Vec3) {
+pub(super) async fn ends(client: &mut Client, graph_id: &str) -> (Vec3, Vec3) {
     let graph = graph(client, graph_id).await;
     let edge = &graph.edges[0];
     (graph.vertices[edge.from as usize], graph.vertices[edge.to as usize])
@@ -139,26 +139,26 @@ fn find(graph_id: &str, (start, goal): (Vec3, Vec3)) -> wire::FindPathRequest {
 }
 
 /// An edit that differs from all others by its number.
-fn edit(number: u32, (from, to): (Vec3, Vec3)) -> wire::Edit {
+pub(super) fn edit(number: u32, (from, to): (Vec3, Vec3)) -> wire::Edit {
     let edge = wire::ForceEdge { from: Some(from), to: Some(to), seconds: Some(1.0 + number as f32) };
     wire::Edit { edit: Some(wire::edit::Edit::ForceEdge(edge)) }
 }
 
-fn append(graph_id: &str, edit: wire::Edit) -> wire::AppendEditsRequest {
+pub(super) fn append(graph_id: &str, edit: wire::Edit) -> wire::AppendEditsRequest {
     wire::AppendEditsRequest {
         graph_id: graph_id.to_owned(),
         layer: "ways".to_owned(),
         edits: vec![edit],
-        if_revision: 0,
+        ..Default::default()
     }
 }
 
-async fn layers(client: &mut Client, graph_id: &str) -> wire::GetLayersResponse {
+pub(super) async fn layers(client: &mut Client, graph_id: &str) -> wire::GetLayersResponse {
     client.get_layers(wire::GetLayersRequest { graph_id: graph_id.to_owned() }).await.unwrap().into_inner()
 }
 
 /// The numbers of all edits.
-async fn edits(client: &mut Client, graph_id: &str) -> Vec<u32> {
+pub(super) async fn edits(client: &mut Client, graph_id: &str) -> Vec<u32> {
     let layers = layers(client, graph_id).await.layers;
     let seconds = layers.iter().flat_map(|layer| &layer.edits).map(|edit| match edit.edit.as_ref().unwrap() {
         wire::edit::Edit::ForceEdge(edge) => edge.seconds,
@@ -167,7 +167,7 @@ async fn edits(client: &mut Client, graph_id: &str) -> Vec<u32> {
     seconds.map(|seconds| seconds.unwrap() as u32 - 1).collect()
 }
 
-fn is_away(status: &Status) -> bool {
+pub(super) fn is_away(status: &Status) -> bool {
     status.code() == Code::Unavailable && Reason::of(status) == Some(Reason::StoreUnavailable)
 }
 
@@ -413,7 +413,11 @@ async fn evidence_of_all_planners_adds_up() {
     let key = graph(&mut clients[0], &id).await.edges[0].clone();
     let failed = wire::Traversal { from: key.from, to: key.to, reached: false, ..Default::default() };
     for (client, count) in clients.iter_mut().zip([3, 5]) {
-        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed; count] };
+        let request = wire::ReportTraversalsRequest {
+            graph_id: id.clone(),
+            traversals: vec![failed; count],
+            ..Default::default()
+        };
         assert_eq!(client.report_traversals(request).await.unwrap().into_inner().accepted, count as u32);
     }
     for client in &clients {
@@ -431,7 +435,8 @@ async fn evidence_of_all_planners_adds_up() {
     let mut times = Vec::new();
     // Fewer in all than are halved.
     for count in 9..60 {
-        let request = wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed] };
+        let request =
+            wire::ReportTraversalsRequest { graph_id: id.clone(), traversals: vec![failed], ..Default::default() };
         first.report_traversals(request).await.unwrap();
         let reported = Instant::now();
         let listed = wire::ListReportsRequest { graph_id: id.clone() };
@@ -482,6 +487,8 @@ async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
         unknown = start(client, &request(80)).await.unwrap();
         let refused = client.append_edits(append(&id, edit(2, edge))).await.unwrap_err();
         assert!(is_away(&refused), "{refused}");
+        let port = fleet.postgres.address.port().to_string();
+        assert!(!refused.message().contains(&port) && !refused.message().contains("postgres"), "{refused}");
         let failed = build(client, &request(81)).await.unwrap_err();
         assert_eq!(failed.code(), Code::Unavailable, "{failed}");
         assert_eq!(build(client, &request(80)).await.unwrap(), id, "it is in memory");

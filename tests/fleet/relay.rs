@@ -21,7 +21,19 @@ struct State {
     /// Connections are refused.
     is_refusing: AtomicBool,
     trap: Mutex<Option<(Vec<u8>, Trap)>>,
+    snare: Mutex<Option<(Vec<u8>, Snare)>>,
+    /// Requests that a snare holds back wait for this.
+    is_holding: AtomicBool,
     open: Mutex<Vec<TcpStream>>,
+}
+
+/// What becomes of a request that is waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Snare {
+    /// It is held back until the relay is mended.
+    Hold,
+    /// It arrives, and its connection ends without the answer.
+    LoseAnswer,
 }
 
 /// What becomes of an answer that is waited for.
@@ -34,6 +46,12 @@ pub enum Trap {
 }
 
 impl State {
+    /// What becomes of this request; `None` if it is not waited for.
+    fn ensnare(&self, request: &[u8]) -> Option<Snare> {
+        let mut snare = self.snare.lock().expect("no holder panics");
+        snare.take_if(|(bytes, _)| request.windows(bytes.len()).any(|window| window == *bytes)).map(|(_, snare)| snare)
+    }
+
     /// What becomes of this answer; `None` if it is not waited for.
     fn spring(&self, answer: &[u8]) -> Option<Trap> {
         let mut trap = self.trap.lock().expect("no holder panics");
@@ -57,11 +75,15 @@ impl Relay {
                     continue;
                 }
                 let Ok(server) = TcpStream::connect(target) else { continue };
+                let is_deaf = Arc::new(AtomicBool::new(false));
                 let both = [(&client, &server, false), (&server, &client, true)];
                 for (from, to, are_answers) in both {
                     let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { continue };
-                    let state = state.clone();
-                    std::thread::spawn(move || pass(from, to, &state, are_answers));
+                    let (state, is_deaf) = (state.clone(), is_deaf.clone());
+                    std::thread::spawn(move || match are_answers {
+                        true => pass_answers(from, to, &state, &is_deaf),
+                        false => pass_requests(from, to, &state, &is_deaf),
+                    });
                 }
                 state.open.lock().expect("no holder panics").extend([client, server]);
             }
@@ -84,6 +106,22 @@ impl Relay {
         self.state.trap.lock().expect("no holder panics").is_none()
     }
 
+    /// The first connection whose client sends `bytes` from now on ends without the answer to them.
+    pub fn lose_answer_to(&self, bytes: &[u8]) {
+        *self.state.snare.lock().expect("no holder panics") = Some((bytes.to_vec(), Snare::LoseAnswer));
+    }
+
+    /// The first connection whose client sends `bytes` from now on is held back until the relay is mended.
+    pub fn hold(&self, bytes: &[u8]) {
+        self.state.is_holding.store(true, Ordering::Relaxed);
+        *self.state.snare.lock().expect("no holder panics") = Some((bytes.to_vec(), Snare::Hold));
+    }
+
+    /// Whether a client has sent the bytes that were waited for.
+    pub fn is_sprung(&self) -> bool {
+        self.state.snare.lock().expect("no holder panics").is_none()
+    }
+
     /// Ends all connections and refuses new ones.
     pub fn refuse(&self) {
         self.state.is_refusing.store(true, Ordering::Relaxed);
@@ -95,15 +133,39 @@ impl Relay {
 
     /// Passes everything on again, also what was held back.
     pub fn mend(&self) {
+        self.state.is_holding.store(false, Ordering::Relaxed);
         self.state.is_cut.store(false, Ordering::Relaxed);
         self.state.is_refusing.store(false, Ordering::Relaxed);
     }
 }
 
-fn pass(mut from: TcpStream, mut to: TcpStream, state: &State, are_answers: bool) {
+fn wait_while(flag: &AtomicBool) {
+    while flag.load(Ordering::Relaxed) {
+        std::thread::park_timeout(Duration::from_millis(5));
+    }
+}
+
+fn pass_requests(mut from: TcpStream, mut to: TcpStream, state: &State, is_deaf: &AtomicBool) {
     let mut buffer = [0; 1 << 16];
     while let Ok(count @ 1..) = from.read(&mut buffer) {
-        match are_answers.then(|| state.spring(&buffer[..count])).flatten() {
+        match state.ensnare(&buffer[..count]) {
+            Some(Snare::Hold) => wait_while(&state.is_holding),
+            Some(Snare::LoseAnswer) => is_deaf.store(true, Ordering::Relaxed),
+            None => {}
+        }
+        wait_while(&state.is_cut);
+        if to.write_all(&buffer[..count]).is_err() {
+            break;
+        }
+    }
+    let _ = from.shutdown(Shutdown::Both);
+    let _ = to.shutdown(Shutdown::Both);
+}
+
+fn pass_answers(mut from: TcpStream, mut to: TcpStream, state: &State, is_deaf: &AtomicBool) {
+    let mut buffer = [0; 1 << 16];
+    while let Ok(count @ 1..) = from.read(&mut buffer) {
+        match state.spring(&buffer[..count]) {
             // For good: its reader has to give up.
             Some(Trap::Hold) => loop {
                 std::thread::park();
@@ -111,10 +173,9 @@ fn pass(mut from: TcpStream, mut to: TcpStream, state: &State, are_answers: bool
             Some(Trap::Lose) => break,
             None => {}
         }
-        while state.is_cut.load(Ordering::Relaxed) {
-            std::thread::park_timeout(Duration::from_millis(5));
-        }
-        if to.write_all(&buffer[..count]).is_err() {
+        wait_while(&state.is_cut);
+        // What was asked has been done by now.
+        if is_deaf.load(Ordering::Relaxed) || to.write_all(&buffer[..count]).is_err() {
             break;
         }
     }

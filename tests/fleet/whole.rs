@@ -237,7 +237,7 @@ async fn forbid(client: &mut PlannerServiceClient<ReplicaLink>, graph_id: &str, 
         graph_id: graph_id.to_owned(),
         layer: LAYER.to_owned(),
         edits: vec![edit],
-        if_revision: 0,
+        ..Default::default()
     };
     client.append_edits(request).await.map(|_| ())
 }
@@ -318,7 +318,7 @@ async fn a_planner_that_is_cut_off_goes_on_with_what_it_has_and_catches_up() {
         graph_id: id.clone(),
         layer: "cut off".to_owned(),
         edits: vec![plan::Edit { edit: Some(plan::edit::Edit::ForbidEdge(ends)) }],
-        if_revision: 0,
+        ..Default::default()
     };
     let refused = alone.append_edits(edit).await.expect_err("what is not durable is not acknowledged");
     assert!(matches!(refused.code(), Code::Unavailable | Code::DeadlineExceeded), "{refused}");

@@ -103,7 +103,7 @@ async fn the_planner_gives_details() {
     assert_eq!((batch.code(), fields(&batch)), (Code::OutOfRange, vec!["queries".to_owned()]));
     // Retrying the same batch is no use.
     assert!(!says_when_to_retry(&batch));
-    let undo = plan::UndoEditsRequest { graph_id, layer: "night".to_owned(), count: 1, if_revision: 0 };
+    let undo = plan::UndoEditsRequest { graph_id, layer: "night".to_owned(), count: 1, ..Default::default() };
     let missing = client.undo_edits(undo).await.unwrap_err();
     assert_eq!(resource(&missing), ("layer".to_owned(), "night".to_owned()));
     planner.stop().await;

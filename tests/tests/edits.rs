@@ -33,7 +33,7 @@ fn add_vertex(at: Vec3) -> wire::Edit {
 
 fn put(graph_id: &str, name: &str, edits: Vec<wire::Edit>) -> wire::PutLayerRequest {
     let layer = Some(wire::Layer { name: name.to_owned(), edits });
-    wire::PutLayerRequest { graph_id: graph_id.to_owned(), layer, if_revision: 0 }
+    wire::PutLayerRequest { graph_id: graph_id.to_owned(), layer, ..Default::default() }
 }
 
 fn find(graph_id: &str, start: Vec3, goal: Vec3) -> wire::FindPathRequest {
@@ -105,7 +105,7 @@ async fn a_damaged_layer_is_kept_and_refuses_plans_until_it_is_replaced() {
         graph_id: graph_id.clone(),
         layer: "night".to_owned(),
         edits: vec![forbid(from, to)],
-        if_revision: 0,
+        ..Default::default()
     };
     refused(&client.append_edits(append).await.unwrap_err(), "layer `night`");
     assert_eq!(std::fs::read(&file).unwrap(), bytes, "the bytes are kept");

@@ -171,7 +171,7 @@ async fn edits_of_a_level_outlive_its_changes() {
             let at = Some(wire::Vec3 { x: 50.0, y: 0.0, z: 50.0 });
             let edit = plan::edit::Edit::RemoveVertex(plan::VertexEdit { at });
             let layer = plan::Layer { name: "night".to_owned(), edits: vec![plan::Edit { edit: Some(edit) }] };
-            let request = plan::PutLayerRequest { graph_id: last.0.clone(), layer: Some(layer), if_revision: 0 };
+            let request = plan::PutLayerRequest { graph_id: last.0.clone(), layer: Some(layer), ..Default::default() };
             client.put_layer(request).await.unwrap();
         }
         graphs.push(last);

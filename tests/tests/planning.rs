@@ -107,7 +107,7 @@ async fn a_leg_that_npcs_fail_on_is_avoided_at_the_next_plan_and_remembered() {
     let nowhere = wire::Traversal { from: 4000, to: 4001, reached: true, decisions: 5, died: false };
     let mut traversals = vec![failed; 30];
     traversals.push(nowhere);
-    let request = wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals };
+    let request = wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals, ..Default::default() };
     let accepted = client.report_traversals(request).await.unwrap().into_inner().accepted;
     assert_eq!(accepted, 30);
     let after = plan(&mut client, &graph_id, start, goal).await;
@@ -139,8 +139,11 @@ async fn a_leg_that_killed_is_avoided_by_careful_plans_and_still_used_by_bold_on
         };
         let report = async |client: &mut Client, reached, count| {
             let traversal = wire::Traversal { from, to, reached, decisions: 5, died: !reached };
-            let request =
-                wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals: vec![traversal; count] };
+            let request = wire::ReportTraversalsRequest {
+                graph_id: graph_id.clone(),
+                traversals: vec![traversal; count],
+                ..Default::default()
+            };
             client.report_traversals(request).await.unwrap();
         };
         report(&mut client, true, 40).await;
@@ -177,7 +180,7 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
         graph_id: graph_id.clone(),
         layer: "night".to_owned(),
         edits,
-        if_revision: 0,
+        ..Default::default()
     };
     let answer = client.append_edits(append(vec![forbid, misfit])).await.unwrap().into_inner();
     let summary = answer.summary.unwrap();
@@ -196,8 +199,12 @@ async fn a_designers_edits_hold_at_once_after_a_restart_and_until_undone() {
     assert!(!passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
     let layers = client.get_layers(wire::GetLayersRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
     assert_eq!((layers.layers.len(), layers.layers[0].edits.len(), layers.unapplied.len()), (1, 2, 1));
-    let undo =
-        |count| wire::UndoEditsRequest { graph_id: graph_id.clone(), layer: "night".to_owned(), count, if_revision: 0 };
+    let undo = |count| wire::UndoEditsRequest {
+        graph_id: graph_id.clone(),
+        layer: "night".to_owned(),
+        count,
+        ..Default::default()
+    };
     let answer = client.undo_edits(undo(9)).await.unwrap().into_inner();
     assert_eq!(answer.summary.unwrap().edges, before.edges);
     assert!(passes(&plan(&mut client, &graph_id, start, goal).await, &leg));
@@ -225,12 +232,13 @@ async fn edits_and_reports_that_make_no_sense_are_refused_and_change_nothing() {
         (layer("a", vec![price(2.0); 5000]), "at most 4096 edits"),
         (None, "layer is missing"),
     ] {
-        let request = wire::PutLayerRequest { graph_id: graph_id.clone(), layer, if_revision: 0 };
+        let request = wire::PutLayerRequest { graph_id: graph_id.clone(), layer, ..Default::default() };
         let status = client.put_layer(request).await.unwrap_err();
         assert!(status.code() == Code::InvalidArgument && status.message().contains(words), "{status:?}");
     }
     let traversal = wire::Traversal { from: 0, to: 1, reached: true, decisions: 20_000, died: false };
-    let report = |traversals| wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals };
+    let report =
+        |traversals| wire::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals, ..Default::default() };
     let status = client.report_traversals(report(vec![traversal])).await.unwrap_err();
     assert!(status.message().contains("traversals.decisions is 20000"), "{status:?}");
     let undead = wire::Traversal { died: true, decisions: 9, ..traversal };

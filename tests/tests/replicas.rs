@@ -6,6 +6,7 @@ use surefoot_net::replicas::{ReplicaLink, ReplicaLinks, Replicas, ranking};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::planner::v1 as plan;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as world;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
@@ -114,11 +115,11 @@ async fn a_silent_replica_is_asked_last_after_a_caller_gave_up() {
     planner.stop().await;
 }
 
-/// Reads requests up to the word `marker` and hangs up; the number of times that it did.
-async fn hangs_up() -> (String, tokio::sync::watch::Receiver<u32>) {
+/// Reads requests up to the word `marker` and the field after it, and hangs up; that field of each request.
+async fn hangs_up() -> (String, tokio::sync::watch::Receiver<Vec<Vec<u8>>>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let uri = format!("http://{}", listener.local_addr().unwrap());
-    let (count, counted) = tokio::sync::watch::channel(0);
+    let (fields, read) = tokio::sync::watch::channel(Vec::new());
     tokio::spawn(async move {
         loop {
             let (mut socket, _) = listener.accept().await.unwrap();
@@ -128,31 +129,95 @@ async fn hangs_up() -> (String, tokio::sync::watch::Receiver<u32>) {
             while !seen.windows(6).any(|window| window == b"marker") {
                 seen.push(socket.read_u8().await.unwrap());
             }
-            count.send_modify(|count| *count += 1);
+            // The key of the field, its length and 32 digits.
+            let mut field = vec![0; 34];
+            socket.read_exact(&mut field).await.unwrap();
+            fields.send_modify(|fields| fields.push(field));
         }
     });
-    (uri, counted)
+    (uri, read)
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_may_have_been_counted_is_not_sent_again() {
+async fn what_may_have_been_carried_out_is_sent_again_with_the_id_that_it_had() {
     let folder = tempfile::tempdir().unwrap();
     let planner = start_planner(folder.path(), PlannerConfig::default());
-    // As above: one that ranks before the planner.
-    let (uri, counted) = loop {
-        let (uri, counted) = hangs_up().await;
-        if order(&[uri.clone(), planner.uri.clone()])[0] == 0 {
-            break (uri, counted);
+    // As above: two that rank before the planner.
+    let mut uris = vec![planner.uri.clone()];
+    let mut read = Vec::new();
+    while uris.len() < 3 {
+        let (uri, fields) = hangs_up().await;
+        uris.insert(0, uri);
+        if order(&uris).last() != Some(&(uris.len() - 1)) {
+            uris.remove(0);
+            continue;
         }
-    };
-    let uris = [uri, planner.uri.clone()];
-    let graph_id = "marker".to_owned();
-    let report = plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals: Vec::new() };
-    let status = client_of(&uris).1.report_traversals(report).await.unwrap_err();
-    assert_ne!(status.code(), Code::InvalidArgument, "the planner was asked: {status}");
-    assert_eq!(*counted.borrow(), 1);
-    let status = client_of(&uris).1.get_graph(plan::GetGraphRequest { graph_id }).await.unwrap_err();
+        read.push(fields);
+    }
+    let report = plan::ReportTraversalsRequest { graph_id: "marker".to_owned(), ..Default::default() };
+    let status = client_of(&uris).1.report_traversals(report.clone()).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument, "the planner was not asked: {status}");
-    assert_eq!(*counted.borrow(), 2);
+    let [first, second] = [&read[0], &read[1]].map(|fields| fields.borrow().clone());
+    assert_eq!((first.len(), &first), (1, &second), "one id for all tries");
+    assert_eq!(first[0][..2], [3 << 3 | 2, 32], "the request_id");
+    // Another call has another id.
+    client_of(&uris).1.report_traversals(report).await.unwrap_err();
+    assert_ne!(read[0].borrow()[1], first[0]);
     planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_call_that_is_repeated_after_a_restart_returns_the_first_answer_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let planner = start_planner(folder.path(), PlannerConfig::default());
+    let mut client = planner_client(&planner).await;
+    let graph_id = build_to_end(&mut client, start_of(3)).await.graph_id;
+    let graph = client.get_graph(plan::GetGraphRequest { graph_id: graph_id.clone() }).await.unwrap().into_inner();
+    let edge = &graph.edges[0];
+    let [from, to] = [edge.from, edge.to].map(|vertex| Some(graph.vertices[vertex as usize]));
+    let append = |factor, id: &str| plan::AppendEditsRequest {
+        graph_id: graph_id.clone(),
+        layer: "night".to_owned(),
+        edits: vec![plan::Edit { edit: Some(plan::edit::Edit::PriceEdge(plan::PriceEdge { from, to, factor })) }],
+        request_id: id.to_owned(),
+        ..Default::default()
+    };
+    let undo = plan::UndoEditsRequest {
+        graph_id: graph_id.clone(),
+        layer: "night".to_owned(),
+        count: 1,
+        request_id: "undo".to_owned(),
+        ..Default::default()
+    };
+    let failed = plan::Traversal { from: edge.from, to: edge.to, ..Default::default() };
+    let report = plan::ReportTraversalsRequest {
+        graph_id: graph_id.clone(),
+        traversals: vec![failed; 3],
+        request_id: "report".to_owned(),
+    };
+    // The last of them is the one that a layer still shows.
+    let appended = client.append_edits(append(2.0, "first")).await.unwrap().into_inner();
+    client.append_edits(append(3.0, "second")).await.unwrap();
+    client.append_edits(append(4.0, "third")).await.unwrap();
+    let undone = client.undo_edits(undo.clone()).await.unwrap().into_inner();
+    assert_eq!(client.report_traversals(report.clone()).await.unwrap().into_inner().accepted, 3);
+    planner.stop().await;
+    for _ in 0..2 {
+        let planner = start_planner(folder.path(), PlannerConfig::default());
+        let mut client = planner_client(&planner).await;
+        assert_eq!(build_to_end(&mut client, start_of(3)).await.graph_id, graph_id);
+        assert_eq!(client.report_traversals(report.clone()).await.unwrap().into_inner().accepted, 3);
+        assert_eq!(client.append_edits(append(2.0, "first")).await.unwrap().into_inner(), appended);
+        assert_eq!(client.undo_edits(undo.clone()).await.unwrap().into_inner(), undone);
+        let layers = plan::GetLayersRequest { graph_id: graph_id.clone() };
+        let layers = client.get_layers(layers).await.unwrap().into_inner();
+        assert_eq!(layers.layers[0].edits, [append(2.0, "").edits, append(3.0, "").edits].concat());
+        assert_eq!(layers.revision, undone.revision);
+        let reports = plan::ListReportsRequest { graph_id: graph_id.clone() };
+        let reports = client.list_reports(reports).await.unwrap().into_inner().reports;
+        assert!(reports.iter().map(|report| (report.traversals, report.failures)).eq([(3, 3)]), "{reports:?}");
+        let other = client.append_edits(append(9.0, "first")).await.unwrap_err();
+        assert_eq!(Reason::of(&other), Some(Reason::RequestIdReused));
+        planner.stop().await;
+    }
 }

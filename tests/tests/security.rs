@@ -143,7 +143,7 @@ async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back
     let failed = plan::Traversal { from: probed.from, to: probed.to, reached: false, decisions: 50, died: false };
     for (role, dropped_by_cap) in [(Role::Client, true), (Role::Designer, true), (Role::Worker, false)] {
         let traversals = vec![failed; 60];
-        let request = plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals };
+        let request = plan::ReportTraversalsRequest { graph_id: graph_id.clone(), traversals, ..Default::default() };
         let answer = planner_of(&planner, role).await.report_traversals(request).await.unwrap().into_inner();
         assert_eq!(answer.accepted, 60);
         // The new table of next hops, and with it the graph as it is queried, follows within seconds.

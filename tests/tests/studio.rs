@@ -161,6 +161,7 @@ async fn of_two_designers_the_one_who_knows_the_latest_state_is_heard() {
         layer: "day".to_owned(),
         edits: vec![forbid(&graph, edge)],
         if_revision,
+        ..Default::default()
     };
     let after = client.append_edits(append(&graph.edges[0], before)).await.unwrap().into_inner().revision;
     assert_ne!(after, before);
@@ -175,12 +176,14 @@ async fn of_two_designers_the_one_who_knows_the_latest_state_is_heard() {
         layer: "day".to_owned(),
         count: 1,
         if_revision,
+        ..Default::default()
     };
     assert_eq!(client.undo_edits(undo(before)).await.unwrap_err().code(), Code::Aborted);
     let whole = plan::PutLayerRequest {
         graph_id: graph_id.clone(),
         layer: Some(plan::Layer { name: "day".to_owned(), edits: Vec::new() }),
         if_revision: before,
+        ..Default::default()
     };
     assert_eq!(client.put_layer(whole).await.unwrap_err().code(), Code::Aborted);
     assert_eq!(get(&mut client, &graph_id).await.edges.len(), graph.edges.len() - 1, "nothing else was changed");
@@ -221,7 +224,7 @@ async fn edges_tell_their_evidence_and_what_designers_did_to_them() {
         graph_id: graph_id.clone(),
         layer: "day".to_owned(),
         edits: edits.into_iter().map(|edit| plan::Edit { edit: Some(edit) }).collect(),
-        if_revision: 0,
+        ..Default::default()
     };
     client.append_edits(request).await.unwrap();
     let edited = get(&mut client, &graph_id).await;
@@ -317,6 +320,7 @@ async fn an_npc_on_its_way_plans_anew_when_a_designer_forbids_its_legs() {
         layer: "day".to_owned(),
         edits: edits.collect(),
         if_revision: graph.revision,
+        ..Default::default()
     };
     planner_client.append_edits(request).await.unwrap();
     let leg = [graph.vertices[from as usize], graph.vertices[to as usize]];

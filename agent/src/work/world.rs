@@ -474,6 +474,8 @@ impl WorldTask {
         let request = planner::ReportTraversalsRequest {
             graph_id,
             traversals: traversals.iter().map(traversal_to_wire).collect(),
+            // The link gives it one.
+            request_id: String::new(),
         };
         let mut client = graph.client.clone();
         tokio::spawn(async move {

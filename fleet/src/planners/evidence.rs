@@ -1,11 +1,13 @@
 //! Live evidence: sums of traversals to which every planner adds its own. When there are many of an edge, all of them are halved, as
 //! [`LiveEvidence`] does, so that recent ones can change the estimate.
 
+use super::receipts;
 use super::shared::{Note, Shared};
 use std::collections::BTreeMap;
 use surefoot_planner::live::{Counts, LiveEvidence, MEMORY, Reporter};
-use surefoot_planner::store::StoreError;
+use surefoot_planner::store::{Call, StoreError};
 use surefoot_planner::{EdgeKey, GraphId};
+use surefoot_planner_service::replicas::Report;
 
 /// Numbers of tries and sums of decisions, as in [`Counts`].
 type Sums = ([i64; 3], [f64; 2]);
@@ -23,7 +25,7 @@ struct Columns {
 
 impl Columns {
     /// The sums of each reporter and edge, ordered, so that planners lock rows in the same order.
-    fn of(counts: &[Counts]) -> Self {
+    fn of<'a>(counts: impl Iterator<Item = &'a Counts>) -> Self {
         let mut sums: BTreeMap<(EdgeKey, &Reporter), Sums> = BTreeMap::new();
         for Counts { reporter, edge, tries, decisions } in counts {
             let (numbers, sum) = sums.entry((*edge, reporter)).or_default();
@@ -44,9 +46,7 @@ impl Columns {
 }
 
 /// See [`Replicas::add_evidence`](surefoot_planner_service::replicas::Replicas::add_evidence). Evidence of a graph that is gone is dropped.
-pub fn add(shared: &Shared, graph: &GraphId, counts: &[Counts]) -> Result<(), StoreError> {
-    let Columns { reporters, trusted, from, to, numbers: [tries, successes, deaths], decisions: [sums, squares] } =
-        Columns::of(counts);
+pub fn add(shared: &Shared, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError> {
     shared.block(async {
         let fail = |error| shared.failed(error);
         let mut transaction = shared.begin().await?;
@@ -55,6 +55,15 @@ pub fn add(shared: &Shared, graph: &GraphId, counts: &[Counts]) -> Result<(), St
         if row.fetch_optional(&mut *transaction).await.map_err(fail)?.is_none() {
             return transaction.rollback().await.map_err(fail);
         }
+        let all: Vec<_> = reports.iter().map(|report| &report.receipt).collect();
+        let new = receipts::store(shared, &mut transaction, &all).await?;
+        let is_new = |report: &&Report| {
+            let Call { client, id, .. } = &report.receipt.call;
+            new.contains(&(client.clone(), id.clone()))
+        };
+        let counts = reports.iter().filter(is_new).flat_map(|report| &report.counts);
+        let Columns { reporters, trusted, from, to, numbers: [tries, successes, deaths], decisions: [sums, squares] } =
+            Columns::of(counts);
         let added = sqlx::query!(
             "INSERT INTO evidence (graph, reporter, is_trusted, from_vertex, to_vertex, tries, successes, deaths, decisions,
                  decisions_squared)

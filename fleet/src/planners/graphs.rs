@@ -5,7 +5,7 @@ use super::shared::{BLOB_PATIENCE, Note, Shared, unsigned};
 use crate::blobs::BlobId;
 use crate::error::FleetError;
 use std::sync::atomic::Ordering;
-use surefoot_planner::store::{StoreError, decode_entry, encode_entry};
+use surefoot_planner::store::{StoreError, StoreErrorKind, decode_entry, encode_entry};
 use surefoot_planner::{BuildStats, Built, GraphId};
 use surefoot_planner_service::faults;
 use surefoot_planner_service::jobs::BuildId;
@@ -24,13 +24,28 @@ pub fn get(shared: &Shared, id: &GraphId) -> Result<Option<Built>, StoreError> {
         let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
         let Some(row) = row else { return Ok(None) };
         let blob = blob_id(&row.blob);
-        let fail =
-            |reason: String| FleetError::new(shared.blobs.place(), format!("blob {blob} of graph {id}: {reason}"));
-        let bytes = shared.blobs.get(blob).await?.ok_or_else(|| fail("there is no such blob".to_owned()))?;
-        let Built { graph, stats } = decode_entry(&bytes).map_err(fail)?;
+        let decoded = match shared.blobs.get(blob).await {
+            Ok(Some(bytes)) => decode_entry(&bytes),
+            Ok(None) => Err("there is no such blob".to_owned()),
+            Err(error) if error.kind == StoreErrorKind::Lost => Err(error.reason),
+            Err(error) => return Err(error),
+        };
+        let Built { graph, stats } = match decoded {
+            Ok(built) => built,
+            Err(reason) => {
+                warn!(graph = %id, %blob, reason, "the blob of a graph is lost: the graph is built again");
+                return forget_blob(shared, id, blob).await.map(|()| None);
+            }
+        };
         let [placing_s, probing_s, seconds] = row.times[..] else { return Ok(Some(Built { graph, stats })) };
         Ok(Some(Built { graph, stats: BuildStats { placing_s, probing_s, seconds, ..stats } }))
     })
+}
+
+/// Notes that a graph has no blob, unless it has got another one meanwhile. Its recipe and its evidence stay.
+async fn forget_blob(shared: &Shared, graph: &GraphId, BlobId(blob): BlobId) -> Result<(), FleetError> {
+    let forgotten = sqlx::query!("UPDATE graphs SET blob = NULL WHERE id = $1 AND blob = $2", &graph.0[..], &blob[..]);
+    forgotten.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
 }
 
 fn blob_id(bytes: &[u8]) -> BlobId {
@@ -128,15 +143,19 @@ pub fn release(shared: &Shared, graph: &GraphId) {
 /// # Errors
 /// If the database is away.
 pub async fn sweep(shared: &Shared) -> Result<(), FleetError> {
+    let fail = |error| shared.failed(error);
+    let newest = sqlx::query_scalar!(r#"SELECT last_value AS "last!" FROM tokens"#);
+    let newest = newest.fetch_one(&shared.record.pool).await.map_err(fail)?;
+    // A build is noted before its claim gets its token: claims up to this token are noted by now, and later ones are left alone.
     let building: Vec<Vec<u8>> = shared.building.lock().expect(POISON).iter().map(|id| id.to_vec()).collect();
-    let member = shared.membership.id();
     let gone = sqlx::query!(
-        "DELETE FROM claims WHERE (member = $1 AND NOT graph = ANY($2))
+        "DELETE FROM claims WHERE (member = $1 AND token <= $3 AND NOT graph = ANY($2))
             OR NOT EXISTS (SELECT FROM members WHERE members.id = claims.member AND expires_at > now())",
-        member,
+        shared.membership.id(),
         &building,
+        newest,
     );
-    gone.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    gone.execute(&shared.record.pool).await.map(drop).map_err(fail)
 }
 
 /// See [`Replicas::publish`](surefoot_planner_service::replicas::Replicas::publish).

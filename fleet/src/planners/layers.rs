@@ -1,8 +1,9 @@
 //! Layers of designers. A change is stored only if the layers are those that it was made for: the database compares their version.
 
-use super::shared::{Note, Shared, signed, unsigned};
+use super::receipts;
+use super::shared::{Note, PLACE, Shared, signed, unsigned};
 use surefoot_planner::edits::Layer;
-use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, StoreError, decode_layer, encode_layer};
+use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, Receipt, StoreError, decode_layer, encode_layer};
 
 /// See [`GraphStore::layers`](surefoot_planner::store::GraphStore::layers).
 pub fn read(shared: &Shared, level: &LevelId) -> Result<LevelLayers, StoreError> {
@@ -21,8 +22,7 @@ pub fn read(shared: &Shared, level: &LevelId) -> Result<LevelLayers, StoreError>
             match decode_layer(&content) {
                 Ok(layer) => found.layers.push(layer),
                 Err(reason) => {
-                    let place = shared.record.place().to_owned();
-                    found.damaged.push(DamagedLayer { name, place, reason });
+                    found.damaged.push(DamagedLayer { name, place: PLACE.to_owned(), reason });
                 }
             }
         }
@@ -33,7 +33,13 @@ pub fn read(shared: &Shared, level: &LevelId) -> Result<LevelLayers, StoreError>
 }
 
 /// See [`GraphStore::replace_layer`](surefoot_planner::store::GraphStore::replace_layer).
-pub fn replace(shared: &Shared, level: &LevelId, version: u64, layer: &Layer) -> Result<bool, StoreError> {
+pub fn replace(
+    shared: &Shared,
+    level: &LevelId,
+    version: u64,
+    layer: &Layer,
+    receipt: Option<&Receipt>,
+) -> Result<bool, StoreError> {
     let (level_bytes, content) = (&level.0[..], encode_layer(layer));
     shared.block(async {
         let fail = |error| shared.failed(error);
@@ -49,6 +55,12 @@ pub fn replace(shared: &Shared, level: &LevelId, version: u64, layer: &Layer) ->
             signed(version),
         );
         if counted.execute(&mut *transaction).await.map_err(fail)?.rows_affected() == 0 {
+            transaction.rollback().await.map_err(fail)?;
+            return Ok(false);
+        }
+        if let Some(receipt) = receipt
+            && receipts::store(shared, &mut transaction, &[receipt]).await?.is_empty()
+        {
             transaction.rollback().await.map_err(fail)?;
             return Ok(false);
         }

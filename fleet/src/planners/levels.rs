@@ -2,9 +2,10 @@
 
 use super::shared::{BLOB_PATIENCE, Shared};
 use crate::blobs::BlobId;
-use crate::error::FleetError;
 use std::sync::Arc;
 use surefoot_net::levels::{LevelArchive, SavedLevel};
+use surefoot_planner::store::StoreErrorKind;
+use tracing::warn;
 
 /// The levels of all planners.
 #[derive(Debug)]
@@ -38,9 +39,15 @@ impl LevelArchive for Levels {
             let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
             let Some(row) = row else { return Ok(None) };
             let blob = BlobId(row.blob.try_into().expect("the table has hashes of 32 bytes only"));
-            let gone =
-                || FleetError::new(shared.blobs.place(), format!("there is no blob {blob} of level {}", row.name));
-            let file = shared.blobs.get(blob).await?.ok_or_else(gone)?;
+            let file = match shared.blobs.get(blob).await {
+                Ok(Some(file)) => file,
+                Err(error) if error.kind != StoreErrorKind::Lost => return Err(error),
+                // An import of the same file stores it again.
+                Ok(None) | Err(_) => {
+                    warn!(level = row.name, %blob, "the blob of a level is lost: the level has to be imported again");
+                    return Ok(None);
+                }
+            };
             Ok(Some(SavedLevel { map_hash: map_hash.to_owned(), name: row.name, owner: row.owner, file }))
         });
         found.map_err(|error| error.to_string())

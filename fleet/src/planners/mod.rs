@@ -1,7 +1,7 @@
 //! Planners that share a store: graphs, layers, evidence and builds in PostgreSQL, blobs in an object store. [`PlannerRecord`] is what each
 //! of them has of it.
 //!
-//! `graphs` has claims and publishing, `layers` the comparison of versions, `evidence` the sums, `operations` builds as clients see them,
+//! `graphs` has claims and publishing, `layers` the comparison of versions, `evidence` the sums, `receipts` the answers of calls that may be repeated, `operations` builds as clients see them,
 //! `levels` imported maps, `upkeep` the lease and notifications. `shared` is what all of them use.
 
 mod evidence;
@@ -10,6 +10,7 @@ mod layers;
 mod levels;
 mod membership;
 mod operations;
+mod receipts;
 mod shared;
 mod upkeep;
 
@@ -23,12 +24,12 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use surefoot_planner::edits::Layer;
-use surefoot_planner::live::{Counts, LiveEvidence};
-use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, StoreError};
+use surefoot_planner::live::LiveEvidence;
+use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, Receipt, StoreError};
 use surefoot_planner::{Built, GraphId};
 use surefoot_planner_service::Common;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::{Claim, News, Operation, Replicas, Standing, Token};
+use surefoot_planner_service::replicas::{Claim, News, Operation, Replicas, Report, Standing, Token};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tracing::warn;
@@ -80,7 +81,7 @@ impl GraphStore for PlannerRecord {
         evidence::read(&self.shared, id)
     }
 
-    fn put_live(&self, id: &GraphId, _: &LiveEvidence) -> Result<(), StoreError> {
+    fn put_live(&self, id: &GraphId, _: &LiveEvidence, _: &[Receipt]) -> Result<(), StoreError> {
         unreachable!("evidence of graph {id} is added, not replaced")
     }
 
@@ -89,12 +90,22 @@ impl GraphStore for PlannerRecord {
     }
 
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError> {
-        while !self.replace_layer(level, self.layers(level)?.version, layer)? {}
+        while !self.replace_layer(level, self.layers(level)?.version, layer, None)? {}
         Ok(())
     }
 
-    fn replace_layer(&self, level: &LevelId, version: u64, layer: &Layer) -> Result<bool, StoreError> {
-        layers::replace(&self.shared, level, version, layer)
+    fn replace_layer(
+        &self,
+        level: &LevelId,
+        version: u64,
+        layer: &Layer,
+        receipt: Option<&Receipt>,
+    ) -> Result<bool, StoreError> {
+        layers::replace(&self.shared, level, version, layer, receipt)
+    }
+
+    fn receipt(&self, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
+        receipts::find(&self.shared, client, id)
     }
 }
 
@@ -154,8 +165,8 @@ impl Replicas for PlannerRecord {
         operations::adopt(&self.shared)
     }
 
-    fn add_evidence(&self, graph: &GraphId, counts: &[Counts]) -> Result<(), StoreError> {
-        evidence::add(&self.shared, graph, counts)
+    fn add_evidence(&self, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError> {
+        evidence::add(&self.shared, graph, reports)
     }
 
     fn drop_evidence(&self, graph: &GraphId, name: &str) -> Result<(), StoreError> {

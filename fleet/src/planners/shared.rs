@@ -10,13 +10,16 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use surefoot_planner::GraphId;
-use surefoot_planner::store::{LevelId, StoreError};
+use surefoot_planner::store::{LevelId, StoreError, StoreErrorKind};
 use tokio::runtime::Handle;
+use tracing::warn;
 
 /// Longest wait for the database, such as behind a network that passes nothing on.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The same for a call that moves a blob.
 pub const BLOB_PATIENCE: Duration = Duration::from_secs(30);
+/// What clients are told of where something is stored.
+pub const PLACE: &str = "the shared store";
 /// Channel of the notifications of all planners.
 pub const CHANNEL: &str = "surefoot_planners";
 
@@ -75,16 +78,12 @@ impl Shared {
     ) -> Result<T, StoreError> {
         let silent = || FleetError::new(self.record.place(), format!("no answer within {} s", patience.as_secs()));
         let within = async { tokio::time::timeout(patience, call).await.unwrap_or_else(|_| Err(silent())) };
-        self.runtime.block_on(within).map_err(|FleetError { place, reason }| StoreError {
-            place,
-            reason,
-            is_away: true,
-        })
+        self.runtime.block_on(within).map_err(told)
     }
 
     /// Converts a failure of a query.
     pub fn failed(&self, error: sqlx::Error) -> FleetError {
-        self.record.failed(error)
+        FleetError { kind: kind_of(&error), ..self.record.failed(error) }
     }
 
     /// Begins a transaction.
@@ -102,6 +101,31 @@ impl Shared {
     pub async fn notify(&self, connection: &mut PgConnection, note: &Note) -> Result<(), FleetError> {
         let told = sqlx::query!("SELECT pg_notify($1, $2)", CHANNEL, note.encode(self.membership.id()));
         told.execute(connection).await.map(drop).map_err(|error| self.failed(error))
+    }
+}
+
+/// Logs a failure. What is returned may reach clients: it has no address, and nothing that the database says.
+fn told(error: FleetError) -> StoreError {
+    warn!(%error, "a call of the shared store failed");
+    let reason = match error.kind {
+        StoreErrorKind::Unavailable => "it does not answer",
+        StoreErrorKind::Lost => "something is gone or damaged",
+        StoreErrorKind::Refused => "it refuses the call",
+    };
+    let reason = format!("{reason}; the planner's log says more");
+    StoreError { place: PLACE.to_owned(), reason, kind: error.kind }
+}
+
+/// Whether a query that failed may succeed later.
+fn kind_of(error: &sqlx::Error) -> StoreErrorKind {
+    // Lost connections, rollbacks, read-only standbys, want of resources or locks, shutdowns, failures of the system.
+    const PASSING: [&str; 7] = ["08", "25", "40", "53", "55", "57", "58"];
+    let sqlx::Error::Database(refusal) = error else { return StoreErrorKind::Unavailable };
+    let is_passing = |code: &str| PASSING.iter().any(|class| code.starts_with(class));
+    if refusal.code().is_none_or(|code| is_passing(&code)) {
+        StoreErrorKind::Unavailable
+    } else {
+        StoreErrorKind::Refused
     }
 }
 

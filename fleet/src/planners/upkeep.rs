@@ -2,6 +2,7 @@
 
 use super::graphs;
 use super::operations;
+use super::receipts;
 use super::shared::{CHANNEL, Note, PATIENCE, Shared};
 use crate::error::FleetError;
 use sqlx::postgres::PgListener;
@@ -51,6 +52,7 @@ async fn clear_away(shared: &Shared) -> Result<(), FleetError> {
     shared.notify(&mut connection, &Note::Ping).await?;
     drop(connection);
     graphs::sweep(shared).await?;
+    receipts::forget(shared).await?;
     operations::forget(shared).await
 }
 
@@ -106,9 +108,10 @@ async fn listen_once(shared: &Arc<Shared>, news: &mpsc::Sender<News>, heard: &Mu
         let is_own = member == shared.membership.id();
         latest = match note {
             Note::Ping => None,
+            // Also after a change of this planner: if the answer to its COMMIT was lost, it does not know that the layers have changed.
+            Note::Layers(level) => Some(News::Layers(level)),
             _ if is_own => None,
             Note::Graph(id) => Some(News::Graph(id)),
-            Note::Layers(level) => Some(News::Layers(level)),
             Note::Evidence(id) => Some(News::Evidence(id)),
             Note::Left => Some(News::Orphans),
         };

@@ -32,6 +32,7 @@ impl From<PlannerError> for Status {
             PlannerError::Build(error) => build_status(&error),
             PlannerError::Level(error) => error.into(),
             PlannerError::Layer(_) => status::invalid("layer", message),
+            PlannerError::RequestIdReused(_) => status::failure(Reason::RequestIdReused, message),
             PlannerError::LayersChanged => status::failure(Reason::LayersChanged, message),
             PlannerError::TooManyEdits { field, .. } => status::too_large(field, message),
             PlannerError::OutsideMap { field, .. } => status::invalid(field, message),
@@ -43,7 +44,7 @@ impl From<PlannerError> for Status {
                 let known = Reason::ALL.iter().find(|known| known.name() == reason);
                 status::failure(known.copied().unwrap_or(Reason::Internal), message)
             }
-            PlannerError::Lost { .. } => status::failure(Reason::Internal, message),
+            PlannerError::Lost { .. } | PlannerError::BadReceipt => status::failure(Reason::Internal, message),
             PlannerError::ShuttingDown => surefoot_net::serving::shutting_down(),
         }
     }

@@ -12,14 +12,16 @@ use crate::layers::LayerChange;
 use crate::planner::Planner;
 use crate::wire::{
     build_to_wire, difference_to_wire, edits_from_wire, graph_to_wire, layer_from_wire, layer_to_wire,
-    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, summary_to_wire, traffic_of,
-    unapplied_to_wire, wanted,
+    ready_graph_to_wire, report_to_wire, revision_from_wire, revision_to_wire, traffic_of, unapplied_to_wire, wanted,
 };
+use prost::Message;
 use std::pin::Pin;
+use surefoot_net::idempotency::{AnswerCache, check_id};
 use surefoot_net::paging::{PageSize, page};
 use surefoot_net::serving::Caller;
 use surefoot_net::status;
 use surefoot_planner::live::Reporter;
+use surefoot_planner::store::Call;
 use surefoot_planner::{Query, VertexId};
 use surefoot_proto::convert::{self, FieldError};
 use surefoot_proto::planner::v1 as wire;
@@ -38,12 +40,13 @@ const MAX_TRAVERSALS: usize = 4096;
 #[derive(Clone)]
 pub struct PlannerApi {
     planner: Planner,
+    reported: AnswerCache<u32>,
 }
 
 impl PlannerApi {
     /// Creates the service for `planner`.
     pub fn new(planner: Planner) -> Self {
-        Self { planner }
+        Self { planner, reported: AnswerCache::default() }
     }
 
     /// Converts a query, and checks that it lies in or near the map of the graph.
@@ -54,17 +57,27 @@ impl PlannerApi {
         Ok(query)
     }
 
-    /// Changes a layer. Returns the graph's figures, the unapplied edits, and the revision after the change.
-    async fn change_layers(
+    /// Changes a layer, and returns the response to it: that of PutLayer, AppendEdits or UndoEdits.
+    async fn change_layers<R: Message + Default>(
         &self,
         graph_id: &str,
         if_revision: u64,
         change: LayerChange,
-    ) -> Result<(Option<wire::GraphSummary>, Vec<wire::UnappliedEdit>, u64), Status> {
-        let changed = self.planner.change_layers(graph_id, revision_from_wire(if_revision), change).await?;
-        let revision = revision_to_wire(changed.hosted.revision());
-        Ok((Some(summary_to_wire(&changed.hosted.figures())), unapplied_to_wire(&changed.unapplied), revision))
+        call: Option<Call>,
+    ) -> Result<Response<R>, Status> {
+        let answer = self.planner.change_layers(graph_id, revision_from_wire(if_revision), change, call).await?;
+        Ok(Response::new(R::decode(&*answer).map_err(|_| PlannerError::BadReceipt)?))
     }
+}
+
+/// What identifies a call that carries a request id, so that a repeat gets the first answer.
+fn call_of(caller: &Caller, request_id: &str, request: &impl Message) -> Result<Option<Call>, Status> {
+    if request_id.is_empty() {
+        return Ok(None);
+    }
+    check_id(request_id)?;
+    let request = *blake3::hash(&request.encode_to_vec()).as_bytes();
+    Ok(Some(Call { client: caller.name.to_string(), id: request_id.to_owned(), request }))
 }
 
 /// Converts a build to the wire in its current stage.
@@ -127,7 +140,8 @@ impl PlannerService for PlannerApi {
         request: Request<wire::GetGraphRequest>,
     ) -> Result<Response<wire::GetGraphResponse>, Status> {
         let hosted = self.planner.usable(&request.into_inner().graph_id).await?;
-        Ok(Response::new(graph_to_wire(&hosted)))
+        let encoded = tokio::task::spawn_blocking(move || graph_to_wire(&hosted)).await;
+        Ok(Response::new(encoded.map_err(PlannerError::lost("the encoding"))?))
     }
 
     type WatchGraphStream = BoxStream<wire::WatchGraphResponse>;
@@ -185,8 +199,10 @@ impl PlannerService for PlannerApi {
         let request = request.into_inner();
         let hosted = self.planner.usable(&request.graph_id).await?;
         let query = Self::query(&hosted, &request.query.ok_or(FieldError::Missing("query"))?)?;
-        let plan = self.planner.plan(&hosted, &query);
-        Ok(Response::new(wire::FindPathResponse { plan: Some(plan_to_wire(&plan)), interim: hosted.is_interim() }))
+        let (planner, interim) = (self.planner.clone(), hosted.is_interim());
+        let plan = tokio::task::spawn_blocking(move || plan_to_wire(&planner.plan(&hosted, &query))).await;
+        let plan = Some(plan.map_err(PlannerError::lost("the search"))?);
+        Ok(Response::new(wire::FindPathResponse { plan, interim }))
     }
 
     async fn find_paths(
@@ -223,6 +239,7 @@ impl PlannerService for PlannerApi {
     ) -> Result<Response<wire::ReportTraversalsResponse>, Status> {
         let caller = Caller::of(&request);
         let request = request.into_inner();
+        let call = call_of(&caller, &request.request_id, &request)?;
         let hosted = self.planner.usable(&request.graph_id).await?;
         let count = request.traversals.len();
         if count > MAX_TRAVERSALS {
@@ -232,7 +249,10 @@ impl PlannerService for PlannerApi {
         }
         let traversals = request.traversals.iter().map(traversal).collect::<Result<Vec<_>, _>>()?;
         let reporter = Reporter { name: caller.name.to_string(), is_trusted: caller.is_trusted_reporter() };
-        let accepted = self.planner.report(&hosted, &reporter, &traversals);
+        let planner = self.planner.clone();
+        let report = async move { Ok(planner.report(hosted, reporter, traversals, call).await?) };
+        // Repeats here get the answer from memory, so that they do not count even for a moment.
+        let accepted = self.reported.once(&caller.name, &request.request_id, &request, report).await?;
         Ok(Response::new(wire::ReportTraversalsResponse { accepted }))
     }
 
@@ -268,32 +288,35 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::PutLayerRequest>,
     ) -> Result<Response<wire::PutLayerResponse>, Status> {
-        let wire::PutLayerRequest { graph_id, layer, if_revision } = request.into_inner();
-        let change = LayerChange::Put(layer_from_wire(layer.as_ref())?);
-        let (summary, unapplied, revision) = self.change_layers(&graph_id, if_revision, change).await?;
-        Ok(Response::new(wire::PutLayerResponse { summary, unapplied, revision }))
+        let caller = Caller::of(&request);
+        let request = request.into_inner();
+        let call = call_of(&caller, &request.request_id, &request)?;
+        let change = LayerChange::Put(layer_from_wire(request.layer.as_ref())?);
+        self.change_layers(&request.graph_id, request.if_revision, change, call).await
     }
 
     async fn append_edits(
         &self,
         request: Request<wire::AppendEditsRequest>,
     ) -> Result<Response<wire::AppendEditsResponse>, Status> {
-        let wire::AppendEditsRequest { graph_id, layer, edits, if_revision } = request.into_inner();
-        let change = LayerChange::Append(layer, edits_from_wire(&edits)?);
-        let (summary, unapplied, revision) = self.change_layers(&graph_id, if_revision, change).await?;
-        Ok(Response::new(wire::AppendEditsResponse { summary, unapplied, revision }))
+        let caller = Caller::of(&request);
+        let request = request.into_inner();
+        let call = call_of(&caller, &request.request_id, &request)?;
+        let change = LayerChange::Append(request.layer, edits_from_wire(&request.edits)?);
+        self.change_layers(&request.graph_id, request.if_revision, change, call).await
     }
 
     async fn undo_edits(
         &self,
         request: Request<wire::UndoEditsRequest>,
     ) -> Result<Response<wire::UndoEditsResponse>, Status> {
-        let wire::UndoEditsRequest { graph_id, layer, count, if_revision } = request.into_inner();
-        if count == 0 {
+        let caller = Caller::of(&request);
+        let request = request.into_inner();
+        if request.count == 0 {
             return Err(status::invalid("count", "count is 0; it must be at least 1"));
         }
-        let change = LayerChange::Undo(layer, count as usize);
-        let (summary, unapplied, revision) = self.change_layers(&graph_id, if_revision, change).await?;
-        Ok(Response::new(wire::UndoEditsResponse { summary, unapplied, revision }))
+        let call = call_of(&caller, &request.request_id, &request)?;
+        let change = LayerChange::Undo(request.layer, request.count as usize);
+        self.change_layers(&request.graph_id, request.if_revision, change, call).await
     }
 }

@@ -1,0 +1,75 @@
+//! Receipts of calls that clients may repeat: stored in the transaction that carries a call out, so that it is carried out once, whichever
+//! planner gets the repeat.
+
+use super::shared::Shared;
+use crate::error::FleetError;
+use sqlx::PgConnection;
+use std::collections::BTreeSet;
+use surefoot_planner::store::{Call, MAX_RECEIPTS, RECEIPTS_KEPT_FOR, Receipt, StoreError};
+
+/// See [`GraphStore::receipt`](surefoot_planner::store::GraphStore::receipt). One that is too old counts until it is removed, since it is
+/// in the way of another with its id until then.
+pub fn find(shared: &Shared, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
+    shared.block(async {
+        let row =
+            sqlx::query!("SELECT request, answer FROM receipts WHERE client = $1 AND request_id = $2", client, id);
+        let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        Ok(row.map(|row| {
+            let request = row.request.try_into().expect("the table has hashes of 32 bytes only");
+            let call = Call { client: client.to_owned(), id: id.to_owned(), request };
+            Receipt { call, answer: row.answer }
+        }))
+    })
+}
+
+/// Stores receipts in the transaction of `connection`, and returns the calls whose receipts were not there. It waits for transactions that
+/// are carrying the same calls out.
+///
+/// # Errors
+/// If the database is away.
+pub async fn store(
+    shared: &Shared,
+    connection: &mut PgConnection,
+    receipts: &[&Receipt],
+) -> Result<BTreeSet<(String, String)>, FleetError> {
+    let fail = |error| shared.failed(error);
+    let (mut clients, mut ids, mut requests, mut answers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for Receipt { call: Call { client, id, request }, answer } in receipts {
+        clients.push(client.clone());
+        ids.push(id.clone());
+        requests.push(request.to_vec());
+        answers.push(answer.clone());
+    }
+    let stored = sqlx::query!(
+        "INSERT INTO receipts (client, request_id, request, answer)
+         SELECT * FROM UNNEST($1::text[], $2::text[], $3::bytea[], $4::bytea[])
+         ON CONFLICT DO NOTHING RETURNING client, request_id",
+        &clients,
+        &ids,
+        &requests,
+        &answers,
+    );
+    let stored = stored.fetch_all(&mut *connection).await.map_err(fail)?;
+    for client in BTreeSet::from_iter(clients) {
+        let surplus = sqlx::query!(
+            "DELETE FROM receipts WHERE client = $1 AND noted_at <=
+                 (SELECT noted_at FROM receipts WHERE client = $1 ORDER BY noted_at DESC OFFSET $2 LIMIT 1)",
+            client,
+            MAX_RECEIPTS as i64,
+        );
+        surplus.execute(&mut *connection).await.map_err(fail)?;
+    }
+    Ok(stored.into_iter().map(|row| (row.client, row.request_id)).collect())
+}
+
+/// Forgets receipts that are too old.
+///
+/// # Errors
+/// If the database is away.
+pub async fn forget(shared: &Shared) -> Result<(), FleetError> {
+    let old = sqlx::query!(
+        "DELETE FROM receipts WHERE noted_at < now() - make_interval(secs => $1)",
+        RECEIPTS_KEPT_FOR.as_secs_f64()
+    );
+    old.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+}
