@@ -60,6 +60,11 @@ impl MemoryBudget {
         self.used.lock().expect(POISON)
     }
 
+    /// Most bytes in use.
+    pub fn limit_bytes(&self) -> u64 {
+        self.limit_bytes
+    }
+
     /// Bytes in use.
     pub fn used_bytes(&self) -> u64 {
         self.used().values().sum()

@@ -6,6 +6,9 @@ use surefoot_proto::reason::{DOMAIN, Reason};
 use tonic::Status;
 use tonic_types::{ErrorDetails, StatusExt};
 
+/// Message of tonic's status for a call that has exceeded its deadline.
+const TIMEOUT: &str = "Timeout expired";
+
 /// Returns a status with a reason and no further details.
 pub fn failure(reason: Reason, message: impl Into<String>) -> Status {
     with_details(reason, message.into(), ErrorDetails::new())
@@ -56,11 +59,15 @@ pub fn with_reason(status: Status) -> Status {
     if status.code() == Code::Ok || Reason::of(&status).is_some() {
         return status;
     }
-    let reason = match status.code() {
+    // tonic ends calls that exceed their own deadlines as CANCELLED.
+    let is_late = status.code() == Code::Cancelled && status.message() == TIMEOUT;
+    let code = if is_late { Code::DeadlineExceeded } else { status.code() };
+    let reason = match code {
         Code::OutOfRange | Code::ResourceExhausted => Reason::TooLarge,
         Code::InvalidArgument => Reason::MalformedRequest,
         Code::Unimplemented => Reason::UnknownMethod,
-        Code::DeadlineExceeded | Code::Cancelled => Reason::DeadlineExceeded,
+        Code::DeadlineExceeded => Reason::DeadlineExceeded,
+        Code::Cancelled => Reason::Cancelled,
         Code::Unauthenticated => Reason::TokenMissing,
         Code::PermissionDenied => Reason::RoleForbidden,
         Code::Unavailable => Reason::ShuttingDown,
@@ -68,10 +75,28 @@ pub fn with_reason(status: Status) -> Status {
     };
     let mut details = status.get_error_details();
     details.set_error_info(reason.name(), DOMAIN, []);
-    Status::with_error_details_and_metadata(status.code(), status.message(), details, status.metadata().clone())
+    Status::with_error_details_and_metadata(code, status.message(), details, status.metadata().clone())
 }
 
 fn with_details(reason: Reason, message: String, mut details: ErrorDetails) -> Status {
     details.set_error_info(reason.name(), DOMAIN, []);
     Status::with_error_details(reason.code(), message, details)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tonic::Code;
+
+    #[test]
+    fn a_call_that_was_given_up_and_one_that_took_too_long_differ() {
+        for (code, message, reason) in [
+            (Code::Cancelled, "the stream was reset", Reason::Cancelled),
+            (Code::Cancelled, TIMEOUT, Reason::DeadlineExceeded),
+            (Code::DeadlineExceeded, "", Reason::DeadlineExceeded),
+        ] {
+            let status = with_reason(Status::new(code, message));
+            assert_eq!((status.code(), Reason::of(&status)), (reason.code(), Some(reason)));
+        }
+    }
 }

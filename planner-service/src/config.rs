@@ -3,7 +3,6 @@
 use crate::provers::{Embedded, Provers};
 use std::sync::Arc;
 use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
-use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 
 /// Limits and sizes of a planner.
@@ -24,9 +23,7 @@ pub struct PlannerConfig {
     pub table_vertices: usize,
     /// Maximum number of imported maps that are kept (`--max-maps`).
     pub max_maps: usize,
-    /// Most memory for imported maps, bytes (`--max-memory`, in MB).
-    pub max_memory_bytes: u64,
-    /// Generated maps in use, which others in this process may share.
+    /// Generated maps in use, and the memory budget of all maps (`--max-memory`). Others in this process may share both.
     pub maps: MapPool,
     /// Who runs the probes of builds.
     pub provers: Arc<dyn Provers>,
@@ -43,7 +40,6 @@ impl Default for PlannerConfig {
             threads,
             table_vertices: DEFAULT_TABLE_LIMIT,
             max_maps: DEFAULT_MAX_MAPS,
-            max_memory_bytes: DEFAULT_MAX_MEMORY_BYTES,
             maps: MapPool::default(),
             provers: Arc::new(Embedded),
         }

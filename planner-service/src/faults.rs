@@ -1,16 +1,23 @@
 //! Steps of a build at which a test ends or stops the process, as a crash or a starved machine would: `SUREFOOT_ABORT_AT` and
-//! `SUREFOOT_STOP_AT` name a step. Without them, steps do nothing.
-
-use std::process::Command;
+//! `SUREFOOT_STOP_AT` name a step. Steps do nothing without the feature `failpoints`, which only the tests of fleets enable.
 
 /// Marks a step. With `SUREFOOT_STOP_AT`, the process goes on when it gets the signal CONT.
+#[cfg(feature = "failpoints")]
 pub fn pass(step: &str) {
-    let is_at = |variable: &str| std::env::var_os(variable).is_some_and(|at| at == step);
-    if is_at("SUREFOOT_ABORT_AT") {
+    use std::ffi::OsString;
+    use std::sync::LazyLock;
+    static STEPS: LazyLock<[Option<OsString>; 2]> =
+        LazyLock::new(|| ["SUREFOOT_ABORT_AT", "SUREFOOT_STOP_AT"].map(std::env::var_os));
+    let [is_abort, is_stop] = STEPS.each_ref().map(|at| at.as_ref().is_some_and(|at| at == step));
+    if is_abort {
         std::process::abort();
     }
-    if is_at("SUREFOOT_STOP_AT") {
+    if is_stop {
         // A process that cannot stop itself fails the test that wants it to.
-        let _ = Command::new("kill").args(["-STOP", &std::process::id().to_string()]).status();
+        let _ = std::process::Command::new("kill").args(["-STOP", &std::process::id().to_string()]).status();
     }
 }
+
+/// Marks a step.
+#[cfg(not(feature = "failpoints"))]
+pub fn pass(_: &str) {}

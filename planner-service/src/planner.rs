@@ -15,7 +15,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use surefoot_net::levels::{LevelArchive, LevelStore, MapSource, SharedMap};
-use surefoot_net::memory::MemoryBudget;
 use surefoot_net::serving::Shutdown;
 use surefoot_planner::live::{Reporter, Traversal};
 use surefoot_planner::probe::{Outcome, Trial};
@@ -38,6 +37,8 @@ const REFRESH_PAUSE: u32 = 10;
 const MAX_LOADS: usize = 2;
 /// Number of maps that are kept although no graph needs them just now.
 const RECENT_MAPS: usize = 2;
+/// Most of the memory budget that these take: a quarter of it.
+const RECENT_SHARE: u64 = 4;
 
 /// The stores of a planner, which others may share.
 pub struct Common {
@@ -103,7 +104,7 @@ impl Planner {
     /// Creates a planner that proves edges with `policy`, on the runtime that calls it.
     pub fn new(config: PlannerConfig, policy: Policy, store: Common, shutdown: Shutdown) -> Self {
         let Common { store, replicas, levels: archive } = store;
-        let levels = LevelStore::new(config.max_maps, MemoryBudget::new(config.max_memory_bytes));
+        let levels = LevelStore::new(config.max_maps, config.maps.memory().clone());
         let shared = Shared {
             policy,
             store,
@@ -195,7 +196,11 @@ impl Planner {
         let mut recent = self.shared.recent_maps.lock().expect(POISON);
         recent.retain(|other| !Arc::ptr_eq(other.map(), shared.map()));
         recent.push_back(shared.clone());
-        while recent.len() > RECENT_MAPS {
+        let limit = maps.memory().limit_bytes() / RECENT_SHARE;
+        let bytes = |recent: &VecDeque<Arc<SharedMap>>| -> u64 {
+            recent.iter().map(|shared| shared.map().memory_bytes() as u64).sum()
+        };
+        while recent.len() > RECENT_MAPS || bytes(&recent) > limit {
             recent.pop_front();
         }
         drop(recent);

@@ -122,25 +122,25 @@ pub(crate) fn get(
     }))
 }
 
-/// Drops the receipts that are too old, and those whose layers do not have what `is_met` expects of them. The others count from now on.
-pub(crate) fn settle(transaction: &WriteTransaction, is_met: impl Fn(&Expected) -> bool) -> Result<(), Error> {
-    let mut unsettled = Vec::new();
-    for entry in transaction.open_table(RECEIPTS)?.iter()? {
+/// Returns the receipts that are too old, for which nothing is expected, and those that a crash may have left open.
+pub(crate) fn unsettled(transaction: &ReadTransaction) -> Result<Vec<(Receipt, Option<Expected>)>, Error> {
+    let table = match transaction.open_table(RECEIPTS) {
+        Ok(table) => table,
+        Err(TableError::TableDoesNotExist(_)) => return Ok(Vec::new()),
+        Err(error) => return Err(error.into()),
+    };
+    let mut found = Vec::new();
+    for entry in table.iter()? {
         let (key, bytes) = entry?;
         let (client, id) = key.value();
         let Some(Entry { request, answer, written_us, expected }) = decode(bytes.value()) else { continue };
+        let expected = expected.filter(|_| !is_old(written_us));
         if is_old(written_us) || expected.is_some() {
             let call = Call { client: client.to_owned(), id: id.to_owned(), request };
-            unsettled.push((Receipt { call, answer }, !is_old(written_us) && expected.is_none_or(|it| is_met(&it))));
+            found.push((Receipt { call, answer }, expected));
         }
     }
-    for (receipt, counts) in unsettled {
-        match counts {
-            true => put(transaction, &[receipt], None)?,
-            false => remove(transaction, &receipt.call.client, &receipt.call.id)?,
-        }
-    }
-    Ok(())
+    Ok(found)
 }
 
 /// `None` if the entry is damaged: the call then counts as new.

@@ -104,13 +104,27 @@ impl DiskStore {
         };
         let store = Self { path, database, limit_bytes, layers: LayerFiles::open(folder)? };
         store.move_layers()?;
-        store.guarded(|| {
-            let transaction = store.database.begin_write()?;
-            receipts::settle(&transaction, |expected| store.is_met(expected))?;
+        store.settle_receipts()?;
+        Ok(store)
+    }
+
+    /// Drops receipts that are too old, and those whose layers never got what they were to have. The others count from now on.
+    fn settle_receipts(&self) -> Result<(), StoreError> {
+        let unsettled = self.guarded(|| receipts::unsettled(&self.database.begin_read()?))?;
+        if unsettled.is_empty() {
+            return Ok(());
+        }
+        self.guarded(|| {
+            let transaction = self.database.begin_write()?;
+            for (receipt, expected) in &unsettled {
+                match expected.as_ref().is_some_and(|it| self.is_met(it)) {
+                    true => receipts::put(&transaction, std::slice::from_ref(receipt), None)?,
+                    false => receipts::remove(&transaction, &receipt.call.client, &receipt.call.id)?,
+                }
+            }
             transaction.commit()?;
             Ok(())
-        })?;
-        Ok(store)
+        })
     }
 
     /// Moves the layers that an earlier version kept in the cache file to files of their own, as they are, damaged or not. A

@@ -87,6 +87,7 @@ reasons! {
     NotConfirmed "NOT_CONFIRMED" Unavailable "The record of the fleet does not answer: the change is not durable, and may be lost or made later.",
     ShuttingDown "SHUTTING_DOWN" Unavailable "The service is shutting down.",
     DeadlineExceeded "DEADLINE_EXCEEDED" DeadlineExceeded "There was no answer in time.",
+    Cancelled "CANCELLED" Cancelled "The caller has given the call up.",
     BuildCancelled "BUILD_CANCELLED" Cancelled "The build was cancelled.",
     TokenMissing "TOKEN_MISSING" Unauthenticated "The call needs a token.",
     TokenUnknown "TOKEN_UNKNOWN" Unauthenticated "The token is not known here.",

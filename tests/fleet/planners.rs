@@ -48,6 +48,11 @@ impl Fleet {
     pub(super) fn planner(&self, name: &str, env: &[(&str, &str)]) -> Surefoot {
         let lease = self.lease.to_string();
         let args = ["plan", "--store", &self.store, "--blobs", &self.blobs, "--lease", &lease];
+        let has_failpoint = env.iter().any(|(name, _)| matches!(*name, "SUREFOOT_ABORT_AT" | "SUREFOOT_STOP_AT"));
+        assert!(
+            !has_failpoint || cfg!(feature = "failpoints"),
+            "this test needs the feature failpoints of surefoot-cli"
+        );
         let env: Vec<(String, String)> = env.iter().map(|&(name, value)| (name.to_owned(), value.to_owned())).collect();
         Surefoot::start(&args, &env, &self.ground.path(name))
     }

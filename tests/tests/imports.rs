@@ -4,6 +4,7 @@ use e2e::{
     build_to_end, follow_until_planned, ground, planner_client, small_graph, small_map, spawn, start_planner,
     start_planner_at, start_server, start_server_at, start_worker, watch_until, world_client,
 };
+use surefoot_net::levels::MapPool;
 use surefoot_net::serving::{EndpointConfig, Limits};
 use surefoot_planner_service::PlannerConfig;
 use surefoot_proto::convert::map_spec;
@@ -318,4 +319,20 @@ async fn a_level_larger_than_a_message_arrives_in_chunks_and_leaves_in_chunks() 
     let fifth = client.upload_chunk(begin(4)).await.unwrap_err();
     assert_eq!((fifth.code(), Reason::of(&fifth)), (Code::ResourceExhausted, Some(Reason::TooManyUploads)));
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn imported_and_generated_maps_of_a_planner_share_one_budget() {
+    let cache = tempfile::tempdir().unwrap();
+    let pool = MapPool::within(2_000_000_000);
+    let planner = start_planner(cache.path(), PlannerConfig { maps: pool.clone(), ..PlannerConfig::default() });
+    let mut client = maps(&planner.uri).await;
+    let held = pool.memory().reserve("worlds", 1_999_000_000).unwrap();
+    let refused = client.import_map(import(wire::MapFormat::Gltf, level())).await.unwrap_err();
+    assert_eq!(Reason::of(&refused), Some(Reason::OutOfMemory));
+    assert!(refused.message().contains("worlds: 1999 MB"), "{refused}");
+    drop(held);
+    client.import_map(import(wire::MapFormat::Gltf, level())).await.unwrap();
+    assert!(pool.memory().used_bytes() > 0);
+    planner.stop().await;
 }

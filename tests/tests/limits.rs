@@ -1,6 +1,9 @@
 //! Every limit of an endpoint, exceeded on purpose; clients within the limits continue.
 
-use e2e::{Running, create_world, metrics, planner_client, small_map, start_planner, start_server_at, world_client};
+use e2e::{
+    Running, build_to_end, create_world, metrics, planner_client, small_map, start_of, start_planner, start_server_at,
+    world_client,
+};
 use std::io::ErrorKind;
 use std::time::Duration;
 use surefoot_net::serving::{EndpointConfig, Limits};
@@ -209,4 +212,57 @@ async fn a_call_without_a_deadline_gets_one_and_streams_last() {
     // The stream lasts 30 snapshots, far beyond the deadline.
     assert_eq!(stream.take(30).filter(Result::is_ok).collect::<Vec<_>>().await.len(), 30);
     server.stop().await;
+}
+
+#[test]
+fn searches_and_whole_graphs_take_no_thread_of_the_runtime_and_hold_up_nobody() {
+    const BLOCKING: usize = 8;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .max_blocking_threads(BLOCKING)
+        .enable_all()
+        .build()
+        .unwrap();
+    runtime.block_on(async {
+        let cache = tempfile::tempdir().unwrap();
+        let planner = start_planner(cache.path(), PlannerConfig::default());
+        let mut client = planner_client(&planner).await;
+        let graph_id = build_to_end(&mut client, start_of(1)).await.graph_id;
+        let whole = plan::GetGraphRequest { graph_id: graph_id.clone() };
+        let graph = client.get_graph(whole.clone()).await.unwrap().into_inner();
+        let edge = &graph.edges[0];
+        // From here on, no thread that may block is free.
+        let (started, mut starts) = tokio::sync::mpsc::channel(BLOCKING);
+        let (release, _) = tokio::sync::broadcast::channel::<()>(1);
+        for _ in 0..BLOCKING {
+            let (started, mut released) = (started.clone(), release.subscribe());
+            tokio::task::spawn_blocking(move || {
+                started.blocking_send(()).unwrap();
+                released.blocking_recv().unwrap();
+            });
+        }
+        for _ in 0..BLOCKING {
+            starts.recv().await.unwrap();
+        }
+        let (mut plans, mut graphs) = (client.clone(), client.clone());
+        let [start, goal] = [edge.from, edge.to].map(|vertex| Some(graph.vertices[vertex as usize]));
+        let query = Some(plan::PathQuery { start, goal, ..Default::default() });
+        let query = plan::FindPathRequest { graph_id: graph_id.clone(), query };
+        let planned = tokio::spawn(async move { plans.find_path(query).await.unwrap().into_inner() });
+        let whole = tokio::spawn(async move { graphs.get_graph(whole).await.unwrap().into_inner() });
+        let failed = plan::Traversal { from: edge.from, to: edge.to, ..Default::default() };
+        for _ in 0..100 {
+            let report = plan::ReportTraversalsRequest {
+                graph_id: graph_id.clone(),
+                traversals: vec![failed],
+                ..Default::default()
+            };
+            assert_eq!(client.report_traversals(report).await.unwrap().into_inner().accepted, 1);
+        }
+        assert!(!planned.is_finished() && !whole.is_finished(), "they wait for a thread that may block");
+        release.send(()).unwrap();
+        assert!(planned.await.unwrap().plan.unwrap().found);
+        assert_eq!(whole.await.unwrap().edges.len(), graph.edges.len());
+        planner.stop().await;
+    });
 }

@@ -176,8 +176,8 @@ pub struct PlanArgs {
     /// Most imported maps to keep
     #[arg(long, default_value_t = PlannerConfig::default().max_maps, value_name = "N")]
     max_maps: usize,
-    /// Memory budget for imported maps, in MB; imports beyond it are refused
-    #[arg(long, default_value_t = PlannerConfig::default().max_memory_bytes / MB, value_name = "MB")]
+    /// Memory budget for maps, in MB; imports beyond it are refused
+    #[arg(long, default_value_t = DEFAULT_MAX_MEMORY_BYTES / MB, value_name = "MB")]
     max_memory: u64,
     #[command(flatten)]
     store: StoreArgs,
@@ -373,7 +373,6 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         threads: args.threads.unwrap_or_else(core_count),
         table_vertices: args.table_vertices,
         max_maps: args.max_maps,
-        max_memory_bytes: args.max_memory.saturating_mul(MB),
         maps: MapPool::within(args.max_memory.saturating_mul(MB)),
         ..PlannerConfig::default()
     };

@@ -144,7 +144,8 @@ pub fn release(shared: &Shared, graph: &GraphId) {
 /// If the database is away.
 pub async fn sweep(shared: &Shared) -> Result<(), FleetError> {
     let fail = |error| shared.failed(error);
-    let newest = sqlx::query_scalar!(r#"SELECT last_value AS "last!" FROM tokens"#);
+    let newest =
+        sqlx::query_scalar!(r#"SELECT CASE WHEN is_called THEN last_value ELSE 0 END AS "newest!" FROM tokens"#);
     let newest = newest.fetch_one(&shared.record.pool).await.map_err(fail)?;
     // A build is noted before its claim gets its token: claims up to this token are noted by now, and later ones are left alone.
     let building: Vec<Vec<u8>> = shared.building.lock().expect(POISON).iter().map(|id| id.to_vec()).collect();
