@@ -236,6 +236,37 @@ fn secrets_never_reach_the_log() {
 }
 
 #[test]
+fn health_prints_the_agreed_document_and_its_exit_code_says_the_same() {
+    let mut server = Command::new(env!("CARGO_BIN_EXE_surefoot"))
+        .args(["serve", "--listen", "127.0.0.1:0", "--log-format", "json"])
+        .env_remove("RUST_LOG")
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the server starts");
+    let log = std::io::BufReader::new(server.stderr.take().expect("piped"));
+    let address = std::io::BufRead::lines(log).find_map(|line| {
+        let event: serde_json::Value = serde_json::from_str(&line.expect("a log line")).expect("a JSON object a line");
+        event["address"].as_str().map(str::to_owned)
+    });
+    let uri = format!("http://{}", address.expect("an address"));
+    let serving = serde_json::json!({ "uri": uri, "serving": true, "status": "SERVING", "error": null });
+    assert_eq!(json(&surefoot(&["health", &uri, "--json"])), serving);
+    server.kill().expect("it runs");
+    server.wait().expect("it ends");
+    let gone = surefoot(&["health", &uri, "--json"]);
+    let document: serde_json::Value = serde_json::from_slice(&gone.stdout).expect("one JSON document on stdout");
+    assert_eq!((&document["uri"], &document["serving"]), (&uri.as_str().into(), &false.into()));
+    assert_eq!((gone.status.code(), &document["status"]), (Some(1), &"UNREACHABLE".into()));
+    assert!(document["error"].as_str().unwrap().contains("cannot connect"), "{document}");
+    assert!(String::from_utf8_lossy(&gone.stderr).starts_with("error: cannot connect"), "{gone:?}");
+    let help = surefoot(&["health", "--help"]);
+    let help = String::from_utf8_lossy(&help.stdout);
+    for key in document.as_object().unwrap().keys() {
+        assert!(help.contains(&format!("\"{key}\"")), "--help documents {key}: {help}");
+    }
+}
+
+#[test]
 fn the_statistics_of_a_map_are_the_agreed_document() {
     let report = json(&surefoot(&["map", "show", "7", "--size", "120", "--features", "all", "--stats", "--json"]));
     assert_eq!((&report["seed"], &report["size"]["height"]), (&7.into(), &80.into()));

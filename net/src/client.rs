@@ -1,22 +1,28 @@
 //! Client connections: the servers they trust, and the credentials they send.
+//!
+//! Files of credentials are read again when they change: the next call of a link goes over a new connection, and calls that have
+//! begun go on over the former one.
 
 use crate::secret::Secret;
 use crate::serving::security::{SecurityError, tls_error};
-use crate::serving::{FileError, read, read_identity};
+use crate::serving::{FileError, RELOAD_PERIOD, Stamp, read, read_identity, stamp};
 use http::header::AUTHORIZATION;
 use http::{HeaderValue, Request};
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tonic::body::Body;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Error, Identity};
 use tower_service::Service;
+use tracing::{info, warn};
 
 /// Longest time that connecting may take.
 const CONNECT_LIMIT: Duration = Duration::from_secs(3);
 /// Interval between pings, and timeout of a ping. A dead server is noticed after their sum.
 const KEEPALIVE: (Duration, Duration) = (Duration::from_secs(20), Duration::from_secs(10));
+const POISON: &str = "no holder of this lock panics";
 
 /// Why a connection cannot be set up.
 #[derive(Debug, thiserror::Error)]
@@ -46,21 +52,76 @@ pub struct ClientTlsFiles {
     pub server_name: Option<String>,
 }
 
-/// Credentials of a client; the default has neither a token nor a certificate.
-#[derive(Clone, Default)]
-pub struct Credentials {
+/// Where credentials come from.
+#[derive(Default)]
+struct Sources {
+    /// A token that stays as it is.
+    bearer: Option<HeaderValue>,
+    token: Option<PathBuf>,
+    tls: ClientTlsFiles,
+}
+
+impl Sources {
+    fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        let identity = self.tls.identity.iter().flat_map(|(certificate, key)| [certificate, key]);
+        self.token.iter().chain(&self.tls.authority).chain(identity)
+    }
+
+    fn stamps(&self) -> Vec<Stamp> {
+        self.files().map(|path| stamp(path)).collect()
+    }
+
+    fn read(&self) -> Result<Parts, LinkError> {
+        let identity =
+            self.tls.identity.as_ref().map(|(certificate, key)| read_identity(certificate, key)).transpose()?;
+        let authority = |path: &PathBuf| Ok::<_, FileError>(Certificate::from_pem(read(path)?));
+        let bearer = match &self.token {
+            Some(path) => Some(bearer(&Secret::new(String::from_utf8_lossy(&read(path)?).trim()))?),
+            None => self.bearer.clone(),
+        };
+        Ok(Parts { bearer, authority: self.tls.authority.as_ref().map(authority).transpose()?, identity })
+    }
+}
+
+/// What was read from the files of credentials.
+#[derive(Default)]
+struct Parts {
     bearer: Option<HeaderValue>,
     authority: Option<Certificate>,
     identity: Option<Identity>,
-    server_name: Option<String>,
 }
 
-impl fmt::Debug for Credentials {
+impl fmt::Debug for Parts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Credentials")
             .field("has_token", &self.bearer.is_some())
             .field("has_identity", &self.identity.is_some())
             .finish_non_exhaustive()
+    }
+}
+
+struct Loaded {
+    parts: Arc<Parts>,
+    stamps: Vec<Stamp>,
+    looked: Instant,
+}
+
+/// Credentials of a client; the default has neither a token nor a certificate. Clones share them, also when they are reloaded.
+#[derive(Clone)]
+pub struct Credentials {
+    sources: Arc<Sources>,
+    loaded: Arc<Mutex<Loaded>>,
+}
+
+impl Default for Credentials {
+    fn default() -> Self {
+        Self::of(Sources::default(), Parts::default(), Vec::new())
+    }
+}
+
+impl fmt::Debug for Credentials {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.loaded.lock().expect(POISON).parts.fmt(f)
     }
 }
 
@@ -70,14 +131,52 @@ impl Credentials {
     /// # Errors
     /// If a file cannot be read, or a header cannot carry the token.
     pub fn load(token: Option<&Secret>, files: &ClientTlsFiles) -> Result<Self, LinkError> {
-        let identity = files.identity.as_ref().map(|(certificate, key)| read_identity(certificate, key)).transpose()?;
-        let authority = |path: &PathBuf| Ok::<_, FileError>(Certificate::from_pem(read(Path::new(path))?));
-        Ok(Self {
-            bearer: token.map(bearer).transpose()?,
-            authority: files.authority.as_ref().map(authority).transpose()?,
-            identity,
-            server_name: files.server_name.clone(),
-        })
+        Self::from_sources(Sources { bearer: token.map(bearer).transpose()?, token: None, tls: files.clone() })
+    }
+
+    /// Reads the TLS files and the secret of a token in the file `token`.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or a header cannot carry the token.
+    pub fn load_with_token_file(token: &Path, files: &ClientTlsFiles) -> Result<Self, LinkError> {
+        Self::from_sources(Sources { bearer: None, token: Some(token.to_owned()), tls: files.clone() })
+    }
+
+    fn from_sources(sources: Sources) -> Result<Self, LinkError> {
+        // Taken first: a file that changes while it is read is read once more.
+        let stamps = sources.stamps();
+        let parts = sources.read()?;
+        Ok(Self::of(sources, parts, stamps))
+    }
+
+    fn of(sources: Sources, parts: Parts, stamps: Vec<Stamp>) -> Self {
+        let loaded = Loaded { parts: Arc::new(parts), stamps, looked: Instant::now() };
+        Self { sources: Arc::new(sources), loaded: Arc::new(Mutex::new(loaded)) }
+    }
+
+    /// Whether they can change.
+    fn have_files(&self) -> bool {
+        self.sources.files().next().is_some()
+    }
+
+    /// The present credentials: the files are read again if they have changed. While they cannot be used, the former ones count.
+    fn current(&self) -> Arc<Parts> {
+        let mut loaded = self.loaded.lock().expect(POISON);
+        if self.have_files() && loaded.looked.elapsed() >= RELOAD_PERIOD {
+            loaded.looked = Instant::now();
+            let stamps = self.sources.stamps();
+            if stamps != loaded.stamps {
+                loaded.stamps = stamps;
+                match self.sources.read() {
+                    Ok(parts) => {
+                        loaded.parts = Arc::new(parts);
+                        info!("the credentials have been reloaded");
+                    }
+                    Err(error) => warn!(%error, "the credentials stay as they were"),
+                }
+            }
+        }
+        loaded.parts.clone()
     }
 
     /// Prepares connections to `uri` with these credentials; `https://` means TLS.
@@ -85,27 +184,34 @@ impl Credentials {
     /// # Errors
     /// If `uri` is not a URI, or TLS cannot be set up.
     pub fn dial(&self, uri: &str) -> Result<Dialer, LinkError> {
+        let parts = self.current();
+        let endpoint = self.endpoint(uri, &parts)?;
+        let present = Present { tried: parts.clone(), parts, endpoint };
+        Ok(Dialer { uri: uri.to_owned(), credentials: self.clone(), present: Arc::new(Mutex::new(present)) })
+    }
+
+    fn endpoint(&self, uri: &str, parts: &Parts) -> Result<Endpoint, LinkError> {
         let endpoint = Endpoint::from_shared(uri.to_owned()).map_err(|_| LinkError::Uri(uri.to_owned()))?;
-        let mut endpoint = endpoint
+        let endpoint = endpoint
             .connect_timeout(CONNECT_LIMIT)
             .tcp_nodelay(true)
             .http2_keep_alive_interval(KEEPALIVE.0)
             .keep_alive_timeout(KEEPALIVE.1);
-        if endpoint.uri().scheme_str() == Some("https") {
-            endpoint = endpoint.tls_config(self.tls()).map_err(|error| tls_error(&error))?;
+        if endpoint.uri().scheme_str() != Some("https") {
+            return Ok(endpoint);
         }
-        Ok(Dialer { endpoint, bearer: self.bearer.clone() })
+        Ok(endpoint.tls_config(self.tls(parts)).map_err(|error| tls_error(&error))?)
     }
 
-    fn tls(&self) -> ClientTlsConfig {
-        let mut tls = match &self.authority {
+    fn tls(&self, parts: &Parts) -> ClientTlsConfig {
+        let mut tls = match &parts.authority {
             Some(authority) => ClientTlsConfig::new().ca_certificate(authority.clone()),
             None => ClientTlsConfig::new().with_native_roots(),
         };
-        if let Some(identity) = &self.identity {
+        if let Some(identity) = &parts.identity {
             tls = tls.identity(identity.clone());
         }
-        match &self.server_name {
+        match &self.sources.tls.server_name {
             Some(name) => tls.domain_name(name.clone()),
             None => tls,
         }
@@ -118,25 +224,62 @@ fn bearer(token: &Secret) -> Result<HeaderValue, LinkError> {
     Ok(value)
 }
 
+/// What a dialer connects with.
+#[derive(Debug, Clone)]
+struct Present {
+    parts: Arc<Parts>,
+    endpoint: Endpoint,
+    /// The credentials that it was tried to change to last.
+    tried: Arc<Parts>,
+}
+
 /// Connects to one address; it can be used any number of times.
 #[derive(Debug, Clone)]
 pub struct Dialer {
-    endpoint: Endpoint,
-    bearer: Option<HeaderValue>,
+    uri: String,
+    credentials: Credentials,
+    present: Arc<Mutex<Present>>,
 }
 
 impl Dialer {
+    fn present(&self) -> Present {
+        let parts = self.credentials.current();
+        let mut present = self.present.lock().expect(POISON);
+        if !Arc::ptr_eq(&present.tried, &parts) {
+            present.tried = parts.clone();
+            match self.credentials.endpoint(&self.uri, &parts) {
+                Ok(endpoint) => (present.parts, present.endpoint) = (parts, endpoint),
+                // Only one of certificate and key may have been replaced yet.
+                Err(error) => warn!(%error, uri = self.uri, "the credentials stay as they were"),
+            }
+        }
+        present.clone()
+    }
+
+    fn link(&self, Present { parts, .. }: Present, channel: Channel) -> Link {
+        let renewal = self.credentials.have_files().then(|| Renewal {
+            dialer: self.clone(),
+            parts: parts.clone(),
+            latest: Arc::new(Mutex::new((parts.clone(), channel.clone()))),
+        });
+        Link { channel, bearer: parts.bearer.clone(), renewal }
+    }
+
     /// Connects at once.
     ///
     /// # Errors
     /// If the server does not answer, or its certificate is not trusted.
     pub async fn connect(&self) -> Result<Link, Error> {
-        Ok(Link { channel: self.endpoint.connect().await?, bearer: self.bearer.clone() })
+        let present = self.present();
+        let channel = present.endpoint.connect().await?;
+        Ok(self.link(present, channel))
     }
 
     /// Returns a link that connects on the first call, and again whenever the connection is lost.
     pub fn connect_lazy(&self) -> Link {
-        Link { channel: self.endpoint.connect_lazy(), bearer: self.bearer.clone() }
+        let present = self.present();
+        let channel = present.endpoint.connect_lazy();
+        self.link(present, channel)
     }
 }
 
@@ -145,11 +288,40 @@ impl Dialer {
 pub struct Link {
     channel: Channel,
     bearer: Option<HeaderValue>,
+    /// None for credentials that cannot change.
+    renewal: Option<Renewal>,
+}
+
+/// How a link gets new credentials.
+#[derive(Debug, Clone)]
+struct Renewal {
+    dialer: Dialer,
+    /// Those that the link has.
+    parts: Arc<Parts>,
+    /// The latest credentials and connection that a clone of the link has got: all clones share it.
+    latest: Arc<Mutex<(Arc<Parts>, Channel)>>,
+}
+
+impl Link {
+    fn renew(&mut self) {
+        let Some(renewal) = &mut self.renewal else { return };
+        let present = renewal.dialer.present();
+        if Arc::ptr_eq(&present.parts, &renewal.parts) {
+            return;
+        }
+        let mut latest = renewal.latest.lock().expect(POISON);
+        if !Arc::ptr_eq(&latest.0, &present.parts) {
+            *latest = (present.parts.clone(), present.endpoint.connect_lazy());
+        }
+        self.channel = latest.1.clone();
+        self.bearer = present.parts.bearer.clone();
+        renewal.parts = present.parts;
+    }
 }
 
 impl From<Channel> for Link {
     fn from(channel: Channel) -> Self {
-        Self { channel, bearer: None }
+        Self { channel, bearer: None, renewal: None }
     }
 }
 
@@ -159,6 +331,7 @@ impl Service<Request<Body>> for Link {
     type Future = <Channel as Service<Request<Body>>>::Future;
 
     fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>> {
+        self.renew();
         Service::poll_ready(&mut self.channel, cx)
     }
 

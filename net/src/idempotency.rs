@@ -1,9 +1,13 @@
 //! Repeatable calls: a request id that is sent again gets the first answer, so that nothing is created twice.
+//!
+//! Answers are kept for ten minutes. Their bytes count against the memory budget, and each client has a limit of its own: a
+//! client that sends many ids makes the service forget its own oldest answers, never those of others.
 
+use crate::memory::{MemoryBudget, Reservation};
 use crate::status;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::future::Future;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use surefoot_proto::reason::Reason;
 use tokio::sync::OnceCell;
@@ -11,25 +15,50 @@ use tonic::Status;
 
 /// How long an answer is kept.
 const KEPT_FOR: Duration = Duration::from_secs(600);
-/// Most answers that are kept; the oldest are dropped first.
-const MAX_KEPT: usize = 65_536;
+/// Time between two searches for old answers.
+const SWEEP_PERIOD: Duration = Duration::from_secs(30);
+/// Most bytes that the answers of one client to one method take.
+const MAX_CLIENT_BYTES: u64 = 8 << 20;
+/// Bytes of an entry beside its id and its answer.
+const ENTRY_BYTES: usize = 256;
 /// Longest request id, bytes.
 const MAX_ID: usize = 64;
 const POISON: &str = "no holder of this lock panics";
 
-/// Recent answers of one method, by client and request id.
+/// A call that a client may repeat.
+#[derive(Debug, Clone, Copy)]
+pub struct Repeatable<'a> {
+    /// The client.
+    pub client: &'a Arc<str>,
+    /// Its id of the call. With an empty one the call always runs.
+    pub request_id: &'a str,
+    /// Most bytes that the answer has on the heap.
+    pub answer_bytes: usize,
+}
+
+/// Recent answers of one method, by client and request id. Clones share them.
 #[derive(Debug)]
 pub struct AnswerCache<A> {
+    memory: MemoryBudget,
     kept: Arc<Mutex<Kept<A>>>,
 }
 
-type Key = (Arc<str>, String);
-
 #[derive(Debug)]
 struct Kept<A> {
-    by_key: BTreeMap<Key, Entry<A>>,
-    /// Creation time and key of each entry, the oldest first.
-    order: VecDeque<(Instant, Key)>,
+    by_client: BTreeMap<Arc<str>, Answers<A>>,
+    /// Whether a task forgets old answers.
+    is_swept: bool,
+}
+
+/// Answers of one client.
+#[derive(Debug)]
+struct Answers<A> {
+    by_id: BTreeMap<String, Entry<A>>,
+    /// Id of each entry by its number, the oldest first.
+    order: BTreeMap<u64, String>,
+    last_number: u64,
+    bytes: u64,
+    memory: Reservation,
 }
 
 #[derive(Debug)]
@@ -37,26 +66,77 @@ struct Entry<A> {
     /// Hash of the request: its id must not be used for a different one.
     request: blake3::Hash,
     answer: Arc<OnceCell<A>>,
+    number: u64,
+    since: Instant,
+    bytes: u64,
+}
+
+impl<A> Entry<A> {
+    /// Whether no call waits for the answer: an entry whose call runs must stay, or a repeated call would run as well.
+    fn is_idle(&self) -> bool {
+        Arc::strong_count(&self.answer) == 1
+    }
+}
+
+impl<A> Answers<A> {
+    fn forget(&mut self, id: &str) {
+        let Some(entry) = self.by_id.remove(id) else { return };
+        self.order.remove(&entry.number);
+        self.bytes -= entry.bytes;
+        // Less than before: it always fits.
+        let _ = self.memory.resize(self.bytes);
+    }
+
+    fn oldest_idle(&self) -> Option<String> {
+        self.order.values().find(|id| self.by_id[*id].is_idle()).cloned()
+    }
+
+    fn forget_old(&mut self, now: Instant) {
+        while let Some(id) = self.oldest_idle().filter(|id| now.duration_since(self.by_id[id].since) >= KEPT_FOR) {
+            self.forget(&id);
+        }
+    }
+
+    /// Adds an entry of so many bytes, in place of the oldest ones if the client has no room for it.
+    fn add(&mut self, call: &Repeatable<'_>, request: blake3::Hash, bytes: u64) -> Result<Arc<OnceCell<A>>, Status> {
+        loop {
+            let wanted = self.bytes + bytes;
+            // An answer that is larger than the limit is the only one of its client.
+            let refusal = if wanted > MAX_CLIENT_BYTES && !self.by_id.is_empty() {
+                let message = "the running calls of this client hold all memory for request ids that a client may have";
+                status::quota(Reason::OutOfMemory, format!("client:{}", call.client), message)
+            } else {
+                match self.memory.resize(wanted) {
+                    Ok(()) => break,
+                    Err(error) => error.into(),
+                }
+            };
+            let oldest = self.oldest_idle().ok_or(refusal)?;
+            self.forget(&oldest);
+        }
+        let (id, answer) = (call.request_id.to_owned(), Arc::new(OnceCell::new()));
+        self.bytes += bytes;
+        self.last_number += 1;
+        self.order.insert(self.last_number, id.clone());
+        let (number, since) = (self.last_number, Instant::now());
+        self.by_id.insert(id, Entry { request, answer: answer.clone(), number, since, bytes });
+        Ok(answer)
+    }
 }
 
 impl<A> Kept<A> {
-    fn forget_oldest(&mut self) {
-        if let Some((_, oldest)) = self.order.pop_front() {
-            self.by_key.remove(&oldest);
-        }
+    /// Forgets old answers.
+    fn sweep(&mut self, now: Instant) {
+        self.by_client.retain(|_, answers| {
+            answers.forget_old(now);
+            !answers.by_id.is_empty()
+        });
     }
 }
 
 impl<A> Clone for AnswerCache<A> {
     fn clone(&self) -> Self {
-        Self { kept: self.kept.clone() }
-    }
-}
-
-impl<A> Default for AnswerCache<A> {
-    fn default() -> Self {
-        let kept = Kept { by_key: BTreeMap::new(), order: VecDeque::new() };
-        Self { kept: Arc::new(Mutex::new(kept)) }
+        Self { memory: self.memory.clone(), kept: self.kept.clone() }
     }
 }
 
@@ -73,55 +153,95 @@ pub fn check_id(request_id: &str) -> Result<(), Status> {
 }
 
 impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
-    /// Runs `call`, or returns the answer that an earlier call with the same `request_id` got. `request` is the whole
-    /// message, its id included. With an empty id the call always runs.
+    /// No answers yet; their bytes come from `memory`.
+    pub fn new(memory: MemoryBudget) -> Self {
+        Self { memory, kept: Arc::new(Mutex::new(Kept { by_client: BTreeMap::new(), is_swept: false })) }
+    }
+
+    /// Runs `work`, or returns the answer that an earlier call with the same request id got. `request` is the whole
+    /// message, its id included.
     ///
     /// A call that has begun continues when its client disconnects, so that a repeated call gets its answer. A call
     /// that failed runs again.
     ///
     /// # Errors
-    /// If the id is too long or was used for a different request, or the call fails.
-    pub async fn once<F>(
-        &self,
-        client: &Arc<str>,
-        request_id: &str,
-        request: &impl prost::Message,
-        call: F,
-    ) -> Result<A, Status>
+    /// If the id is too long or was used for a different request, there is no memory for the answer, or the call fails.
+    pub async fn once<F>(&self, call: Repeatable<'_>, request: &impl prost::Message, work: F) -> Result<A, Status>
     where
         F: Future<Output = Result<A, Status>> + Send + 'static,
     {
+        let Repeatable { client, request_id, .. } = call;
         if request_id.is_empty() {
-            return call.await;
+            return work.await;
         }
         check_id(request_id)?;
-        let cell = self.cell((client.clone(), request_id.to_owned()), blake3::hash(&request.encode_to_vec()))?;
-        let task = tokio::spawn(async move { cell.get_or_try_init(|| call).await.cloned() });
+        let cell = self.cell(&call, blake3::hash(&request.encode_to_vec()))?;
+        let (answers, client, id) = (self.clone(), client.clone(), request_id.to_owned());
+        let task = tokio::spawn(async move {
+            let answer = cell.get_or_try_init(|| work).await.cloned();
+            if answer.is_err() {
+                answers.forget_failed(&client, &id, &cell);
+            }
+            answer
+        });
         task.await.map_err(|error| status::failure(Reason::Internal, format!("the call failed: {error}")))?
     }
 
-    fn cell(&self, key: Key, request: blake3::Hash) -> Result<Arc<OnceCell<A>>, Status> {
-        let now = Instant::now();
-        let mut kept = self.kept.lock().expect(POISON);
-        let is_old = |since: &Instant| now.duration_since(*since) >= KEPT_FOR;
-        while kept.order.front().is_some_and(|(since, _)| is_old(since)) {
-            kept.forget_oldest();
+    fn kept(&self) -> MutexGuard<'_, Kept<A>> {
+        self.kept.lock().expect(POISON)
+    }
+
+    fn cell(&self, call: &Repeatable<'_>, request: blake3::Hash) -> Result<Arc<OnceCell<A>>, Status> {
+        let mut kept = self.kept();
+        if !kept.is_swept {
+            kept.is_swept = true;
+            tokio::spawn(self.clone().keep_sweeping());
         }
-        if let Some(entry) = kept.by_key.get(&key) {
+        let answers = match kept.by_client.get_mut(call.client) {
+            Some(answers) => answers,
+            None => {
+                let memory = self.memory.reserve(call.client, 0)?;
+                let (by_id, order) = (BTreeMap::new(), BTreeMap::new());
+                let answers = Answers { by_id, order, last_number: 0, bytes: 0, memory };
+                kept.by_client.entry(call.client.clone()).or_insert(answers)
+            }
+        };
+        answers.forget_old(Instant::now());
+        if let Some(entry) = answers.by_id.get(call.request_id) {
             return if entry.request == request {
                 Ok(entry.answer.clone())
             } else {
-                let message = format!("request_id `{}` was used for a different request: choose another id", key.1);
+                let id = call.request_id;
+                let message = format!("request_id `{id}` was used for a different request: choose another id");
                 Err(status::failure(Reason::RequestIdReused, message))
             };
         }
-        while kept.order.len() >= MAX_KEPT {
-            kept.forget_oldest();
+        let bytes = ENTRY_BYTES + size_of::<A>() + 2 * call.request_id.len() + call.answer_bytes;
+        answers.add(call, request, bytes as u64)
+    }
+
+    /// Forgets the entry of a failed call, unless a repeated call waits for its answer.
+    fn forget_failed(&self, client: &Arc<str>, id: &str, cell: &Arc<OnceCell<A>>) {
+        let mut kept = self.kept();
+        let Some(answers) = kept.by_client.get_mut(client) else { return };
+        let is_same = answers.by_id.get(id).is_some_and(|entry| Arc::ptr_eq(&entry.answer, cell));
+        // The entry and this call have one clone each.
+        if is_same && Arc::strong_count(cell) == 2 {
+            answers.forget(id);
         }
-        let answer = Arc::new(OnceCell::new());
-        kept.by_key.insert(key.clone(), Entry { request, answer: answer.clone() });
-        kept.order.push_back((now, key));
-        Ok(answer)
+    }
+
+    /// Forgets old answers until none is left.
+    async fn keep_sweeping(self) {
+        loop {
+            tokio::time::sleep(SWEEP_PERIOD).await;
+            let mut kept = self.kept();
+            kept.sweep(Instant::now());
+            if kept.by_client.is_empty() {
+                kept.is_swept = false;
+                return;
+            }
+        }
     }
 }
 
@@ -130,24 +250,85 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU32, Ordering};
 
+    const REQUEST: &str = "the request";
+
+    fn call<'a>(client: &'a Arc<str>, request_id: &'a str) -> Repeatable<'a> {
+        Repeatable { client, request_id, answer_bytes: 0 }
+    }
+
     #[tokio::test]
     async fn an_id_gets_one_answer_however_often_it_is_used() {
-        let (answers, made) = (AnswerCache::<u32>::default(), Arc::new(AtomicU32::new(0)));
+        let budget = MemoryBudget::new(1 << 20);
+        let (answers, made) = (AnswerCache::<u32>::new(budget.clone()), Arc::new(AtomicU32::new(0)));
         let (alice, bob): (Arc<str>, Arc<str>) = ("alice".into(), "bob".into());
-        let call = || {
+        let work = || {
             let made = made.clone();
             async move { Ok(made.fetch_add(1, Ordering::Relaxed)) }
         };
-        let request = "the request".to_owned();
-        assert_eq!(answers.once(&alice, "a", &request, call()).await.unwrap(), 0);
-        assert_eq!(answers.once(&alice, "a", &request, call()).await.unwrap(), 0);
-        assert_eq!(answers.once(&bob, "a", &request, call()).await.unwrap(), 1, "each client has its own ids");
-        assert_eq!(answers.once(&alice, "", &request, call()).await.unwrap(), 2, "an empty id is not remembered");
-        let other = answers.once(&alice, "a", &"another request".to_owned(), call()).await.unwrap_err();
+        let request = REQUEST.to_owned();
+        assert_eq!(answers.once(call(&alice, "a"), &request, work()).await.unwrap(), 0);
+        assert_eq!(answers.once(call(&alice, "a"), &request, work()).await.unwrap(), 0);
+        assert_eq!(answers.once(call(&bob, "a"), &request, work()).await.unwrap(), 1, "each client has its own ids");
+        assert_eq!(answers.once(call(&alice, ""), &request, work()).await.unwrap(), 2, "an empty id is not remembered");
+        let other = answers.once(call(&alice, "a"), &"another request".to_owned(), work()).await.unwrap_err();
         assert_eq!(Reason::of(&other), Some(Reason::RequestIdReused));
+        let used = budget.used_bytes();
         let failing = async { Err(status::failure(Reason::TooManyWorlds, "full")) };
-        answers.once(&alice, "b", &request, failing).await.unwrap_err();
-        assert_eq!(answers.once(&alice, "b", &request, call()).await.unwrap(), 3, "a failed call runs again");
-        assert!(answers.once(&alice, &"x".repeat(65), &request, call()).await.is_err());
+        answers.once(call(&alice, "b"), &request, failing).await.unwrap_err();
+        assert_eq!(budget.used_bytes(), used, "a failed call is not kept");
+        assert_eq!(answers.once(call(&alice, "b"), &request, work()).await.unwrap(), 3, "a failed call runs again");
+        assert!(answers.once(call(&alice, &"x".repeat(65)), &request, work()).await.is_err());
+        answers.kept().sweep(Instant::now() + KEPT_FOR);
+        assert_eq!(budget.used_bytes(), 0, "old answers are forgotten");
+    }
+
+    #[tokio::test]
+    async fn a_flood_makes_a_client_forget_its_own_oldest_answers_only_and_its_bytes_are_bounded() {
+        let budget = MemoryBudget::new(1 << 30);
+        let answers = AnswerCache::<u32>::new(budget.clone());
+        let (alice, bob): (Arc<str>, Arc<str>) = ("alice".into(), "bob".into());
+        let request = REQUEST.to_owned();
+        fn large<'a>(client: &'a Arc<str>, request_id: &'a str) -> Repeatable<'a> {
+            Repeatable { client, request_id, answer_bytes: 100_000 }
+        }
+        answers.once(call(&bob, "first"), &request, async { Ok(7) }).await.unwrap();
+        for number in 0..1000 {
+            answers.once(large(&alice, &number.to_string()), &request, async move { Ok(number) }).await.unwrap();
+            assert!(budget.used_bytes() <= MAX_CLIENT_BYTES + 1000);
+        }
+        assert!(budget.used_bytes() > MAX_CLIENT_BYTES - 200_000);
+        let again = answers.once(call(&bob, "first"), &request, async { Ok(8) }).await.unwrap();
+        assert_eq!(again, 7, "the answer of another client is kept");
+        assert_eq!(answers.once(large(&alice, "999"), &request, async { Ok(8) }).await.unwrap(), 999);
+        assert_eq!(answers.once(large(&alice, "0"), &request, async { Ok(8) }).await.unwrap(), 8, "it is forgotten");
+    }
+
+    #[tokio::test]
+    async fn without_memory_a_call_is_refused_before_it_runs_and_running_calls_are_not_forgotten() {
+        let budget = MemoryBudget::new(1 << 30);
+        let answers = AnswerCache::<u32>::new(budget.clone());
+        let (alice, bob): (Arc<str>, Arc<str>) = ("alice".into(), "bob".into());
+        let (go, gate) = tokio::sync::oneshot::channel::<()>();
+        let slow = async move {
+            gate.await.unwrap();
+            Ok(1)
+        };
+        let whole = |request_id| Repeatable { client: &alice, request_id, answer_bytes: MAX_CLIENT_BYTES as usize };
+        let request = REQUEST.to_owned();
+        let mut running = Box::pin(answers.once(whole("slow"), &request, slow));
+        assert!(
+            std::future::poll_fn(|context| std::task::Poll::Ready(running.as_mut().poll(context).is_pending())).await
+        );
+        let forbidden = || async { Err(status::failure(Reason::Internal, "it must not run")) };
+        let refused = answers.once(call(&alice, "next"), &request, forbidden()).await.unwrap_err();
+        assert_eq!(Reason::of(&refused), Some(Reason::OutOfMemory));
+        go.send(()).unwrap();
+        assert_eq!(running.await.unwrap(), 1);
+        answers.once(call(&alice, "next"), &request, async { Ok(2) }).await.unwrap();
+        let _all = budget.reserve("worlds", (1 << 30) - budget.used_bytes()).unwrap();
+        let refused = answers.once(call(&bob, "a"), &request, forbidden()).await.unwrap_err();
+        assert_eq!(Reason::of(&refused), Some(Reason::OutOfMemory));
+        let again = answers.once(call(&alice, "next"), &request, async { Ok(3) }).await.unwrap();
+        assert_eq!(again, 2, "what is kept needs no memory");
     }
 }

@@ -44,6 +44,7 @@ pub async fn serve(
         .max_decoding_message_size(endpoint.limits().max_import_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     routes.add_service(with_grpc_web(grpc)).add_service(with_grpc_web(maps));
+    let endpoint = endpoint.within(planner.levels().memory().clone());
     let result = endpoint.serve(routes, &[SERVICE_NAME, MAP_SERVICE], metrics, shutdown).await;
     planner.cancel_builds();
     let end = tokio::task::spawn_blocking(move || planner.leave());

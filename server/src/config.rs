@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_net::levels::{DEFAULT_MAX_MAPS, MapPool};
+use surefoot_net::reader::DEFAULT_PATIENCE;
 
 /// Configuration of a world server.
 #[derive(Debug, Clone)]
@@ -51,7 +52,7 @@ impl Default for ServerConfig {
             idle_envs_after: IDLE_LIMIT,
             max_maps: DEFAULT_MAX_MAPS,
             maps: MapPool::default(),
-            reader_patience: Duration::from_secs(5),
+            reader_patience: DEFAULT_PATIENCE,
             state: None,
             store: None,
             save_every: Duration::from_secs(30),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::{Made, MapError, MapPool, SharedMap};
-use surefoot_net::memory::{MemoryError, Reservation};
+use surefoot_net::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
 use surefoot_net::serving::Caller;
 use surefoot_rollout::env::{Ended, Env, Episodes, Route};
 use surefoot_world::navigable::NoGround;
@@ -159,6 +159,7 @@ pub struct Envs {
     quota: Arc<Quota>,
     idle_limit: Duration,
     grounds: Grounds,
+    memory: MemoryBudget,
     inner: Arc<Mutex<Inner>>,
 }
 
@@ -174,8 +175,18 @@ impl Envs {
     /// At most `limit` environments at a time, and `limit_per_client` of each client; those that are unused for
     /// `idle_limit` are removed.
     pub fn new(limit: usize, limit_per_client: usize, idle_limit: Duration, grounds: Grounds) -> Self {
+        let memory = match &grounds {
+            Grounds::Maps(maps) => maps.memory().clone(),
+            // The game has its own memory; this is for answers that are kept.
+            Grounds::Game(_) => MemoryBudget::new(DEFAULT_MAX_MEMORY_BYTES),
+        };
         let what = "environments, the most it may have (--max-envs-per-client)";
-        Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, grounds, inner: Arc::default() }
+        Self { limit, quota: Quota::new(limit_per_client, what), idle_limit, grounds, memory, inner: Arc::default() }
+    }
+
+    /// The memory budget of the service.
+    pub fn memory(&self) -> &MemoryBudget {
+        &self.memory
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {

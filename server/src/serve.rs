@@ -65,7 +65,8 @@ async fn run(
         let worlds = worlds.clone();
         move || std::future::ready(worlds.metrics())
     };
-    let endpoint = endpoint.with_readiness(is_ready).with_standing(holds_lease);
+    let memory = worlds.maps().memory().clone();
+    let endpoint = endpoint.with_readiness(is_ready).with_standing(holds_lease).within(memory);
     let routes = routes(&endpoint, &worlds, &shutdown);
     let services = [WORLD_SERVICE, DIRECTORY_SERVICE, ENV_SERVICE, MAP_SERVICE];
     let result = endpoint.serve(routes, &services, metrics, shutdown.clone()).await;
@@ -144,7 +145,8 @@ fn env_service(
             () = stopping => {}
         }
     });
-    EnvServiceServer::new(EnvApi { envs, levels, shutdown: shutdown.clone(), created: AnswerCache::default() })
+    let created = AnswerCache::new(envs.memory().clone());
+    EnvServiceServer::new(EnvApi { envs, levels, shutdown: shutdown.clone(), created })
         .max_decoding_message_size(limits.max_message_bytes)
         .max_encoding_message_size(MAX_MESSAGE_BYTES)
 }

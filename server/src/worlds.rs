@@ -205,7 +205,8 @@ impl Worlds {
                 "worlds, the most it may have (--max-worlds-per-client)",
             ),
             npc_quota: Quota::new(config.max_npcs_per_client, "NPCs, the most it may have (--max-npcs-per-client)"),
-            levels: LevelStore::new(config.max_maps, config.maps.memory().clone()),
+            levels: LevelStore::new(config.max_maps, config.maps.memory().clone())
+                .with_patience(config.reader_patience),
             config,
             worlds: RwLock::default(),
             last_world: AtomicU64::new(0),

@@ -122,16 +122,21 @@ const KNOW_THE_WIRE: [&str; 31] = [
 ];
 
 /// Files that may use `tonic::Status`, besides those that may use wire types.
-const KNOW_STATUSES: [&str; 12] = [
+const KNOW_STATUSES: [&str; 17] = [
     "net/src/status.rs",
     "net/src/client.rs",
     "net/src/idempotency.rs",
     "net/src/paging.rs",
+    "net/src/reader.rs",
     "net/src/serving/access.rs",
     "net/src/serving/connect.rs",
+    "net/src/serving/deadline.rs",
+    "net/src/serving/metered.rs",
+    "net/src/serving/methods.rs",
     "net/src/serving/protocol.rs",
     "net/src/serving/gate.rs",
     "net/src/serving/origin.rs",
+    "net/src/serving/revocation.rs",
     "net/src/serving/shutdown.rs",
     "agent/src/work/mod.rs",
     // A client of Agones.

@@ -2,7 +2,7 @@
 
 use e2e::{
     build_to_end, follow_until_planned, ground, planner_client, small_graph, small_map, spawn, start_planner,
-    start_planner_at, start_server, start_server_at, start_worker, watch_until, world_client,
+    start_planner_at, start_server, start_server_at, start_worker, until_metrics_say, watch_until, world_client,
 };
 use surefoot_net::levels::MapPool;
 use surefoot_net::serving::{EndpointConfig, Limits};
@@ -335,4 +335,35 @@ async fn imported_and_generated_maps_of_a_planner_share_one_budget() {
     client.import_map(import(wire::MapFormat::Gltf, level())).await.unwrap();
     assert!(pool.memory().used_bytes() > 0);
     planner.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_survives_a_refusal_for_lack_of_memory() {
+    let server = start_server(ServerConfig { maps: MapPool::within(40_000_000), ..ServerConfig::default() });
+    let (mut client, mut worlds) = (maps(&server.uri).await, world_client(&server).await);
+    // Reading a file takes eight times its length.
+    let mut file = b"o floor\nv 0 0 0\nv 0 0 40\nv 40 0 40\nv 40 0 0\nf 1 2 3 4\n".to_vec();
+    file.resize(2_000_000, b'\n');
+    let upload_id = "level".to_owned();
+    let part = wire::UploadChunkRequest { upload_id: upload_id.clone(), offset: 0, data: file };
+    client.upload_chunk(part).await.unwrap();
+    let whole = wire::ImportMapRequest { upload_id, ..import(wire::MapFormat::Obj, Vec::new()) };
+    let mut ids = Vec::new();
+    for seed in 0.. {
+        let request = wire::CreateWorldRequest { map: Some(small_map(seed)), ..Default::default() };
+        match worlds.create_world(request).await {
+            Ok(world) => ids.push(world.into_inner().world.unwrap().world_id),
+            Err(_) => break,
+        }
+    }
+    for _ in 0..2 {
+        let refused = client.import_map(whole.clone()).await.unwrap_err();
+        assert_eq!(Reason::of(&refused), Some(Reason::OutOfMemory), "{refused}");
+    }
+    for world_id in ids {
+        worlds.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
+    }
+    until_metrics_say(&server, "surefoot_memory_budget_bytes 2500000").await;
+    client.import_map(whole).await.expect("the upload is still there");
+    server.stop().await;
 }

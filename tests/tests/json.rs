@@ -190,10 +190,20 @@ async fn what_cannot_be_understood_is_refused_in_json_with_a_reason() {
     let fields = call(&server, &format!("{WORLD}/CreateWorld"), json!({"map": {"size": {"width": 1}}})).await.1;
     let bad = fields["details"].as_array().unwrap().iter().find(|it| it["type"] == "google.rpc.BadRequest").unwrap();
     assert_eq!(bad["debug"]["fieldViolations"][0]["field"], "map.size.width");
-    let huge = vec![b' '; 33 << 20];
-    let answer = post(&server, &get, "Content-Type: application/json\r\n", &huge).await;
-    let (status, error) = answer.into_json().await;
-    assert_eq!((status, reason(&error)), (400, "TOO_LARGE"));
+    // Four times the limit of a message, except where messages hold levels.
+    let import = "/surefoot.world.v1.MapService/ImportMap".to_owned();
+    for (method, bytes, expected) in [
+        (&get, (4 << 20) + 1, "TOO_LARGE"),
+        (&get, 4 << 20, "MALFORMED_REQUEST"),
+        (&import, 5 << 20, "MALFORMED_REQUEST"),
+        (&import, (32 << 20) + 1, "TOO_LARGE"),
+    ] {
+        let mut body = vec![b' '; bytes];
+        body[0] = b'?';
+        let answer = post(&server, method, "Content-Type: application/json\r\n", &body).await;
+        let (status, error) = answer.into_json().await;
+        assert_eq!((status, reason(&error)), (400, expected), "{method} {bytes}");
+    }
     server.stop().await;
 }
 

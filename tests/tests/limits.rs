@@ -1,8 +1,8 @@
 //! Every limit of an endpoint, exceeded on purpose; clients within the limits continue.
 
 use e2e::{
-    Running, build_to_end, create_world, metrics, planner_client, small_map, start_of, start_planner, start_server_at,
-    world_client,
+    LIMIT, Running, build_to_end, create_world, metrics, planner_client, small_map, start_of, start_planner,
+    start_server_at, world_client,
 };
 use std::io::ErrorKind;
 use std::time::Duration;
@@ -265,4 +265,28 @@ fn searches_and_whole_graphs_take_no_thread_of_the_runtime_and_hold_up_nobody() 
         assert_eq!(whole.await.unwrap().edges.len(), graph.edges.len());
         planner.stop().await;
     });
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_deadline_has_a_longest_and_counts_in_its_own_protocol_only() {
+    let server = server_with(|limits| {
+        limits.default_deadline = Duration::from_millis(300);
+        limits.max_deadline = Duration::from_millis(600);
+    });
+    let mut client = world_client(&server).await;
+    // A worker that never sends hello gets no answer.
+    let mut overdue = async |name: &'static str, value: &str| {
+        let mut request = Request::new(tokio_stream::pending());
+        request.metadata_mut().insert(name, value.parse().unwrap());
+        let answer = tokio::time::timeout(LIMIT, client.work(request)).await.expect("every call has a deadline");
+        let status = answer.unwrap_err();
+        assert_eq!(status.code(), Code::DeadlineExceeded, "{status}");
+        status.message().to_owned()
+    };
+    assert!(overdue("grpc-timeout", "99999999H").await.contains("--max-deadline"));
+    for (name, value) in [("grpc-timeout", "soon"), ("connect-timeout-ms", "99999999"), ("connect-timeout-ms", "soon")]
+    {
+        assert!(overdue(name, value).await.contains("--default-deadline"), "{name}: {value}");
+    }
+    server.stop().await;
 }

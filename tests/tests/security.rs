@@ -20,13 +20,17 @@ use surefoot_policy::Policy;
 use surefoot_proto::convert::map_spec_to_wire;
 use surefoot_proto::planner::v1 as plan;
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
+use surefoot_proto::reason::Reason;
+use surefoot_proto::world::v1::work_request::Message as Work;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
 use surefoot_proto::world::v1::{
-    BatchSpawnNpcsRequest, CreateWorldRequest, GetNpcRequest, ListWorldsRequest, SampleGroundRequest, Spawn,
-    StallWorldRequest, WatchWorldRequest,
+    BatchSpawnNpcsRequest, CreateWorldRequest, GetNpcRequest, Hello, ListWorldsRequest, SampleGroundRequest, Spawn,
+    StallWorldRequest, WatchWorldRequest, WorkRequest,
 };
 use surefoot_server::ServerConfig;
-use surefoot_world::MapSpec;
+use surefoot_world::sense::OBSERVATION_VERSION;
+use surefoot_world::{MapSpec, OBSERVATION_LEN};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tonic::body::Body;
 use tonic::codegen::tokio_stream::StreamExt;
 use tonic::{Code, Request, Status};
@@ -700,4 +704,143 @@ async fn tokens_are_reloaded_when_their_file_changes_and_kept_when_it_is_broken(
     tokio::time::timeout(LIMIT, replaced).await.expect("the new token is accepted");
     assert_eq!(is_accepted("first-client").await, Err(Code::Unauthenticated), "the old one is withdrawn");
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_token_that_is_removed_ends_its_open_streams_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tokens.toml");
+    let entry = |name: &str, role: &str| {
+        format!("[[token]]\nname = \"{name}\"\nrole = \"{role}\"\nsecret = \"the-secret-of-{name}\"\n")
+    };
+    let staying = entry("stays-here", "client");
+    std::fs::write(
+        &path,
+        [&staying, &entry("leaves-soon", "client"), &entry("works-on", "worker")].map(|it| &**it).concat(),
+    )
+    .unwrap();
+    let security = Security { tokens: Some(Tokens::load(&path).unwrap()), ..Default::default() };
+    let server = start_server_at(EndpointConfig { security, ..Default::default() }, ServerConfig::default());
+    let client =
+        async |name: &str| WorldServiceClient::new(link(&server, &with_token(&format!("the-secret-of-{name}"))).await);
+    let map = Some(map_spec_to_wire(&MapSpec::with_side(1, 50).unwrap()));
+    let mut stays = client("stays-here").await;
+    let world = stays.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
+    let world_id = world.unwrap().world_id;
+    let watch = WatchWorldRequest { world_id, rate_hz: 10.0, ..Default::default() };
+    let mut kept = stays.watch_world(watch.clone()).await.unwrap().into_inner();
+    let mut removed = client("leaves-soon").await.watch_world(watch).await.unwrap().into_inner();
+    // A worker's stream, whose requests go on.
+    let (requests, stream) = tokio::sync::mpsc::channel(1);
+    let hello = Hello {
+        name: "worker".to_owned(),
+        capacity: 1,
+        observation_len: OBSERVATION_LEN as u32,
+        observation_version: OBSERVATION_VERSION,
+        policy: "none".to_owned(),
+    };
+    requests.send(WorkRequest { message: Some(Work::Hello(hello)) }).await.unwrap();
+    let stream = tokio_stream::wrappers::ReceiverStream::new(stream);
+    let mut works = client("works-on").await.work(stream).await.unwrap().into_inner();
+    // The same stream in JSON and in gRPC-Web.
+    let raw = async |kind: &str, body: &[u8]| {
+        let head = format!(
+            "POST /surefoot.world.v1.WorldService/WatchWorld HTTP/1.1\r\nHost: {}\r\nContent-Type: {kind}\r\n\
+             Authorization: Bearer the-secret-of-leaves-soon\r\nConnection: close\r\nContent-Length: {}\r\n\r\n",
+            server.address(),
+            body.len()
+        );
+        let mut socket = tokio::net::TcpStream::connect(server.address()).await.unwrap();
+        socket.write_all(&[head.as_bytes(), body].concat()).await.unwrap();
+        tokio::spawn(async move {
+            let mut answer = Vec::new();
+            socket.read_to_end(&mut answer).await.unwrap();
+            String::from_utf8_lossy(&answer).into_owned()
+        })
+    };
+    let json = raw("application/json", format!("{{\"worldId\": \"{world_id}\"}}").as_bytes()).await;
+    let message = WatchWorldRequest { world_id, ..Default::default() }.encode_to_vec();
+    let framed = [&[0][..], &(message.len() as u32).to_be_bytes(), &message].concat();
+    let web = raw("application/grpc-web+proto", &framed).await;
+
+    std::fs::write(&path, staying).unwrap();
+    let ends = async {
+        let end = loop {
+            if let Err(status) = removed.message().await {
+                break status;
+            }
+        };
+        let cut = loop {
+            if let Err(status) = works.message().await {
+                break status;
+            }
+        };
+        [end, cut]
+    };
+    for end in tokio::time::timeout(LIMIT, ends).await.expect("the streams end") {
+        assert_eq!((end.code(), Reason::of(&end)), (Code::Unauthenticated, Some(Reason::TokenUnknown)), "{end}");
+    }
+    let texts = async { [json.await.unwrap(), web.await.unwrap()] };
+    let [json, web] = tokio::time::timeout(LIMIT, texts).await.expect("the streams end");
+    assert!(json.starts_with("HTTP/1.1 200") && json.contains("\"unauthenticated\""), "{json}");
+    assert!(web.starts_with("HTTP/1.1 200") && web.contains("grpc-status:16\r\n"), "{web}");
+    for _ in 0..20 {
+        kept.message().await.unwrap().expect("the stream of another token goes on");
+    }
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn certificates_of_clients_and_their_authority_are_reloaded_at_both_ends() {
+    let (server_side, former, next) = (Certificates::new(), Certificates::new(), Certificates::new());
+    let clients = server_side.folder.path().join("clients.pem");
+    std::fs::copy(former.authority(), &clients).unwrap();
+    let server = start_tls_server(&server_side, "127.0.0.1", Some(&clients));
+    let showing = |identity| ClientTlsFiles {
+        authority: Some(server_side.authority()),
+        identity: Some(identity),
+        server_name: None,
+    };
+    let (certificate, key) = former.issue("friend");
+    let (next_certificate, next_key) = next.issue("friend");
+    let files = showing((certificate.clone(), key.clone()));
+    let token = folder_file(&former, "token", &secret_of(Role::Admin));
+    let credentials = Credentials::load_with_token_file(&token, &files).unwrap();
+    let link = credentials.dial(&server.uri).unwrap().connect_lazy();
+    let list = async || WorldServiceClient::new(link.clone()).list_worlds(ListWorldsRequest::default()).await;
+    list().await.unwrap();
+    list_worlds(&server.uri, showing((next_certificate.clone(), next_key.clone()))).await.unwrap_err();
+    // The server trusts another authority from now on. Its certificate stays as it was.
+    std::fs::copy(next.authority(), &clients).unwrap();
+    let replaced = async {
+        while list_worlds(&server.uri, showing((next_certificate.clone(), next_key.clone()))).await.is_err() {}
+    };
+    tokio::time::timeout(LIMIT, replaced).await.expect("the server trusts the new authority");
+    list_worlds(&server.uri, files).await.unwrap_err();
+    let outdated = async { while list().await.is_ok() {} };
+    tokio::time::timeout(LIMIT, outdated).await.expect("the client has to connect again");
+    // The same link goes on once its files are replaced.
+    std::fs::copy(&next_certificate, &certificate).unwrap();
+    std::fs::copy(&next_key, &key).unwrap();
+    let reloaded = async { while list().await.is_err() {} };
+    tokio::time::timeout(LIMIT, reloaded).await.expect("the client shows its new certificate");
+    // So does a token in a file.
+    std::fs::write(&token, secret_of(Role::Worker)).unwrap();
+    let refused = async {
+        loop {
+            if let Err(status) = list().await {
+                return Reason::of(&status);
+            }
+        }
+    };
+    let reason = tokio::time::timeout(LIMIT, refused).await.expect("the client shows its new token");
+    assert_eq!(reason, Some(Reason::RoleForbidden));
+    server.stop().await;
+}
+
+/// Writes a file beside the certificates.
+fn folder_file(certificates: &Certificates, name: &str, text: &str) -> PathBuf {
+    let path = certificates.folder.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    path
 }

@@ -721,3 +721,46 @@ async fn a_rapid_reset_of_streams_ends_its_own_connection_and_nobody_elses() {
     client.get_world(wire::GetWorldRequest { world_id }).await.expect("others go on");
     server.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_clients_flood_takes_no_answers_and_no_levels_from_another() {
+    let config = ServerConfig { max_maps: 4, maps: MapPool::within(200_000_000), ..ServerConfig::default() };
+    let server = start_server_at(guarded(Limits::default()), config);
+    let mut ann = WorldServiceClient::new(link(&server, "ann").await);
+    let mut bob = WorldServiceClient::new(link(&server, "bob").await);
+    let create = |request_id: &str| wire::CreateWorldRequest {
+        map: Some(small_map(1)),
+        request_id: request_id.to_owned(),
+        ..Default::default()
+    };
+    let first = bob.create_world(create("bob's")).await.unwrap().into_inner();
+    let world_id = ann.create_world(create("ann's")).await.unwrap().into_inner().world.unwrap().world_id;
+    // 4,096 errors each: their messages alone would be 75 MB.
+    for number in 0..150 {
+        let spawns = vec![wire::Spawn::default(); 4096];
+        let request = wire::BatchSpawnNpcsRequest { world_id, spawns, request_id: number.to_string() };
+        ann.batch_spawn_npcs(request).await.expect("a flood is answered");
+    }
+    assert_eq!(bob.create_world(create("bob's")).await.unwrap().into_inner(), first, "the first answer is kept");
+
+    let file = |seed| exchange::encode(&Map::generate(&MapSpec::with_side(seed, 50).unwrap()));
+    let import = |seed: u64| wire::ImportMapRequest {
+        name: format!("level {seed}"),
+        format: wire::MapFormat::Saved.into(),
+        file: file(seed),
+        ..Default::default()
+    };
+    let mut ann_maps = MapServiceClient::new(link(&server, "ann").await);
+    let mut bob_maps = MapServiceClient::new(link(&server, "bob").await);
+    for seed in 0..3 {
+        bob_maps.import_map(import(seed)).await.unwrap();
+    }
+    for seed in 3..9 {
+        ann_maps.import_map(import(seed)).await.unwrap();
+    }
+    let kept = bob_maps.list_maps(wire::ListMapsRequest::default()).await.unwrap().into_inner().maps;
+    let mut names: Vec<&str> = kept.iter().map(|map| map.name.as_str()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["level 1", "level 2", "level 7", "level 8"], "each has its share, and keeps its latest");
+    server.stop().await;
+}

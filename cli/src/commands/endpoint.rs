@@ -1,6 +1,6 @@
 //! Flags of both ends of a connection: limits and protection of a service, credentials of a client.
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::path::PathBuf;
 use std::time::Duration;
 use surefoot_net::client::{ClientTlsFiles, Credentials};
@@ -22,7 +22,8 @@ pub struct EndpointArgs {
     /// Most open streams per connection
     #[arg(long, default_value_t = Limits::default().max_streams, value_name = "N")]
     max_streams: u32,
-    /// Most connections at a time; further ones are closed at once
+    /// Most connections at a time; a further one takes the place of the oldest one that has made no authorized request, and is
+    /// closed if there is none
     #[arg(long, default_value_t = Limits::default().max_connections, value_name = "N")]
     max_connections: usize,
     /// Close a new connection that sends nothing for this long
@@ -34,6 +35,9 @@ pub struct EndpointArgs {
     /// Deadline of calls for which the client sets none; streams may last longer
     #[arg(long, default_value_t = Seconds(Limits::default().default_deadline), value_name = "SECONDS")]
     default_deadline: Seconds,
+    /// Longest deadline that a client may set on a call
+    #[arg(long, default_value_t = Seconds(Limits::default().max_deadline), value_name = "SECONDS")]
+    max_deadline: Seconds,
     /// Interval between keepalive pings
     #[arg(long, default_value_t = Seconds(Limits::default().keepalive_interval), value_name = "SECONDS")]
     keepalive_interval: Seconds,
@@ -75,6 +79,7 @@ impl EndpointArgs {
             handshake_timeout: self.handshake_timeout.0,
             idle_timeout: self.idle_timeout.0,
             default_deadline: self.default_deadline.0,
+            max_deadline: self.max_deadline.0,
             keepalive_interval: self.keepalive_interval.0,
             keepalive_timeout: self.keepalive_timeout.0,
         };
@@ -128,17 +133,13 @@ impl CredentialArgs {
             (None, None) => None,
             _ => bail!("--tls-client-cert and --tls-client-key must be given together"),
         };
-        let token = match (&self.token, &self.token_file) {
-            (Some(_), Some(_)) => bail!("--token and --token-file cannot be given together"),
-            (token, None) => token.clone(),
-            (None, Some(path)) => {
-                let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-                Some(Secret::new(text.trim()))
-            }
-        };
         let files =
             ClientTlsFiles { authority: self.tls_ca.clone(), identity, server_name: self.tls_server_name.clone() };
-        Ok(Credentials::load(token.as_ref(), &files)?)
+        match (&self.token, &self.token_file) {
+            (Some(_), Some(_)) => bail!("--token and --token-file cannot be given together"),
+            (token, None) => Ok(Credentials::load(token.as_ref(), &files)?),
+            (None, Some(path)) => Ok(Credentials::load_with_token_file(path, &files)?),
+        }
     }
 
     /// Whether a token is configured, by flag, variable or file.

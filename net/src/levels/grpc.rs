@@ -1,27 +1,25 @@
 //! `MapService`: decode, call, encode.
 
-use super::store::{Level, LevelError, LevelFormat, LevelStore, Made, MapSource, Read, read};
+use super::file;
+use super::store::{Level, LevelError, LevelFormat, LevelStore, Made, MapSource, PARSE_FACTOR, Read, read};
 use super::uploads::UploadError;
 use crate::memory::MemoryError;
 use crate::paging::{PageSize, page};
+use crate::reader::ReaderStream;
 use crate::serving::Caller;
 use crate::status;
-use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 use surefoot_proto::convert;
 use surefoot_proto::reason::Reason;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_server::MapService;
-use surefoot_world::exchange::{self, ImportOptions, UpAxis};
+use surefoot_world::exchange::{ImportOptions, UpAxis};
 use surefoot_world::map::PieceError;
-use tokio_stream::Stream;
 use tonic::{Request, Response, Status};
 
 /// Longest name of a level, bytes.
 const MAX_NAME: f64 = 128.0;
-/// Largest chunk of a file that is sent, bytes.
-const CHUNK_BYTES: usize = 1 << 20;
 /// Typical time for which an archive is away.
 const RETRY_AFTER: Duration = Duration::from_secs(2);
 
@@ -133,30 +131,33 @@ impl MapService for LevelStore {
         convert::in_range(request.name.len() as f64, 1.0, MAX_NAME, "the length of name")?;
         let (format, options) = (format(request.format())?, import_options(&request)?);
         let wire::ImportMapRequest { name, file, sidecar, upload_id, .. } = request;
-        let file = match upload_id.as_str() {
-            "" => file,
-            _ if !file.is_empty() => {
-                return Err(status::invalid(
-                    "upload_id",
-                    "file and upload_id are both set: one of them holds the level",
-                ));
-            }
-            id => self.uploads().take(&caller.name, id)?,
-        };
+        if !upload_id.is_empty() && !file.is_empty() {
+            let message = "file and upload_id are both set: one of them holds the level";
+            return Err(status::invalid("upload_id", message));
+        }
         let turn = self.turn().await;
-        let memory = self.reserve(&caller, file.len() + sidecar.len())?;
+        // An upload stays where it is until its turn, and until there is memory for reading it.
+        let (file, memory) = if upload_id.is_empty() {
+            let memory = self.reserve(&caller.name, file.len() + sidecar.len())?;
+            (file, memory)
+        } else {
+            let needed = |len: usize| PARSE_FACTOR * (len + sidecar.len()) as u64;
+            let upload = self.uploads().take(&caller.name, &upload_id, needed)?;
+            (upload.bytes, upload.memory)
+        };
+        let levels = self.clone();
         let task = tokio::task::spawn_blocking(move || {
             // The caller may be gone: turn and memory are released when the work is done.
             let _held = (turn, memory);
             let sidecar = (!sidecar.is_empty()).then_some(sidecar.as_str());
-            read(format, &file, sidecar, &options)
+            let Read { map, origin, warnings } = read(format, &file, sidecar, &options)?;
+            drop(file);
+            let level = levels.put(&caller, name, Arc::new(map))?;
+            levels.archive(&level)?;
+            Ok::<_, LevelError>((level, origin, warnings))
         });
-        let Read { map, origin, warnings } =
-            task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
-        let level = self.put(&caller, name, Arc::new(map))?;
-        let (levels, kept) = (self.clone(), level.clone());
-        let task = tokio::task::spawn_blocking(move || levels.archive(&kept));
-        task.await.map_err(|error| status::failure(Reason::Internal, format!("the import failed: {error}")))??;
+        let failed = |error| status::failure(Reason::Internal, format!("the import failed: {error}"));
+        let (level, origin, warnings) = task.await.map_err(failed)??;
         Ok(Response::new(wire::ImportMapResponse {
             map: Some(level_to_wire(&level)),
             warnings,
@@ -174,23 +175,18 @@ impl MapService for LevelStore {
         Ok(Response::new(wire::UploadChunkResponse { received }))
     }
 
-    type GetMapStream = Pin<Box<dyn Stream<Item = Result<wire::GetMapResponse, Status>> + Send>>;
+    type GetMapStream = ReaderStream<wire::GetMapResponse>;
 
     async fn get_map(&self, request: Request<wire::GetMapRequest>) -> Result<Response<Self::GetMapStream>, Status> {
+        let caller = Caller::of(&request);
         let level = self.fetch(&request.into_inner().map_hash).await?;
         let map = level_to_wire(&level);
-        let task = tokio::task::spawn_blocking(move || exchange::encode(&level.map));
-        let file = task
-            .await
-            .map_err(|error| status::failure(Reason::Internal, format!("the map cannot be saved: {error}")))?;
-        let file_bytes = file.len() as u64;
-        // Chunk by chunk as they are read: a second copy of the file would take as much memory again.
-        let messages = (0..file.len()).step_by(CHUNK_BYTES).map(move |start| {
-            let chunk = file[start..file.len().min(start + CHUNK_BYTES)].to_vec();
-            let (map, file_bytes) = if start == 0 { (Some(map.clone()), file_bytes) } else { (None, 0) };
-            Ok(wire::GetMapResponse { map, chunk, file_bytes })
-        });
-        Ok(Response::new(Box::pin(tokio_stream::iter(messages))))
+        let file = self.file_of(&caller.name, level).await?;
+        let message = move |start, file_bytes: usize, chunk: &[u8]| {
+            let (map, file_bytes) = if start == 0 { (Some(map.clone()), file_bytes as u64) } else { (None, 0) };
+            wire::GetMapResponse { map, chunk: chunk.to_vec(), file_bytes }
+        };
+        Ok(Response::new(file::send(&self.terms(&caller.name), file, message)?))
     }
 
     async fn list_maps(

@@ -1,11 +1,15 @@
 //! The levels that a service keeps, and the sources of maps.
 
 use super::archive::{LevelArchive, SavedLevel};
+use super::file::{LevelFile, Terms};
 use super::uploads::Uploads;
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
+use crate::reader::DEFAULT_PATIENCE;
 use crate::serving::Caller;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, Weak};
+use std::time::{Duration, Instant};
 use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::map::piece::{self, Piece, PieceError};
 use surefoot_world::{Map, MapHash, MapSpec, Vec3};
@@ -15,7 +19,9 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 pub const DEFAULT_MAX_MAPS: usize = 16;
 
 /// Bytes that reading a file takes at most for each byte of it, the index aside.
-const PARSE_FACTOR: u64 = 8;
+pub(super) const PARSE_FACTOR: u64 = 8;
+/// Time without use after which any import may take the place of a level.
+const UNUSED_LIMIT: Duration = Duration::from_secs(600);
 
 /// A map made elsewhere, with the name of its level.
 #[derive(Debug)]
@@ -26,6 +32,8 @@ pub struct Level {
     pub map: Arc<Map>,
     /// The client that imported it.
     pub owner: Arc<str>,
+    /// Its file while somebody reads it.
+    pub(super) file: Arc<tokio::sync::Mutex<Weak<LevelFile>>>,
     /// What it takes of the memory budget.
     _memory: Reservation,
 }
@@ -113,8 +121,10 @@ impl MapSource {
 /// Why a level cannot be kept or found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
-    /// The store is full, and all its maps are in use; holds the limit.
-    #[error("all {0} maps that may be kept are in use (--max-maps)")]
+    /// The store is full, and no map in it may be replaced; holds the limit.
+    #[error(
+        "all {0} maps that may be kept are in use, or were used less than ten minutes ago by clients with fewer maps (--max-maps)"
+    )]
     Full(usize),
     /// There is no memory for it.
     #[error(transparent)]
@@ -143,15 +153,16 @@ pub struct LevelStore {
     uploads: Uploads,
     /// One import at a time: what it needs is known only when it has been read.
     importing: Arc<Semaphore>,
+    /// How long a reader of a level may read nothing.
+    patience: Duration,
     kept: Arc<Mutex<Kept>>,
     archive: Option<Arc<dyn LevelArchive>>,
 }
 
 #[derive(Debug, Default)]
 struct Kept {
-    uses: u64,
-    /// Value of `uses` at the last use, and the level, by hash of the map.
-    levels: BTreeMap<String, (u64, Arc<Level>)>,
+    /// Time of the last use, and the level, by hash of the map.
+    levels: BTreeMap<String, (Instant, Arc<Level>)>,
 }
 
 impl LevelStore {
@@ -162,6 +173,7 @@ impl LevelStore {
             uploads: Uploads::new(memory.clone()),
             memory,
             importing: Arc::new(Semaphore::new(1)),
+            patience: DEFAULT_PATIENCE,
             kept: Arc::default(),
             archive: None,
         }
@@ -171,6 +183,22 @@ impl LevelStore {
     #[must_use]
     pub fn archived(self, archive: Arc<dyn LevelArchive>) -> Self {
         Self { archive: Some(archive), ..self }
+    }
+
+    /// Cuts off readers of levels that read nothing for so long.
+    #[must_use]
+    pub fn with_patience(self, patience: Duration) -> Self {
+        Self { patience, ..self }
+    }
+
+    /// What the stream of a level to a client is subject to.
+    pub(super) fn terms<'a>(&'a self, client: &'a str) -> Terms<'a> {
+        Terms { memory: &self.memory, client, patience: self.patience }
+    }
+
+    /// The memory budget that levels are paid for from.
+    pub fn memory(&self) -> &MemoryBudget {
+        &self.memory
     }
 
     /// Keeps a level in the archive as well, if there is one. Call this from a thread that may block.
@@ -192,20 +220,46 @@ impl LevelStore {
     pub async fn fetch(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
         let found = self.get(map_hash);
         let (Some(archive), Err(LevelError::Unknown(_))) = (self.archive.clone(), &found) else { return found };
-        let hash = map_hash.to_owned();
+        // One at a time: what a level needs is known only when its file is here.
+        let turn = self.turn().await;
+        if let Ok(level) = self.get(map_hash) {
+            return Ok(level);
+        }
+        let (levels, hash) = (self.clone(), map_hash.to_owned());
         let task = tokio::task::spawn_blocking(move || {
+            let _turn = turn;
             let Some(saved) = archive.load(&hash).map_err(LevelError::Away)? else {
                 return Err(LevelError::Unknown(hash));
             };
+            let _memory = levels.reserve(&saved.owner, saved.file.len())?;
             let map = exchange::decode(&saved.file).map_err(|error| LevelError::File(error.to_string()))?;
-            match map.hash().to_hex() == hash {
-                true => Ok((saved, map)),
-                false => Err(LevelError::File(format!("the archive holds another map as {hash}"))),
+            if map.hash().to_hex() != hash {
+                return Err(LevelError::File(format!("the archive holds another map as {hash}")));
             }
+            levels.keep(&saved.owner.into(), |_| true, saved.name, Arc::new(map))
         });
-        let (saved, map) =
-            task.await.map_err(|error| LevelError::File(format!("the map cannot be read: {error}")))??;
-        self.keep(&saved.owner.into(), |_| true, saved.name, Arc::new(map))
+        task.await.map_err(|error| LevelError::File(format!("the map cannot be read: {error}")))?
+    }
+
+    /// The level as a file. A client that asks while another one reads it gets the same bytes.
+    ///
+    /// # Errors
+    /// If there is no memory for it.
+    pub(super) async fn file_of(&self, client: &str, level: Arc<Level>) -> Result<Arc<LevelFile>, LevelError> {
+        let mut slot = level.file.clone().lock_owned().await;
+        if let Some(file) = slot.upgrade() {
+            return Ok(file);
+        }
+        let turn = self.turn().await;
+        let memory = LevelFile::reserve(&self.memory, client, &level.map)?;
+        let task = tokio::task::spawn_blocking(move || {
+            // The caller may be gone: turn and memory are released when the work is done.
+            let _turn = turn;
+            let file = Arc::new(LevelFile::encode(&level.map, memory));
+            *slot = Arc::downgrade(&file);
+            file
+        });
+        task.await.map_err(|error| LevelError::File(format!("the map cannot be saved: {error}")))
     }
 
     /// Files that arrive in parts.
@@ -223,18 +277,20 @@ impl LevelStore {
     ///
     /// # Errors
     /// If there is not enough left.
-    pub(super) fn reserve(&self, caller: &Caller, file_bytes: usize) -> Result<Reservation, MemoryError> {
-        self.memory.reserve(&caller.name, PARSE_FACTOR * file_bytes as u64)
+    pub(super) fn reserve(&self, client: &str, file_bytes: usize) -> Result<Reservation, MemoryError> {
+        self.memory.reserve(client, PARSE_FACTOR * file_bytes as u64)
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
         self.kept.lock().expect("no holder of this lock panics")
     }
 
-    /// Keeps a level, in place of the longest unused ones if there is no room.
+    /// Keeps a level. If there is no room, it takes the place of levels that nobody uses now: first of the client with
+    /// the most levels, the longest unused one first. A client with fewer levels loses only those that were not used for
+    /// ten minutes.
     ///
     /// # Errors
-    /// If all kept maps are in use, or somebody else has named the level otherwise.
+    /// If no kept map may be replaced, or somebody else has named the level otherwise.
     pub fn put(&self, caller: &Caller, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
         self.keep(&caller.name, |owner| caller.may_change(owner), name, map)
     }
@@ -247,28 +303,27 @@ impl LevelStore {
         map: Arc<Map>,
     ) -> Result<Arc<Level>, LevelError> {
         let mut kept = self.kept();
-        kept.uses += 1;
-        let (uses, hash) = (kept.uses, map.hash().to_hex());
+        let (now, hash) = (Instant::now(), map.hash().to_hex());
         if let Some((used, level)) = kept.levels.get_mut(&hash) {
             if level.name == name {
-                *used = uses;
+                *used = now;
                 return Ok(level.clone());
             }
             if !may_change(&level.owner) {
                 return Err(LevelError::OtherName(level.name.clone()));
             }
         } else if kept.levels.len() >= self.limit {
-            kept.forget_oldest().ok_or(LevelError::Full(self.limit))?;
+            kept.forget_one(owner, 1, |_| 1).ok_or(LevelError::Full(self.limit))?;
         }
         let bytes = map.memory_bytes() as u64;
         let memory = loop {
             match self.memory.reserve(owner, bytes) {
                 Ok(memory) => break memory,
-                Err(error) => kept.forget_oldest().ok_or(error)?,
+                Err(error) => kept.forget_one(owner, bytes, Level::memory_bytes).ok_or(error)?,
             }
         };
-        let level = Arc::new(Level { name, map, owner: owner.clone(), _memory: memory });
-        kept.levels.insert(hash, (uses, level.clone()));
+        let level = Arc::new(Level { name, map, owner: owner.clone(), file: Arc::default(), _memory: memory });
+        kept.levels.insert(hash, (now, level.clone()));
         Ok(level)
     }
 
@@ -278,10 +333,8 @@ impl LevelStore {
     /// [`LevelError::Unknown`] if there is none.
     pub fn get(&self, map_hash: &str) -> Result<Arc<Level>, LevelError> {
         let mut kept = self.kept();
-        kept.uses += 1;
-        let uses = kept.uses;
         let found = kept.levels.get_mut(map_hash).map(|(used, level)| {
-            *used = uses;
+            *used = Instant::now();
             level.clone()
         });
         found.ok_or_else(|| LevelError::Unknown(map_hash.to_owned()))
@@ -298,13 +351,32 @@ impl LevelStore {
     }
 }
 
+impl Level {
+    fn memory_bytes(&self) -> u64 {
+        self.map.memory_bytes() as u64
+    }
+
+    /// Whether nobody uses it now.
+    fn is_idle(self: &Arc<Self>) -> bool {
+        Arc::strong_count(self) == 1 && Arc::strong_count(&self.map) == 1
+    }
+}
+
 impl Kept {
-    /// Forgets the longest unused level that nobody uses now; `None` if all are in use.
-    fn forget_oldest(&mut self) -> Option<()> {
-        let is_idle = |level: &Arc<Level>| Arc::strong_count(level) == 1 && Arc::strong_count(&level.map) == 1;
-        let idle = self.levels.iter().filter(|(_, (_, level))| is_idle(level));
-        let oldest = idle.min_by_key(|(_, (used, _))| *used).map(|(hash, _)| hash.clone())?;
-        self.levels.remove(&oldest);
+    /// Forgets an idle level to make room for one of `client` that weighs `added`; `None` if none may be forgotten.
+    fn forget_one(&mut self, client: &Arc<str>, added: u64, weight: impl Fn(&Level) -> u64) -> Option<()> {
+        let mut weights = BTreeMap::from([(client.clone(), added)]);
+        for (_, level) in self.levels.values() {
+            *weights.entry(level.owner.clone()).or_default() += weight(level);
+        }
+        let (now, own) = (Instant::now(), weights[client]);
+        let may_go =
+            |used: &Instant, level: &Level| weights[&level.owner] >= own || now.duration_since(*used) >= UNUSED_LIMIT;
+        let idle = self.levels.iter().filter(|(_, (used, level))| level.is_idle() && may_go(used, level));
+        // Among clients that weigh the same, the one that imports gives way.
+        let rank = |used: &Instant, level: &Level| (Reverse(weights[&level.owner]), level.owner != *client, *used);
+        let hash = idle.min_by_key(|(_, (used, level))| rank(used, level)).map(|(hash, _)| hash.clone())?;
+        self.levels.remove(&hash);
         Some(())
     }
 }

@@ -42,10 +42,13 @@ pub enum UploadError {
     Unknown(String),
 }
 
+/// A file, as far as it has arrived.
 #[derive(Debug)]
-struct Upload {
-    bytes: Vec<u8>,
-    memory: Reservation,
+pub struct Upload {
+    /// Its content.
+    pub bytes: Vec<u8>,
+    /// What it takes of the memory budget.
+    pub memory: Reservation,
     latest: Instant,
 }
 
@@ -99,18 +102,28 @@ impl Uploads {
         if total > MAX_FILE_BYTES {
             return Err(UploadError::TooLarge);
         }
-        upload.memory.resize(total)?;
+        if total > upload.bytes.capacity() as u64 {
+            // With room for more, or each part would copy all former ones.
+            let roomy = (total + total / 4).min(MAX_FILE_BYTES);
+            let capacity =
+                upload.memory.resize(roomy).map(|()| roomy).or_else(|_| upload.memory.resize(total).map(|()| total))?;
+            upload.bytes.reserve_exact((capacity - received) as usize);
+        }
         upload.bytes.extend_from_slice(new);
         Ok(total)
     }
 
-    /// Takes the file of an upload.
+    /// Takes the file of an upload once its reservation has grown to what `needed` returns for its length, bytes. If there is
+    /// not enough memory, the upload stays.
     ///
     /// # Errors
-    /// [`UploadError::Unknown`].
-    pub fn take(&self, client: &Arc<str>, id: &str) -> Result<Vec<u8>, UploadError> {
-        let found = self.by_id().remove(&(client.clone(), id.to_owned()));
-        found.map(|upload| upload.bytes).ok_or_else(|| UploadError::Unknown(id.to_owned()))
+    /// [`UploadError::Unknown`], [`UploadError::Memory`].
+    pub fn take(&self, client: &Arc<str>, id: &str, needed: impl Fn(usize) -> u64) -> Result<Upload, UploadError> {
+        let (mut uploads, key) = (self.by_id(), (client.clone(), id.to_owned()));
+        let upload = uploads.get_mut(&key).ok_or_else(|| UploadError::Unknown(id.to_owned()))?;
+        upload.latest = Instant::now();
+        upload.memory.resize(needed(upload.bytes.len()))?;
+        Ok(uploads.remove(&key).expect("found above"))
     }
 }
 
@@ -127,11 +140,17 @@ mod tests {
         assert_eq!(uploads.append(&ann, "a", 0, b"0123"), Ok(4), "sent again");
         assert_eq!(uploads.append(&ann, "a", 2, b"2345"), Ok(6), "overlapping");
         assert_eq!(uploads.append(&ann, "a", 9, b"9"), Err(UploadError::Offset { offset: 9, received: 6 }));
-        assert_eq!(uploads.take(&bob, "a"), Err(UploadError::Unknown("a".to_owned())), "somebody else's");
+        let whole = |len: usize| len as u64;
+        let unknown = uploads.take(&bob, "a", whole).unwrap_err();
+        assert_eq!(unknown, UploadError::Unknown("a".to_owned()), "somebody else's");
         assert!(matches!(uploads.append(&bob, "b", 0, &[0; 2000]), Err(UploadError::Memory(_))));
-        assert_eq!(uploads.take(&ann, "a").unwrap(), b"012345");
+        let refused = uploads.take(&ann, "a", |len| len as u64 * 1000).unwrap_err();
+        assert!(matches!(refused, UploadError::Memory(_)));
+        let taken = uploads.take(&ann, "a", |len| len as u64 * 100).expect("a refusal leaves the upload");
+        assert_eq!((&taken.bytes[..], budget.used_bytes()), (&b"012345"[..], 600));
+        drop(taken);
         assert_eq!(budget.used_bytes(), 0);
-        assert!(uploads.take(&ann, "a").is_err());
+        assert!(uploads.take(&ann, "a", whole).is_err());
         (0..4).for_each(|id| _ = uploads.append(&ann, &format!("many {id}"), 0, b"x").unwrap());
         assert_eq!(uploads.append(&ann, "one more", 0, b"x"), Err(UploadError::TooMany));
     }

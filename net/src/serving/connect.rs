@@ -6,7 +6,12 @@
 //! that is called with plain `application/json` answers with one JSON document per line (`application/x-ndjson`); if the stream
 //! fails, the last line is `{"error": ...}`. Client streams need gRPC.
 
+use super::limits::Limits;
+use super::metered::SMALL_BYTES;
+use super::methods::method_of;
 use super::protocol::{Codec, Connect, END, FRAME, framed};
+use crate::memory::MemoryBudget;
+use crate::serving::Caller;
 use crate::status;
 use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
@@ -14,24 +19,107 @@ use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, Version, 
 use axum::middleware::Next;
 use http_body_util::{BodyExt, Limited};
 use prost::Message as _;
-use prost_reflect::{DescriptorPool, DynamicMessage, MessageDescriptor, MethodDescriptor};
-use std::sync::LazyLock;
-use std::time::Duration;
+use prost_reflect::{DynamicMessage, MessageDescriptor, MethodDescriptor};
+use std::sync::Arc;
 use surefoot_proto::reason::Reason;
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 
-/// Descriptors of all contracts.
-pub(super) static POOL: LazyLock<DescriptorPool> = LazyLock::new(|| {
-    DescriptorPool::decode(surefoot_proto::FILE_DESCRIPTOR_SET).expect("the contracts were compiled with this program")
-});
+/// Service whose requests hold levels.
+const MAPS: &str = "surefoot.world.v1.MapService";
+/// Length of JSON at most, as a multiple of that of the message: numbers and base64 are longer than what they stand for.
+const JSON_FACTOR: usize = 4;
+/// The same of a message that is mostly base64.
+const BASE64_FACTOR: usize = 2;
+/// Large messages that are translated at the same time.
+const TRANSLATED_AT_A_TIME: usize = 2;
+
+/// What translates calls of the Connect protocol.
+pub(super) struct Translator {
+    limits: Limits,
+    /// What translating a large request is paid for from.
+    memory: MemoryBudget,
+    turns: Semaphore,
+}
+
+impl Translator {
+    pub fn new(limits: Limits, memory: MemoryBudget) -> Self {
+        Self { limits, memory, turns: Semaphore::new(TRANSLATED_AT_A_TIME) }
+    }
+
+    /// Most bytes of the body of a call.
+    fn max_bytes(&self, method: &MethodDescriptor) -> usize {
+        match method.parent_service().full_name() {
+            MAPS => BASE64_FACTOR * self.limits.max_import_bytes,
+            _ => JSON_FACTOR * self.limits.max_message_bytes,
+        }
+    }
+
+    /// Does work on so many bytes: at once if they are few, otherwise on a thread that may block, when its turn comes.
+    async fn run<T: Send + 'static>(
+        &self,
+        bytes: usize,
+        work: impl FnOnce() -> Result<T, Status> + Send + 'static,
+    ) -> Result<T, Status> {
+        if bytes <= SMALL_BYTES {
+            return work();
+        }
+        // Never closed.
+        let _turn = self.turns.acquire().await.ok();
+        let lost = |error| status::failure(Reason::Internal, format!("the message cannot be translated: {error}"));
+        tokio::task::spawn_blocking(work).await.map_err(lost)?
+    }
+
+    /// Translates the body of a request into a message.
+    async fn message(
+        &self,
+        call: Connect,
+        method: &MethodDescriptor,
+        body: Bytes,
+        client: &str,
+    ) -> Result<Vec<u8>, Status> {
+        let body = if call.is_stream { unframed(&body)? } else { body };
+        if call.codec == Codec::Proto {
+            return Ok(body.into());
+        }
+        let memory = match body.len() {
+            0..=SMALL_BYTES => None,
+            _ => Some(self.memory.reserve(client, parsed_bytes(&body))?),
+        };
+        let input = method.input();
+        self.run(body.len(), move || {
+            // The caller may be gone: memory is released when the work is done.
+            let _memory = memory;
+            from_json(input, &body)
+        })
+        .await
+    }
+}
+
+/// Most bytes that JSON takes once it is parsed: so many for each object and for each value in it, and its text.
+fn parsed_bytes(json: &[u8]) -> u64 {
+    const OBJECT_BYTES: u64 = 1024;
+    const VALUE_BYTES: u64 = 128;
+    let (mut bytes, mut is_text, mut is_escaped) = (2 * json.len() as u64, false, false);
+    for byte in json {
+        match byte {
+            _ if is_escaped => is_escaped = false,
+            b'\\' => is_escaped = is_text,
+            b'"' => is_text = !is_text,
+            b'{' if !is_text => bytes += OBJECT_BYTES,
+            b',' | b'[' if !is_text => bytes += VALUE_BYTES,
+            _ => {}
+        }
+    }
+    bytes
+}
 
 /// Answers Connect calls, and passes all other requests on.
-pub(super) async fn serve(State(max_bytes): State<usize>, request: Request, next: Next) -> Response<Body> {
+pub(super) async fn serve(State(by): State<Arc<Translator>>, request: Request, next: Next) -> Response<Body> {
     let Some(connect) = Connect::of(&request) else { return next.run(request).await };
-    match Call::read(connect, request, max_bytes).await {
-        Ok(call) => call.run(next).await,
+    match Call::read(connect, request, &by).await {
+        Ok(call) => call.run(next, by).await,
         Err(status) => connect.refuse(&status),
     }
 }
@@ -41,12 +129,10 @@ struct Call {
     connect: Connect,
     method: MethodDescriptor,
     grpc: Request,
-    /// Time until the answer must begin.
-    deadline: Option<Duration>,
 }
 
 impl Call {
-    async fn read(connect: Connect, request: Request, max_bytes: usize) -> Result<Self, Status> {
+    async fn read(connect: Connect, request: Request, by: &Translator) -> Result<Self, Status> {
         let method = method_of(request.uri().path())?;
         let refuse = |message: String| Err(status::failure(Reason::MalformedRequest, message));
         if method.is_client_streaming() {
@@ -61,18 +147,9 @@ impl Call {
             _ => {}
         }
         let (parts, body) = request.into_parts();
-        let body = match Limited::new(body, max_bytes).collect().await {
-            Ok(body) => body.to_bytes(),
-            Err(_) => {
-                let message = format!("the request is larger than {max_bytes} bytes, or was cut off");
-                return Err(status::failure(Reason::TooLarge, message));
-            }
-        };
-        let body = if connect.is_stream { unframed(&body)? } else { &body[..] };
-        let message = match connect.codec {
-            Codec::Proto => body.to_vec(),
-            Codec::Json => from_json(method.input(), body)?,
-        };
+        let body = collect(body, by.max_bytes(&method)).await?;
+        let client = parts.extensions.get::<Caller>().map_or("unknown", |caller| &caller.name);
+        let message = by.message(connect, &method, body, client).await?;
         let mut grpc = Request::new(Body::from(framed(0, &message)));
         *grpc.method_mut() = Method::POST;
         *grpc.uri_mut() = parts.uri;
@@ -81,47 +158,31 @@ impl Call {
         let headers = grpc.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/grpc"));
         headers.insert(header::TE, HeaderValue::from_static("trailers"));
-        Ok(Self { connect, method, grpc, deadline: timeout(&parts.headers)? })
+        Ok(Self { connect, method, grpc })
     }
 
-    async fn run(self, next: Next) -> Response<Body> {
-        let Self { connect, method, grpc, deadline } = self;
-        let response = match deadline {
-            None => next.run(grpc).await,
-            Some(limit) => match tokio::time::timeout(limit, next.run(grpc)).await {
-                Ok(response) => response,
-                Err(_) => {
-                    let message = format!("no answer within {} ms (connect-timeout-ms)", limit.as_millis());
-                    return connect.refuse(&status::failure(Reason::DeadlineExceeded, message));
-                }
-            },
-        };
+    async fn run(self, next: Next, by: Arc<Translator>) -> Response<Body> {
+        let Self { connect, method, grpc } = self;
+        let response = next.run(grpc).await;
         // An answer without messages has its status in the headers.
         if let Some(status) = failure_in(response.headers()) {
             return connect.refuse(&status);
         }
         let output = Output { connect, message: method.output() };
-        if method.is_server_streaming() { stream(output, response) } else { unary(output, response).await }
+        if method.is_server_streaming() { stream(output, by, response) } else { unary(output, &by, response).await }
     }
 }
 
-/// Returns the method at a path such as `/surefoot.world.v1.WorldService/CreateWorld`.
-fn method_of(path: &str) -> Result<MethodDescriptor, Status> {
-    let found = path.trim_start_matches('/').split_once('/').and_then(|(service, method)| {
-        let service = POOL.get_service_by_name(service)?;
-        service.methods().find(|found| found.name() == method)
-    });
-    found.ok_or_else(|| status::failure(Reason::UnknownMethod, format!("{path} is not a method of this service")))
-}
-
-/// Returns the time that a call may take.
-fn timeout(headers: &HeaderMap) -> Result<Option<Duration>, Status> {
-    let Some(limit) = headers.get("connect-timeout-ms") else { return Ok(None) };
-    let milliseconds = limit.to_str().ok().and_then(|text| text.parse::<u64>().ok());
-    let milliseconds = milliseconds.filter(|limit| *limit < 100_000_000).ok_or_else(|| {
-        status::failure(Reason::MalformedRequest, "connect-timeout-ms is not a number of milliseconds")
-    })?;
-    Ok(Some(Duration::from_millis(milliseconds)))
+/// Reads a body of at most so many bytes.
+async fn collect(body: Body, max_bytes: usize) -> Result<Bytes, Status> {
+    match Limited::new(body, max_bytes).collect().await {
+        Ok(body) => Ok(body.to_bytes()),
+        // The request broke off with a status of its own, such as for a lack of memory.
+        Err(error) => Err(Status::try_from_error(error).map(status::with_reason).unwrap_or_else(|_| {
+            let message = format!("the request is larger than {max_bytes} bytes, or was cut off");
+            status::failure(Reason::TooLarge, message)
+        })),
+    }
 }
 
 fn from_json(descriptor: MessageDescriptor, body: &[u8]) -> Result<Vec<u8>, Status> {
@@ -136,14 +197,18 @@ fn from_json(descriptor: MessageDescriptor, body: &[u8]) -> Result<Vec<u8>, Stat
 }
 
 /// Returns the message in the only frame of a request.
-fn unframed(body: &[u8]) -> Result<&[u8], Status> {
+fn unframed(body: &Bytes) -> Result<Bytes, Status> {
     let malformed = |message: &str| status::failure(Reason::MalformedRequest, message);
     let (head, message) = body.split_at_checked(FRAME).ok_or_else(|| malformed("the request has no frame"))?;
     if head[0] != 0 {
         return Err(malformed("compressed requests are not supported"));
     }
     let len = u32::from_be_bytes([head[1], head[2], head[3], head[4]]) as usize;
-    if message.len() == len { Ok(message) } else { Err(malformed("the request is not exactly one frame")) }
+    if message.len() == len {
+        Ok(body.slice_ref(message))
+    } else {
+        Err(malformed("the request is not exactly one frame"))
+    }
 }
 
 /// Returns the status in headers or trailers, if it is a failure.
@@ -153,6 +218,7 @@ fn failure_in(headers: &HeaderMap) -> Option<Status> {
 }
 
 /// How the messages of an answer are encoded.
+#[derive(Clone)]
 struct Output {
     connect: Connect,
     message: MessageDescriptor,
@@ -194,7 +260,7 @@ impl Output {
     }
 }
 
-async fn unary(output: Output, response: Response<Body>) -> Response<Body> {
+async fn unary(output: Output, by: &Translator, response: Response<Body>) -> Response<Body> {
     let collected = match response.into_body().collect().await {
         Ok(collected) => collected,
         Err(error) => return output.connect.refuse(&status::failure(Reason::Internal, error.to_string())),
@@ -203,16 +269,17 @@ async fn unary(output: Output, response: Response<Body>) -> Response<Body> {
         return output.connect.refuse(&status);
     }
     let body = collected.to_bytes();
-    match output.encode(body.get(FRAME..).unwrap_or_default()) {
-        Ok(message) => answer(output.connect.content_type(), Body::from(message)),
-        Err(status) => output.connect.refuse(&status),
+    let connect = output.connect;
+    match by.run(body.len(), move || output.encode(body.get(FRAME..).unwrap_or_default())).await {
+        Ok(message) => answer(connect.content_type(), Body::from(message)),
+        Err(status) => connect.refuse(&status),
     }
 }
 
 /// Streams the messages of a gRPC answer as they arrive.
-fn stream(output: Output, response: Response<Body>) -> Response<Body> {
+fn stream(output: Output, by: Arc<Translator>, response: Response<Body>) -> Response<Body> {
     let content_type = if output.connect.is_stream { output.connect.content_type() } else { "application/x-ndjson" };
-    let (queue, items) = mpsc::channel::<Result<Bytes, std::convert::Infallible>>(1);
+    let (queue, answers) = mpsc::channel::<Result<Bytes, std::convert::Infallible>>(1);
     let mut body = response.into_body();
     tokio::spawn(async move {
         let mut pending = Vec::new();
@@ -230,30 +297,48 @@ fn stream(output: Output, response: Response<Body>) -> Response<Body> {
                 Ok(data) => pending.extend_from_slice(&data),
                 Err(frame) => break frame.trailers_ref().and_then(failure_in),
             }
-            let items = match whole_items(&output, &mut pending) {
+            let whole = whole_bytes(&pending);
+            if whole == 0 {
+                continue;
+            }
+            let (output, messages) = (output.clone(), pending.drain(..whole).collect::<Vec<u8>>());
+            let items = match by.run(whole, move || items(&output, &messages)).await {
                 Ok(items) => items,
                 Err(status) => break Some(status),
             };
-            if !items.is_empty() && queue.send(Ok(items.into())).await.is_err() {
+            if queue.send(Ok(items.into())).await.is_err() {
                 return;
             }
         };
         // A client that has disconnected needs no end.
         let _ = queue.send(Ok(output.end(end.as_ref()).into())).await;
     });
-    answer(content_type, Body::from_stream(ReceiverStream::new(items)))
+    answer(content_type, Body::from_stream(ReceiverStream::new(answers)))
 }
 
-/// Removes the complete gRPC frames from `pending`, and encodes their messages.
-fn whole_items(output: &Output, pending: &mut Vec<u8>) -> Result<Vec<u8>, Status> {
-    let (mut items, mut at) = (Vec::new(), 0);
-    while let Some([_, len @ ..]) = pending[at..].first_chunk::<FRAME>() {
-        let end = at + FRAME + u32::from_be_bytes(*len) as usize;
-        let Some(message) = pending.get(at + FRAME..end) else { break };
-        items.extend(output.item(message)?);
-        at = end;
+/// Length of the first gRPC frame, its prefix included; `None` if it is not complete.
+fn frame_bytes(frames: &[u8]) -> Option<usize> {
+    let [_, len @ ..] = frames.first_chunk::<FRAME>()?;
+    let end = FRAME + u32::from_be_bytes(*len) as usize;
+    (end <= frames.len()).then_some(end)
+}
+
+/// Length of the complete gRPC frames.
+fn whole_bytes(frames: &[u8]) -> usize {
+    let mut at = 0;
+    while let Some(len) = frame_bytes(&frames[at..]) {
+        at += len;
     }
-    pending.drain(..at);
+    at
+}
+
+/// Encodes the messages of complete gRPC frames.
+fn items(output: &Output, frames: &[u8]) -> Result<Vec<u8>, Status> {
+    let (mut items, mut rest) = (Vec::new(), frames);
+    while let Some(len) = frame_bytes(rest) {
+        items.extend(output.item(&rest[FRAME..len])?);
+        rest = &rest[len..];
+    }
     Ok(items)
 }
 

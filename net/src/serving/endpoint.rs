@@ -1,14 +1,16 @@
 //! An endpoint: one address with its services, from binding to the end of the drain.
 
-use super::connect;
+use super::connect::{self, Translator};
 use super::gate::{self, Gate};
 use super::generations::Generations;
 use super::incoming::{Counters, Incoming};
 use super::limits::Limits;
 use super::openapi;
 use super::origin::Origins;
+use super::revocation;
 use super::security::Security;
 use super::shutdown::Shutdown;
+use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget};
 use axum::body::Bytes;
 use axum::http::header::CONTENT_TYPE;
 use std::future::Future;
@@ -73,6 +75,7 @@ pub struct Endpoint {
     pages: Option<axum::Router>,
     ready: watch::Receiver<bool>,
     standing: watch::Receiver<bool>,
+    memory: MemoryBudget,
 }
 
 impl Endpoint {
@@ -108,7 +111,8 @@ impl Endpoint {
         let listener = TcpListener::from_std(listener).map_err(fail)?;
         let address = listener.local_addr().map_err(fail)?;
         let [ready, standing] = [(); 2].map(|()| watch::channel(true).1);
-        Ok(Self { listener, address, config, pages: None, ready, standing })
+        let memory = MemoryBudget::new(DEFAULT_MAX_MEMORY_BYTES);
+        Ok(Self { listener, address, config, pages: None, ready, standing, memory })
     }
 
     /// Also serves web pages: `pages` answers every GET and HEAD request that no service handles. Pages need no token.
@@ -125,6 +129,11 @@ impl Endpoint {
     /// The health of the whole process, whose name is empty, stays: a restart would not help.
     pub fn with_standing(self, standing: watch::Receiver<bool>) -> Self {
         Self { standing, ..self }
+    }
+
+    /// Large requests are paid for from `memory`.
+    pub fn within(self, memory: MemoryBudget) -> Self {
+        Self { memory, ..self }
     }
 
     /// The address that is bound.
@@ -164,7 +173,7 @@ impl Endpoint {
         M: Fn() -> F + Clone + Send + Sync + 'static,
         F: Future<Output = String> + Send,
     {
-        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready, standing } = self;
+        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready, standing, memory } = self;
         let (mut health, health_service) = tonic_health::server::health_reporter();
         let served: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
         // The empty name stands for the process.
@@ -194,8 +203,8 @@ impl Endpoint {
             }
             std::future::pending::<()>().await
         };
-        let gate =
-            Gate { tokens: security.tokens, origins, default_deadline: limits.default_deadline, ready: ready.clone() };
+        let translator = Translator::new(limits, memory.clone());
+        let gate = Gate { tokens: security.tokens, origins, limits, memory, ready: ready.clone() };
         let contracts = {
             // Built on the first request.
             let (document, names) = (Arc::<OnceLock<Bytes>>::default(), served);
@@ -214,7 +223,8 @@ impl Endpoint {
         }
         // Layers are added from the innermost to the outermost.
         let router = router
-            .layer(axum::middleware::from_fn_with_state(limits.max_import_bytes * 2, connect::serve))
+            .layer(axum::middleware::from_fn(revocation::watch))
+            .layer(axum::middleware::from_fn_with_state(Arc::new(translator), connect::serve))
             .layer(axum::middleware::from_fn_with_state(Arc::new(gate), gate::pass))
             .layer(cors);
         let server = Server::builder()

@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 use tonic::transport::Identity;
 
 /// Time between two looks at a file that is read again when it changes.
-pub(super) const RELOAD_PERIOD: Duration = Duration::from_secs(2);
+pub(crate) const RELOAD_PERIOD: Duration = Duration::from_secs(2);
 
 /// A file that cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -28,9 +28,9 @@ pub(crate) fn read_identity(certificate: &Path, key: &Path) -> Result<Identity, 
 }
 
 /// What changes when a file is written or replaced: its time and its length.
-pub(super) type Stamp = Option<(SystemTime, u64)>;
+pub(crate) type Stamp = Option<(SystemTime, u64)>;
 
-pub(super) fn stamp(path: &Path) -> Stamp {
+pub(crate) fn stamp(path: &Path) -> Stamp {
     let metadata = std::fs::metadata(path).ok()?;
     Some((metadata.modified().ok()?, metadata.len()))
 }

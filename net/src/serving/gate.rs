@@ -1,10 +1,15 @@
 //! Checks every request before a service sees it: who calls, whether they may, and by when the answer is due.
 
 use super::access::{Access, Role, access};
+use super::deadline::{self, Deadline};
 use super::incoming::ConnectionInfo;
+use super::limits::Limits;
+use super::metered::meter;
+use super::methods::takes_stream;
 use super::origin::Origins;
 use super::protocol::Connect;
-use super::tokens::Tokens;
+use super::tokens::{Holder, Tokens};
+use crate::memory::MemoryBudget;
 use crate::status;
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -64,7 +69,9 @@ impl Caller {
 pub(super) struct Gate {
     pub tokens: Option<Tokens>,
     pub origins: Origins,
-    pub default_deadline: Duration,
+    pub limits: Limits,
+    /// What large requests are paid for from.
+    pub memory: MemoryBudget,
     /// False while the service is starting.
     pub ready: watch::Receiver<bool>,
 }
@@ -75,29 +82,31 @@ const START_TIME: Duration = Duration::from_secs(1);
 /// Lets a request through to its service, or answers it.
 pub(super) async fn pass(State(gate): State<Arc<Gate>>, mut request: Request, next: Next) -> Response {
     let protocol = Protocol::of(&request);
-    let caller = match gate.admit(&request).and_then(|caller| gate.check_ready(&request).map(|()| caller)) {
-        Ok(caller) => caller,
+    let deadline = match protocol.deadline(&request, &gate.limits) {
+        Ok(deadline) => deadline,
+        Err(status) => return protocol.refuse(status),
+    };
+    let admitted = gate.admit(&request).and_then(|admitted| gate.check_ready(&request).map(|()| admitted));
+    let (caller, holder) = match admitted {
+        Ok(admitted) => admitted,
         Err(status) if request.uri().path() == "/metrics" => return refuse_page(&status),
         Err(status) => return protocol.refuse(status),
     };
     let span = info_span!("rpc", method = request.uri().path(), caller = &*caller.name);
-    request.extensions_mut().insert(caller);
-    let has_deadline = ["grpc-timeout", "connect-timeout-ms"].iter().any(|name| request.headers().contains_key(*name));
-    let answer = async { with_reason(next.run(request).await) }.instrument(span);
-    if has_deadline {
-        // tonic enforces the caller's own deadline.
-        return answer.await;
+    request.extensions_mut().insert(caller.clone());
+    if let Some(holder) = holder {
+        request.extensions_mut().insert(holder);
     }
-    match tokio::time::timeout(gate.default_deadline, answer).await {
+    // A stream of requests is never there as a whole: the limit of a message bounds it.
+    let is_metered = request.method() == Method::POST && !takes_stream(request.uri().path());
+    let (request, _held) = match is_metered {
+        true => meter(request, &gate.memory, &caller.name),
+        false => (request, Default::default()),
+    };
+    let answer = async { with_reason(next.run(request).await) }.instrument(span);
+    match tokio::time::timeout(deadline.after, answer).await {
         Ok(response) => response,
-        Err(_) => {
-            let limit = gate.default_deadline.as_secs_f64();
-            let message = format!(
-                "no answer within {limit} s, the default deadline (--default-deadline): set a longer deadline on the call"
-            );
-            let status = status::failure(Reason::DeadlineExceeded, message);
-            protocol.refuse(status)
-        }
+        Err(_) => protocol.refuse(deadline.missed()),
     }
 }
 
@@ -111,27 +120,28 @@ fn with_reason(mut response: Response) -> Response {
 }
 
 impl Gate {
-    fn admit(&self, request: &Request) -> Result<Caller, Status> {
+    fn admit(&self, request: &Request) -> Result<(Caller, Option<Holder>), Status> {
         self.origins.check(request.uri(), request.headers())?;
         let peer = || Caller { name: peer(request).into(), role: None };
         let note_authorized = || connection(request).into_iter().for_each(ConnectionInfo::note_authorized);
         let Some(tokens) = &self.tokens else {
             note_authorized();
-            return Ok(peer());
+            return Ok((peer(), None));
         };
         let access = access(request.uri().path());
         // A path outside the services is a page, or does not exist.
         let is_service = ["/surefoot.", "/grpc."].iter().any(|start| request.uri().path().starts_with(start));
         let is_page = is_read(request.method()) && !is_service && access == Access::Roles(&[]);
         if is_page || access == Access::Open {
-            return Ok(peer());
+            return Ok((peer(), None));
         }
         let secret = bearer(request).ok_or_else(|| {
             status::failure(Reason::TokenMissing, "a token is required: send `authorization: Bearer SECRET` (--token)")
         })?;
         let holder = tokens.holder(secret);
-        let (name, role) =
+        let holder =
             holder.ok_or_else(|| status::failure(Reason::TokenUnknown, "this service does not know the token"))?;
+        let (name, role) = holder.caller();
         match access {
             Access::Roles(roles) if !roles.contains(&role) => {
                 let (role, path) = (role.name(), request.uri().path());
@@ -139,7 +149,7 @@ impl Gate {
             }
             _ => {
                 note_authorized();
-                Ok(Caller { name, role: Some(role) })
+                Ok((Caller { name, role: Some(role) }, Some(holder)))
             }
         }
     }
@@ -203,6 +213,15 @@ impl Protocol {
         }
         let is_web = |kind: &&HeaderValue| kind.as_bytes().starts_with(b"application/grpc-web");
         content_type(request).filter(is_web).map_or(Self::Grpc, |kind| Self::GrpcWeb(kind.clone()))
+    }
+
+    /// When the answer is due. Only the header of the protocol counts.
+    fn deadline(&self, request: &Request, limits: &Limits) -> Result<Deadline, Status> {
+        let own = match self {
+            Self::Connect(_) => deadline::of_connect(request.headers())?,
+            Self::Grpc | Self::GrpcWeb(_) => deadline::of_grpc(request.headers()),
+        };
+        Ok(Deadline::new(own, limits))
     }
 
     fn refuse(self, status: Status) -> Response {

@@ -1,6 +1,7 @@
 //! Accepts connections up to a limit, and cuts off silent ones.
 //!
-//! A connection beyond the limit is closed at once instead of queued, so that a load balancer can try another server.
+//! A connection beyond the limit takes the place of the oldest one without an authorized request. If there is none, it is closed
+//! at once instead of queued, so that a load balancer can try another server.
 
 use super::limits::Limits;
 use super::shutdown::Shutdown;

@@ -14,7 +14,8 @@ pub struct Limits {
     pub max_import_bytes: usize,
     /// Most open streams of one connection (`--max-streams`); further ones wait at the client.
     pub max_streams: u32,
-    /// Most open connections (`--max-connections`); a further one is closed at once and counted.
+    /// Most open connections (`--max-connections`). A further one takes the place of the oldest one without an authorized
+    /// request; if there is none, it is closed.
     pub max_connections: usize,
     /// Longest time from accepting a connection to the first bytes of HTTP, TLS included (`--handshake-timeout`).
     pub handshake_timeout: Duration,
@@ -24,6 +25,8 @@ pub struct Limits {
     /// Longest time until a call without a deadline of its own is answered (`--default-deadline`). A stream counts as
     /// answered once it begins; its duration is not limited.
     pub default_deadline: Duration,
+    /// Longest deadline that a client may set (`--max-deadline`); a longer one counts as this.
+    pub max_deadline: Duration,
     /// Time between two pings (`--keepalive-interval`).
     pub keepalive_interval: Duration,
     /// Longest time from a ping to its answer (`--keepalive-timeout`).
@@ -40,6 +43,7 @@ impl Default for Limits {
             handshake_timeout: Duration::from_secs(10),
             idle_timeout: Duration::from_secs(60),
             default_deadline: Duration::from_secs(30),
+            max_deadline: Duration::from_secs(600),
             keepalive_interval: Duration::from_secs(20),
             keepalive_timeout: Duration::from_secs(10),
         }

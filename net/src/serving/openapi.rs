@@ -1,6 +1,6 @@
 //! The contracts as an OpenAPI document, for callers with HTTP and JSON; built from the descriptors, comments included.
 
-use super::connect::POOL;
+use super::methods::POOL;
 use prost_reflect::{EnumDescriptor, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;

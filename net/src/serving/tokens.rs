@@ -5,13 +5,13 @@ use super::files::{FileError, RELOAD_PERIOD, read, stamp};
 use crate::secret::Secret;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, RwLock};
+use std::sync::Arc;
+use tokio::sync::watch;
 use toml::{Table, Value};
 use tracing::{info, warn};
 
 /// Least length of a secret, bytes.
 const MIN_SECRET_LEN: usize = 16;
-const POISON: &str = "no holder of this lock panics";
 
 /// Why a file of tokens cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -66,7 +66,7 @@ pub enum TokenError {
     Duplicate(String, String),
 }
 
-#[derive(Clone)]
+#[derive(Clone, PartialEq)]
 struct Token {
     name: Arc<str>,
     role: Role,
@@ -76,9 +76,31 @@ struct Token {
 /// The tokens that an endpoint accepts. Only hashes of the secrets are kept. Clones share them, also when they are reloaded.
 #[derive(Clone)]
 pub struct Tokens {
-    accepted: Arc<RwLock<Arc<[Token]>>>,
+    accepted: watch::Sender<Arc<[Token]>>,
     /// The file that they were read from.
     path: Option<Arc<Path>>,
+}
+
+/// A token that was accepted.
+#[derive(Clone)]
+pub(super) struct Holder {
+    token: Token,
+    accepted: watch::Receiver<Arc<[Token]>>,
+}
+
+impl Holder {
+    /// Name and role of the token.
+    pub fn caller(&self) -> (Arc<str>, Role) {
+        (self.token.name.clone(), self.token.role)
+    }
+
+    /// Resolves once the token is no longer accepted, or has another role.
+    pub async fn removed(mut self) {
+        if self.accepted.wait_for(|tokens| !tokens.contains(&self.token)).await.is_err() {
+            // The endpoint is gone, and its tokens can no longer change.
+            std::future::pending().await
+        }
+    }
 }
 
 impl fmt::Debug for Tokens {
@@ -112,7 +134,7 @@ impl Tokens {
             known = now;
             match Self::load(&path) {
                 Ok(tokens) => {
-                    *self.accepted.write().expect(POISON) = tokens.accepted();
+                    self.accepted.send_replace(tokens.accepted());
                     info!(path = %path.display(), ?tokens, "the tokens have been reloaded");
                 }
                 Err(error) => warn!(%error, "the tokens stay as they were"),
@@ -121,7 +143,7 @@ impl Tokens {
     }
 
     fn accepted(&self) -> Arc<[Token]> {
-        self.accepted.read().expect(POISON).clone()
+        self.accepted.borrow().clone()
     }
 
     /// Parses tokens: TOML with `[[token]]` entries of `name`, `role` and `secret`.
@@ -150,19 +172,16 @@ impl Tokens {
         if tokens.is_empty() {
             return Err(TokenError::Empty);
         }
-        Ok(Self { accepted: Arc::new(RwLock::new(tokens.into())), path: None })
+        Ok(Self { accepted: watch::Sender::new(tokens.into()), path: None })
     }
 
-    /// Returns the name and the role of the token with this secret. The time taken does not depend on whether there is one.
-    pub(super) fn holder(&self, secret: &str) -> Option<(Arc<str>, Role)> {
-        let hash = blake3::hash(secret.as_bytes());
+    /// Returns the token with this secret. The time taken does not depend on whether there is one.
+    pub(super) fn holder(&self, secret: &str) -> Option<Holder> {
+        let (hash, accepted) = (blake3::hash(secret.as_bytes()), self.accepted.subscribe());
         // All hashes are compared, each in constant time.
-        self.accepted().iter().fold(None, |found, token| if token.hash == hash { Some(token) } else { found }).map(
-            |token| {
-                let Token { name, role, .. } = token;
-                (name.clone(), *role)
-            },
-        )
+        let tokens = self.accepted();
+        let found = tokens.iter().fold(None, |found, token| if token.hash == hash { Some(token) } else { found });
+        found.map(|token| Holder { token: token.clone(), accepted })
     }
 }
 

@@ -64,6 +64,37 @@ pub fn item_error(error: WorldsError) -> wire::ItemError {
     }
 }
 
+/// What is kept of an item of BatchSpawnNpcs for repeated calls.
+pub type Spawned = Result<NpcId, Reason>;
+
+/// Converts the result of an item of BatchSpawnNpcs: what is kept of it, and the whole.
+pub fn spawn_result(result: Result<NpcId, WorldsError>) -> (Spawned, wire::SpawnResult) {
+    use wire::spawn_result::Result as Kind;
+    match result {
+        Ok(npc) => (Ok(npc), wire::SpawnResult { result: Some(Kind::NpcId(npc.0)) }),
+        Err(error) => {
+            let error = item_error(error);
+            let reason = Reason::ALL.iter().find(|reason| reason.name() == error.reason);
+            let kept = Err(reason.copied().unwrap_or(Reason::Internal));
+            (kept, wire::SpawnResult { result: Some(Kind::Error(error)) })
+        }
+    }
+}
+
+/// The result of an item of a repeated BatchSpawnNpcs: of an error, code and reason are those of the first call.
+pub fn kept_result(kept: &Spawned) -> wire::SpawnResult {
+    use wire::spawn_result::Result as Kind;
+    let result = match kept {
+        Ok(npc) => Kind::NpcId(npc.0),
+        Err(reason) => Kind::Error(wire::ItemError {
+            code: reason.code().into(),
+            reason: reason.name().to_owned(),
+            message: format!("the first call with this request_id was refused: {}", reason.meaning()),
+        }),
+    };
+    wire::SpawnResult { result: Some(result) }
+}
+
 /// Converts the result of an item that returns nothing but success or an error.
 pub fn item_result(result: Result<(), WorldsError>) -> wire::ItemResult {
     wire::ItemResult { error: result.err().map(item_error) }

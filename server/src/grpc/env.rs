@@ -3,12 +3,13 @@
 use crate::envs::{EnvId, Envs, FirstState};
 use crate::wire::{env_actions, env_settings, results_to_wire};
 use std::pin::Pin;
-use surefoot_net::idempotency::AnswerCache;
+use surefoot_net::idempotency::{AnswerCache, Repeatable};
 use surefoot_net::levels::{LevelStore, grpc as levels};
 use surefoot_net::serving::{Caller, Shutdown, shutting_down};
 use surefoot_proto::convert;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::env_service_server::EnvService;
+use surefoot_world::Vec3;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::sense::{OBSERVATION_VERSION, observation_len};
 use tokio::sync::mpsc;
@@ -60,8 +61,11 @@ impl EnvService for EnvApi {
         };
         let settings = env_settings(&request, source)?;
         let (envs, owner) = (self.envs.clone(), caller.clone());
+        let npc_bytes = observation_len(request.solid_npcs) * size_of::<f32>() + size_of::<Vec3>();
+        let answer_bytes = settings.episodes.npc_count() * npc_bytes;
         let create = async move { Ok(envs.create(&owner, settings).await?) };
-        let (env_id, first) = self.created.once(&caller.name, &request.request_id, &request, create).await?;
+        let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes };
+        let (env_id, first) = self.created.once(call, &request, create).await?;
         Ok(Response::new(wire::CreateEnvResponse {
             env_id: env_id.0,
             observation_len: observation_len(request.solid_npcs) as u32,

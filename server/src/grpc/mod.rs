@@ -23,12 +23,13 @@ use crate::wire::{
     world_to_wire,
 };
 use crate::worlds::{NpcAccess, WorldSettings, Worlds};
-use readers::{EventSource, ReaderStream};
-use std::sync::Arc;
+use readers::EventSource;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, SystemTime};
-use surefoot_net::idempotency::AnswerCache;
+use surefoot_net::idempotency::{AnswerCache, Repeatable};
 use surefoot_net::levels::grpc as levels;
 use surefoot_net::paging::{PageSize, page_by_id};
+use surefoot_net::reader::ReaderStream;
 use surefoot_net::serving::Caller;
 use surefoot_net::status;
 use surefoot_proto::convert;
@@ -44,6 +45,8 @@ use work::WorkStream;
 
 /// Most threads that build tiles of meshes at the same time, so that worlds keep stepping.
 const MESHES_AT_A_TIME: usize = 2;
+/// Most bytes of the description of a world that has just been created.
+const WORLD_BYTES: usize = 1024;
 /// Time without a sign of a world's thread after which ListWorlds says that the world is silent.
 const SILENCE: Duration = Duration::from_millis(500);
 /// Page size of ListNpcs.
@@ -54,20 +57,21 @@ const NPC_PAGE: PageSize = PageSize { default: 1000, max: 4096 };
 pub struct WorldApi {
     worlds: Worlds,
     meshing: Arc<Semaphore>,
-    created_worlds: AnswerCache<WorldSummary>,
+    created_worlds: AnswerCache<wire::World>,
     spawned: AnswerCache<NpcId>,
-    spawned_batches: AnswerCache<wire::BatchSpawnNpcsResponse>,
+    spawned_batches: AnswerCache<Arc<[batches::Spawned]>>,
 }
 
 impl WorldApi {
     /// Creates the service for `worlds`.
     pub fn new(worlds: Worlds) -> Self {
+        let memory = worlds.maps().memory().clone();
         Self {
             worlds,
             meshing: Arc::new(Semaphore::new(MESHES_AT_A_TIME)),
-            created_worlds: AnswerCache::default(),
-            spawned: AnswerCache::default(),
-            spawned_batches: AnswerCache::default(),
+            created_worlds: AnswerCache::new(memory.clone()),
+            spawned: AnswerCache::new(memory.clone()),
+            spawned_batches: AnswerCache::new(memory),
         }
     }
 
@@ -117,9 +121,12 @@ impl WorldService for WorldApi {
             solid_npcs: request.solid_npcs.unwrap_or(mode == TimeMode::Realtime),
         };
         let (worlds, owner) = (self.worlds.clone(), caller.clone());
-        let create = async move { Ok(worlds.create(&owner, source, settings).await?) };
-        let world = self.created_worlds.once(&caller.name, &request.request_id, &request, create).await?;
-        Ok(Response::new(wire::CreateWorldResponse { world: Some(world_to_wire(&world)) }))
+        // What is kept must not hold the map.
+        let create = async move { Ok(world_to_wire(&worlds.create(&owner, source, settings).await?)) };
+        let answer_bytes = WORLD_BYTES;
+        let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes };
+        let world = self.created_worlds.once(call, &request, create).await?;
+        Ok(Response::new(wire::CreateWorldResponse { world: Some(world) }))
     }
 
     async fn get_world(
@@ -198,7 +205,8 @@ impl WorldService for WorldApi {
         let order = batches::spawn(&wire::Spawn { position, yaw, goal: None, body })?;
         let (worlds, owner) = (self.worlds.clone(), caller.clone());
         let spawn = async move { Ok(worlds.spawn(&owner, world, order).await?) };
-        let npc = self.spawned.once(&caller.name, &request.request_id, &request, spawn).await?;
+        let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes: 0 };
+        let npc = self.spawned.once(call, &request, spawn).await?;
         Ok(Response::new(wire::SpawnNpcResponse { npc_id: npc.0 }))
     }
 
@@ -206,23 +214,29 @@ impl WorldService for WorldApi {
         &self,
         request: Request<wire::BatchSpawnNpcsRequest>,
     ) -> Result<Response<wire::BatchSpawnNpcsResponse>, Status> {
-        use wire::spawn_result::Result as Kind;
         let caller = Caller::of(&request);
         let request = request.into_inner();
-        batches::check_count(request.spawns.len(), "spawns")?;
+        let count = request.spawns.len();
+        batches::check_count(count, "spawns")?;
         let order = |spawn| Ok(batches::spawn(spawn)?);
         let orders = request.spawns.iter().map(order).collect();
         let (worlds, owner, world) = (self.worlds.clone(), caller.clone(), WorldId(request.world_id));
+        // The call that spawns answers with the messages of errors as well. They are too large to be kept.
+        let full = Arc::new(OnceLock::new());
+        let answer = full.clone();
         let spawn = async move {
-            let results = worlds.spawn_many(&owner, world, orders).await?.into_iter();
-            let results = results.map(|result| match result {
-                Ok(npc) => wire::SpawnResult { result: Some(Kind::NpcId(npc.0)) },
-                Err(error) => wire::SpawnResult { result: Some(Kind::Error(batches::item_error(error))) },
-            });
-            Ok(wire::BatchSpawnNpcsResponse { results: results.collect() })
+            let results = worlds.spawn_many(&owner, world, orders).await?;
+            let (kept, results): (Vec<_>, Vec<_>) = results.into_iter().map(batches::spawn_result).unzip();
+            // The call runs at most once.
+            let _ = answer.set(results);
+            Ok(kept.into())
         };
-        let response = self.spawned_batches.once(&caller.name, &request.request_id, &request, spawn).await?;
-        Ok(Response::new(response))
+        let answer_bytes = count * size_of::<batches::Spawned>();
+        let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes };
+        let kept = self.spawned_batches.once(call, &request, spawn).await?;
+        let full = Arc::try_unwrap(full).ok().and_then(OnceLock::into_inner);
+        let results = full.unwrap_or_else(|| kept.iter().map(batches::kept_result).collect());
+        Ok(Response::new(wire::BatchSpawnNpcsResponse { results }))
     }
 
     async fn despawn_npc(

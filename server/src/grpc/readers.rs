@@ -14,10 +14,9 @@ use crate::wire::{
 };
 use crate::worlds::WorldsError;
 use std::collections::BTreeSet;
-use std::pin::Pin;
-use std::sync::{Arc, OnceLock};
-use std::task::{Context, Poll, ready};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
+use surefoot_net::reader::{Reader, ReaderStream};
 use surefoot_net::serving::{Shutdown, shutting_down};
 use surefoot_net::status;
 use surefoot_proto::convert::{self, FieldError};
@@ -26,12 +25,9 @@ use surefoot_proto::world::v1 as wire;
 use surefoot_world::sense::Sight;
 use surefoot_world::{Map, Tick};
 use tokio::sync::broadcast::{Receiver, error::RecvError};
-use tokio::sync::{Semaphore, mpsc, watch};
-use tokio_stream::Stream;
+use tokio::sync::{Semaphore, watch};
 use tonic::Status;
 
-/// Most messages waiting for one reader; older snapshots are skipped.
-const QUEUE: usize = 1;
 /// Most events that are copied out of a world's log at a time.
 const EVENTS_AT_A_TIME: usize = 4096;
 /// Pause before a call to a busy world is repeated.
@@ -57,66 +53,6 @@ pub fn period_of(period_s: f32) -> Result<Duration, FieldError> {
     Ok(Duration::from_secs_f64(seconds))
 }
 
-/// A stream to one reader, which can end with a status.
-#[derive(Debug)]
-pub struct ReaderStream<T> {
-    messages: mpsc::Receiver<T>,
-    end: Arc<OnceLock<Status>>,
-    is_over: bool,
-}
-
-impl<T> Stream for ReaderStream<T> {
-    type Item = Result<T, Status>;
-
-    fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
-        if self.is_over {
-            return Poll::Ready(None);
-        }
-        if let Some(message) = ready!(self.messages.poll_recv(context)) {
-            return Poll::Ready(Some(Ok(message)));
-        }
-        self.is_over = true;
-        Poll::Ready(self.end.get().cloned().map(Err))
-    }
-}
-
-/// The sending side of a [`ReaderStream`].
-struct Reader<T> {
-    queue: mpsc::Sender<T>,
-    end: Arc<OnceLock<Status>>,
-    patience: Duration,
-}
-
-impl<T> Reader<T> {
-    fn new(patience: Duration) -> (Self, ReaderStream<T>) {
-        let (queue, messages) = mpsc::channel(QUEUE);
-        let end = Arc::new(OnceLock::new());
-        (Self { queue, end: end.clone(), patience }, ReaderStream { messages, end, is_over: false })
-    }
-
-    /// Ends the stream with `status`.
-    fn close(self, status: Status) {
-        // The status is not set yet, because closing consumes the reader.
-        let _ = self.end.set(status);
-    }
-
-    /// Sends a message, waiting for a slow reader for at most `patience`; returns `None` if the stream is over.
-    async fn send(self, message: T) -> Option<Self> {
-        match tokio::time::timeout(self.patience, self.queue.send(message)).await {
-            Ok(Ok(())) => Some(self),
-            Ok(Err(_)) => None,
-            Err(_) => {
-                let seconds = self.patience.as_secs_f32();
-                self.close(status::failure(
-                    Reason::ReaderTooSlow,
-                    format!("nothing was read for {seconds} s: watch again"),
-                ));
-                None
-            }
-        }
-    }
-}
-
 /// Streams a reader's view of snapshots. Snapshots that come while it is not ready for the next are skipped.
 pub fn watch_world(
     world_id: WorldId,
@@ -138,7 +74,7 @@ pub fn watch_world(
                     Err(_) => return reader.close(WorldsError::UnknownWorld(world_id).into()),
                 },
                 () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.queue.closed() => return,
+                () = reader.closed() => return,
             };
             match reader.send(shown_to_wire(&view.show(&snapshot))).await {
                 Some(still) => reader = still,
@@ -147,7 +83,7 @@ pub fn watch_world(
             tokio::select! {
                 () = tokio::time::sleep(pause) => {}
                 () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.queue.closed() => return,
+                () = reader.closed() => return,
             }
         }
     });
@@ -180,7 +116,7 @@ pub fn watch_events(
                     Err(status) => return reader.close(status),
                 },
                 () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.queue.closed() => return,
+                () = reader.closed() => return,
             };
         }
     });
@@ -300,7 +236,7 @@ pub fn watch_stats(
             tokio::select! {
                 () = tokio::time::sleep(pause) => {}
                 () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.queue.closed() => return,
+                () = reader.closed() => return,
             }
         }
     });
@@ -320,7 +256,7 @@ pub fn send_mesh(
     let lost = || status::failure(Reason::Internal, "the mesh cannot be made");
     tokio::spawn(async move {
         let of = map.clone();
-        let Some(tiles) = in_turn(&turns, &reader.queue, move || Arc::new(tiles(&of))).await else {
+        let Some(tiles) = in_turn(&turns, &reader, move || Arc::new(tiles(&of))).await else {
             return reader.close(lost());
         };
         for tile_idx in 0..tiles.count() {
@@ -329,7 +265,7 @@ pub fn send_mesh(
             }
             let (of, tiles) = (map.clone(), tiles.clone());
             let encode = move || tile_to_wire(&tiles.mesh(&of, tile_idx), tiles.count());
-            let tile = in_turn(&turns, &reader.queue, encode).await;
+            let tile = in_turn(&turns, &reader, encode).await;
             let Some(tile) = tile else { return reader.close(lost()) };
             match reader.send(tile).await {
                 Some(still) => reader = still,
@@ -343,7 +279,7 @@ pub fn send_mesh(
 /// Runs `work` on a blocking thread when its turn comes; returns `None` if `work` panics or the reader leaves before.
 async fn in_turn<T: Send + 'static, M>(
     turns: &Semaphore,
-    reader: &mpsc::Sender<M>,
+    reader: &Reader<M>,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Option<T> {
     let _turn = tokio::select! {
@@ -442,7 +378,7 @@ pub fn follow_npc(
             tokio::select! {
                 () = tokio::time::sleep(pause) => {}
                 () = &mut stopping => return reader.close(shutting_down()),
-                () = reader.queue.closed() => return,
+                () = reader.closed() => return,
             }
         }
     });
