@@ -173,7 +173,8 @@ impl Endpoint {
         M: Fn() -> F + Clone + Send + Sync + 'static,
         F: Future<Output = String> + Send,
     {
-        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready, standing, memory } = self;
+        let Self { listener, address, config: EndpointConfig { limits, security }, pages, ready, standing, memory } =
+            self;
         let (mut health, health_service) = tonic_health::server::health_reporter();
         let served: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
         // The empty name stands for the process.
