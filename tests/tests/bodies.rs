@@ -98,11 +98,29 @@ async fn npcs_of_several_bodies_reach_their_goals_each_by_a_graph_of_its_own() {
     assert!(ends.iter().filter(told).count() >= 11, "{ends:?}");
     assert!(ends.iter().filter(|end| **end == wire::Outcome::Reached).count() >= 6, "{ends:?}");
 
-    let graphs = planner_client(&planner).await.list_graphs(planner::ListGraphsRequest::default()).await.unwrap();
-    let graphs = graphs.into_inner().graphs;
-    let speeds: BTreeSet<String> =
-        graphs.iter().map(|it| format!("{:?}", it.body.clone().unwrap().forward_speed)).collect();
-    assert_eq!(speeds, BTreeSet::from(["Some(2.5)".to_owned(), "Some(5.335)".to_owned()]));
+    let mut planner_client = planner_client(&planner).await;
+    let mut graph_speeds = async || {
+        let graphs = planner_client.list_graphs(planner::ListGraphsRequest::default()).await.unwrap();
+        let graphs = graphs.into_inner().graphs;
+        graphs.iter().map(|it| it.body.as_ref().unwrap().forward_speed.unwrap().to_bits()).collect::<BTreeSet<u32>>()
+    };
+    let [unity, slow, quick] = [5.335f32, 2.5, 7.5].map(f32::to_bits);
+    assert_eq!(graph_speeds().await, BTreeSet::from([unity, slow]));
+
+    // The slow ones leave, another body takes the place of theirs, and its NPCs have a graph of their own.
+    for npc in end.npcs.iter().filter(|npc| npc.body_idx == 1) {
+        client.despawn_npc(wire::DespawnNpcRequest { npc_id: npc.npc_id }).await.unwrap();
+    }
+    let quick_body = wire::Body { forward_speed: Some(7.5), ..preset("unity") };
+    let other = spawn(&places[..2], Some(quick_body));
+    let request = wire::BatchSpawnNpcsRequest { world_id: world.world_id, spawns: vec![other], ..Default::default() };
+    client.batch_spawn_npcs(request).await.unwrap();
+    let end = watch_until(&mut client, world.world_id, |snapshot| {
+        snapshot.npcs.iter().any(|npc| npc.body_idx == 1 && npc.last_outcome() != wire::Outcome::Unspecified)
+    })
+    .await;
+    assert_eq!(end.npcs.iter().filter(|npc| npc.body_idx == 1).count(), 1);
+    assert_eq!(graph_speeds().await, BTreeSet::from([unity, slow, quick]));
     worker.stop().await;
     planner.stop().await;
     server.stop().await;
@@ -142,6 +160,11 @@ async fn bodies_that_make_no_sense_are_refused_and_name_the_field() {
         (wire::Body { radius: Some(9.0), ..Default::default() }, "body.radius"),
         (wire::Body { gravity: Some(f32::NAN), ..Default::default() }, "body.gravity"),
         (wire::Body { extra_jumps: Some(1000), ..Default::default() }, "body.extra_jumps"),
+        // A body that has jumped would count as one that has just left the ground, and jump for ever.
+        (
+            wire::Body { coyote_ticks: Some(255), ..Default::default() },
+            "body.coyote_ticks is 255, but must be 0 to 254",
+        ),
         (wire::Body { height: Some(0.3), ..Default::default() }, "body.height"),
     ];
     for (body, field) in bad {
@@ -152,19 +175,30 @@ async fn bodies_that_make_no_sense_are_refused_and_name_the_field() {
         assert!(client.create_world(request).await.unwrap_err().message().contains(field));
     }
     // The world's own body is the first of 64.
+    let mut last = 0;
     for idx in 1..64 {
-        client
-            .spawn_npc(spawn(wire::Body { height: Some(1.0 + 0.01 * idx as f32), ..Default::default() }))
-            .await
-            .unwrap();
+        let body = wire::Body { height: Some(1.0 + 0.01 * idx as f32), ..Default::default() };
+        last = client.spawn_npc(spawn(body)).await.unwrap().into_inner().npc_id;
     }
     let status = client.spawn_npc(spawn(preset("heavy"))).await.unwrap_err();
     assert_eq!(Reason::of(&status), Some(Reason::TooManyBodies), "{status}");
-    client
-        .spawn_npc(spawn(wire::Body { height: Some(1.63), ..Default::default() }))
-        .await
-        .expect("a body that it knows");
+    let known = spawn(wire::Body { height: Some(1.63), ..Default::default() });
+    let twin = client.spawn_npc(known).await.expect("a body that it knows").into_inner().npc_id;
     client.spawn_npc(spawn(preset("surefoot"))).await.expect("its own");
+
+    // 1.63 m is the body of two NPCs, and only the removal of both makes room for another body.
+    client.despawn_npc(wire::DespawnNpcRequest { npc_id: last }).await.unwrap();
+    client.spawn_npc(spawn(preset("heavy"))).await.expect_err("one NPC has it still");
+    client.despawn_npc(wire::DespawnNpcRequest { npc_id: twin }).await.unwrap();
+    for name in ["heavy", "small", "unity"] {
+        let npc_id = client.spawn_npc(spawn(preset(name))).await.expect("there is room").into_inner().npc_id;
+        let request = wire::GetWorldRequest { world_id: world.world_id };
+        let bodies = client.get_world(request).await.unwrap().into_inner().world.unwrap().bodies;
+        let npc = client.get_npc(wire::GetNpcRequest { npc_id }).await.unwrap().into_inner();
+        assert_eq!(bodies.len(), 64);
+        assert_eq!(bodies[npc.npc.unwrap().body_idx as usize].preset, name);
+        client.despawn_npc(wire::DespawnNpcRequest { npc_id }).await.unwrap();
+    }
     server.stop().await;
 }
 

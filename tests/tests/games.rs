@@ -125,6 +125,7 @@ async fn routes_that_make_no_sense_are_refused_by_field() {
         (vec![route(0, &[one], Some(nan))], "actions.routes.start is not finite"),
         (vec![wire::EnvRoute { yaw: 7.0, ..route(0, &[one], Some(other)) }], "actions.routes.yaw is 7"),
         (vec![route(0, &[one], None); 3], "actions.routes has 3 routes; at most 2"),
+        (vec![route(1, &[one], Some(one)), route(1, &[one], Some(other))], "actions.routes.npc names npc 1 twice"),
     ] {
         let refusal = step(&mut client, created.env_id, [0.0; 8], routes).await.unwrap_err();
         assert!(refusal.code() == Code::InvalidArgument && refusal.message().contains(words), "{refusal}");
