@@ -16,7 +16,7 @@ use crate::wire::{
 };
 use prost::Message;
 use std::pin::Pin;
-use surefoot_net::idempotency::{AnswerCache, check_id};
+use surefoot_net::idempotency::{AnswerCache, Repeatable, check_id};
 use surefoot_net::paging::{PageSize, page};
 use surefoot_net::serving::Caller;
 use surefoot_net::status;
@@ -46,7 +46,7 @@ pub struct PlannerApi {
 impl PlannerApi {
     /// Creates the service for `planner`.
     pub fn new(planner: Planner) -> Self {
-        Self { planner, reported: AnswerCache::default() }
+        Self { reported: AnswerCache::new(planner.config().maps.memory().clone()), planner }
     }
 
     /// Converts a query, and checks that it lies in or near the map of the graph.
@@ -252,7 +252,8 @@ impl PlannerService for PlannerApi {
         let planner = self.planner.clone();
         let report = async move { Ok(planner.report(hosted, reporter, traversals, call).await?) };
         // Repeats here get the answer from memory, so that they do not count even for a moment.
-        let accepted = self.reported.once(&caller.name, &request.request_id, &request, report).await?;
+        let call = Repeatable { client: &caller.name, request_id: &request.request_id, answer_bytes: 0 };
+        let accepted = self.reported.once(call, &request, report).await?;
         Ok(Response::new(wire::ReportTraversalsResponse { accepted }))
     }
 
