@@ -4,7 +4,7 @@
 use crate::error::PlannerError;
 use crate::faults;
 use crate::hosted::{Hosted, Legacy, Prepared, Provenance};
-use crate::jobs::{BuildResult, Job, Jobs, Stage};
+use crate::jobs::{BuildResult, Job, Jobs, SERVICE, Stage};
 use crate::origin::Origin;
 use crate::planner::Planner;
 use crate::provers::ProbeWork;
@@ -46,17 +46,16 @@ impl Planner {
         self.shared.jobs.all().iter().for_each(|job| job.cancel());
     }
 
-    /// Starts the build of a graph, or returns the build of the same graph that is already running or waiting.
+    /// Starts the build of a graph for `client`, or returns the build of the same graph that is already running or waiting.
     ///
     /// # Errors
     /// If too many builds are running or waiting.
     pub fn start_build(
         &self,
-        source: MapSource,
-        body: CharacterProfile,
-        settings: BuildSettings,
+        wanted: (MapSource, CharacterProfile, BuildSettings),
+        client: &str,
     ) -> Result<Arc<Job>, PlannerError> {
-        let (job, is_new) = self.shared.jobs.find_or_add(source, body, settings, self.shared.config.max_builds)?;
+        let (job, is_new) = self.shared.jobs.find_or_add(wanted, client, &self.shared.config)?;
         if is_new {
             self.run_job(job.clone(), Self::run_posted);
         }
@@ -129,7 +128,7 @@ impl Planner {
     /// Builds or loads the graph of the map of a job without pieces.
     async fn plain_graph(&self, job: &Job) -> Result<Arc<Hosted>, PlannerError> {
         let plain = MapSource::from(job.source.made().clone());
-        let build = self.start_build(plain, job.body.clone(), job.settings)?;
+        let build = self.start_build((plain, job.body.clone(), job.settings), SERVICE)?;
         tokio::select! {
             () = build.ended() => {}
             () = job.cancelled() => return Err(BuildError::Cancelled.into()),

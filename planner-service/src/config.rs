@@ -14,6 +14,8 @@ pub struct PlannerConfig {
     pub max_queries: usize,
     /// Maximum number of builds that are running or waiting (`--max-builds`).
     pub max_builds: usize,
+    /// Maximum number of these that one client has asked for (`--max-builds-per-client`).
+    pub max_builds_per_client: usize,
     /// Maximum number of graphs in memory (`--graphs-in-memory`).
     pub graphs_in_memory: usize,
     /// Number of threads for probing (`--threads`).
@@ -36,6 +38,7 @@ impl Default for PlannerConfig {
             max_vertices: 2000,
             max_queries: 4096,
             max_builds: 16,
+            max_builds_per_client: 8,
             graphs_in_memory: 32,
             threads,
             table_vertices: DEFAULT_TABLE_LIMIT,

@@ -53,6 +53,16 @@ pub enum PlannerError {
     /// As many builds as allowed are running or waiting.
     #[error("{0} builds are already running or waiting, the maximum (--max-builds)")]
     TooManyBuilds(usize),
+    /// As many builds as one client may ask for are running or waiting.
+    #[error(
+        "{0} builds that this client asked for are already running or waiting, the maximum (--max-builds-per-client)"
+    )]
+    TooManyBuildsOfClient(usize),
+    /// A client would cancel a build that it has not asked for.
+    #[error(
+        "this client has not asked for build {0}, or has cancelled it already: only clients that wait for it, or an admin, may cancel it"
+    )]
+    NotRequester(String),
     /// The caller requires another policy than the service proves edges with.
     #[error(
         "this planner proves edges with the policy {name} ({hash}), not with {wanted}: start the planner and the workers with the same --model"

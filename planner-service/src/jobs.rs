@@ -1,15 +1,17 @@
 //! Builds as clients see them: operations with an id that clients start, watch, list and cancel. A build continues when nobody
 //! watches it.
 
+use crate::config::PlannerConfig;
 use crate::error::PlannerError;
 use crate::figures::Figures;
 use crate::locks::POISON;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::MapSource;
+use surefoot_net::serving::Caller;
 use surefoot_planner::{BuildError, BuildSettings, GraphId, Progress};
 use surefoot_world::CharacterProfile;
 use tokio::sync::watch;
@@ -120,7 +122,19 @@ pub struct Job {
     pub(crate) is_ours: AtomicBool,
     /// Whether others have been told how the build has ended.
     pub(crate) is_end_posted: AtomicBool,
+    requesters: Mutex<Requesters>,
     state: watch::Sender<State>,
+}
+
+/// Name of this service among the requesters: builds that plans and edits need.
+pub(crate) const SERVICE: &str = "";
+
+/// The clients that wait for a build.
+#[derive(Debug, Default)]
+struct Requesters {
+    names: BTreeSet<String>,
+    /// Number of clients that have withdrawn by way of other planners, so far as this one has taken note of it.
+    noted: usize,
 }
 
 impl Job {
@@ -139,6 +153,7 @@ impl Job {
             progress: Arc::default(),
             is_ours: AtomicBool::new(false),
             is_end_posted: AtomicBool::new(false),
+            requesters: Mutex::default(),
             state: watch::Sender::new(state),
         }
     }
@@ -216,6 +231,56 @@ impl Job {
         self.state.send_modify(|_| {});
     }
 
+    /// Notes that a client waits for the build.
+    pub(crate) fn add_requester(&self, client: &str) {
+        self.requesters.lock().expect(POISON).names.insert(client.to_owned());
+    }
+
+    /// Takes over who waits for the build of another planner, and how many have withdrawn there.
+    pub(crate) fn take_requesters(&self, names: &[String], withdrawn_count: usize) {
+        let names = names.iter().cloned().collect();
+        *self.requesters.lock().expect(POISON) = Requesters { names, noted: withdrawn_count };
+    }
+
+    /// Returns the clients that wait for the build.
+    pub(crate) fn requesters(&self) -> Vec<String> {
+        self.requesters.lock().expect(POISON).names.iter().cloned().collect()
+    }
+
+    /// Removes those whom `caller` may speak for from the clients that wait. If none is left, the build is cancelled.
+    ///
+    /// # Errors
+    /// If `caller` speaks for none of them.
+    pub(crate) fn withdraw(&self, caller: &Caller) -> Result<(), PlannerError> {
+        let is_last = {
+            let names = &mut self.requesters.lock().expect(POISON).names;
+            let count = names.len();
+            names.retain(|name| !caller.may_change(name));
+            if names.len() == count && !caller.may_change(SERVICE) {
+                return Err(PlannerError::NotRequester(self.id.to_string()));
+            }
+            names.is_empty()
+        };
+        if is_last {
+            self.cancel();
+        }
+        Ok(())
+    }
+
+    /// Takes note of all who have withdrawn by way of other planners, in the order in which they did.
+    pub(crate) fn note_withdrawn(&self, withdrawn: &[String]) {
+        let is_last = {
+            let Requesters { names, noted } = &mut *self.requesters.lock().expect(POISON);
+            let new = withdrawn.get(*noted..).unwrap_or_default();
+            new.iter().for_each(|name| drop(names.remove(name)));
+            *noted = withdrawn.len();
+            !new.is_empty() && names.is_empty()
+        };
+        if is_last {
+            self.cancel();
+        }
+    }
+
     pub(crate) fn enter(&self, stage: Stage) {
         self.state.send_modify(|state| {
             self.note_probes(&mut state.stages);
@@ -282,13 +347,12 @@ impl Jobs {
     /// new.
     ///
     /// # Errors
-    /// If `limit` builds are already running or waiting.
+    /// If as many builds as `limits` allow are already running or waiting.
     pub(crate) fn find_or_add(
         &self,
-        source: MapSource,
-        body: CharacterProfile,
-        settings: BuildSettings,
-        limit: usize,
+        (source, body, settings): (MapSource, CharacterProfile, BuildSettings),
+        client: &str,
+        limits: &PlannerConfig,
     ) -> Result<(Arc<Job>, bool), PlannerError> {
         let mut jobs = self.jobs.lock().expect(POISON);
         remove_ended(&mut jobs);
@@ -300,11 +364,17 @@ impl Jobs {
         let job = Job::new(id, (source, body, settings), started);
         let open = || jobs.values().filter(|other| !other.has_ended());
         if let Some(same) = open().find(|other| !other.is_cancelled() && other.key() == job.key()) {
+            same.add_requester(client);
             return Ok((same.clone(), false));
         }
-        if open().count() >= limit {
-            return Err(PlannerError::TooManyBuilds(limit));
+        if open().count() >= limits.max_builds {
+            return Err(PlannerError::TooManyBuilds(limits.max_builds));
         }
+        let is_own = |other: &&Arc<Job>| other.requesters.lock().expect(POISON).names.contains(client);
+        if client != SERVICE && open().filter(is_own).count() >= limits.max_builds_per_client {
+            return Err(PlannerError::TooManyBuildsOfClient(limits.max_builds_per_client));
+        }
+        job.add_requester(client);
         let job = Arc::new(job);
         jobs.insert(job.id, job.clone());
         Ok((job, true))

@@ -3,13 +3,14 @@
 
 use crate::error::PlannerError;
 use crate::hosted::Hosted;
-use crate::jobs::{BuildId, Job, Stage};
+use crate::jobs::{BuildId, Job, SERVICE, Stage};
 use crate::planner::Planner;
-use crate::replicas::{Operation, Posted, Replicas};
+use crate::replicas::{Operation, Posted, Replicas, Withdrawals};
 use crate::wire;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
+use surefoot_net::serving::Caller;
 use surefoot_planner::BuildError;
 use surefoot_planner::store::StoreError;
 use tracing::{info, warn};
@@ -54,6 +55,8 @@ impl Job {
             posted: self.posted(),
             graph: end.as_ref().and_then(|end| end.as_ref().ok()).map(|made| made.graph),
             failure: failure.map(wire::failure_of),
+            requesters: self.requesters(),
+            withdrawals: Withdrawals::default(),
             started: self.started,
             is_ours: true,
         }
@@ -98,15 +101,40 @@ impl Planner {
                 () = tokio::time::sleep(POST_EVERY) => {}
             }
             // While the store is away, the others do not learn how far it has come.
-            if self.post(&job).await.is_ok_and(|is_cancelled| is_cancelled) {
-                job.cancel();
+            if let Ok(Withdrawals { clients, is_cancelled }) = self.post(&job).await {
+                job.note_withdrawn(&clients);
+                if is_cancelled {
+                    job.cancel();
+                }
             }
         }
     }
 
-    async fn post(&self, job: &Job) -> Result<bool, PlannerError> {
+    async fn post(&self, job: &Job) -> Result<Withdrawals, PlannerError> {
         let operation = job.operation();
         self.ask("the build cannot be started", move |replicas| replicas.post(&operation)).await
+    }
+
+    /// Withdraws the requests of a caller for a build, which is cancelled if nobody else waits for it. An admin cancels it for everybody.
+    ///
+    /// # Errors
+    /// If the caller has not asked for the build, or the store is away.
+    pub(crate) async fn cancel_build(&self, job: &Job, caller: &Caller) -> Result<(), PlannerError> {
+        if !self.shared.replicas.are_several() || job.is_ours.load(Ordering::Relaxed) || job.end().is_some() {
+            return if job.end().is_some() { Ok(()) } else { job.withdraw(caller) };
+        }
+        let id = job.id;
+        let found = self.ask("the build cannot be looked up", move |replicas| replicas.operation(id)).await?;
+        let Operation { requesters, withdrawals, .. } = found.ok_or(PlannerError::UnknownBuild(id.to_string()))?;
+        let waiting: Vec<String> = requesters.into_iter().filter(|name| !withdrawals.clients.contains(name)).collect();
+        let mine: Vec<String> = waiting.iter().filter(|name| caller.may_change(name)).cloned().collect();
+        let is_admin = caller.may_change(SERVICE);
+        if mine.is_empty() && !is_admin {
+            return Err(PlannerError::NotRequester(id.to_string()));
+        }
+        let is_cancelled = is_admin || mine.len() == waiting.len();
+        let withdrawals = Withdrawals { clients: mine, is_cancelled };
+        self.ask("the build cannot be cancelled", move |replicas| replicas.withdraw(id, &withdrawals)).await
     }
 
     /// Tells the others how a build of this planner has ended, unless they know. One that ended because this planner stops is left to them.
@@ -157,6 +185,7 @@ impl Planner {
         let wanted = wire::read_recipe(&operation.recipe, self.levels(), self.config()).await?;
         let (job, is_new) = self.jobs().follow(operation.id, wanted, operation.started);
         if is_new {
+            job.take_requesters(&operation.requesters, operation.withdrawals.clients.len());
             job.note_known();
             self.run_job(job.clone(), Self::run_elsewhere);
         }
@@ -166,12 +195,7 @@ impl Planner {
     /// Follows a build of another planner to its end, or runs it once this one has taken it over.
     async fn run_elsewhere(self, job: Arc<Job>) -> Result<Arc<Hosted>, PlannerError> {
         let id = job.id;
-        let mut is_told = false;
         loop {
-            if job.is_cancelled() && !is_told {
-                self.ask("the build cannot be cancelled", move |replicas| replicas.cancel(id)).await?;
-                is_told = true;
-            }
             // While the store is away, nothing is known of the build.
             let found = self.ask("the build cannot be looked up", move |replicas| replicas.operation(id)).await;
             match found {
@@ -184,7 +208,10 @@ impl Planner {
                 Ok(Some(Operation { posted, .. })) if posted.stage.is_end() => {
                     return Err(BuildError::Cancelled.into());
                 }
-                Ok(Some(Operation { is_ours: true, .. })) => return self.run_posting(job).await,
+                Ok(Some(Operation { is_ours: true, requesters, withdrawals, .. })) => {
+                    job.take_requesters(&requesters, withdrawals.clients.len());
+                    return self.run_posting(job).await;
+                }
                 Ok(Some(Operation { posted, .. })) => job.mirror(Some(posted)),
                 Ok(None) => return Err(PlannerError::UnknownBuild(id.to_string())),
                 Err(_) => {}

@@ -50,10 +50,23 @@ pub struct Operation {
     pub graph: Option<GraphId>,
     /// Why it failed, if it did.
     pub failure: Option<Failure>,
+    /// The clients that its planner knows to wait for it.
+    pub requesters: Vec<String>,
+    /// Those that have withdrawn by way of other planners.
+    pub withdrawals: Withdrawals,
     /// When it was requested.
     pub started: SystemTime,
     /// Whether this planner runs it.
     pub is_ours: bool,
+}
+
+/// What clients have asked other planners about a build of this one.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Withdrawals {
+    /// The clients that do not wait for it any more, in the order in which they said so.
+    pub clients: Vec<String>,
+    /// Whether it is cancelled for everybody.
+    pub is_cancelled: bool,
 }
 
 /// How a planner stands among others.
@@ -136,11 +149,11 @@ pub trait Replicas: Send + Sync {
     /// If the store is away.
     fn note_recipe(&self, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError>;
 
-    /// Tells the others of a build of this planner. Returns whether one of them was asked to cancel it.
+    /// Tells the others of a build of this planner. Returns what clients have asked them about it.
     ///
     /// # Errors
     /// If the store is away.
-    fn post(&self, operation: &Operation) -> Result<bool, StoreError>;
+    fn post(&self, operation: &Operation) -> Result<Withdrawals, StoreError>;
 
     /// Returns a build of any planner.
     ///
@@ -154,11 +167,11 @@ pub trait Replicas: Send + Sync {
     /// If the store is away.
     fn open_operations(&self) -> Result<Vec<Operation>, StoreError>;
 
-    /// Asks the planner that runs a build to cancel it.
+    /// Tells the planner that runs a build which clients do not wait for it any more.
     ///
     /// # Errors
     /// If the store is away.
-    fn cancel(&self, id: BuildId) -> Result<(), StoreError>;
+    fn withdraw(&self, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError>;
 
     /// Takes over builds whose planners have died, a few at a time.
     ///
@@ -215,8 +228,8 @@ impl Replicas for Alone {
         Ok(())
     }
 
-    fn post(&self, _: &Operation) -> Result<bool, StoreError> {
-        Ok(false)
+    fn post(&self, _: &Operation) -> Result<Withdrawals, StoreError> {
+        Ok(Withdrawals::default())
     }
 
     fn operation(&self, _: BuildId) -> Result<Option<Operation>, StoreError> {
@@ -227,7 +240,7 @@ impl Replicas for Alone {
         Ok(Vec::new())
     }
 
-    fn cancel(&self, _: BuildId) -> Result<(), StoreError> {
+    fn withdraw(&self, _: BuildId, _: &Withdrawals) -> Result<(), StoreError> {
         Ok(())
     }
 

@@ -2,6 +2,7 @@
 
 use crate::error::PlannerError;
 use crate::hosted::{Hosted, Prepared, Provenance, Revision};
+use crate::jobs::SERVICE;
 use crate::locks::POISON;
 use crate::planner::Planner;
 use crate::replicas::News;
@@ -45,8 +46,8 @@ impl Planner {
         }
         let recipe = self.ask("the graph cannot be loaded", move |replicas| replicas.recipe(&id)).await?;
         let Some(recipe) = recipe else { return found };
-        let (source, body, settings) = wire::read_recipe(&recipe, self.levels(), self.config()).await?;
-        let job = self.start_build(source, body, settings)?;
+        let wanted = wire::read_recipe(&recipe, self.levels(), self.config()).await?;
+        let job = self.start_build(wanted, SERVICE)?;
         tokio::select! {
             () = job.ended() => {}
             () = self.shared.shutdown.wait() => return Err(PlannerError::ShuttingDown),

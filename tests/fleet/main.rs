@@ -14,6 +14,7 @@ mod healing;
 mod planners;
 mod repeats;
 mod takeovers;
+mod requesters;
 mod whole;
 mod work;
 mod worlds;

@@ -32,7 +32,7 @@ pub(super) struct Fleet {
     pub(super) ground: Ground,
     pub(super) postgres: Postgres,
     pub(super) store: String,
-    blobs: String,
+    pub(super) blobs: String,
     lease: f64,
 }
 
@@ -93,7 +93,7 @@ pub(super) fn request(seed: u64) -> wire::StartBuildRequest {
 }
 
 /// A build that takes a few seconds, also where nothing else runs: all probes of all candidates.
-fn large(seed: u64) -> wire::StartBuildRequest {
+pub(super) fn large(seed: u64) -> wire::StartBuildRequest {
     let probing = wire::Probing::Exhaustive.into();
     let settings = wire::BuildSettings { vertices: 200, neighbours: 12, repeats: 8, probing, ..Default::default() };
     wire::StartBuildRequest { settings: Some(settings), ..request(seed) }

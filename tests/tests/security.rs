@@ -136,6 +136,56 @@ async fn every_method_needs_a_token_of_a_role_that_may_call_it() {
     server.stop().await;
 }
 
+/// A build that takes minutes.
+fn long_build(seed: u64) -> plan::StartBuildRequest {
+    let settings = plan::BuildSettings { vertices: 2000, neighbours: 64, repeats: 32, ..Default::default() };
+    plan::StartBuildRequest { settings: Some(settings), ..e2e::start_of(seed) }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_build_ends_when_all_who_asked_for_it_have_cancelled_it_or_an_admin_has() {
+    let cache = tempfile::tempdir().unwrap();
+    let config = PlannerConfig { max_builds_per_client: 2, ..PlannerConfig::default() };
+    let planner = start_planner_at(guarded(), cache.path(), config);
+    let mut game = planner_of(&planner, Role::Client).await;
+    let mut designer = planner_of(&planner, Role::Designer).await;
+    let mut worker = planner_of(&planner, Role::Worker).await;
+    let mut admin = planner_of(&planner, Role::Admin).await;
+    let started = async |client: &mut PlannerServiceClient<Link>, seed| {
+        client.start_build(long_build(seed)).await.map(|started| started.into_inner().build.unwrap().build_id)
+    };
+    let build_id = started(&mut game, 1).await.unwrap();
+    let cancel = |build_id: &String| plan::CancelBuildRequest { build_id: build_id.clone() };
+    let refused = designer.cancel_build(cancel(&build_id)).await.unwrap_err();
+    assert_eq!(Reason::of(&refused), Some(Reason::NotOwner), "{refused}");
+    assert_eq!(started(&mut designer, 1).await.unwrap(), build_id, "equal requests share a build");
+    game.cancel_build(cancel(&build_id)).await.unwrap();
+    let refused = game.cancel_build(cancel(&build_id)).await.unwrap_err();
+    assert_eq!(Reason::of(&refused), Some(Reason::NotOwner), "it has withdrawn: {refused}");
+    // The build goes on: a request for it joins it.
+    assert_eq!(started(&mut game, 1).await.unwrap(), build_id);
+    game.cancel_build(cancel(&build_id)).await.unwrap();
+    designer.cancel_build(cancel(&build_id)).await.unwrap();
+    let mut ended = admin.watch_build(plan::WatchBuildRequest { build_id }).await.unwrap().into_inner();
+    let mut last = plan::Build::default();
+    while let Some(message) = ended.message().await.unwrap() {
+        last = message.build.unwrap();
+    }
+    assert_eq!(last.stage(), plan::BuildStage::Cancelled);
+    // What NPCs wait for, no game cancels; and no client takes all places.
+    let builds = [started(&mut worker, 2).await.unwrap(), started(&mut worker, 3).await.unwrap()];
+    let refused = started(&mut worker, 4).await.unwrap_err();
+    assert_eq!(Reason::of(&refused), Some(Reason::TooManyBuilds));
+    assert!(refused.message().contains("--max-builds-per-client"), "{refused}");
+    started(&mut game, 4).await.expect("places of other clients are free");
+    started(&mut worker, 4).await.expect("to join a build takes no place");
+    game.cancel_build(cancel(&builds[0])).await.unwrap_err();
+    for build_id in &builds {
+        admin.cancel_build(cancel(build_id)).await.unwrap();
+    }
+    planner.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn reports_of_a_client_do_not_outweigh_probes_and_an_admin_takes_them_back() {
     let cache = tempfile::tempdir().unwrap();

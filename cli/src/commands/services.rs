@@ -167,6 +167,9 @@ pub struct PlanArgs {
     /// Most builds that run or are queued
     #[arg(long, default_value_t = PlannerConfig::default().max_builds, value_name = "N")]
     max_builds: usize,
+    /// Most of these that one client has asked for
+    #[arg(long, default_value_t = PlannerConfig::default().max_builds_per_client, value_name = "N")]
+    max_builds_per_client: usize,
     /// Most graphs to keep in memory
     #[arg(long, default_value_t = PlannerConfig::default().graphs_in_memory, value_name = "N")]
     graphs_in_memory: usize,
@@ -369,6 +372,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
         max_vertices: args.max_vertices,
         max_queries: args.max_queries,
         max_builds: args.max_builds,
+        max_builds_per_client: args.max_builds_per_client,
         graphs_in_memory: args.graphs_in_memory,
         threads: args.threads.unwrap_or_else(core_count),
         table_vertices: args.table_vertices,

@@ -29,7 +29,7 @@ use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, Receipt, StoreEr
 use surefoot_planner::{Built, GraphId};
 use surefoot_planner_service::Common;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::{Claim, News, Operation, Replicas, Report, Standing, Token};
+use surefoot_planner_service::replicas::{Claim, News, Operation, Replicas, Report, Standing, Token, Withdrawals};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tracing::warn;
@@ -145,7 +145,7 @@ impl Replicas for PlannerRecord {
         graphs::note_recipe(&self.shared, graph, recipe)
     }
 
-    fn post(&self, operation: &Operation) -> Result<bool, StoreError> {
+    fn post(&self, operation: &Operation) -> Result<Withdrawals, StoreError> {
         operations::post(&self.shared, operation)
     }
 
@@ -157,8 +157,8 @@ impl Replicas for PlannerRecord {
         operations::open(&self.shared)
     }
 
-    fn cancel(&self, id: BuildId) -> Result<(), StoreError> {
-        operations::cancel(&self.shared, id)
+    fn withdraw(&self, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError> {
+        operations::withdraw(&self.shared, id, withdrawals)
     }
 
     fn adopt(&self) -> Result<Vec<Operation>, StoreError> {

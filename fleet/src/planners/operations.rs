@@ -7,7 +7,7 @@ use surefoot_planner::GraphId;
 use surefoot_planner::store::StoreError;
 use surefoot_planner_service::Failure;
 use surefoot_planner_service::jobs::{BuildId, Stage};
-use surefoot_planner_service::replicas::{Operation, Posted};
+use surefoot_planner_service::replicas::{Operation, Posted, Withdrawals};
 
 /// Builds of dead planners that are taken over at a time: others take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;
@@ -46,6 +46,9 @@ struct Row {
     reason: Option<String>,
     message: Option<String>,
     started: f64,
+    requesters: Vec<String>,
+    withdrawn: Vec<String>,
+    is_cancelled: bool,
 }
 
 impl Row {
@@ -62,6 +65,8 @@ impl Row {
             },
             graph: self.graph.and_then(|id| id.try_into().ok()).map(GraphId),
             failure,
+            requesters: self.requesters,
+            withdrawals: Withdrawals { clients: self.withdrawn, is_cancelled: self.is_cancelled },
             started: SystemTime::UNIX_EPOCH + since,
             is_ours: self.member == own,
         }
@@ -69,21 +74,23 @@ impl Row {
 }
 
 /// See [`Replicas::post`](surefoot_planner_service::replicas::Replicas::post).
-pub fn post(shared: &Shared, operation: &Operation) -> Result<bool, StoreError> {
-    let Operation { id, recipe, posted: Posted { stage, done, total }, graph, failure, started, .. } = operation;
+pub fn post(shared: &Shared, operation: &Operation) -> Result<Withdrawals, StoreError> {
+    let Operation { id, recipe, posted: Posted { stage, done, total }, graph, failure, requesters, started, .. } =
+        operation;
     let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     shared.block(async {
         // Another planner that has taken the build over knows better.
-        let posted = sqlx::query_scalar!(
-            "INSERT INTO operations (id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started)
-             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)
+        let posted = sqlx::query!(
+            "INSERT INTO operations (id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started,
+                 requesters)
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)
              ON CONFLICT (id) DO UPDATE SET
                  member = excluded.member, stage = excluded.stage, probes_done = excluded.probes_done,
                  probes_total = excluded.probes_total, graph = excluded.graph, reason = excluded.reason,
-                 message = excluded.message, noted_at = now()
+                 message = excluded.message, requesters = excluded.requesters, noted_at = now()
              WHERE operations.member = excluded.member
                 OR NOT EXISTS (SELECT FROM members WHERE id = operations.member AND expires_at > now())
-             RETURNING is_cancelled",
+             RETURNING withdrawn, is_cancelled",
             signed(id.bits()),
             recipe,
             shared.membership.id(),
@@ -94,9 +101,11 @@ pub fn post(shared: &Shared, operation: &Operation) -> Result<bool, StoreError> 
             failure.as_ref().map(|failure| &failure.reason[..]),
             failure.as_ref().map(|failure| &failure.message[..]),
             since.as_secs_f64(),
+            requesters,
         );
         let posted = posted.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
-        Ok(posted.unwrap_or(false))
+        let asked = posted.map(|row| Withdrawals { clients: row.withdrawn, is_cancelled: row.is_cancelled });
+        Ok(asked.unwrap_or_default())
     })
 }
 
@@ -105,7 +114,8 @@ pub fn find(shared: &Shared, id: BuildId) -> Result<Option<Operation>, StoreErro
     shared.block(async {
         let found = sqlx::query_as!(
             Row,
-            "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started
+            "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started,
+                 requesters, withdrawn, is_cancelled
              FROM operations WHERE id = $1",
             signed(id.bits()),
         );
@@ -119,7 +129,8 @@ pub fn open(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
     shared.block(async {
         let open = sqlx::query_as!(
             Row,
-            "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started
+            "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started,
+                 requesters, withdrawn, is_cancelled
              FROM operations WHERE stage < 5 ORDER BY id DESC LIMIT $1",
             LISTED,
         );
@@ -128,11 +139,16 @@ pub fn open(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
     })
 }
 
-/// See [`Replicas::cancel`](surefoot_planner_service::replicas::Replicas::cancel).
-pub fn cancel(shared: &Shared, id: BuildId) -> Result<(), StoreError> {
+/// See [`Replicas::withdraw`](surefoot_planner_service::replicas::Replicas::withdraw).
+pub fn withdraw(shared: &Shared, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError> {
     shared.block(async {
-        let cancelled = sqlx::query!("UPDATE operations SET is_cancelled = true WHERE id = $1", signed(id.bits()));
-        cancelled.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+        let withdrawn = sqlx::query!(
+            "UPDATE operations SET withdrawn = withdrawn || $2::text[], is_cancelled = is_cancelled OR $3 WHERE id = $1",
+            signed(id.bits()),
+            &withdrawals.clients,
+            withdrawals.is_cancelled,
+        );
+        withdrawn.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
     })
 }
 
@@ -146,7 +162,8 @@ pub fn adopt(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
                  SELECT id FROM operations AS open WHERE stage < 5
                      AND NOT EXISTS (SELECT FROM members WHERE members.id = open.member AND expires_at > now())
                  ORDER BY id LIMIT $2 FOR UPDATE SKIP LOCKED)
-             RETURNING id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started",
+             RETURNING id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started, requesters,
+                 withdrawn, is_cancelled",
             own,
             ADOPTED_AT_A_TIME,
         );

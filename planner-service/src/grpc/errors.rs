@@ -27,7 +27,10 @@ impl From<PlannerError> for Status {
                 status::not_found(Reason::VertexNotFound, "vertex", vertex.to_string(), message)
             }
             PlannerError::UnknownLayer(name) => status::not_found(Reason::LayerNotFound, "layer", name, message),
-            PlannerError::TooManyBuilds(_) => status::retry(Reason::TooManyBuilds, BUILD_TIME, message),
+            PlannerError::NotRequester(_) => status::failure(Reason::NotOwner, message),
+            PlannerError::TooManyBuilds(_) | PlannerError::TooManyBuildsOfClient(_) => {
+                status::retry(Reason::TooManyBuilds, BUILD_TIME, message)
+            }
             PlannerError::OtherPolicy { .. } => status::failure(Reason::PolicyMismatch, message),
             PlannerError::Build(error) => build_status(&error),
             PlannerError::Level(error) => error.into(),

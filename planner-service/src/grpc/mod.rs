@@ -94,10 +94,11 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::StartBuildRequest>,
     ) -> Result<Response<wire::StartBuildResponse>, Status> {
+        let caller = Caller::of(&request);
         let request = request.into_inner();
         self.planner.check_policy(&request.policy_hash)?;
-        let (source, body, settings) = wanted(&request, self.planner.levels(), self.planner.config()).await?;
-        let job = self.planner.start_build(source, body, settings)?;
+        let wanted = wanted(&request, self.planner.levels(), self.planner.config()).await?;
+        let job = self.planner.start_build(wanted, &caller.name)?;
         let build = build_now(&job);
         job.known().await;
         Ok(Response::new(wire::StartBuildResponse { build: Some(build) }))
@@ -130,8 +131,9 @@ impl PlannerService for PlannerApi {
         &self,
         request: Request<wire::CancelBuildRequest>,
     ) -> Result<Response<wire::CancelBuildResponse>, Status> {
+        let caller = Caller::of(&request);
         let job = self.planner.job(&request.into_inner().build_id).await?;
-        job.cancel();
+        self.planner.cancel_build(&job, &caller).await?;
         Ok(Response::new(wire::CancelBuildResponse { build: Some(build_now(&job)) }))
     }
 
