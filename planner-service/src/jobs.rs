@@ -267,7 +267,7 @@ impl Job {
         Ok(())
     }
 
-    /// Takes note of all who have withdrawn by way of other planners, in the order in which they did.
+    /// Notes the clients that have withdrawn through other planners, in their order.
     pub(crate) fn note_withdrawn(&self, withdrawn: &[String]) {
         let is_last = {
             let Requesters { names, noted } = &mut *self.requesters.lock().expect(POISON);

@@ -326,7 +326,7 @@ impl Planner {
             }
         }
         let are_several = self.shared.replicas.are_several();
-        // Others are told of each report once, also if the first answer of the store is lost.
+        // Each report is announced once, even if the first answer of the store is lost.
         let call = call.or_else(|| are_several.then(|| self.own_call()));
         let accepted = hosted.report(&reporter, &traversals, call);
         if accepted > 0 {

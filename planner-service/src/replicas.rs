@@ -78,7 +78,7 @@ pub struct Standing {
     pub stale_publishes: u64,
 }
 
-/// Traversals that one call reported, and its receipt: whoever stores them stores both, or neither if the receipt is there already.
+/// Traversals that one call reported, and its receipt. Both are stored together, or neither if the receipt exists.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
     /// The call.

@@ -168,7 +168,7 @@ pub enum StoreErrorKind {
     Unavailable,
     /// What was stored is gone or damaged: it has to be made again.
     Lost,
-    /// The store can be reached and refuses: somebody has to change its settings, its permissions or the space that it has.
+    /// The store refuses the operation: its settings, its permissions or its disk space must be changed.
     Refused,
 }
 

@@ -54,7 +54,7 @@ async fn a_world_whose_thread_is_stuck_is_dropped_and_keeps_no_other_from_being_
         let worlds = worlds.clone();
         async move { worlds.save_all(false, LIMIT).await }
     });
-    // The save of the stuck one has begun with that of the other.
+    // Both saves have begun.
     while !folder.file_of(other).exists() {
         tokio::task::yield_now().await;
     }

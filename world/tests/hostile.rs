@@ -1,4 +1,4 @@
-//! Numbers at the edges of what files and messages may hold: whatever is accepted can be stepped, seen and surveyed.
+//! Numbers at the edges of what files and messages may hold: every accepted value can be stepped, seen and surveyed.
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

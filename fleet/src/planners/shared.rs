@@ -18,7 +18,7 @@ use tracing::warn;
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The same for a call that moves a blob.
 pub const BLOB_PATIENCE: Duration = Duration::from_secs(30);
-/// What clients are told of where something is stored.
+/// The name of the store in messages to clients; it gives no address away.
 pub const PLACE: &str = "the shared store";
 /// Channel of the notifications of all planners.
 pub const CHANNEL: &str = "surefoot_planners";

@@ -29,7 +29,7 @@ pub struct Lookups {
     /// Worlds that callers wait for.
     waiting: Mutex<BTreeSet<WorldId>>,
     known: Mutex<Known>,
-    /// Held while the database is asked for worlds.
+    /// Held during a query for worlds.
     turn: tokio::sync::Mutex<()>,
     servers: tokio::sync::Mutex<Option<(Instant, Vec<Place>)>>,
 }

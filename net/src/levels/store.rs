@@ -32,7 +32,7 @@ pub struct Level {
     pub map: Arc<Map>,
     /// The client that imported it.
     pub owner: Arc<str>,
-    /// Its file while somebody reads it.
+    /// Its file while a client reads it.
     pub(super) file: Arc<tokio::sync::Mutex<Weak<LevelFile>>>,
     /// What it takes of the memory budget.
     _memory: Reservation,
@@ -290,7 +290,7 @@ impl LevelStore {
     /// ten minutes.
     ///
     /// # Errors
-    /// If no kept map may be replaced, or somebody else has named the level otherwise.
+    /// If no kept map may be replaced, or another client gave the level another name.
     pub fn put(&self, caller: &Caller, name: String, map: Arc<Map>) -> Result<Arc<Level>, LevelError> {
         self.keep(&caller.name, |owner| caller.may_change(owner), name, map)
     }

@@ -142,7 +142,7 @@ mod tests {
         assert_eq!(uploads.append(&ann, "a", 9, b"9"), Err(UploadError::Offset { offset: 9, received: 6 }));
         let whole = |len: usize| len as u64;
         let unknown = uploads.take(&bob, "a", whole).unwrap_err();
-        assert_eq!(unknown, UploadError::Unknown("a".to_owned()), "somebody else's");
+        assert_eq!(unknown, UploadError::Unknown("a".to_owned()), "the upload of another client");
         assert!(matches!(uploads.append(&bob, "b", 0, &[0; 2000]), Err(UploadError::Memory(_))));
         let refused = uploads.take(&ann, "a", |len| len as u64 * 1000).unwrap_err();
         assert!(matches!(refused, UploadError::Memory(_)));

@@ -28,9 +28,9 @@ use tonic::Status;
 
 /// Service whose requests hold levels.
 const MAPS: &str = "surefoot.world.v1.MapService";
-/// Length of JSON at most, as a multiple of that of the message: numbers and base64 are longer than what they stand for.
+/// Longest JSON, as a multiple of the length of its message: numbers and base64 take more bytes there.
 const JSON_FACTOR: usize = 4;
-/// The same of a message that is mostly base64.
+/// That multiple for a message that is mostly base64.
 const BASE64_FACTOR: usize = 2;
 /// Large messages that are translated at the same time.
 const TRANSLATED_AT_A_TIME: usize = 2;

@@ -26,7 +26,7 @@ impl Worlds {
     /// Adds NPCs for the caller, each with a result of its own.
     ///
     /// # Errors
-    /// If there is no such world, it belongs to somebody else, or its thread does not answer.
+    /// If there is no such world, it belongs to another client, or its thread does not answer.
     pub async fn spawn_many(
         &self,
         caller: &Caller,

@@ -173,8 +173,8 @@ fn attributes(count: usize, stride: usize, bytes: &[u8]) -> Result<Vec<u8>, &'st
     if blocks.0.is_empty() { Ok(elements) } else { Err(DAMAGED) }
 }
 
-/// Decodes a block of elements, which are stored byte by byte: first all first bytes, each as the difference from that of the
-/// element before. `last` is the element before the first, and then the last one.
+/// Decodes a block of elements. They are stored by byte position: all first bytes come first, each as the difference from that
+/// byte of the previous element. `last` is the element before the first, and then the last one.
 fn attribute_block(bytes: &mut Bytes<'_>, block: &mut [u8], last: &mut [u8]) -> Option<()> {
     let stride = last.len();
     let group_count = (block.len() / stride).div_ceil(GROUP);
@@ -230,7 +230,7 @@ impl<T: Copy> Recent<T> {
     }
 }
 
-/// What the corners of a triangle are told by.
+/// The state from which the corners of the next triangle are decoded.
 struct Corners<'a> {
     bytes: Bytes<'a>,
     /// Recent corners, and edges, each as its ends.

@@ -8,8 +8,8 @@ use crate::player::Player;
 use crate::sense::{self, SenseContext, Sight};
 
 impl World {
-    /// Writes the NPC's observation into `row`, without what it tells of others if it has no room for that; false (and
-    /// zeros) if it has no episode.
+    /// Writes the NPC's observation into `row`. A row that is too short for the part about others goes without it.
+    /// Returns false, and writes zeros, if the NPC has no episode.
     pub fn observe(&self, slot: NpcSlot, row: &mut [f32]) -> bool {
         let npc = self.npc(slot).expect("observe an occupied slot");
         let Some(episode) = &npc.episode else {
