@@ -272,7 +272,7 @@ impl Job {
         let is_last = {
             let Requesters { names, noted } = &mut *self.requesters.lock().expect(POISON);
             let new = withdrawn.get(*noted..).unwrap_or_default();
-            new.iter().for_each(|name| drop(names.remove(name)));
+            names.retain(|name| !new.contains(name));
             *noted = withdrawn.len();
             !new.is_empty() && names.is_empty()
         };

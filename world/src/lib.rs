@@ -34,6 +34,7 @@ pub mod reliance;
 pub mod replay;
 pub mod sealed;
 pub mod sense;
+mod slot;
 pub mod task;
 mod units;
 mod world;

@@ -2,7 +2,8 @@
 
 use crate::Vec3;
 use crate::crowd::cell_of;
-use crate::others::{BodySlot, Other};
+use crate::others::Other;
+use crate::slot::BodySlot;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 

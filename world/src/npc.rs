@@ -5,12 +5,9 @@ use crate::map::Map;
 use crate::movers::{MoverState, Movers};
 use crate::player::Player;
 use crate::sense::LastDecision;
+pub use crate::slot::NpcSlot;
 use crate::task::{End, Episode, TaskConfig};
 use serde::{Deserialize, Serialize};
-
-/// Index of an NPC in its world; reused after the NPC is removed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct NpcSlot(pub u32);
 
 /// Index of one of a world's character profiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]

@@ -5,8 +5,7 @@ use crate::character::Body;
 use crate::cone::{RAY_COUNT, RAY_RANGE_M, RAY_SIDE, RayCone};
 use crate::map::Map;
 use crate::movers::Movers;
-use crate::npc::NpcSlot;
-use crate::player::PlayerSlot;
+use crate::slot::BodySlot;
 
 /// How many other bodies the observation describes one by one.
 const NEAREST: usize = 4;
@@ -23,13 +22,6 @@ pub const OTHERS_LEN: usize = RAY_COUNT + NEAREST * VALUES;
 /// Nothing of a body is seen whose feet are farther from those of the beholder than this, m, seen from above: a ray is that long, no body
 /// is taller than 5 m, and the rest is slack.
 pub(crate) const REACH_M: f32 = RAY_RANGE_M + 6.0;
-
-/// Names a body of a world. Of two that are equally near, the lesser is described first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum BodySlot {
-    Npc(NpcSlot),
-    Player(PlayerSlot),
-}
 
 /// Another body, an upright cylinder.
 #[derive(Debug, Clone, Copy, PartialEq)]

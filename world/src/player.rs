@@ -1,6 +1,7 @@
 //! Players: bodies that the game moves. NPCs meet them, and nothing in a world moves them.
 
 use crate::Vec3;
+pub use crate::slot::PlayerSlot;
 use serde::{Deserialize, Serialize};
 
 /// Most players of a world.
@@ -9,10 +10,6 @@ pub const MAX_PLAYERS: usize = 1024;
 pub const PLAYER_RADIUS_M: std::ops::RangeInclusive<f32> = 0.1..=1.0;
 /// Heights that a player may have, m; at least twice the radius.
 pub const PLAYER_HEIGHT_M: std::ops::RangeInclusive<f32> = 0.2..=5.0;
-
-/// Index of a player in its world; reused after the player is removed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct PlayerSlot(pub u32);
 
 /// What happens between a player and the NPCs that it meets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -13,7 +13,6 @@ mod living;
 mod readers;
 mod work;
 
-use crate::figures::WorldSummary;
 use crate::geometry::Tiles;
 use crate::hosted::{HostedWorld, TimeMode};
 use crate::ids::{NpcId, WorldId};

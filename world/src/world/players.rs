@@ -2,9 +2,9 @@
 
 use super::World;
 use crate::Vec3;
-use crate::others::BodySlot;
 use crate::player::{Player, PlayerSlot};
 use crate::recording::Input;
+use crate::slot::BodySlot;
 
 impl World {
     /// Adds a player and returns its slot.

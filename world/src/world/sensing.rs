@@ -3,9 +3,10 @@
 use super::World;
 use crate::character::Body;
 use crate::npc::NpcSlot;
-use crate::others::{self, BodySlot, Other};
+use crate::others::{self, Other};
 use crate::player::Player;
 use crate::sense::{self, SenseContext, Sight};
+use crate::slot::BodySlot;
 
 impl World {
     /// Writes the NPC's observation into `row`. A row that is too short for the part about others goes without it.
