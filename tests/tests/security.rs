@@ -778,7 +778,7 @@ async fn a_token_that_is_removed_ends_its_open_streams_and_no_others() {
     let world = stays.create_world(CreateWorldRequest { map, ..Default::default() }).await.unwrap().into_inner().world;
     let world_id = world.unwrap().world_id;
     let watch = WatchWorldRequest { world_id, rate_hz: 10.0, ..Default::default() };
-    let mut kept = stays.watch_world(watch.clone()).await.unwrap().into_inner();
+    let mut kept = stays.watch_world(watch).await.unwrap().into_inner();
     let mut removed = client("leaves-soon").await.watch_world(watch).await.unwrap().into_inner();
     // A worker's stream, whose requests go on.
     let (requests, stream) = tokio::sync::mpsc::channel(1);
@@ -802,16 +802,19 @@ async fn a_token_that_is_removed_ends_its_open_streams_and_no_others() {
         );
         let mut socket = tokio::net::TcpStream::connect(server.address()).await.unwrap();
         socket.write_all(&[head.as_bytes(), body].concat()).await.unwrap();
+        socket
+    };
+    let whole = |mut socket: tokio::net::TcpStream| {
         tokio::spawn(async move {
             let mut answer = Vec::new();
             socket.read_to_end(&mut answer).await.unwrap();
             String::from_utf8_lossy(&answer).into_owned()
         })
     };
-    let json = raw("application/json", format!("{{\"worldId\": \"{world_id}\"}}").as_bytes()).await;
+    let json = whole(raw("application/json", format!("{{\"worldId\": \"{world_id}\"}}").as_bytes()).await);
     let message = WatchWorldRequest { world_id, ..Default::default() }.encode_to_vec();
     let framed = [&[0][..], &(message.len() as u32).to_be_bytes(), &message].concat();
-    let web = raw("application/grpc-web+proto", &framed).await;
+    let web = whole(raw("application/grpc-web+proto", &framed).await);
 
     std::fs::write(&path, staying).unwrap();
     let ends = async {
