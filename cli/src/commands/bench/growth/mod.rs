@@ -61,8 +61,10 @@ fn slope(points: &[[f64; 2]]) -> f64 {
 pub fn figures() -> anyhow::Result<Vec<Figure>> {
     let mut figures = Vec::new();
     for case in core::cases().into_iter().chain(planner::cases()).chain(service::cases()?) {
-        eprintln!("{}...", case.name);
+        let name = case.name;
         figures.extend(case.figures()?);
+        // A run takes minutes: each exponent is shown as soon as it is known.
+        eprintln!("{name}: {:.2}", figures.last().map_or(f64::NAN, |exponent: &Figure| exponent.value));
     }
     Ok(figures)
 }
