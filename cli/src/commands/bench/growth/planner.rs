@@ -11,7 +11,6 @@ use surefoot_planner::candidates;
 use surefoot_planner::edits::{Edit, Layer, Terrain, apply_layers};
 use surefoot_planner::links::{DEFAULT_MAX_DETOUR, NavMesh};
 use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
-use surefoot_planner::search::DEFAULT_TABLE_LIMIT;
 use surefoot_planner::{
     AbilitySet, BuildSettings, Builder, Built, EdgeKey, NavGraph, Placement, Progress, Query, Router, Site,
     reachability,
@@ -220,7 +219,7 @@ pub(super) fn cases() -> Vec<Case> {
             Ok(seconds)
         }),
         graphs("prepare_router", |_, built| {
-            Ok(timed(|| drop(black_box(Router::new(built.graph.clone(), DEFAULT_TABLE_LIMIT, core_count())))))
+            Ok(timed(|| drop(black_box(Router::new(built.graph.clone(), 0, core_count())))))
         }),
         graphs("unreachable_queries", |_, built| Ok(unreachable(&Router::new(built.graph, 0, core_count())))),
         graphs("describe", |_, built| Ok(timed(|| drop(black_box(reachability::describe(&built.graph)))))),
