@@ -6,7 +6,7 @@
 //!
 //! Inputs that once caused a failure are kept beside them under other names.
 
-#[path = "../../fuzz/src/lib.rs"]
+#[path = "../../tools/fuzz/src/lib.rs"]
 mod untrusted;
 
 use burn::tensor::Device;
@@ -53,7 +53,7 @@ fn main() {
         ("graph_json", vec![("row", graph_json())]),
         ("saved_world", vec![("on_a_level", saved_world(Some(&FLOOR))), ("generated", saved_world(None))]),
     ];
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/fuzz/corpus");
     for (target, files) in kept {
         assert!(untrusted::TRIALS.iter().any(|(name, _)| *name == target), "{target} is not a target");
         std::fs::create_dir_all(folder.join(target)).expect("a folder in the checkout");

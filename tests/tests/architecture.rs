@@ -7,10 +7,10 @@ use std::process::Command;
 
 /// The workspace crates that each crate may depend on.
 const ALLOWED: [(&str, &str, &[&str]); 16] = [
-    ("world", "surefoot-world", &[]),
-    ("policy", "surefoot-policy", &["surefoot-world"]),
-    ("planner", "surefoot-planner", &["surefoot-world"]),
-    ("rollout", "surefoot-rollout", &["surefoot-world", "surefoot-policy", "surefoot-planner"]),
+    ("core/world", "surefoot-world", &[]),
+    ("core/policy", "surefoot-policy", &["surefoot-world"]),
+    ("core/planner", "surefoot-planner", &["surefoot-world"]),
+    ("core/rollout", "surefoot-rollout", &["surefoot-world", "surefoot-policy", "surefoot-planner"]),
     ("proto", "surefoot-proto", &["surefoot-world", "surefoot-planner"]),
     ("net", "surefoot-net", &["surefoot-world", "surefoot-proto"]),
     ("server", "surefoot-server", &["surefoot-world", "surefoot-rollout", "surefoot-proto", "surefoot-net"]),
@@ -38,10 +38,10 @@ const ALLOWED: [(&str, &str, &[&str]); 16] = [
             "surefoot-net",
         ],
     ),
-    ("capi", "surefoot-capi", &["surefoot-world", "surefoot-policy", "surefoot-planner", "surefoot-rollout"]),
-    ("game", "surefoot-game", &["surefoot-world", "surefoot-rollout", "surefoot-net", "surefoot-server"]),
+    ("embed/capi", "surefoot-capi", &["surefoot-world", "surefoot-policy", "surefoot-planner", "surefoot-rollout"]),
+    ("embed/game", "surefoot-game", &["surefoot-world", "surefoot-rollout", "surefoot-net", "surefoot-server"]),
     (
-        "python",
+        "embed/python",
         "surefoot-python",
         &[
             "surefoot-world",
@@ -53,9 +53,9 @@ const ALLOWED: [(&str, &str, &[&str]); 16] = [
             "surefoot-report",
         ],
     ),
-    ("agones", "surefoot-agones", &["surefoot-net", "surefoot-server"]),
+    ("operate/agones", "surefoot-agones", &["surefoot-net", "surefoot-server"]),
     (
-        "fleet",
+        "operate/fleet",
         "surefoot-fleet",
         &[
             "surefoot-world",
@@ -67,7 +67,7 @@ const ALLOWED: [(&str, &str, &[&str]); 16] = [
             "surefoot-server",
         ],
     ),
-    ("report", "surefoot-report", &["surefoot-world"]),
+    ("tools/report", "surefoot-report", &["surefoot-world"]),
     ("studio", "surefoot-studio", &[]),
 ];
 
@@ -140,7 +140,7 @@ const KNOW_STATUSES: [&str; 17] = [
     "net/src/serving/shutdown.rs",
     "agent/src/work/mod.rs",
     // A client of Agones.
-    "agones/src/sidecar.rs",
+    "operate/agones/src/sidecar.rs",
 ];
 
 fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
@@ -208,7 +208,8 @@ fn wire_types_and_statuses_are_known_at_the_rim_only() {
 
 #[test]
 fn simulation_and_search_never_await() {
-    for folder in ["world", "policy", "planner", "rollout", "report", "capi", "python"] {
+    for folder in
+        ["core/world", "core/policy", "core/planner", "core/rollout", "tools/report", "embed/capi", "embed/python"] {
         for (path, code) in Crate::read(folder).files() {
             assert!(!code.contains("async ") && !awaits(code), "{path} awaits");
         }
@@ -235,7 +236,7 @@ fn every_file_says_at_its_top_what_it_owns() {
 }
 
 /// The crate that consists of pointers, and its modules that may contain unsafe code: docs/adr/0034-c-library.md.
-const UNSAFE: (&str, [&str; 2]) = ("capi", ["exports", "memory"]);
+const UNSAFE: (&str, [&str; 2]) = ("embed/capi", ["exports", "memory"]);
 
 #[test]
 fn unsafe_code_is_forbidden_everywhere_but_at_the_border_to_c() {
@@ -250,10 +251,10 @@ fn unsafe_code_is_forbidden_everywhere_but_at_the_border_to_c() {
         }
         assert!(own.contains("unsafe_code = \"deny\""), "{folder} denies unsafe code but where a module expects it");
         for (path, code) in Crate::read(folder).files() {
-            let inside = path.trim_start_matches("capi/src/");
+            let inside = path.trim_start_matches("embed/capi/src/");
             let may = modules.iter().any(|module| inside.starts_with(module));
             assert!(may || !code.contains("unsafe {") && !code.contains("unsafe fn"), "{path} has unsafe code");
-            assert!(path == "capi/src/lib.rs" || !code.contains("(unsafe_code"), "{path} allows unsafe code");
+            assert!(path == "embed/capi/src/lib.rs" || !code.contains("(unsafe_code"), "{path} allows unsafe code");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Golden values: results that must stay equal bit for bit, unless a change is meant to change them.
 //!
-//! Maps are in `world/tests/maps.rs`, graphs in `planner/tests/build.rs`.
+//! Maps are in `core/world/tests/maps.rs`, graphs in `core/planner/tests/build.rs`.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};

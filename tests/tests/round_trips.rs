@@ -1,6 +1,6 @@
 //! Maps, recordings, graphs, layers and messages are unchanged after writing and reading.
 
-#[path = "../../fuzz/src/lib.rs"]
+#[path = "../../tools/fuzz/src/lib.rs"]
 #[expect(dead_code, reason = "only the floor is needed of what the trials are made of")]
 mod untrusted;
 

@@ -1,7 +1,7 @@
 //! Untrusted bytes: every decoder returns a value or an error with a message, and takes memory in proportion to the input. The
 //! trials are those of the fuzz targets. The inputs are their corpora, unchanged and mutated.
 
-#[path = "../../fuzz/src/lib.rs"]
+#[path = "../../tools/fuzz/src/lib.rs"]
 mod untrusted;
 
 use proptest::prelude::*;
@@ -18,7 +18,7 @@ const NOISE_LEN: u32 = 300;
 
 /// The corpus of a fuzz target.
 fn corpus(name: &str) -> Vec<Vec<u8>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(name);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/fuzz/corpus").join(name);
     let mut files: Vec<_> = std::fs::read_dir(&folder)
         .unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
         .map(|entry| entry.expect("a folder that can be listed").path())

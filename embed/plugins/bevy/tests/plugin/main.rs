@@ -1,0 +1,10 @@
+//! The plugin in apps without a window. `embed/plugins/bevy/check` names the program, which proves the graphs.
+
+#[cfg(feature = "avian")]
+mod avian;
+#[cfg(any(feature = "avian", feature = "rapier"))]
+mod crowd;
+mod files;
+#[cfg(feature = "rapier")]
+mod rapier;
+mod stage;

@@ -1,0 +1,56 @@
+//! A level with its graph, and the apps that run on it.
+
+use bevy::app::App;
+use bevy::ecs::prelude::*;
+use bevy::prelude::{MinimalPlugins, TransformPlugin};
+use bevy::time::{Fixed, Time, TimeUpdateStrategy};
+use bevy_surefoot::events::{GoalFailed, GoalReached};
+use bevy_surefoot::{Failure, SurefootGraph, SurefootLevel, SurefootPlugin};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+pub fn level_path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../game/examples/boxes.obj")
+}
+
+pub fn level() -> SurefootLevel {
+    SurefootLevel::load(level_path()).expect("the level of the examples")
+}
+
+/// The graph of the level, which the program proves.
+pub fn graph() -> SurefootGraph {
+    static TEXT: OnceLock<String> = OnceLock::new();
+    let text = TEXT.get_or_init(|| export(&level_path().display().to_string(), &[]));
+    SurefootGraph::from_json(text).expect("the program wrote it").aligned_to(&level()).expect("it is of this level")
+}
+
+/// Lets the program prove the graph of a map.
+pub fn export(map: &str, more: &[&str]) -> String {
+    let program = std::env::var("SUREFOOT").expect("SUREFOOT names the program: run embed/plugins/bevy/check");
+    let arguments = ["graph", "export", map, "--vertices", "60", "--format", "json"];
+    let output = Command::new(program).args(arguments).args(more).output().expect("the program runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("JSON is text")
+}
+
+/// Goals that ended.
+#[derive(Resource, Default, Debug)]
+pub struct Ends {
+    pub reached: Vec<Entity>,
+    pub failed: Vec<(Entity, Failure)>,
+}
+
+/// An app without a window whose every update is a tick of 1/60 s.
+pub fn app() -> App {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, TransformPlugin, SurefootPlugin::default()))
+        .insert_resource(Time::<Fixed>::from_hz(60.0))
+        .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
+        .init_resource::<Ends>()
+        .add_observer(|event: On<'_, '_, GoalReached>, mut ends: ResMut<'_, Ends>| ends.reached.push(event.agent))
+        .add_observer(|event: On<'_, '_, GoalFailed>, mut ends: ResMut<'_, Ends>| {
+            ends.failed.push((event.agent, event.failure));
+        });
+    app
+}

@@ -1,0 +1,256 @@
+// libsurefoot as Unreal sees the world, without types of the engine: centimetres, degrees, z up, left-handed; errors as values, since
+// modules of the engine have no exceptions. Everything here is compiled and run by embed/plugins/unreal/check; the components above only move
+// actors.
+//
+// Frames. Unreal's x, y and z are the map's x, z and y, as the engine's glTF importer and exporter have it, and the importer of links. An
+// Unreal rotation of 0 faces +x and grows clockwise seen from above; the map's yaw of 0 faces +z, which is Unreal's +y, and grows
+// counter-clockwise: each is 90 degrees minus the other. Maps begin at 0 along each axis, wherever the level has its origin: see LevelFrame.
+#pragma once
+
+#include "surefoot.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+// What the plugin's editor module uses of the runtime module; the build tool of the engine defines this.
+#ifndef SUREFOOT_API
+#define SUREFOOT_API
+#endif
+
+namespace surefoot {
+
+// Why a call failed, with a text that says what to change; or that it did not.
+struct Error {
+    sf_status code = SF_OK;
+    std::string text;
+
+    bool is_set() const { return code != SF_OK; }
+};
+
+// A value, or why there is none.
+template <typename Value>
+struct Result {
+    std::optional<Value> value;
+    Error error;
+
+    Result(Value found) : value(std::move(found)) {}
+    Result(Error found) : error(std::move(found)) {}
+
+    explicit operator bool() const { return value.has_value(); }
+};
+
+// A place, cm, or a velocity, cm/s, on Unreal's axes: the numbers of an FVector.
+struct Vector {
+    double x = 0.0;
+    double y = 0.0;
+    double z = 0.0;
+};
+
+double distance(const Vector& a, const Vector& b);
+
+// Where a level lies on the map that Surefoot made of it.
+class SUREFOOT_API LevelFrame {
+public:
+    // A level whose origin is the map's: one that `surefoot map export` wrote.
+    LevelFrame() = default;
+    // A level of which Unreal sees the corner of the map, the place with the map's coordinates 0, at `map_corner`, cm.
+    explicit LevelFrame(const Vector& map_corner) : map_corner_(map_corner) {}
+
+    // The frame of the level file, .glb, .gltf or .obj, that the graph was proved on.
+    static Result<LevelFrame> of_level(const std::string& path);
+
+    const Vector& map_corner() const { return map_corner_; }
+
+    sf_vec3 to_map(const Vector& place) const;
+    Vector from_map(const sf_vec3& place) const;
+
+    // Velocities and directions have no origin.
+    static sf_vec3 to_map_velocity(const Vector& velocity);
+    static Vector from_map_velocity(const sf_vec3& velocity);
+    // The map's yaw, rad, of a rotation about z, degrees, and back.
+    static float to_map_yaw(double degrees);
+    static double from_map_yaw(float yaw);
+
+private:
+    Vector map_corner_;
+};
+
+// A ray to be traced, from end to end.
+struct Segment {
+    Vector start;
+    Vector end;
+};
+
+// What a segment ended on; SF_SURFACE_NONE for nothing.
+struct SegmentHit {
+    double distance = 0.0;
+    sf_surface surface = SF_SURFACE_NONE;
+};
+
+// Traces many segments in the game's world at once. Segments should pass through characters.
+class RayBatch {
+public:
+    virtual ~RayBatch() = default;
+    // Fills `hits`, all nothing before. Must not call the agents for which it traces.
+    virtual void trace(const Segment* segments, std::size_t count, SegmentHit* hits) = 0;
+};
+
+// A character before a decision.
+struct Character {
+    Vector feet;
+    Vector velocity;
+    double yaw_degrees = 0.0;
+    bool is_grounded = false;
+    // Whether it could jump now, also in the air.
+    bool can_jump = false;
+};
+
+// What a character does until the next decision; shares are -1 to 1.
+struct Controls {
+    // Share of the top speed, forward or backward.
+    double forward = 0.0;
+    // Share of the top speed, to the right or to the left.
+    double right = 0.0;
+    // Share of the top turning speed; positive turns to the right, and Unreal's rotation grows.
+    double turn = 0.0;
+    // Jump once, from the ground or again in the air.
+    bool jump = false;
+};
+
+// A pad, zip line, teleporter or jetpack, on the ground; see sf_device.
+struct Device {
+    sf_surface kind = SF_SURFACE_PAD;
+    bool is_two_way = false;
+    Vector from;
+    Vector to;
+};
+
+struct DestroyHandle {
+    void operator()(sf_policy* policy) const { sf_policy_destroy(policy); }
+    void operator()(sf_agents* agents) const { sf_agents_destroy(agents); }
+    void operator()(sf_graph* graph) const { sf_graph_destroy(graph); }
+    void operator()(sf_follower* follower) const { sf_follower_destroy(follower); }
+    void operator()(sf_map* map) const { sf_map_destroy(map); }
+};
+template <typename Native>
+using Handle = std::unique_ptr<Native, DestroyHandle>;
+
+// The body that policies were trained with, or why the library cannot be used.
+Result<sf_body> default_body();
+
+// The minds of characters with equal bodies. One thread at a time. After creation, only set_devices allocates, and texts of errors.
+class Agents {
+public:
+    // Seconds between two decisions.
+    static constexpr double decision_seconds = double(SF_TICKS_PER_DECISION) / double(SF_TICKS_PER_SECOND);
+
+    // `policy` is "general-reactive", "general-lstm" or a model's folder; `max_agents` is 1 to 65536.
+    static Result<Agents> create(const std::string& policy, const sf_body& body, std::uint32_t max_agents);
+
+    // Where the level lies. To be set before devices and attempts, which keep the frame that they were made in.
+    void set_frame(const LevelFrame& frame) { frame_ = frame; }
+    const LevelFrame& frame() const { return frame_; }
+    std::uint32_t max_agents() const { return max_agents_; }
+
+    Error set_devices(const std::vector<Device>& devices);
+    // A character was spawned; `seed` decides its noise.
+    Error begin(std::uint32_t agent, std::uint64_t seed);
+    // Decides for `count` agents, each with a goal (see Attempt) and at most once in `ids`.
+    Error decide(const std::uint32_t* ids, const Character* characters, std::size_t count, RayBatch& rays, Controls* controls,
+                 float noise_share = SF_DEFAULT_NOISE);
+
+    sf_agents* handle() const { return handle_.get(); }
+
+private:
+    Agents(Handle<sf_agents> handle, std::uint32_t max_agents);
+
+    void set_states(const Character* characters, std::size_t count);
+    void trace(std::size_t count, RayBatch& rays);
+
+    Handle<sf_agents> handle_;
+    LevelFrame frame_;
+    std::uint32_t max_agents_;
+    std::vector<sf_state> states_;
+    std::vector<sf_ray> rays_;
+    std::vector<sf_hit> hits_;
+    std::vector<sf_action> actions_;
+    std::vector<Segment> segments_;
+    std::vector<SegmentHit> segment_hits_;
+};
+
+// A proved graph of a level. Any number of threads may search it.
+class Graph {
+public:
+    // A file of `surefoot graph export --format json`, or its contents.
+    static Result<Graph> load(const std::string& path);
+    static Result<Graph> load_memory(const void* bytes, std::size_t size);
+
+    // Closes an edge, or opens it again: a door, a bridge, a lift.
+    Error set_edge_open(std::uint32_t from, std::uint32_t to, bool is_open);
+    Result<sf_graph_info> describe() const;
+    // The places of all vertices on the map, m.
+    Result<std::vector<sf_vec3>> vertices() const;
+
+    sf_graph* handle() const { return handle_.get(); }
+
+private:
+    explicit Graph(Handle<sf_graph> handle) : handle_(std::move(handle)) {}
+
+    Handle<sf_graph> handle_;
+};
+
+enum class AttemptState {
+    GoesOn,
+    // The feet came within 1 m of the goal.
+    Reached,
+    // No plan led on, the character died, or it came no closer.
+    GaveUp,
+    // No path leads to the goal, and the character is as near as it can get.
+    Unreachable,
+};
+
+// One try of an agent to reach a goal: along plans of a graph, or straight on without one. Agents and graph must outlive it.
+class Attempt {
+public:
+    // Begins an attempt of an agent whose feet are at `feet`. `graph` may be null. `caution` is 0, bold, to 1, careful.
+    static Result<Attempt> begin(Agents& agents, std::uint32_t agent, const Graph* graph, const Vector& feet, const Vector& goal, float caution = 1.0f);
+
+    // Tells, every frame, where the feet are, so that no waypoint is missed that is passed between decisions.
+    Error note(const Vector& feet);
+    // Plans, heads for the next waypoint, or ends the attempt: to be called before each decision of the agent.
+    Error advance(const Vector& feet);
+    // The character died.
+    Error note_death();
+
+    AttemptState state() const { return state_; }
+    const Vector& goal() const { return goal_; }
+    // Where the agent heads for now.
+    const Vector& waypoint() const { return waypoint_; }
+
+private:
+    Attempt(Agents& agents, std::uint32_t agent, const Graph* graph, const Vector& goal, float caution);
+
+    Error head_for(const sf_vec3& feet, const sf_vec3& waypoint);
+    Error advance_straight();
+    Error follow(const sf_vec3& feet);
+    // Ends the attempt, and adds to the graph what the character met on edges.
+    Error end(AttemptState state);
+
+    Agents* agents_;
+    std::uint32_t agent_;
+    const Graph* graph_;
+    Handle<sf_follower> follower_;
+    LevelFrame frame_;
+    Vector goal_;
+    Vector waypoint_;
+    float caution_;
+    bool is_at_waypoint_ = false;
+    AttemptState state_ = AttemptState::GoesOn;
+};
+
+}  // namespace surefoot
