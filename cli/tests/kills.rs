@@ -9,12 +9,12 @@ use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use surefoot_agent::train::{CollectorConfig, SacConfig, TrainConfig};
 use surefoot_policy::{ActorConfig, Policy};
 use surefoot_proto::planner::v1::planner_service_client::PlannerServiceClient;
 use surefoot_proto::planner::v1::{self as plan, BuildStage};
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::world_service_client::WorldServiceClient;
+use surefoot_train::{CollectorConfig, SacConfig, TrainConfig};
 use surefoot_world::OBSERVATION_LEN;
 use tonic::transport::{Channel, Endpoint};
 

@@ -5,8 +5,8 @@ use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime};
-use surefoot_agent::train::{CollectorConfig, SacConfig, TrainConfig};
 use surefoot_policy::{ActorConfig, Policy};
+use surefoot_train::{CollectorConfig, SacConfig, TrainConfig};
 
 /// Far longer than any step takes, so that a hang fails the test instead of blocking it.
 const LIMIT: Duration = Duration::from_secs(180);

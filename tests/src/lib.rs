@@ -7,7 +7,7 @@ pub mod stage;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
-use surefoot_agent::work::{WorkConfig, WorkError, work};
+use surefoot_agent::{WorkConfig, WorkError, work};
 use surefoot_net::client::Credentials;
 use surefoot_net::levels::MapPool;
 use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};

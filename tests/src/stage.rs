@@ -1,7 +1,7 @@
 //! Worlds on levels of boxes, for tests.
 
 use crate::{Running, Worker, start_worker_of, watch_until, worker_config, world_client};
-use surefoot_agent::work::WorkConfig;
+use surefoot_agent::WorkConfig;
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1 as wire;
 use surefoot_proto::world::v1::map_service_client::MapServiceClient;

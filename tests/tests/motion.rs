@@ -3,7 +3,7 @@
 use e2e::{
     LIMIT, create_world, ground, set_goal, spawn, start_planner, start_server, start_worker_of, watch, worker_config,
 };
-use surefoot_agent::work::WorkConfig;
+use surefoot_agent::WorkConfig;
 use surefoot_planner_service::PlannerConfig;
 use surefoot_policy::Policy;
 use surefoot_proto::world::v1::{NpcStatus, TimeMode};

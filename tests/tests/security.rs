@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::task::{Context, Poll};
 use std::time::Duration;
-use surefoot_agent::work::WorkError;
+use surefoot_agent::WorkError;
 use surefoot_net::client::{ClientTlsFiles, Credentials, Link};
 use surefoot_net::secret::Secret;
 use surefoot_net::serving::access::{Role, roles};

@@ -6,7 +6,7 @@ use e2e::{
     until_metrics_say, watch_until, world_client,
 };
 use std::time::Duration;
-use surefoot_agent::work::WorkError;
+use surefoot_agent::WorkError;
 use surefoot_net::client::{ClientTlsFiles, Credentials, Link};
 use surefoot_net::levels::MapPool;
 use surefoot_net::secret::Secret;
@@ -154,7 +154,7 @@ async fn a_planner_that_never_answers_stops_no_world_and_is_counted() {
 
 /// A worker with a planner at any address.
 fn start_worker_to(server: &Running, planner: &str) -> tokio::task::JoinHandle<Result<(), WorkError>> {
-    let config = surefoot_agent::work::WorkConfig {
+    let config = surefoot_agent::WorkConfig {
         servers: vec![server.uri.clone()],
         is_of_fleet: false,
         planners: vec![planner.to_owned()],
@@ -167,7 +167,7 @@ fn start_worker_to(server: &Running, planner: &str) -> tokio::task::JoinHandle<R
         composes: true,
         maps: MapPool::default(),
     };
-    tokio::spawn(surefoot_agent::work::work(config, Policy::shipped().unwrap(), Default::default()))
+    tokio::spawn(surefoot_agent::work(config, Policy::shipped().unwrap(), Default::default()))
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -7,7 +7,7 @@ use super::train::{copy_levels, stop_on_signal};
 use anyhow::{Context, bail};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use surefoot_agent::train::actors::actor::{ActorConfig, act};
+use surefoot_train::actors::actor::{ActorConfig, act};
 
 /// Let NPCs act with the weights of a learner that runs elsewhere (`surefoot train --listen`), and feed it with what they do. Takes less of
 /// a thin connection than `train --worlds`. While the learner is away, waits for it.

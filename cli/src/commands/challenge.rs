@@ -16,10 +16,10 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-use surefoot_agent::challenge::host::{Hosting, Stats, host};
-use surefoot_agent::challenge::record::{Entry, record};
-use surefoot_agent::challenge::{GoalSet, Run, SETS, Score, score, score_hosted};
-use surefoot_agent::eval::EvalMap;
+use surefoot_eval::EvalMap;
+use surefoot_eval::challenge::host::{Hosting, Stats, host};
+use surefoot_eval::challenge::record::{Entry, record};
+use surefoot_eval::challenge::{GoalSet, Run, SETS, Score, score, score_hosted};
 use surefoot_world::exchange;
 
 /// File of a set in its folder.

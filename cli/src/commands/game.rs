@@ -2,10 +2,10 @@
 
 use super::endpoint::CredentialArgs;
 use std::sync::Arc;
-use surefoot_agent::game::{Game, GameError};
-use surefoot_agent::train::worlds::Connect;
 use surefoot_game::{Bridge, BridgeError, is_batch_address};
+use surefoot_game_client::{Game, GameError};
 use surefoot_net::client::Credentials;
+use surefoot_train::worlds::Connect;
 
 /// A game that serves environments.
 #[derive(clap::Args, Clone)]

@@ -9,7 +9,7 @@ use anyhow::{Context, ensure};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
-use surefoot_agent::work::{WorkConfig, work};
+use surefoot_agent::{WorkConfig, work};
 use surefoot_net::levels::MapPool;
 use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_net::serving::{Endpoint, Shutdown};

@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use surefoot_agent::train::actors::Listener;
-use surefoot_agent::train::{self, Launch, Processor, TrainConfig};
 use surefoot_net::serving::Endpoint;
+use surefoot_train::actors::Listener;
+use surefoot_train::{self, Launch, Processor, TrainConfig};
 use surefoot_world::exchange;
 use surefoot_world::map::{Features, MapKind, MoverDensities};
 
@@ -106,7 +106,7 @@ pub struct Args {
 
 pub fn run(args: Args) -> anyhow::Result<()> {
     if args.inspect {
-        println!("{}", serde_json::to_string_pretty(&train::census_of(&args.folder)?)?);
+        println!("{}", serde_json::to_string_pretty(&surefoot_train::census_of(&args.folder)?)?);
         return Ok(());
     }
     let mut config = match &args.config {
@@ -170,7 +170,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     let (resume, worlds) = (args.resume, args.worlds);
     let launch = Launch { folder: &args.folder, resume, worlds, connect, listener, revision: revision() };
-    train::run(config, launch, &stop, |line| println!("{line}"))?;
+    surefoot_train::run(config, launch, &stop, |line| println!("{line}"))?;
     Ok(())
 }
 

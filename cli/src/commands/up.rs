@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use surefoot_agent::crowd::Crowd;
-use surefoot_agent::work::{WorkConfig, work};
+use surefoot_agent::{WorkConfig, work};
 use surefoot_net::client::{Credentials, Link};
 use surefoot_net::serving::{Endpoint, EndpointConfig, Shutdown};
 use surefoot_planner_service::{self as planner, PlannerConfig};

@@ -7,10 +7,10 @@ use anyhow::{Context, bail};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use surefoot_agent::game::{Game, Level as Geometry};
 use surefoot_game::{
     Action, BodyState, Bridge, CharacterProfile, Command, GameWorld, Hit, Level, Vec3, is_batch_address,
 };
+use surefoot_game_client::{Game, Level as Geometry};
 use surefoot_net::client::Credentials;
 use surefoot_rollout::Goal;
 use surefoot_world::exchange::{self, ImportOptions, UpAxis};

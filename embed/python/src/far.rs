@@ -5,7 +5,7 @@
 
 use crate::vector::{Autoreset, Finished, Outputs, Setup, check_actions};
 use std::time::{Duration, Instant};
-use surefoot_agent::game::{Game, GameEnv, GameError, Level};
+use surefoot_game_client::{Game, GameEnv, GameError, Level};
 use surefoot_net::client::Credentials;
 use surefoot_rollout::Goal;
 use surefoot_rollout::env::{Draw, Route, actions_of};

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
-use surefoot_agent::game::{Game, GameError};
+use surefoot_game_client::{Game, GameError};
 use surefoot_net::client::{ClientTlsFiles, Credentials};
 use surefoot_net::secret::Secret;
 

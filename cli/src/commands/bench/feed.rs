@@ -9,14 +9,14 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use surefoot_agent::game::Game;
-use surefoot_agent::train::actors::Listener;
-use surefoot_agent::train::actors::actor::{ActorConfig, act};
-use surefoot_agent::train::worlds::Connect;
-use surefoot_agent::train::{self, CollectorConfig, Launch, TrainConfig};
 use surefoot_game::{BodyState, CharacterProfile, Command, GameWorld, Hit, Level, Vec3};
+use surefoot_game_client::Game;
 use surefoot_net::client::Credentials;
 use surefoot_net::serving::Endpoint;
+use surefoot_train::actors::Listener;
+use surefoot_train::actors::actor::{ActorConfig, act};
+use surefoot_train::worlds::Connect;
+use surefoot_train::{self, CollectorConfig, Launch, TrainConfig};
 use surefoot_world::TICKS_PER_DECISION;
 use surefoot_world::sense::RAY_COUNT;
 
@@ -182,7 +182,7 @@ fn rate_of(config: TrainConfig, listener: Option<Listener>, stop: &AtomicBool) -
     let run = folder.path().join("run");
     let launch = Launch { connect: connect(), listener, ..Launch::here(&run, false) };
     let lines: Mutex<Vec<(Instant, u64)>> = Mutex::default();
-    train::run(config, launch, stop, |line| {
+    surefoot_train::run(config, launch, stop, |line| {
         let Some(decisions) = line.split_whitespace().nth(3).filter(|_| line.starts_with("updates ")) else { return };
         let mut lines = lines.lock().expect("no holder panics");
         lines.push((Instant::now(), decisions.parse().unwrap_or(0)));

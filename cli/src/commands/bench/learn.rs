@@ -6,12 +6,12 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use std::hint::black_box;
 use std::sync::Arc;
-use surefoot_agent::train::Learner;
-use surefoot_agent::train::Run;
-use surefoot_agent::train::TrainConfig;
-use surefoot_agent::train::replay::Batch;
 use surefoot_policy::{Manifest, Policy};
 use surefoot_rollout::env::{Env, Episodes};
+use surefoot_train::Learner;
+use surefoot_train::Run;
+use surefoot_train::TrainConfig;
+use surefoot_train::replay::Batch;
 use surefoot_world::character::ACTION_LEN;
 use surefoot_world::{CharacterProfile, Map, MapSpec, OBSERVATION_LEN, TaskConfig, World, navigable};
 

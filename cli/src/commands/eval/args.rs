@@ -9,7 +9,7 @@ use anyhow::{Context, bail};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use surefoot_agent::eval::{EvalConfig, EvalMap, Method, Price, Shard, living};
+use surefoot_eval::{EvalConfig, EvalMap, Method, Price, Shard, living};
 use surefoot_planner::export::import_json;
 use surefoot_planner::{Attach, BuildSettings, NavGraph, SettingError};
 use surefoot_policy::Policy;

@@ -7,8 +7,8 @@ use crate::commands::load_policy;
 use crate::terminal::progress_bar;
 use anyhow::bail;
 use std::sync::Arc;
-use surefoot_agent::eval::record::Record;
-use surefoot_agent::eval::{EvalConfig, evaluate};
+use surefoot_eval::record::Record;
+use surefoot_eval::{EvalConfig, evaluate};
 use surefoot_policy::Policy;
 
 /// Has provers run the units, if there is a queue. They are saved in the folder of the configuration, or in one that ends with what is

@@ -12,7 +12,7 @@ pub use args::Args;
 use measure::measure;
 use std::sync::Arc;
 use std::time::Instant;
-use surefoot_agent::eval::record::Record;
+use surefoot_eval::record::Record;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.check {

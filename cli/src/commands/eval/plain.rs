@@ -1,7 +1,7 @@
 //! Prints the report of an evaluation without a suite.
 
-use surefoot_agent::eval::report::CalibrationBin;
-use surefoot_agent::eval::{MapName, Rate, Report};
+use surefoot_eval::report::CalibrationBin;
+use surefoot_eval::{MapName, Rate, Report};
 
 pub fn print(report: &Report) {
     println!(

@@ -13,7 +13,7 @@ use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-use surefoot_agent::eval::record::{Comparison, Model, Record};
+use surefoot_eval::record::{Comparison, Model, Record};
 
 /// Names of the files of a table's folder.
 const RESULTS: &str = "results.json";

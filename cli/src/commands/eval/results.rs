@@ -3,12 +3,12 @@
 use crate::terminal::print_json;
 use anyhow::Context;
 use std::path::Path;
-use surefoot_agent::eval::ablation::AblationReport;
-use surefoot_agent::eval::conditions::ConditionReport;
-use surefoot_agent::eval::living::LivingReport;
-use surefoot_agent::eval::suite::{self, SuiteReport};
-use surefoot_agent::eval::variants::{self, Outcome};
-use surefoot_agent::eval::{Rate, Report};
+use surefoot_eval::ablation::AblationReport;
+use surefoot_eval::conditions::ConditionReport;
+use surefoot_eval::living::LivingReport;
+use surefoot_eval::suite::{self, SuiteReport};
+use surefoot_eval::variants::{self, Outcome};
+use surefoot_eval::{Rate, Report};
 use surefoot_report::plots;
 
 /// What was measured.
@@ -92,7 +92,7 @@ fn write_paper(report: &SuiteReport, folder: &Path) -> anyhow::Result<()> {
 }
 
 fn write_ablation(report: &AblationReport, folder: &Path) -> anyhow::Result<()> {
-    let range = |it: &surefoot_agent::eval::Interval| [it.low, it.mean, it.high].map(|share| 100.0 * share);
+    let range = |it: &surefoot_eval::Interval| [it.low, it.mean, it.high].map(|share| 100.0 * share);
     let rows = report.factors.iter().map(|it| plots::RangeRow {
         name: it.factor.about(),
         ranges: vec![range(&it.adds_to_paper), range(&it.adds_to_ours)],
@@ -106,7 +106,7 @@ fn write_ablation(report: &AblationReport, folder: &Path) -> anyhow::Result<()> 
 }
 
 fn write_conditions(report: &ConditionReport, folder: &Path) -> anyhow::Result<()> {
-    let range = |it: &surefoot_agent::eval::Interval| [it.low, it.mean, it.high].map(|share| 100.0 * share);
+    let range = |it: &surefoot_eval::Interval| [it.low, it.mean, it.high].map(|share| 100.0 * share);
     let rows = report.rows.iter().map(|row| plots::RangeRow {
         name: &row.name,
         ranges: vec![range(&row.policy.success), range(&row.plan.success)],

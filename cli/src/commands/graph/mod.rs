@@ -14,7 +14,7 @@ use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use surefoot_agent::game::{Game, probes};
+use surefoot_game_client::{Game, probes};
 use surefoot_planner::edits::{Unapplied, apply_layers};
 use surefoot_planner::store::{GraphStore, LevelId};
 use surefoot_planner::{BuildSettings, BuildStats, Built, GraphId, NavGraph, Progress};

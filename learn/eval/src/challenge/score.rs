@@ -1,0 +1,309 @@
+//! The scorer: does again, or drives, what a run says, and sees where the body gets.
+
+use super::host::Hosted;
+use super::run::{Approach, MAX_DECISIONS, MapRun, Run, RunError};
+use super::set::{GoalSet, SetError, SetGoal, SetMap};
+use super::{VERSION, set};
+use crate::report::{self, Rate, Success};
+use crate::unit::Unit;
+use crate::{Interval, Terrain, is_on_foot, reachable};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use surefoot_game_client::map_indices;
+use surefoot_rollout::drive::{Driver, PathPoint};
+use surefoot_rollout::{Attempt, Goal, Motion};
+use surefoot_world::character::{ACTION_LEN, Action};
+use surefoot_world::reach::Reach;
+use surefoot_world::{CharacterProfile, End, Map, NpcSlot, TICKS_PER_DECISION, TaskConfig, Vec3, World};
+
+/// Ticks after which an attempt by path ends.
+const MAX_TICKS: u32 = MAX_DECISIONS as u32 * TICKS_PER_DECISION;
+
+/// What a run is worth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// Version of the challenge.
+    pub challenge: u32,
+    /// Name of the set.
+    pub set: String,
+    /// Hash of the set's maps, body and goals.
+    pub set_hash: String,
+    /// Name of the entrant.
+    pub entrant: String,
+    /// What it is.
+    pub about: String,
+    /// Success over all goals, and by thirds of each map's goals by distance.
+    pub success: Success,
+    /// Success with its interval over maps; absent with one map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by_map: Option<Interval>,
+    /// Success where a walk leads to the goal, by the survey.
+    pub on_foot: Rate,
+    /// Success where none does.
+    pub not_on_foot: Rate,
+    /// Number of attempts by outcome.
+    pub ends: BTreeMap<String, usize>,
+    /// Share of the goals that cannot be reached, by the survey and by this run, of which the entrant said so; absent without such goals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub told: Option<f64>,
+    /// Share of the attempts at goals that can be reached that ended in death.
+    pub died: f64,
+    /// Mean duration of successful attempts, s.
+    pub seconds_to_goal: f64,
+    /// Mean length of the path of successful attempts, m; absent for attempts that were hosted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metres_to_goal: Option<f64>,
+    /// Mean of straight-line distance over distance covered, over successful attempts; absent for attempts that were hosted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub directness: Option<f64>,
+    /// Mean time that the entrant took to prepare for a map, s, as it says.
+    pub build_s: f64,
+    /// Mean size of what it prepared for a map, bytes, as it says.
+    pub bytes: f64,
+    /// The maps, in the order of the set.
+    pub maps: Vec<MapScore>,
+}
+
+/// What a run is worth on one map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MapScore {
+    /// Name of the map.
+    pub name: String,
+    /// Success over its goals.
+    pub success: Rate,
+    /// Number of attempts by outcome.
+    pub ends: BTreeMap<String, usize>,
+    /// Mean duration of successful attempts, s.
+    pub seconds_to_goal: f64,
+    /// Time that the entrant took to prepare, s, as it says.
+    pub build_s: f64,
+    /// Size of what it prepared, bytes, as it says.
+    pub bytes: u64,
+}
+
+/// Why a run has no score.
+#[derive(Debug, thiserror::Error)]
+pub enum ScoreError {
+    /// The run does not answer the set.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The set cannot be used.
+    #[error(transparent)]
+    Set(#[from] SetError),
+}
+
+/// Scores a run on the set whose files are in `folder`. `progress` gets the name of each map before its attempts are made.
+///
+/// # Errors
+/// If the run does not fit the set, or a map cannot be had.
+pub fn score(
+    set: &GoalSet,
+    folder: &Path,
+    run: &Run,
+    thread_count: usize,
+    mut progress: impl FnMut(&str),
+) -> Result<Score, ScoreError> {
+    set.check()?;
+    let runs = run.check(set)?;
+    let mut units = Vec::with_capacity(runs.len());
+    for (of_set, of_run) in set.maps.iter().zip(&runs) {
+        progress(&of_set.name);
+        let map = of_set.load(folder)?;
+        let trial = |idx: usize| attempt(&map, &set.body, &of_set.goals[idx], &of_run.attempts[idx]);
+        let attempts = map_indices(of_set.goals.len(), thread_count, trial);
+        units.push(unit(&map, &set.body, of_set, attempts, thread_count));
+    }
+    Ok(summarise(set, (&run.entrant, &run.about), &runs, &units))
+}
+
+/// Scores attempts that a server hosted, map by map in the order of the set, beside what the entrant says of itself.
+///
+/// # Errors
+/// If a map cannot be had.
+///
+/// # Panics
+/// If there is not one attempt for each goal.
+pub fn score_hosted(
+    set: &GoalSet,
+    folder: &Path,
+    entrant: (&str, &str),
+    hosted: &[Hosted],
+    thread_count: usize,
+) -> Result<Score, ScoreError> {
+    let mut units = Vec::with_capacity(hosted.len());
+    for (of_set, hosted) in set.maps.iter().zip(hosted) {
+        assert_eq!(hosted.attempts.len(), of_set.goals.len(), "one attempt for each goal");
+        let map = of_set.load(folder)?;
+        units.push(unit(&map, &set.body, of_set, hosted.attempts.clone(), thread_count));
+    }
+    let runs = set.maps.iter().zip(hosted);
+    let runs: Vec<MapRun> = runs
+        .map(|(map, hosted)| MapRun {
+            name: map.name.clone(),
+            build_s: hosted.warm_up_s,
+            bytes: 0,
+            attempts: Vec::new(),
+        })
+        .collect();
+    let score = summarise(set, entrant, &runs.iter().collect::<Vec<_>>(), &units);
+    Ok(Score { metres_to_goal: None, directness: None, ..score })
+}
+
+/// All attempts on one map, with what the survey knows of the goals.
+fn unit(map: &Arc<Map>, body: &CharacterProfile, of_set: &SetMap, attempts: Vec<Attempt>, thread_count: usize) -> Unit {
+    let goals: Vec<Goal> = of_set.goals.iter().copied().map(Goal::from).collect();
+    let reach = Reach::survey_far(map, body, thread_count);
+    let surveyed = reachable(&Terrain { map, profile: body, reach: &reach }, None, &goals);
+    let known = surveyed.into_iter().zip(&attempts).map(|(known, attempt)| known || attempt.end == End::Reached);
+    Unit {
+        map: of_set.report_name(),
+        seed: set::SEED,
+        distances: goals.iter().map(Goal::distance).collect(),
+        reachable: known.collect(),
+        on_foot: goals.iter().map(|goal| is_on_foot(&reach, goal)).collect(),
+        attempts,
+        motion: Motion::default(),
+        graph: None,
+    }
+}
+
+/// Makes one attempt. A path is driven; actions are done again; an entrant that says that the goal is out of reach is believed.
+pub(super) fn attempt(map: &Arc<Map>, body: &CharacterProfile, goal: &SetGoal, approach: &Approach) -> Attempt {
+    match approach {
+        Approach::Unreachable => Trial::new(map, body, goal).ended(End::Unreachable),
+        Approach::Path(points) => Trial::new(map, body, goal).drive(points, body),
+        Approach::Actions(actions) => Trial::new(map, body, goal).repeat(actions),
+    }
+}
+
+/// A world with one body that has one goal.
+struct Trial {
+    world: World,
+    slot: NpcSlot,
+    ticks: u32,
+    length: f32,
+    feet: Vec3,
+}
+
+impl Trial {
+    fn new(map: &Arc<Map>, body: &CharacterProfile, goal: &SetGoal) -> Self {
+        // The run ends attempts itself.
+        let task = TaskConfig { patience: u32::MAX, ..TaskConfig::default() };
+        let mut world = World::new(map.clone(), body.clone(), task);
+        let Goal { start, yaw, goal } = Goal::from(*goal);
+        let slot = world.spawn(start, yaw);
+        world.set_goal(slot, goal);
+        Self { world, slot, ticks: 0, length: 0.0, feet: start }
+    }
+
+    fn repeat(mut self, actions: &[[f32; ACTION_LEN]]) -> Attempt {
+        for action in actions {
+            self.world.decide(self.slot, Action::from_array(*action).unwrap_or_default());
+            self.world.tick_decision();
+            if let Some(end) = self.advance(TICKS_PER_DECISION) {
+                return self.ended(end);
+            }
+        }
+        self.ended(End::NoProgress)
+    }
+
+    fn drive(mut self, points: &[PathPoint], body: &CharacterProfile) -> Attempt {
+        let mut driver = Driver::new(points);
+        while self.ticks < MAX_TICKS {
+            let npc = self.world.npc(self.slot).expect("the only NPC");
+            let Some(action) = driver.steer(&npc.body, body) else { break };
+            self.world.decide(self.slot, action);
+            self.world.tick();
+            if let Some(end) = self.advance(1) {
+                return self.ended(end);
+            }
+        }
+        self.ended(End::NoProgress)
+    }
+
+    /// Takes note of what happened in so many ticks, and returns how the attempt ended, if it did.
+    fn advance(&mut self, ticks: u32) -> Option<End> {
+        let npc = self.world.npc(self.slot).expect("the only NPC");
+        self.ticks += ticks;
+        self.length += npc.body.feet.distance(self.feet);
+        self.feet = npc.body.feet;
+        npc.episode.and_then(|episode| episode.end)
+    }
+
+    fn ended(&self, end: End) -> Attempt {
+        let decisions = self.ticks.div_ceil(TICKS_PER_DECISION);
+        Attempt {
+            end,
+            decisions,
+            replans: 0,
+            length: self.length,
+            plans: 0,
+            promised: None,
+            promised_arrival: None,
+            fault: None,
+        }
+    }
+}
+
+fn summarise(set: &GoalSet, (entrant, about): (&str, &str), runs: &[&MapRun], units: &[Unit]) -> Score {
+    let mean = |of: fn(&MapRun) -> f64| runs.iter().map(|it| of(it)).sum::<f64>() / runs.len().max(1) as f64;
+    let reached = || goals(units).filter(|goal| goal.attempt.end == End::Reached);
+    let share = |of: fn(&Seen<'_>) -> f64| reached().map(|it| of(&it)).sum::<f64>() / reached().count().max(1) as f64;
+    let out_of_reach = goals(units).filter(|goal| !goal.can_be_reached).count();
+    let told = goals(units).filter(|goal| !goal.can_be_reached && goal.attempt.end == End::Unreachable).count();
+    let can_be_reached = goals(units).filter(|goal| goal.can_be_reached).count();
+    let died = goals(units).filter(|goal| goal.can_be_reached && goal.attempt.end.is_harm()).count();
+    let by_ground = |on_foot: bool| {
+        let of = || goals(units).filter(|goal| goal.on_foot == on_foot);
+        Rate::of(of().filter(|goal| goal.attempt.end == End::Reached).count(), of().count())
+    };
+    let map_score = |(unit, of_run): (&Unit, &&MapRun)| MapScore {
+        name: of_run.name.clone(),
+        success: report::success(std::slice::from_ref(unit)).all,
+        ends: report::count_ends(std::slice::from_ref(unit)),
+        seconds_to_goal: report::seconds_to_goal(std::slice::from_ref(unit)),
+        build_s: of_run.build_s,
+        bytes: of_run.bytes,
+    };
+    Score {
+        challenge: VERSION,
+        set: set.set.clone(),
+        set_hash: set.hash(),
+        entrant: entrant.to_owned(),
+        about: about.to_owned(),
+        success: report::success(units),
+        by_map: Interval::of(units),
+        on_foot: by_ground(true),
+        not_on_foot: by_ground(false),
+        ends: report::count_ends(units),
+        told: (out_of_reach > 0).then(|| told as f64 / out_of_reach as f64),
+        died: died as f64 / can_be_reached.max(1) as f64,
+        seconds_to_goal: report::seconds_to_goal(units),
+        metres_to_goal: Some(share(|it| f64::from(it.attempt.length))),
+        directness: Some(share(|it| f64::from(it.distance / it.attempt.length.max(it.distance).max(f32::EPSILON)))),
+        build_s: mean(|it| it.build_s),
+        bytes: mean(|it| it.bytes as f64),
+        maps: units.iter().zip(runs).map(map_score).collect(),
+    }
+}
+
+/// An attempt with what is known of its goal.
+struct Seen<'u> {
+    attempt: &'u Attempt,
+    distance: f32,
+    on_foot: bool,
+    can_be_reached: bool,
+}
+
+fn goals(units: &[Unit]) -> impl Iterator<Item = Seen<'_>> {
+    units.iter().flat_map(|unit| {
+        unit.attempts.iter().enumerate().map(|(idx, attempt)| Seen {
+            attempt,
+            distance: unit.distances[idx],
+            on_foot: unit.on_foot[idx],
+            can_be_reached: unit.reachable[idx],
+        })
+    })
+}
