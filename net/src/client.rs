@@ -10,7 +10,8 @@ use http::header::AUTHORIZATION;
 use http::{HeaderValue, Request};
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use parking_lot::Mutex;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 use tonic::body::Body;
@@ -22,7 +23,6 @@ use tracing::{info, warn};
 const CONNECT_LIMIT: Duration = Duration::from_secs(3);
 /// Interval between pings, and timeout of a ping. A dead server is noticed after their sum.
 const KEEPALIVE: (Duration, Duration) = (Duration::from_secs(20), Duration::from_secs(10));
-const POISON: &str = "no holder of this lock panics";
 
 /// Why a connection cannot be set up.
 #[derive(Debug, thiserror::Error)]
@@ -121,7 +121,7 @@ impl Default for Credentials {
 
 impl fmt::Debug for Credentials {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.loaded.lock().expect(POISON).parts.fmt(f)
+        self.loaded.lock().parts.fmt(f)
     }
 }
 
@@ -161,7 +161,7 @@ impl Credentials {
 
     /// The present credentials: the files are read again if they have changed. While they cannot be used, the former ones count.
     fn current(&self) -> Arc<Parts> {
-        let mut loaded = self.loaded.lock().expect(POISON);
+        let mut loaded = self.loaded.lock();
         if self.have_files() && loaded.looked.elapsed() >= RELOAD_PERIOD {
             loaded.looked = Instant::now();
             let stamps = self.sources.stamps();
@@ -244,7 +244,7 @@ pub struct Dialer {
 impl Dialer {
     fn present(&self) -> Present {
         let parts = self.credentials.current();
-        let mut present = self.present.lock().expect(POISON);
+        let mut present = self.present.lock();
         if !Arc::ptr_eq(&present.tried, &parts) {
             present.tried = parts.clone();
             match self.credentials.endpoint(&self.uri, &parts) {
@@ -309,7 +309,7 @@ impl Link {
         if Arc::ptr_eq(&present.parts, &renewal.parts) {
             return;
         }
-        let mut latest = renewal.latest.lock().expect(POISON);
+        let mut latest = renewal.latest.lock();
         if !Arc::ptr_eq(&latest.0, &present.parts) {
             *latest = (present.parts.clone(), present.endpoint.connect_lazy());
         }

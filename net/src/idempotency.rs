@@ -7,7 +7,8 @@ use crate::memory::{MemoryBudget, Reservation};
 use crate::status;
 use std::collections::BTreeMap;
 use std::future::Future;
-use std::sync::{Arc, Mutex, MutexGuard};
+use parking_lot::{Mutex, MutexGuard};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_proto::reason::Reason;
 use tokio::sync::OnceCell;
@@ -23,7 +24,6 @@ const MAX_CLIENT_BYTES: u64 = 8 << 20;
 const ENTRY_BYTES: usize = 256;
 /// Longest request id, bytes.
 const MAX_ID: usize = 64;
-const POISON: &str = "no holder of this lock panics";
 
 /// A call that a client may repeat.
 #[derive(Debug, Clone, Copy)]
@@ -188,7 +188,7 @@ impl<A: Clone + Send + Sync + 'static> AnswerCache<A> {
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept<A>> {
-        self.kept.lock().expect(POISON)
+        self.kept.lock()
     }
 
     fn cell(&self, call: &Repeatable<'_>, request: blake3::Hash) -> Result<Arc<OnceCell<A>>, Status> {

@@ -1,11 +1,11 @@
 //! A service's memory budget: who holds how much, and what is refused before it is allocated.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard};
+use parking_lot::{Mutex, MutexGuard};
+use std::sync::Arc;
 
 /// What fits a machine of 4 GB beside the rest of the process and one import at a time.
 pub const DEFAULT_MAX_MEMORY_BYTES: u64 = 2_000_000_000;
-const POISON: &str = "no holder of this lock panics";
 const MB: f64 = 1.0e6;
 
 /// The memory budget of a service; clones share it. It counts what grows with requests: maps and environments.
@@ -57,7 +57,7 @@ impl MemoryBudget {
     }
 
     fn used(&self) -> MutexGuard<'_, BTreeMap<Arc<str>, u64>> {
-        self.used.lock().expect(POISON)
+        self.used.lock()
     }
 
     /// Most bytes in use.

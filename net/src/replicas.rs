@@ -13,7 +13,8 @@ use std::cmp::Reverse;
 use std::hash::{BuildHasher, RandomState};
 use std::pin::Pin;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, LazyLock, Mutex};
+use parking_lot::Mutex;
+use std::sync::{Arc, LazyLock};
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 use tonic::body::Body;
@@ -33,7 +34,6 @@ const REQUEST_IDS: [(&str, u32); 4] = [
 ];
 /// Bytes of a gRPC frame before its message: whether it is compressed, and its length.
 const FRAME_HEAD: usize = 5;
-const POISON: &str = "no holder of this lock panics";
 
 /// The order in which replicas at these `addresses` are asked about what `key` names, such as the hash of a map: indices, the first is
 /// asked first.
@@ -93,12 +93,12 @@ struct Line {
 
 impl Line {
     fn is_resting(&self) -> bool {
-        self.resting.lock().expect(POISON).is_some_and(|(until, _)| Instant::now() < until)
+        self.resting.lock().is_some_and(|(until, _)| Instant::now() < until)
     }
 
     fn note(&self, answers: bool) {
         let [first, longest] = RESTS;
-        let mut resting = self.resting.lock().expect(POISON);
+        let mut resting = self.resting.lock();
         *resting = match *resting {
             _ if answers => None,
             // Calls that were made together fail together.

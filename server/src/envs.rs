@@ -2,7 +2,8 @@
 
 use crate::quota::{Quota, QuotaError, Ticket};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use parking_lot::{Mutex, MutexGuard};
+use std::sync::{self, Arc, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::{Made, MapError, MapPool, SharedMap};
 use surefoot_net::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
@@ -19,7 +20,6 @@ pub const IDLE_LIMIT: Duration = Duration::from_secs(600);
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
 /// Bytes of an NPC: its state, its observation, a copy of that for whoever steps it, and a route of the greatest length.
 const NPC_BYTES: u64 = 8192;
-const POISON: &str = "no holder of this lock panics";
 
 /// Why an environment cannot be created, stepped or closed.
 #[derive(Debug, thiserror::Error)]
@@ -135,7 +135,8 @@ pub struct StepResults {
 /// An environment and the time of its last use.
 #[derive(Debug)]
 struct Kept {
-    env: Mutex<Env>,
+    /// A lock with poisoning: an environment whose step panicked must not be used again.
+    env: sync::Mutex<Env>,
     used: Mutex<Instant>,
     /// Its place in its client's quota.
     ticket: Ticket,
@@ -144,7 +145,7 @@ struct Kept {
 
 impl Kept {
     /// The environment, unless it is being stepped or a step of it has panicked.
-    fn lock(&self, id: EnvId) -> Result<MutexGuard<'_, Env>, EnvError> {
+    fn lock(&self, id: EnvId) -> Result<sync::MutexGuard<'_, Env>, EnvError> {
         self.env.try_lock().map_err(|error| match error {
             TryLockError::WouldBlock => EnvError::Busy(id),
             TryLockError::Poisoned(_) => EnvError::Failed(id),
@@ -190,7 +191,7 @@ impl Envs {
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        self.inner.lock().expect(POISON)
+        self.inner.lock()
     }
 
     fn find(&self, caller: &Caller, id: EnvId) -> Result<Arc<Kept>, EnvError> {
@@ -198,7 +199,7 @@ impl Envs {
         if !caller.may_change(kept.ticket.client()) {
             return Err(EnvError::NotOwner(id));
         }
-        *kept.used.lock().expect(POISON) = Instant::now();
+        *kept.used.lock() = Instant::now();
         Ok(kept)
     }
 
@@ -219,7 +220,7 @@ impl Envs {
         let (reserved, ticket) = (self.reserve()?, self.quota.acquire(&caller.name).map_err(EnvError::Quota)?);
         let (env, memory) = self.make(caller, settings).await?;
         let first = FirstState { observations: env.observations().to_vec(), positions: env.positions().collect() };
-        let kept = Kept { env: Mutex::new(env), used: Mutex::new(Instant::now()), ticket, _memory: memory };
+        let kept = Kept { env: sync::Mutex::new(env), used: Mutex::new(Instant::now()), ticket, _memory: memory };
         Ok((reserved.fill(kept), first))
     }
 
@@ -256,7 +257,7 @@ impl Envs {
     }
 
     fn sweep(&self) {
-        let is_idle = |_: &EnvId, kept: &mut Arc<Kept>| kept.used.lock().expect(POISON).elapsed() >= self.idle_limit;
+        let is_idle = |_: &EnvId, kept: &mut Arc<Kept>| kept.used.lock().elapsed() >= self.idle_limit;
         // Maps are dropped without the lock.
         let idle: Vec<_> = self.inner().by_id.extract_if(.., is_idle).collect();
         for (id, kept) in idle {

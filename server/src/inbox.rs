@@ -5,7 +5,8 @@
 
 use crate::errors::SimError;
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use parking_lot::{Condvar, Mutex, MutexGuard};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Calls of all clients that may wait; one more is refused with [`SimError::Busy`].
@@ -15,7 +16,6 @@ const MAX_CALLS_PER_CLIENT: usize = 1024;
 /// Answers and calls of the server that may wait.
 const MAX_URGENT: usize = 4096;
 
-const POISON: &str = "no holder of this lock panics";
 
 /// Who calls.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,7 +69,7 @@ impl<T> Default for Inbox<T> {
 
 impl<T> Inbox<T> {
     fn queues(&self) -> MutexGuard<'_, Queues<T>> {
-        self.queues.lock().expect(POISON)
+        self.queues.lock()
     }
 
     /// Adds an item at the end of a lane.
@@ -115,7 +115,7 @@ impl<T> Inbox<T> {
             if left.is_zero() {
                 return Popped::Nothing;
             }
-            queues = self.arrived.wait_timeout(queues, left).expect(POISON).0;
+            self.arrived.wait_for(&mut queues, left);
         }
     }
 

@@ -1,7 +1,8 @@
 //! Limits on how many worlds or NPCs each client may have at a time.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use parking_lot::Mutex;
+use std::sync::Arc;
 
 /// A limit on one kind of resource, with the number that each client has.
 #[derive(Debug)]
@@ -46,7 +47,7 @@ impl Quota {
     /// # Errors
     /// If the client has reached its quota.
     pub fn acquire(self: &Arc<Self>, client: &str) -> Result<Ticket, QuotaError> {
-        let mut held = self.held.lock().expect(POISON);
+        let mut held = self.held.lock();
         if held.get(client).copied().unwrap_or(0) >= self.limit {
             return Err(QuotaError { client: client.to_owned(), limit: self.limit, what: self.what });
         }
@@ -55,7 +56,7 @@ impl Quota {
 
     /// Acquires a place for `client` even beyond its quota, as for restored worlds.
     pub fn grant(self: &Arc<Self>, client: &str) -> Ticket {
-        self.add(&mut self.held.lock().expect(POISON), client)
+        self.add(&mut self.held.lock(), client)
     }
 
     fn add(self: &Arc<Self>, held: &mut BTreeMap<Arc<str>, usize>, client: &str) -> Ticket {
@@ -74,7 +75,7 @@ impl Ticket {
 
 impl Drop for Ticket {
     fn drop(&mut self) {
-        let mut held = self.quota.held.lock().expect(POISON);
+        let mut held = self.quota.held.lock();
         if let Some(count) = held.get_mut(&self.client) {
             *count -= 1;
             if *count == 0 {
@@ -84,7 +85,6 @@ impl Drop for Ticket {
     }
 }
 
-const POISON: &str = "no holder of this lock panics";
 
 #[cfg(test)]
 mod tests {

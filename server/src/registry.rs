@@ -3,7 +3,8 @@
 use crate::ids::WorkerId;
 use crate::messages::{Hello, ToWorker};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use parking_lot::{Mutex, MutexGuard};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_world::sense::observation_len;
 use tokio::sync::Notify;
@@ -85,8 +86,8 @@ impl Inner {
 }
 
 impl Registry {
-    fn inner(&self) -> std::sync::MutexGuard<'_, Inner> {
-        self.inner.lock().expect("no holder of this lock panics")
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock()
     }
 
     /// Adds a worker.

@@ -20,7 +20,8 @@ use crate::store::{SharedStore, StoreError, WorldStore};
 use crate::turns::Turns;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock, RwLock};
+use parking_lot::RwLock;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
 use surefoot_net::serving::{Caller, Shutdown};
@@ -126,12 +127,12 @@ impl ShownMap {
 
     /// The map as it is now.
     pub fn get(&self) -> Arc<Map> {
-        self.0.read().expect(POISON).clone()
+        self.0.read().clone()
     }
 
     /// Shows another map from now on. Called on the world's thread, so that the last edit stays.
     pub fn show(&self, map: &Arc<Map>) {
-        *self.0.write().expect(POISON) = map.clone();
+        *self.0.write() = map.clone();
     }
 }
 
@@ -193,7 +194,6 @@ struct Shared {
     shutdown: Shutdown,
 }
 
-const POISON: &str = "no holder of this lock panics";
 
 impl Worlds {
     /// Creates a server without worlds.
@@ -258,7 +258,7 @@ impl Worlds {
         WorldSettings { mode, body, solid_npcs }: WorldSettings,
     ) -> Result<WorldSummary, WorldsError> {
         let limit = self.shared.config.max_worlds;
-        if self.shared.worlds.read().expect(POISON).len() >= limit {
+        if self.shared.worlds.read().len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
         let ticket = self.shared.world_quota.acquire(&caller.name).map_err(WorldsError::WorldQuota)?;
@@ -314,7 +314,7 @@ impl Worlds {
         if self.shared_store().is_some() {
             world.await_confirmation();
         }
-        let mut worlds = self.shared.worlds.write().expect(POISON);
+        let mut worlds = self.shared.worlds.write();
         if worlds.len() >= limit {
             return Err(WorldsError::TooManyWorlds(limit));
         }
@@ -327,7 +327,7 @@ impl Worlds {
                 shared.failed_count.fetch_add(1, Ordering::Relaxed);
                 // What was saved of it stays: it is restored when the server starts the next time, in a fleet after a pause.
                 shared.takeovers.note_failure(id);
-                shared.worlds.write().expect(POISON).remove(&id);
+                shared.worlds.write().remove(&id);
             }
         };
         let sim = SimHandle::start(format!("world-{id}"), world, schedule, failed).map_err(WorldsError::NoThread)?;
@@ -356,7 +356,7 @@ impl Worlds {
         if self.shared_store().is_some_and(|shared| !shared.is_sure()) {
             return Err(WorldsError::Moving(id));
         }
-        let worlds = self.shared.worlds.read().expect(POISON);
+        let worlds = self.shared.worlds.read();
         worlds.get(&id).cloned().ok_or(WorldsError::UnknownWorld(id))
     }
 
@@ -388,12 +388,12 @@ impl Worlds {
 
     /// The figures of all worlds after their latest ticks, in the order of their ids. Never waits for a world.
     pub fn figures(&self) -> Vec<Arc<WorldFigures>> {
-        self.shared.worlds.read().expect(POISON).values().map(|world| world.sim.figures()).collect()
+        self.shared.worlds.read().values().map(|world| world.sim.figures()).collect()
     }
 
     /// Returns the ids of all worlds in ascending order.
     pub fn ids(&self) -> Vec<WorldId> {
-        self.shared.worlds.read().expect(POISON).keys().copied().collect()
+        self.shared.worlds.read().keys().copied().collect()
     }
 
     /// Ends a world and deletes what was saved of it, also if its thread is stuck. A save that is being written ends first.
@@ -418,7 +418,7 @@ impl Worlds {
             let forgotten = tokio::spawn(forget).await;
             forgotten.map_err(|error| WorldsError::Lost("dropping a world", error))??;
         }
-        let dropped = self.shared.worlds.write().expect(POISON).remove(&id);
+        let dropped = self.shared.worlds.write().remove(&id);
         // In a fleet, it goes as well when what happened in it cannot be recorded any more, because it is forgotten.
         if dropped.is_none() && self.shared_store().is_none() {
             return Err(WorldsError::UnknownWorld(id));
@@ -431,7 +431,7 @@ impl Worlds {
 
     /// Ends all worlds.
     pub fn stop(&self) {
-        let worlds = std::mem::take(&mut *self.shared.worlds.write().expect(POISON));
+        let worlds = std::mem::take(&mut *self.shared.worlds.write());
         for WorldHandle { sim, .. } in worlds.into_values() {
             // A world that is too busy for the call ends with its last handle.
             let _ = sim.cast(|state| state.is_over = true);
@@ -444,7 +444,7 @@ impl Worlds {
 
     /// Handles to the threads of all worlds.
     pub(crate) fn running(&self) -> BTreeMap<WorldId, SimHandle> {
-        self.shared.worlds.read().expect(POISON).iter().map(|(&id, handle)| (id, handle.sim.clone())).collect()
+        self.shared.worlds.read().iter().map(|(&id, handle)| (id, handle.sim.clone())).collect()
     }
 
     /// Renders the metrics of the server as Prometheus text.

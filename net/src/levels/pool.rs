@@ -3,14 +3,14 @@
 use super::store::Made;
 use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, Weak};
+use parking_lot::Mutex;
+use std::sync::{Arc, Weak};
 use surefoot_world::map::MapSize;
 use surefoot_world::{Map, MapSpec};
 use tokio::sync::{OwnedMutexGuard, Semaphore};
 
 /// Maps that are generated at the same time: each uses all cores in parts.
 const GENERATED_AT_A_TIME: usize = 2;
-const POISON: &str = "no holder of this lock panics";
 
 /// A map that somebody uses; its memory is returned with the last user.
 #[derive(Debug)]
@@ -103,7 +103,7 @@ impl MapPool {
     }
 
     fn slot(&self, key: String) -> Slot {
-        let mut by_spec = self.by_spec.lock().expect(POISON);
+        let mut by_spec = self.by_spec.lock();
         // Maps that nobody uses any more are forgotten.
         by_spec
             .retain(|_, slot| Arc::strong_count(slot) > 1 || slot.try_lock().is_ok_and(|map| map.strong_count() > 0));

@@ -8,7 +8,8 @@ use crate::reader::DEFAULT_PATIENCE;
 use crate::serving::Caller;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, Weak};
+use parking_lot::{Mutex, MutexGuard};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use surefoot_world::exchange::{self, ImportOptions};
 use surefoot_world::map::piece::{self, Piece, PieceError};
@@ -282,7 +283,7 @@ impl LevelStore {
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().expect("no holder of this lock panics")
+        self.kept.lock()
     }
 
     /// Keeps a level. If there is no room, it takes the place of levels that nobody uses now: first of the client with

@@ -2,7 +2,8 @@
 
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard};
+use parking_lot::{Mutex, MutexGuard};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Largest file, bytes.
@@ -68,7 +69,7 @@ impl Uploads {
     }
 
     fn by_id(&self) -> MutexGuard<'_, BTreeMap<Key, Upload>> {
-        let mut uploads = self.by_id.lock().expect("no holder of this lock panics");
+        let mut uploads = self.by_id.lock();
         uploads.retain(|_, upload| upload.latest.elapsed() < KEPT_FOR);
         uploads
     }

@@ -11,7 +11,8 @@ use std::io::{Error, ErrorKind, IoSlice, Result};
 use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, Weak};
+use parking_lot::Mutex;
+use std::sync::{Arc, Weak};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -120,7 +121,7 @@ impl Incoming {
         self.guests.retain(|guest| guest.strong_count() > 0);
         let is_unknown = |guest: &Arc<Guest>| !guest.is_known.load(Ordering::Relaxed);
         let guest = self.guests.iter().filter_map(Weak::upgrade).filter(is_unknown).find_map(|guest| {
-            let permit = guest.permit.lock().expect("no holder of this lock panics").take()?;
+            let permit = guest.permit.lock().take()?;
             Some((guest, permit))
         });
         let (guest, permit) = guest?;

@@ -5,7 +5,8 @@ use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
 use http_body::Frame;
 use std::pin::Pin;
-use std::sync::{Arc, Mutex};
+use parking_lot::Mutex;
+use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use tonic::Status;
 
@@ -39,7 +40,7 @@ impl Metered {
             return Ok(());
         }
         let (memory, client, held) = &self.counting;
-        let (mut held, wanted) = (held.lock().expect("no holder of this lock panics"), COPIES * self.seen as u64);
+        let (mut held, wanted) = (held.lock(), COPIES * self.seen as u64);
         match &mut *held {
             Some(reservation) => reservation.resize(wanted)?,
             None => *held = Some(memory.reserve(client, wanted)?),

@@ -1,6 +1,6 @@
 //! How worlds outlive the process: restored, saved now and then, and, in a fleet, taken over from other servers and lost to them.
 
-use super::{CONFIRM_LIMIT, POISON, WorldHandle, Worlds, WorldsError};
+use super::{CONFIRM_LIMIT, WorldHandle, Worlds, WorldsError};
 use crate::hosted::{HostedWorld, Journal, RestoredMap, SavedError, SavedMap, SavedWorld, StateFolder};
 use crate::ids::WorldId;
 use crate::store::{Place, SharedStore, StoreError, StoredWorld, Tenure, WorldStore};
@@ -333,7 +333,7 @@ impl Worlds {
 
     /// Lets readers of a world see its events up to that number.
     pub(crate) fn confirm(&self, id: WorldId, through: u64) {
-        let sim = self.shared.worlds.read().expect(POISON).get(&id).map(|handle| handle.sim.clone());
+        let sim = self.shared.worlds.read().get(&id).map(|handle| handle.sim.clone());
         let Some(sim) = sim else { return };
         // A world that is too busy confirms with the next journal, which has the same events again.
         let _ = sim.cast(move |state| state.world.confirm(through));
@@ -341,7 +341,7 @@ impl Worlds {
 
     /// Drops a world, which goes on elsewhere.
     pub(crate) fn lose(&self, id: WorldId, why: &str) {
-        let lost = self.shared.worlds.write().expect(POISON).remove(&id);
+        let lost = self.shared.worlds.write().remove(&id);
         if let Some(handle) = lost {
             warn!(world_id = id.0, why, "stopped serving the world");
             let _ = handle.sim.cast(|state| state.is_over = true);

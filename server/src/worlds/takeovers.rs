@@ -3,11 +3,10 @@
 
 use crate::ids::WorldId;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, MutexGuard};
+use parking_lot::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
 
-const POISON: &str = "no holder of this lock panics";
 /// Worlds that are restored at the same time. Each holds its save in memory.
 const RESTORED_AT_A_TIME: usize = 2;
 /// Pause after a failure, and the longest one: each failure that follows another takes twice as long.
@@ -48,7 +47,7 @@ impl Default for Takeovers {
 
 impl Takeovers {
     fn entries(&self) -> MutexGuard<'_, Entries> {
-        self.entries.lock().expect(POISON)
+        self.entries.lock()
     }
 
     /// Notes that a world is being restored, until [`end`](Self::end).
