@@ -5,9 +5,9 @@
 
 use crate::memory::{MemoryBudget, Reservation};
 use crate::status;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::future::Future;
-use parking_lot::{Mutex, MutexGuard};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_proto::reason::Reason;

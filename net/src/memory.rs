@@ -1,7 +1,7 @@
 //! A service's memory budget: who holds how much, and what is refused before it is allocated.
 
-use std::collections::BTreeMap;
 use parking_lot::{Mutex, MutexGuard};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What fits a machine of 4 GB beside the rest of the process and one import at a time.

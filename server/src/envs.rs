@@ -1,8 +1,8 @@
 //! Environments of remote trainers: creating, stepping and closing them, and removing idle ones.
 
 use crate::quota::{Quota, QuotaError, Ticket};
-use std::collections::BTreeMap;
 use parking_lot::{Mutex, MutexGuard};
+use std::collections::BTreeMap;
 use std::sync::{self, Arc, TryLockError};
 use std::time::{Duration, Instant, SystemTime};
 use surefoot_net::levels::{Made, MapError, MapPool, SharedMap};

@@ -4,8 +4,8 @@
 //! nor delay another client by more than one call.
 
 use crate::errors::SimError;
-use std::collections::{BTreeMap, VecDeque};
 use parking_lot::{Condvar, Mutex, MutexGuard};
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -15,7 +15,6 @@ const MAX_CLIENT_CALLS: usize = 4096;
 const MAX_CALLS_PER_CLIENT: usize = 1024;
 /// Answers and calls of the server that may wait.
 const MAX_URGENT: usize = 4096;
-
 
 /// Who calls.
 #[derive(Debug, Clone, PartialEq, Eq)]

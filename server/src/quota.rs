@@ -1,7 +1,7 @@
 //! Limits on how many worlds or NPCs each client may have at a time.
 
-use std::collections::BTreeMap;
 use parking_lot::Mutex;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A limit on one kind of resource, with the number that each client has.
@@ -84,7 +84,6 @@ impl Drop for Ticket {
         }
     }
 }
-
 
 #[cfg(test)]
 mod tests {

@@ -2,8 +2,8 @@
 
 use crate::ids::WorkerId;
 use crate::messages::{Hello, ToWorker};
-use std::collections::BTreeMap;
 use parking_lot::{Mutex, MutexGuard};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use surefoot_world::sense::observation_len;

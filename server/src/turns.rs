@@ -1,11 +1,10 @@
 //! Turns for long CPU work: few run at a time, and of each client one, so that no client waits for all calls of
 //! another.
 
-use std::collections::BTreeMap;
 use parking_lot::Mutex;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-
 
 /// Turns of one kind of work. Calls that wait are bounded by the streams of their connections.
 #[derive(Debug)]

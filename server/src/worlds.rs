@@ -18,9 +18,9 @@ use crate::registry::Registry;
 use crate::sim::{Schedule, SimHandle};
 use crate::store::{SharedStore, StoreError, WorldStore};
 use crate::turns::Turns;
+use parking_lot::RwLock;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use parking_lot::RwLock;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, SystemTime};
 use surefoot_net::levels::{LevelStore, MapError, MapPool, MapSource, SharedMap};
@@ -193,7 +193,6 @@ struct Shared {
     samples: Turns,
     shutdown: Shutdown,
 }
-
 
 impl Worlds {
     /// Creates a server without worlds.

@@ -2,8 +2,8 @@
 
 use super::store::Made;
 use crate::memory::{DEFAULT_MAX_MEMORY_BYTES, MemoryBudget, MemoryError, Reservation};
-use std::collections::BTreeMap;
 use parking_lot::Mutex;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 use surefoot_world::map::MapSize;
 use surefoot_world::{Map, MapSpec};

@@ -1,8 +1,8 @@
 //! Files that arrive in parts, until they are imported.
 
 use crate::memory::{MemoryBudget, MemoryError, Reservation};
-use std::collections::BTreeMap;
 use parking_lot::{Mutex, MutexGuard};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

@@ -2,8 +2,8 @@
 //! moment ago, which it leaves alone for a pause. All others that do not run are restored at the next look.
 
 use crate::ids::WorldId;
-use std::collections::{BTreeMap, BTreeSet};
 use parking_lot::{Mutex, MutexGuard};
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
 
