@@ -2,13 +2,13 @@
 //! store do not wait for a build that is running. Where planners share a store, one of them builds a graph, and the others load it.
 
 use crate::error::PlannerError;
-use crate::faults;
-use crate::hosted::{Hosted, Legacy, Prepared, Provenance};
-use crate::jobs::{BuildResult, Job, Jobs, SERVICE, Stage};
+use crate::failpoint::failpoint;
+use crate::hosted::{Hosted, CarriedOver, Prepared, Provenance};
+use crate::jobs::{BuildResult, Job, Jobs, SERVICE, BuildPhase};
 use crate::origin::Origin;
 use crate::planner::Planner;
 use crate::provers::ProbeWork;
-use crate::replicas::{Claim, Token};
+use crate::replicas::{ClaimOutcome, Token};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -155,23 +155,23 @@ impl Planner {
 
     /// Makes the graph of a job from its nearest relative, and publishes what is sure to remain of that one first.
     fn update(&self, job: &Job, relative: &Hosted) -> Result<Arc<Hosted>, PlannerError> {
-        job.enter(Stage::Map);
+        job.enter(BuildPhase::Map);
         let started = Instant::now();
         let wanted = Wanted::new(self, job);
         let update = Update::of(relative.proved(), &self.map_of(&relative.origin.source), &wanted.context.site());
-        job.enter(Stage::Vertices);
+        job.enter(BuildPhase::Vertices);
         // From this stage on, interim graphs are told of.
-        job.enter(Stage::Probes);
+        job.enter(BuildPhase::Probes);
         let interims = Interims { planner: self, wanted: &wanted, started };
         let spared = Built { graph: update.spared(), stats: BuildStats::default() };
-        self.host(&wanted, spared, Provenance::Interim, Legacy::default())?;
+        self.host(&wanted, spared, Provenance::Interim, CarriedOver::default())?;
         job.note_usable(wanted.id);
         let spared_s = started.elapsed().as_secs_f32();
         let threads = self.shared.config.threads;
         let Updated { built, retried, .. } =
             graphs::finish(update, &wanted.context, &job.settings, threads, &job.progress)?;
         info!(id = %wanted.id, retried, spared_s, seconds = started.elapsed().as_secs_f32(), "graph follows an edit");
-        job.enter(Stage::Index);
+        job.enter(BuildPhase::Index);
         let hosted = self.host(&wanted, built, Provenance::Updated, interims.legacy())?;
         if let Err(error) = self.shared.replicas.note_recipe(&wanted.id, &wanted.recipe()) {
             warn!(%error, "other planners do not know of a graph that follows an edit");
@@ -199,14 +199,14 @@ impl Planner {
         let task = tokio::task::spawn_blocking(move || {
             let _permit = permit;
             let wanted = Wanted::new(&planner, &job);
-            planner.load(&wanted, || job.enter(Stage::Map))
+            planner.load(&wanted, || job.enter(BuildPhase::Map))
         });
         task.await.map_err(PlannerError::lost("the load"))?
     }
 
     /// Loads the graph of a job from the store or builds it, unless another planner does. Only building keeps the slot.
     fn load_or_build(&self, job: &Job, slot: OwnedSemaphorePermit) -> Result<Arc<Hosted>, PlannerError> {
-        job.enter(Stage::Map);
+        job.enter(BuildPhase::Map);
         let wanted = Wanted::new(self, job);
         let interims = Interims { planner: self, wanted: &wanted, started: Instant::now() };
         let runtime = tokio::runtime::Handle::current();
@@ -219,7 +219,7 @@ impl Planner {
             }
             let away = PlannerError::store("the graph cannot be built");
             match self.shared.replicas.claim(&wanted.id, job.id).map_err(away)? {
-                Claim::Ours(token) => {
+                ClaimOutcome::Ours(token) => {
                     let _claimed = Claimed { planner: self, id: wanted.id };
                     if slot.is_none() {
                         slot = Some(runtime.block_on(permit_for(job, &self.shared.build_slot))?);
@@ -234,8 +234,8 @@ impl Planner {
                     // Somebody else may have taken the build over meanwhile. If not, this graph is as good as any.
                     built = Some(made);
                 }
-                Claim::Published => {}
-                Claim::Theirs(posted) => {
+                ClaimOutcome::Published => {}
+                ClaimOutcome::Theirs(posted) => {
                     slot = None;
                     job.mirror(posted);
                     runtime.block_on(wait_for_news(job, &mut news))?;
@@ -247,15 +247,15 @@ impl Planner {
     /// Builds the graph of a job here.
     fn build(&self, interims: &Interims<'_>) -> Result<Built, PlannerError> {
         let Wanted { job, id, .. } = interims.wanted;
-        job.reach(Stage::Vertices);
-        faults::pass("claimed");
+        job.reach(BuildPhase::Vertices);
+        failpoint("claimed");
         job.forget_probes();
         let (started, threads) = (Instant::now(), self.shared.config.threads);
         let built = interims.publish_while(|| self.prove(interims.wanted, threads))?;
         self.shared.built.fetch_add(1, Ordering::Relaxed);
         info!(%id, probes = built.stats.probes, edges = built.graph.edge_count(), seconds = started.elapsed().as_secs_f32(), "graph built");
-        job.reach(Stage::Index);
-        faults::pass("built");
+        job.reach(BuildPhase::Index);
+        failpoint("built");
         Ok(built)
     }
 
@@ -317,7 +317,7 @@ impl Planner {
         };
         let Some(built) = stored else { return Ok(None) };
         found();
-        job.reach(Stage::Index);
+        job.reach(BuildPhase::Index);
         let live = match store.live(id) {
             Ok(live) => live,
             Err(error) if error.kind == StoreErrorKind::Unavailable => {
@@ -328,7 +328,7 @@ impl Planner {
                 LiveEvidence::default()
             }
         };
-        self.host(wanted, built, Provenance::Stored, Legacy::of(live)).map(Some)
+        self.host(wanted, built, Provenance::Stored, CarriedOver::of(live)).map(Some)
     }
 
     /// Applies the level's layers to a graph and keeps it in memory. If the layers cannot be read, the graph refuses plans.
@@ -337,7 +337,7 @@ impl Planner {
         Wanted { job, origin, .. }: &Wanted<'_>,
         built: Built,
         provenance: Provenance,
-        legacy: Legacy,
+        legacy: CarriedOver,
     ) -> Result<Arc<Hosted>, PlannerError> {
         let level = origin.level();
         let lock = self.shared.level_locks.of(&level);
@@ -425,7 +425,7 @@ impl Interims<'_> {
     }
 
     /// What the next graph of the build takes over.
-    fn legacy(&self) -> Legacy {
+    fn legacy(&self) -> CarriedOver {
         let latest = self.planner.all_ready().into_iter().find(|hosted| hosted.origin.id == self.wanted.id);
         latest.map(|hosted| hosted.legacy()).unwrap_or_default()
     }

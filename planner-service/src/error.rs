@@ -133,7 +133,7 @@ pub enum PlannerError {
     },
     /// The store that planners share cannot be reached now.
     #[error("{what}, because the store cannot be reached now: {reason}")]
-    StoreAway {
+    StoreUnavailable {
         /// What failed.
         what: &'static str,
         /// Why it cannot be reached.
@@ -141,7 +141,7 @@ pub enum PlannerError {
     },
     /// A build of another planner failed.
     #[error("{}", .0.message)]
-    Elsewhere(Failure),
+    RemoteBuildFailed(Failure),
     /// The service is shutting down.
     #[error("the service is shutting down: connect again later")]
     ShuttingDown,
@@ -164,7 +164,7 @@ impl PlannerError {
     /// Converts a failure of the store; `what` says what failed.
     pub(crate) fn store(what: &'static str) -> impl FnOnce(StoreError) -> Self {
         move |error| match error.kind {
-            StoreErrorKind::Unavailable => Self::StoreAway { what, reason: error.to_string() },
+            StoreErrorKind::Unavailable => Self::StoreUnavailable { what, reason: error.to_string() },
             StoreErrorKind::Lost | StoreErrorKind::Refused => Self::Store { what, reason: error.to_string() },
         }
     }

@@ -4,7 +4,7 @@ use crate::error::PlannerError;
 use crate::figures::{Figures, Summary};
 use crate::locks::POISON;
 use crate::origin::{MARGIN_M, Origin};
-use crate::proofs::Proofs;
+use crate::probe_cache::ProbeCache;
 use crate::replicas::Report;
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
@@ -68,7 +68,7 @@ pub struct Hosted {
     unsent: Arc<Mutex<Vec<Report>>>,
     /// Held while evidence is exchanged with other planners.
     exchanging: Mutex<()>,
-    proofs: Arc<Proofs>,
+    proofs: Arc<ProbeCache>,
     /// Held while a new view is made and while live evidence is stored, so that neither is overwritten by an older one.
     updating: Mutex<()>,
     /// Whether an exchange of evidence is scheduled.
@@ -112,7 +112,7 @@ impl Prepared {
     pub fn new(
         origin: &Origin,
         proved: &NavGraph,
-        proofs: &Proofs,
+        proofs: &ProbeCache,
         layers: Result<Vec<Layer>, PlannerError>,
         progress: &Arc<Progress>,
     ) -> Option<Self> {
@@ -125,15 +125,15 @@ impl Prepared {
 
 /// What graphs of one build have in common: live evidence, what edits found out about the map, and those who watch.
 #[derive(Debug, Default)]
-pub struct Legacy {
+pub struct CarriedOver {
     live: Arc<Mutex<LiveEvidence>>,
     unsent: Arc<Mutex<Vec<Report>>>,
     /// Those of the layers.
-    pub proofs: Arc<Proofs>,
+    pub proofs: Arc<ProbeCache>,
     changes: watch::Sender<()>,
 }
 
-impl Legacy {
+impl CarriedOver {
     /// Begins with live evidence.
     pub fn of(live: LiveEvidence) -> Self {
         Self { live: Arc::new(Mutex::new(live)), ..Self::default() }
@@ -146,7 +146,7 @@ impl Hosted {
         origin: Origin,
         Built { graph: proved, stats }: Built,
         provenance: Provenance,
-        Legacy { live, unsent, proofs, changes }: Legacy,
+        CarriedOver { live, unsent, proofs, changes }: CarriedOver,
         prepared: Prepared,
     ) -> Self {
         let view = View::new(&origin, prepared, &live.lock().expect(POISON).clone());
@@ -170,10 +170,10 @@ impl Hosted {
     }
 
     /// What the next graph of the same build takes over from this one.
-    pub fn legacy(&self) -> Legacy {
+    pub fn legacy(&self) -> CarriedOver {
         // In the next graph, the indices of vertices that layers add may be those of others.
         self.live.lock().expect(POISON).keep_below(self.proved.vertex_count());
-        Legacy {
+        CarriedOver {
             live: self.live.clone(),
             unsent: self.unsent.clone(),
             proofs: self.proofs.clone(),

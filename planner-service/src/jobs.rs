@@ -54,9 +54,9 @@ impl fmt::Display for BuildId {
     }
 }
 
-/// Stage of a build.
+/// BuildPhase of a build.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
+pub enum BuildPhase {
     /// Waiting for another build to end.
     Queued,
     /// Generating the map.
@@ -75,10 +75,10 @@ pub enum Stage {
     Cancelled,
 }
 
-impl Stage {
+impl BuildPhase {
     /// Returns whether this is a final stage.
     pub fn is_end(self) -> bool {
-        self >= Stage::Done
+        self >= BuildPhase::Done
     }
 }
 
@@ -94,7 +94,7 @@ pub struct BuildResult {
 #[derive(Debug, Clone)]
 struct State {
     /// All stages so far, the current one last.
-    stages: Vec<Stage>,
+    stages: Vec<BuildPhase>,
     /// Whether other planners have been told of the build, or cannot be.
     is_known: bool,
     /// The graph, once plans can be made on it.
@@ -143,7 +143,7 @@ impl Job {
         (source, body, settings): (MapSource, CharacterProfile, BuildSettings),
         started: SystemTime,
     ) -> Self {
-        let state = State { stages: vec![Stage::Queued], is_known: false, usable: None, end: None };
+        let state = State { stages: vec![BuildPhase::Queued], is_known: false, usable: None, end: None };
         Self {
             id,
             source,
@@ -159,16 +159,16 @@ impl Job {
     }
 
     /// Returns all stages so far, the current one last.
-    pub fn stages(&self) -> Vec<Stage> {
+    pub fn stages(&self) -> Vec<BuildPhase> {
         let mut stages = self.state.borrow().stages.clone();
         self.note_probes(&mut stages);
         stages
     }
 
-    /// Adds [`Stage::Probes`] once probes have begun. The builder only counts probes; it does not know stages.
-    fn note_probes(&self, stages: &mut Vec<Stage>) {
-        if stages.last() == Some(&Stage::Vertices) && self.progress.total.load(Ordering::Relaxed) > 0 {
-            stages.push(Stage::Probes);
+    /// Adds [`BuildPhase::Probes`] once probes have begun. The builder only counts probes; it does not know stages.
+    fn note_probes(&self, stages: &mut Vec<BuildPhase>) {
+        if stages.last() == Some(&BuildPhase::Vertices) && self.progress.total.load(Ordering::Relaxed) > 0 {
+            stages.push(BuildPhase::Probes);
         }
     }
 
@@ -281,7 +281,7 @@ impl Job {
         }
     }
 
-    pub(crate) fn enter(&self, stage: Stage) {
+    pub(crate) fn enter(&self, stage: BuildPhase) {
         self.state.send_modify(|state| {
             self.note_probes(&mut state.stages);
             state.stages.push(stage);
@@ -289,7 +289,7 @@ impl Job {
     }
 
     /// Enters a stage, unless the build has been in it already.
-    pub(crate) fn reach(&self, stage: Stage) {
+    pub(crate) fn reach(&self, stage: BuildPhase) {
         if self.stages().last().is_none_or(|latest| *latest < stage) {
             self.enter(stage);
         }
@@ -309,9 +309,9 @@ impl Job {
 
     pub(crate) fn finish(&self, end: Result<BuildResult, PlannerError>) {
         let stage = match &end {
-            Ok(_) => Stage::Done,
-            Err(PlannerError::Build(BuildError::Cancelled)) => Stage::Cancelled,
-            Err(_) => Stage::Failed,
+            Ok(_) => BuildPhase::Done,
+            Err(PlannerError::Build(BuildError::Cancelled)) => BuildPhase::Cancelled,
+            Err(_) => BuildPhase::Failed,
         };
         self.state.send_modify(|state| {
             self.note_probes(&mut state.stages);

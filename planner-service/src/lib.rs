@@ -10,7 +10,7 @@
 pub mod builds;
 mod config;
 mod error;
-pub mod faults;
+mod failpoint;
 pub mod figures;
 pub mod grpc;
 pub mod hosted;
@@ -21,7 +21,7 @@ mod locks;
 mod operations;
 pub mod origin;
 pub mod planner;
-mod proofs;
+mod probe_cache;
 pub mod provers;
 mod receipts;
 pub mod replicas;
@@ -32,5 +32,6 @@ pub mod wire;
 
 pub use config::PlannerConfig;
 pub use error::{Failure, PlannerError};
-pub use planner::{Common, Planner};
+pub use failpoint::failpoint;
+pub use planner::{PlannerStores, Planner};
 pub use serve::serve;

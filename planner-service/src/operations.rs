@@ -3,9 +3,9 @@
 
 use crate::error::PlannerError;
 use crate::hosted::Hosted;
-use crate::jobs::{BuildId, Job, SERVICE, Stage};
+use crate::jobs::{BuildId, Job, SERVICE, BuildPhase};
 use crate::planner::Planner;
-use crate::replicas::{Operation, Posted, Replicas, Withdrawals};
+use crate::replicas::{Operation, BuildStatus, Replicas, Withdrawals};
 use crate::wire;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -25,19 +25,19 @@ impl Job {
     }
 
     /// How far the build has come.
-    fn posted(&self) -> Posted {
-        Posted {
-            stage: self.stages().pop().unwrap_or(Stage::Queued),
+    fn posted(&self) -> BuildStatus {
+        BuildStatus {
+            stage: self.stages().pop().unwrap_or(BuildPhase::Queued),
             done: self.progress.done.load(Ordering::Relaxed),
             total: self.progress.total.load(Ordering::Relaxed),
         }
     }
 
     /// Shows how far another planner has come with the graph.
-    pub(crate) fn mirror(&self, posted: Option<Posted>) {
-        let Some(Posted { stage, done, total }) = posted.filter(|posted| !posted.stage.is_end()) else { return };
-        if stage >= Stage::Vertices {
-            self.reach(Stage::Vertices);
+    pub(crate) fn mirror(&self, posted: Option<BuildStatus>) {
+        let Some(BuildStatus { stage, done, total }) = posted.filter(|posted| !posted.stage.is_end()) else { return };
+        if stage >= BuildPhase::Vertices {
+            self.reach(BuildPhase::Vertices);
             // A stage that watchers have seen remains, also if the next planner begins anew.
             self.forget_probes();
             self.progress.done.store(done, Ordering::Relaxed);
@@ -199,11 +199,11 @@ impl Planner {
             // While the store is away, nothing is known of the build.
             let found = self.ask("the build cannot be looked up", move |replicas| replicas.operation(id)).await;
             match found {
-                Ok(Some(Operation { posted, graph: Some(graph), .. })) if posted.stage == Stage::Done => {
+                Ok(Some(Operation { posted, graph: Some(graph), .. })) if posted.stage == BuildPhase::Done => {
                     return self.ready(&graph.to_string()).await;
                 }
-                Ok(Some(Operation { failure: Some(failure), posted, .. })) if posted.stage == Stage::Failed => {
-                    return Err(PlannerError::Elsewhere(failure));
+                Ok(Some(Operation { failure: Some(failure), posted, .. })) if posted.stage == BuildPhase::Failed => {
+                    return Err(PlannerError::RemoteBuildFailed(failure));
                 }
                 Ok(Some(Operation { posted, .. })) if posted.stage.is_end() => {
                     return Err(BuildError::Cancelled.into());
@@ -237,7 +237,7 @@ impl Planner {
             if let Err(error) = self.follow(&operation).await {
                 warn!(%error, build = %operation.id, "a build cannot be taken over");
                 // Nobody else would look at it, since this planner lives.
-                let posted = Posted { stage: Stage::Failed, ..operation.posted };
+                let posted = BuildStatus { stage: BuildPhase::Failed, ..operation.posted };
                 let failed = Operation { posted, failure: Some(wire::failure_of(&error)), ..operation };
                 let told = self.ask("the end cannot be told", move |replicas| replicas.post(&failed)).await;
                 told.map(drop).unwrap_or_else(|error| warn!(%error, "a build stays without a planner"));

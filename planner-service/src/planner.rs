@@ -41,7 +41,7 @@ const RECENT_MAPS: usize = 2;
 const RECENT_SHARE: u64 = 4;
 
 /// The stores of a planner, which others may share.
-pub struct Common {
+pub struct PlannerStores {
     /// Graphs, layers and evidence.
     pub store: Arc<dyn GraphStore>,
     /// What planners that share it agree on.
@@ -50,7 +50,7 @@ pub struct Common {
     pub levels: Option<Arc<dyn LevelArchive>>,
 }
 
-impl<S: GraphStore + 'static> From<Box<S>> for Common {
+impl<S: GraphStore + 'static> From<Box<S>> for PlannerStores {
     fn from(store: Box<S>) -> Self {
         let store: Arc<dyn GraphStore> = Arc::from(store as Box<dyn GraphStore>);
         Self { replicas: Arc::new(Alone(store.clone())), store, levels: None }
@@ -60,10 +60,10 @@ impl<S: GraphStore + 'static> From<Box<S>> for Common {
 /// A planner. Clones share all state.
 #[derive(Clone)]
 pub struct Planner {
-    pub(crate) shared: Arc<Shared>,
+    pub(crate) shared: Arc<PlannerInner>,
 }
 
-pub(crate) struct Shared {
+pub(crate) struct PlannerInner {
     pub config: PlannerConfig,
     pub policy: Policy,
     pub store: Arc<dyn GraphStore>,
@@ -102,10 +102,10 @@ pub(crate) struct Shared {
 
 impl Planner {
     /// Creates a planner that proves edges with `policy`, on the runtime that calls it.
-    pub fn new(config: PlannerConfig, policy: Policy, store: Common, shutdown: Shutdown) -> Self {
-        let Common { store, replicas, levels: archive } = store;
+    pub fn new(config: PlannerConfig, policy: Policy, store: PlannerStores, shutdown: Shutdown) -> Self {
+        let PlannerStores { store, replicas, levels: archive } = store;
         let levels = LevelStore::new(config.max_maps, config.maps.memory().clone());
-        let shared = Shared {
+        let shared = PlannerInner {
             policy,
             store,
             runtime: Handle::current(),
@@ -155,8 +155,8 @@ impl Planner {
         let graphs = self.shared.ready.lock().expect(POISON).len();
         let builds = self.shared.jobs.open_count();
         let built = self.shared.built.load(Ordering::Relaxed);
-        let Standing { is_sure, stale_publishes } = self.shared.replicas.standing();
-        let (sure, provers) = (u8::from(is_sure), self.shared.config.provers.metrics());
+        let Standing { holds_lease, stale_publishes } = self.shared.replicas.standing();
+        let (sure, provers) = (u8::from(holds_lease), self.shared.config.provers.metrics());
         format!(
             "# HELP surefoot_plans_total Plans answered.\n# TYPE surefoot_plans_total counter\nsurefoot_plans_total {plans}\n\
              # HELP surefoot_graphs_in_memory Graphs in memory.\n# TYPE surefoot_graphs_in_memory gauge\nsurefoot_graphs_in_memory {graphs}\n\
@@ -321,7 +321,7 @@ impl Planner {
                     return answer.try_into().map(u32::from_le_bytes).map_err(|_| PlannerError::BadReceipt);
                 }
                 // Whether it is a repeat is decided when it is stored.
-                Ok(None) | Err(PlannerError::StoreAway { .. }) => {}
+                Ok(None) | Err(PlannerError::StoreUnavailable { .. }) => {}
                 Err(error) => return Err(error),
             }
         }

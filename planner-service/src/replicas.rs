@@ -2,7 +2,7 @@
 //! planner that has its store for itself; crates that know databases implement [`Replicas`] for several.
 
 use crate::error::Failure;
-use crate::jobs::{BuildId, Stage};
+use crate::jobs::{BuildId, BuildPhase};
 use std::sync::Arc;
 use std::time::SystemTime;
 use surefoot_planner::live::Counts;
@@ -17,20 +17,20 @@ pub struct Token(pub i64);
 
 /// Who builds a graph.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Claim {
+pub enum ClaimOutcome {
     /// This planner does.
     Ours(Token),
     /// Nobody: the graph is in the store.
     Published,
     /// Another planner, which has come so far; `None` if it has not said.
-    Theirs(Option<Posted>),
+    Theirs(Option<BuildStatus>),
 }
 
 /// How far a build has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Posted {
+pub struct BuildStatus {
     /// The stage.
-    pub stage: Stage,
+    pub stage: BuildPhase,
     /// Number of probes that have finished.
     pub done: u64,
     /// Number of probes that are known to be needed.
@@ -45,7 +45,7 @@ pub struct Operation {
     /// What is built: `wire::recipe` encodes it.
     pub recipe: Vec<u8>,
     /// How far it has come.
-    pub posted: Posted,
+    pub posted: BuildStatus,
     /// The graph, when it is done.
     pub graph: Option<GraphId>,
     /// Why it failed, if it did.
@@ -73,7 +73,7 @@ pub struct Withdrawals {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
     /// Whether nobody can have taken over what it builds.
-    pub is_sure: bool,
+    pub holds_lease: bool,
     /// Graphs that it did not publish, because their claims had been lost.
     pub stale_publishes: u64,
 }
@@ -114,7 +114,7 @@ pub trait Replicas: Send + Sync {
 
     /// How this planner stands among the others.
     fn standing(&self) -> Standing {
-        Standing { is_sure: true, stale_publishes: 0 }
+        Standing { holds_lease: true, stale_publishes: 0 }
     }
 
     /// News of other planners, of whom this one is to take note; `None` after the first call.
@@ -126,7 +126,7 @@ pub trait Replicas: Send + Sync {
     ///
     /// # Errors
     /// If the store is away, or this planner counts as dead at the moment.
-    fn claim(&self, graph: &GraphId, build: BuildId) -> Result<Claim, StoreError>;
+    fn claim(&self, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError>;
 
     /// Gives a claim up.
     fn release(&self, graph: &GraphId);
@@ -207,8 +207,8 @@ impl Replicas for Alone {
         0
     }
 
-    fn claim(&self, _: &GraphId, _: BuildId) -> Result<Claim, StoreError> {
-        Ok(Claim::Ours(Token(0)))
+    fn claim(&self, _: &GraphId, _: BuildId) -> Result<ClaimOutcome, StoreError> {
+        Ok(ClaimOutcome::Ours(Token(0)))
     }
 
     fn release(&self, _: &GraphId) {}

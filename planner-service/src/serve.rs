@@ -2,7 +2,7 @@
 
 use crate::config::PlannerConfig;
 use crate::grpc::PlannerApi;
-use crate::planner::{Common, Planner};
+use crate::planner::{PlannerStores, Planner};
 use std::time::Duration;
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_policy::Policy;
@@ -21,7 +21,7 @@ pub async fn serve(
     endpoint: Endpoint,
     config: PlannerConfig,
     policy: Policy,
-    store: impl Into<Common>,
+    store: impl Into<PlannerStores>,
     shutdown: Shutdown,
 ) -> Result<(), ServeError> {
     let planner = Planner::new(config, policy, store.into(), shutdown.clone());
@@ -33,8 +33,8 @@ pub async fn serve(
             async move { text }
         }
     };
-    let (is_sure, standing) = watch::channel(true);
-    tokio::spawn(report_standing(planner.clone(), is_sure));
+    let (holds_lease, standing) = watch::channel(true);
+    tokio::spawn(report_standing(planner.clone(), holds_lease));
     let endpoint = endpoint.with_standing(standing);
     let mut routes = tonic::service::Routes::builder();
     let grpc = PlannerServiceServer::new(PlannerApi::new(planner.clone()))
@@ -54,11 +54,11 @@ pub async fn serve(
 }
 
 /// Reports whether the planner holds its lease, as long as there is an endpoint.
-async fn report_standing(planner: Planner, is_sure: watch::Sender<bool>) {
+async fn report_standing(planner: Planner, holds_lease: watch::Sender<bool>) {
     let mut due = tokio::time::interval(STANDING_EVERY);
-    while !is_sure.is_closed() {
+    while !holds_lease.is_closed() {
         due.tick().await;
-        let holds = planner.shared.replicas.standing().is_sure;
-        is_sure.send_if_modified(|known| std::mem::replace(known, holds) != holds);
+        let holds = planner.shared.replicas.standing().holds_lease;
+        holds_lease.send_if_modified(|known| std::mem::replace(known, holds) != holds);
     }
 }

@@ -4,7 +4,7 @@ use crate::config::PlannerConfig;
 use crate::error::{Failure, PlannerError};
 use crate::figures::Figures;
 use crate::hosted::{GraphView, Hosted, Revision};
-use crate::jobs::{Job, Stage};
+use crate::jobs::{Job, BuildPhase};
 use prost::Message;
 use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;
@@ -59,7 +59,7 @@ pub async fn read_recipe(bytes: &[u8], levels: &LevelStore, config: &PlannerConf
             .map_err(|error| status::failure(Reason::Internal, format!("the recipe of a graph is damaged: {error}")))?;
         wanted(&request, levels, config).await
     };
-    read.await.map_err(|status: Status| PlannerError::Elsewhere(as_failure(&status)))
+    read.await.map_err(|status: Status| PlannerError::RemoteBuildFailed(as_failure(&status)))
 }
 
 /// Reads what a request wants built.
@@ -332,12 +332,12 @@ fn source_to_wire(source: &MapSource) -> (Option<MapSpec>, String) {
 }
 
 /// Converts a build to the wire, as it was or is in `stage`.
-pub fn build_to_wire(job: &Job, stage: Stage) -> wire::Build {
+pub fn build_to_wire(job: &Job, stage: BuildPhase) -> wire::Build {
     let end = job.end().filter(|_| stage.is_end());
     let (map, level) = source_to_wire(&job.source);
     let made = end.as_ref().and_then(|end| end.as_ref().ok());
-    let failure = end.as_ref().and_then(|end| end.as_ref().err()).filter(|_| stage == Stage::Failed);
-    let interim = job.usable().filter(|_| matches!(stage, Stage::Probes | Stage::Index));
+    let failure = end.as_ref().and_then(|end| end.as_ref().err()).filter(|_| stage == BuildPhase::Failed);
+    let interim = job.usable().filter(|_| matches!(stage, BuildPhase::Probes | BuildPhase::Index));
     wire::Build {
         build_id: job.id.to_string(),
         stage: stage_to_wire(stage).into(),
@@ -365,16 +365,16 @@ fn failure_to_wire(error: &PlannerError) -> wire::BuildFailure {
     }
 }
 
-fn stage_to_wire(stage: Stage) -> wire::BuildStage {
+fn stage_to_wire(stage: BuildPhase) -> wire::BuildStage {
     match stage {
-        Stage::Queued => wire::BuildStage::Queued,
-        Stage::Map => wire::BuildStage::Map,
-        Stage::Vertices => wire::BuildStage::Vertices,
-        Stage::Probes => wire::BuildStage::Probes,
-        Stage::Index => wire::BuildStage::Index,
-        Stage::Done => wire::BuildStage::Done,
-        Stage::Failed => wire::BuildStage::Failed,
-        Stage::Cancelled => wire::BuildStage::Cancelled,
+        BuildPhase::Queued => wire::BuildStage::Queued,
+        BuildPhase::Map => wire::BuildStage::Map,
+        BuildPhase::Vertices => wire::BuildStage::Vertices,
+        BuildPhase::Probes => wire::BuildStage::Probes,
+        BuildPhase::Index => wire::BuildStage::Index,
+        BuildPhase::Done => wire::BuildStage::Done,
+        BuildPhase::Failed => wire::BuildStage::Failed,
+        BuildPhase::Cancelled => wire::BuildStage::Cancelled,
     }
 }
 

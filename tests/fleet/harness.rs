@@ -6,7 +6,7 @@ use crate::services::{Ground, Postgres, S3};
 use std::time::Duration;
 use surefoot_fleet::blobs::{BlobId, Blobs};
 use surefoot_fleet::member::{Member, MemberKind};
-use surefoot_fleet::record::Record;
+use surefoot_fleet::database::Database;
 
 /// A lease that is over soon.
 const SHORT: Duration = Duration::from_millis(300);
@@ -16,25 +16,25 @@ async fn a_member_that_was_silent_for_its_lease_stays_dead() {
     let ground = Ground::new();
     let mut postgres = Postgres::start(&ground);
     let relay = Relay::to(postgres.address);
-    let record = Record::open(&Postgres::url_at(relay.address)).await.unwrap();
-    let again = Record::open(&postgres.url()).await.unwrap();
-    let member = Member::join(&record, MemberKind::Planner, "http://127.0.0.1:1", SHORT).await.unwrap();
+    let database = Database::open(&Postgres::url_at(relay.address)).await.unwrap();
+    let again = Database::open(&postgres.url()).await.unwrap();
+    let member = Member::join(&database, MemberKind::Planner, "http://127.0.0.1:1", SHORT).await.unwrap();
     let other =
         Member::join(&again, MemberKind::Server, "http://127.0.0.1:2", Duration::from_secs(3600)).await.unwrap();
-    assert!(member.is_sure() && member.id < other.id);
+    assert!(member.holds_lease() && member.id < other.id);
     member.renew().await.unwrap();
     relay.refuse();
-    wait_until("the lease is over by its own clock", || async { !member.is_sure() }).await;
-    member.renew().await.expect_err("no way to the record");
+    wait_until("the lease is over by its own clock", || async { !member.holds_lease() }).await;
+    member.renew().await.expect_err("no way to the database");
     relay.mend();
     wait_until("it is told that it was taken for dead", || async {
         member.renew().await.is_err_and(|error| error.reason.contains("expired"))
     })
     .await;
-    assert!(!member.is_sure());
+    assert!(!member.holds_lease());
     postgres.kill();
-    other.renew().await.expect_err("there is no record");
-    assert!(other.is_sure(), "its lease is long");
+    other.renew().await.expect_err("there is no database");
+    assert!(other.holds_lease(), "its lease is long");
     postgres.start_again();
     wait_until("it goes on", || async { other.renew().await.is_ok() }).await;
     other.leave().await.unwrap();
@@ -43,18 +43,18 @@ async fn a_member_that_was_silent_for_its_lease_stays_dead() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_record_that_cannot_be_opened_says_why() {
+async fn a_database_that_cannot_be_opened_says_why() {
     let ground = Ground::new();
     let postgres = Postgres::start(&ground);
-    let error = Record::open("mysql://nobody").await.unwrap_err().to_string();
+    let error = Database::open("mysql://nobody").await.unwrap_err().to_string();
     assert!(error.starts_with("--store: "), "{error}");
-    let nowhere = Record::open("postgres://surefoot:secret@127.0.0.1:1/surefoot").await.unwrap_err().to_string();
+    let nowhere = Database::open("postgres://surefoot:secret@127.0.0.1:1/surefoot").await.unwrap_err().to_string();
     assert!(nowhere.starts_with("postgres://127.0.0.1:1/surefoot: ") && !nowhere.contains("secret"), "{nowhere}");
-    Record::open(&postgres.url()).await.unwrap();
+    Database::open(&postgres.url()).await.unwrap();
     postgres.query("INSERT INTO _sqlx_migrations VALUES (9999, 'of a newer version', now(), true, '', 0)");
-    Record::open(&postgres.url()).await.expect("a schema that has grown serves this version too");
+    Database::open(&postgres.url()).await.expect("a schema that has grown serves this version too");
     postgres.query("UPDATE _sqlx_migrations SET checksum = 'x' WHERE version = 1");
-    let other = Record::open(&postgres.url()).await.unwrap_err().to_string();
+    let other = Database::open(&postgres.url()).await.unwrap_err().to_string();
     assert!(other.contains("migration 1"), "{other}");
 }
 

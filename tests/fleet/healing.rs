@@ -7,12 +7,12 @@ use crate::services::Postgres;
 use std::path::PathBuf;
 use std::time::Duration;
 use surefoot_fleet::blobs::Blobs;
-use surefoot_fleet::planners::PlannerRecord;
-use surefoot_fleet::record::Record;
+use surefoot_fleet::planners::FleetPlanner;
+use surefoot_fleet::database::Database;
 use surefoot_planner::GraphId;
-use surefoot_planner_service::Common;
+use surefoot_planner_service::PlannerStores;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::Claim;
+use surefoot_planner_service::replicas::ClaimOutcome;
 
 /// The file of the blob of a graph.
 fn blob_of(fleet: &Fleet, graph_id: &str) -> PathBuf {
@@ -55,19 +55,19 @@ async fn a_claim_that_is_made_while_others_are_cleared_away_stays() {
     let _turn = turn().await;
     let fleet = Fleet::new();
     let relay = Relay::to(fleet.postgres.address);
-    let record = Record::open(&Postgres::url_at(relay.address)).await.unwrap();
+    let database = Database::open(&Postgres::url_at(relay.address)).await.unwrap();
     let blobs = Blobs::open(&fleet.ground.blobs()).unwrap();
     relay.hold(b"DELETE FROM claims");
     let address = "http://127.0.0.1:1".to_owned();
-    let joined = PlannerRecord::join(record, blobs, address, Duration::from_secs(600)).await.unwrap();
+    let joined = FleetPlanner::join(database, blobs, address, Duration::from_secs(600)).await.unwrap();
     wait_until("claims are about to be cleared away", || async { relay.is_sprung() }).await;
-    let Common { replicas, .. } = joined.into_stores();
+    let PlannerStores { replicas, .. } = joined.into_stores();
     let claimed = tokio::task::spawn_blocking(move || {
         let claim = replicas.claim(&GraphId([7; 32]), BuildId::of_bits(1)).unwrap();
         (claim, replicas)
     });
     let (claim, replicas) = claimed.await.unwrap();
-    assert!(matches!(claim, Claim::Ours(_)), "{claim:?}");
+    assert!(matches!(claim, ClaimOutcome::Ours(_)), "{claim:?}");
     relay.mend();
     // What is done after it.
     let cleared = "pg_stat_activity WHERE query LIKE 'DELETE FROM operations%' OR query LIKE 'DELETE FROM members%'";

@@ -172,7 +172,7 @@ pub(super) async fn edits(client: &mut Client, graph_id: &str) -> Vec<u32> {
     seconds.map(|seconds| seconds.unwrap() as u32 - 1).collect()
 }
 
-pub(super) fn is_away(status: &Status) -> bool {
+pub(super) fn is_unavailable(status: &Status) -> bool {
     status.code() == Code::Unavailable && Reason::of(status) == Some(Reason::StoreUnavailable)
 }
 
@@ -461,7 +461,7 @@ async fn evidence_of_all_planners_adds_up() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
+async fn while_the_database_is_away_plans_go_on_and_no_edit_is_acknowledged() {
     let _turn = turn().await;
     let mut fleet = Fleet::new();
     let planners = ["a", "b"].map(|name| fleet.planner(name, &[]));
@@ -491,7 +491,7 @@ async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
     for client in &mut clients {
         unknown = start(client, &request(80)).await.unwrap();
         let refused = client.append_edits(append(&id, edit(2, edge))).await.unwrap_err();
-        assert!(is_away(&refused), "{refused}");
+        assert!(is_unavailable(&refused), "{refused}");
         let port = fleet.postgres.address.port().to_string();
         assert!(!refused.message().contains(&port) && !refused.message().contains("postgres"), "{refused}");
         let failed = build(client, &request(81)).await.unwrap_err();
@@ -512,7 +512,7 @@ async fn while_the_record_is_away_plans_go_on_and_no_edit_is_acknowledged() {
     stop.send_replace(true);
     for plans in plans {
         let count = plans.await.unwrap();
-        println!("{count} plans while the record was away and came back, none failed");
+        println!("{count} plans while the database was away and came back, none failed");
     }
     let late = fleet.planner("late", &[]);
     assert_eq!(edits(&mut client(&late).await, &id).await, [1, 3]);
@@ -580,7 +580,7 @@ async fn a_planner_that_is_cut_off_serves_what_it_has_and_publishes_nothing() {
     assert!(cut.elapsed().as_secs_f64() < LEASE + 2.0 + 3.0, "a build of a second or two included");
     near.append_edits(append(&id, edit(2, edge))).await.unwrap();
     let refused = far.append_edits(append(&id, edit(3, edge))).await.unwrap_err();
-    assert!(is_away(&refused), "{refused}");
+    assert!(is_unavailable(&refused), "{refused}");
     far.find_path(find(&id, edge)).await.expect("a graph in memory is planned on");
     assert_eq!(edits(&mut far, &id).await, [1], "it cannot know more");
     assert_eq!(outside.metric("surefoot_lease_sure"), Some(0.0));

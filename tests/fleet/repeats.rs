@@ -43,7 +43,7 @@ impl Pair {
         Self::linked(self.planners.each_ref().map(Surefoot::uri))
     }
 
-    /// Numbers of tries of all edges that the record has.
+    /// Numbers of tries of all edges that the database has.
     fn tries(&self) -> Vec<String> {
         self.fleet.postgres.query("SELECT sum(tries) FROM evidence")
     }

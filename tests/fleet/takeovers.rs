@@ -67,7 +67,7 @@ async fn worlds_whose_claim_is_answered_too_late_are_restored_all_the_same() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_new_world_whose_record_is_made_but_not_answered_runs_in_the_end() {
+async fn a_new_world_whose_database_is_made_but_not_answered_runs_in_the_end() {
     let (mut fleet, relay) = fleet_behind_a_relay();
     add_behind(&mut fleet, &relay, "60");
     let uris = fleet.uris();

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 use surefoot_fleet::work::dispatch::{Dispatcher, Threads, Work};
 use surefoot_fleet::work::job::{Job, JobKind};
-use surefoot_fleet::work::lane::Lane;
+use surefoot_fleet::work::compute_class::ComputeClass;
 use surefoot_fleet::work::queue::Queue;
 use surefoot_planner::store::{GraphStore, encode_entry};
 use surefoot_planner::{BuildStats, Built, GraphId};
@@ -28,8 +28,8 @@ use surefoot_proto::world::v1::{ImportMapRequest, MapFormat, MapSize, MapSpec};
 /// A subject of jobs that belong to nothing.
 const NOWHERE: &str = "00000000000000000000000000000000";
 
-fn lane() -> Lane {
-    Lane::of(&Policy::shipped().unwrap())
+fn lane() -> ComputeClass {
+    ComputeClass::of(&Policy::shipped().unwrap())
 }
 
 /// A planner of one probing thread. With a queue it shares its probes.
@@ -400,7 +400,7 @@ struct Untouched {
 impl Work for Untouched {
     type Output = Vec<u8>;
 
-    fn do_here(&self, _: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<u8>, String>> {
+    fn run_locally(&self, _: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<u8>, String>> {
         while !is_settled() {
             std::thread::yield_now();
         }

@@ -446,7 +446,7 @@ async fn a_server_that_is_alone_answers_for_itself() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn worlds_go_on_while_the_record_restarts_and_nobody_takes_them() {
+async fn worlds_go_on_while_the_database_restarts_and_nobody_takes_them() {
     let mut fleet = Fleet::start(2, "60");
     let uris = fleet.uris();
     let mut client = fleet.client(0).await;
@@ -462,7 +462,7 @@ async fn worlds_go_on_while_the_record_restarts_and_nobody_takes_them() {
     };
     fleet.postgres.kill();
     let (told, at) = (chronicle.read(|told| told.sequences.len()), tick(&mut client).await);
-    wait_until("it steps without the record", || {
+    wait_until("it steps without the database", || {
         let mut client = client.clone();
         async move { tick(&mut client).await > at + 120 }
     })
@@ -517,7 +517,7 @@ async fn worlds_go_on_while_the_object_store_refuses_and_are_saved_afterwards() 
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_server_that_is_cut_off_from_the_record_stops_its_worlds_before_others_take_them() {
+async fn a_server_that_is_cut_off_from_the_database_stops_its_worlds_before_others_take_them() {
     let ground = Ground::new();
     let postgres = Postgres::start(&ground);
     let relay = Relay::to(postgres.address);

@@ -41,7 +41,7 @@ impl AgonesArgs {
         if self.agones {
             let uri = format!("http://localhost:{}", self.agones_port);
             let serving = async move { serving.await.map_err(anyhow::Error::from) };
-            return surefoot_agones::accompany(&uri, surefoot_agones::Pace::default(), observer, serving).await;
+            return surefoot_agones::run_with_sidecar(&uri, surefoot_agones::Pace::default(), observer, serving).await;
         }
         Ok(serving.await?)
     }

@@ -389,7 +389,7 @@ fn share(
     let policy = super::load_policy(None)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let shared = runtime.block_on(Shared::open(nats, args.blobs.blobs.as_deref(), &policy))?;
-    let grounds = runtime.block_on(async { shared.grounds() });
+    let grounds = runtime.block_on(async { shared.maps() });
     let threads = Threads { beside_provers: 1, alone: core_count() };
     Ok(Some(maps::generate_all(&shared.dispatcher(), &grounds, specs, threads, is_made)?))
 }

@@ -15,7 +15,7 @@ use surefoot_net::memory::DEFAULT_MAX_MEMORY_BYTES;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_planner::{BuildSettings, Placement, Probing, RawBuildSettings, SettingError};
 use surefoot_planner_service::store::{DEFAULT_LIMIT_BYTES, DiskStore};
-use surefoot_planner_service::{self as planner, Common, PlannerConfig};
+use surefoot_planner_service::{self as planner, PlannerConfig, PlannerStores};
 use surefoot_policy::Policy;
 use surefoot_server::ServerConfig;
 use surefoot_studio::{Origin, PlannerAddress, Settings};
@@ -382,7 +382,7 @@ pub fn plan(args: &PlanArgs) -> anyhow::Result<()> {
     };
     run_until_signal(|shutdown| async move {
         let endpoint = Endpoint::open(args.listen, endpoint_config)?;
-        let (stores, place): (Common, _) = match args.store.place(endpoint.address())? {
+        let (stores, place): (PlannerStores, _) = match args.store.place(endpoint.address())? {
             Some(place) => (place.planner_stores().await?, place.to_string()),
             None => (Box::new(args.cache.open()?).into(), args.cache.folder()?.display().to_string()),
         };

@@ -31,7 +31,7 @@ impl Default for Pace {
 ///
 /// # Errors
 /// If `uri` is not a URI, or `serving` fails. What the sidecar does is never an error.
-pub async fn accompany<E: From<LinkError>>(
+pub async fn run_with_sidecar<E: From<LinkError>>(
     uri: &str,
     pace: Pace,
     observer: Observer,
@@ -42,7 +42,7 @@ pub async fn accompany<E: From<LinkError>>(
         uri: uri.to_owned(),
         pace,
         state: State::Starting,
-        counters: ["worlds", "npcs"].map(Told::new),
+        counters: ["worlds", "npcs"].map(ReportedCounter::new),
         stalled: Vec::new(),
         is_healthy: true,
         outage: None,
@@ -68,14 +68,14 @@ enum State {
 
 /// A counter, and what the sidecar knows of it.
 #[derive(Debug)]
-struct Told {
+struct ReportedCounter {
     name: &'static str,
     count: Option<i64>,
     /// Whether the log already says that it is not told in full.
     is_logged: bool,
 }
 
-impl Told {
+impl ReportedCounter {
     fn new(name: &'static str) -> Self {
         Self { name, count: None, is_logged: false }
     }
@@ -137,7 +137,7 @@ struct Companion {
     uri: String,
     pace: Pace,
     state: State,
-    counters: [Told; 2],
+    counters: [ReportedCounter; 2],
     /// Worlds that stood still at the last look.
     stalled: Vec<WorldId>,
     /// Whether health was to be reported at the last look.

@@ -1,7 +1,7 @@
 //! A world server as a game server of Agones (<https://agones.dev>): tells the SDK's sidecar when its worlds stand, that its simulation goes on, how
 //! many worlds and NPCs it has, and that it has ended.
 //!
-//! [`accompany`] does all of it beside a server that runs; start reading in `companion.rs`. [`sidecar`] is the client of the sidecar. This crate only
+//! [`run_with_sidecar`] does all of it beside a server that runs; start reading in `companion.rs`. [`sidecar`] is the client of the sidecar. This crate only
 //! looks at the server, through its [`Observer`](surefoot_server::observer::Observer): a sidecar that is away or refuses never keeps worlds from being served.
 
 mod companion;
@@ -21,4 +21,4 @@ pub mod proto {
     }
 }
 
-pub use companion::{Pace, accompany};
+pub use companion::{Pace, run_with_sidecar};

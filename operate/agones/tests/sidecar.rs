@@ -8,7 +8,7 @@ use surefoot_agones::proto::beta::sdk_server::{Sdk as Counters, SdkServer as Cou
 use surefoot_agones::proto::beta::{Counter, GetCounterRequest, UpdateCounterRequest};
 use surefoot_agones::proto::sdk::sdk_server::{Sdk, SdkServer};
 use surefoot_agones::proto::sdk::{Empty, GameServer, KeyValue};
-use surefoot_agones::{Pace, accompany};
+use surefoot_agones::{Pace, run_with_sidecar};
 use surefoot_net::client::LinkError;
 use surefoot_net::serving::{Endpoint, Shutdown};
 use surefoot_proto::world::v1 as wire;
@@ -27,7 +27,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 
 /// What the sidecar was told.
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum Told {
+enum ReportedCounter {
     Ready,
     Allocate,
     Health,
@@ -35,14 +35,14 @@ enum Told {
     Shutdown,
 }
 
-fn count(name: &str, count: i64) -> Told {
-    Told::Count(name.to_owned(), count)
+fn count(name: &str, count: i64) -> ReportedCounter {
+    ReportedCounter::Count(name.to_owned(), count)
 }
 
 /// A sidecar; clones share it. Refuses as that of Agones does: with UNKNOWN.
 #[derive(Debug, Clone)]
 struct Fake {
-    told: watch::Sender<Vec<(Told, Instant)>>,
+    told: watch::Sender<Vec<(ReportedCounter, Instant)>>,
     capacities: Arc<Mutex<BTreeMap<String, i64>>>,
 }
 
@@ -54,29 +54,29 @@ impl Default for Fake {
 }
 
 impl Fake {
-    fn note(&self, told: Told) -> Result<Response<Empty>, Status> {
+    fn note(&self, told: ReportedCounter) -> Result<Response<Empty>, Status> {
         self.told.send_modify(|all| all.push((told, Instant::now())));
         Ok(Response::new(Empty {}))
     }
 
-    fn all(&self) -> Vec<Told> {
+    fn all(&self) -> Vec<ReportedCounter> {
         self.told.borrow().iter().map(|(told, _)| told.clone()).collect()
     }
 
     /// What was told besides health.
-    fn changes(&self) -> Vec<Told> {
-        self.all().into_iter().filter(|told| *told != Told::Health).collect()
+    fn changes(&self) -> Vec<ReportedCounter> {
+        self.all().into_iter().filter(|told| *told != ReportedCounter::Health).collect()
     }
 
     /// Waits until `enough` of what was told.
-    async fn until(&self, enough: impl Fn(&[Told]) -> bool) {
+    async fn until(&self, enough: impl Fn(&[ReportedCounter]) -> bool) {
         let mut told = self.told.subscribe();
-        let enough = |all: &Vec<(Told, Instant)>| enough(&all.iter().map(|(told, _)| told.clone()).collect::<Vec<_>>());
+        let enough = |all: &Vec<(ReportedCounter, Instant)>| enough(&all.iter().map(|(told, _)| told.clone()).collect::<Vec<_>>());
         let waiting = tokio::time::timeout(Duration::from_secs(60), told.wait_for(enough));
         assert!(waiting.await.is_ok(), "only {:?}", self.changes());
     }
 
-    async fn until_told(&self, what: Told) {
+    async fn until_told(&self, what: ReportedCounter) {
         self.until(|all| all.contains(&what)).await;
     }
 
@@ -116,21 +116,21 @@ impl Serving {
 #[tonic::async_trait]
 impl Sdk for Fake {
     async fn ready(&self, _: Request<Empty>) -> Result<Response<Empty>, Status> {
-        self.note(Told::Ready)
+        self.note(ReportedCounter::Ready)
     }
 
     async fn allocate(&self, _: Request<Empty>) -> Result<Response<Empty>, Status> {
-        self.note(Told::Allocate)
+        self.note(ReportedCounter::Allocate)
     }
 
     async fn shutdown(&self, _: Request<Empty>) -> Result<Response<Empty>, Status> {
-        self.note(Told::Shutdown)
+        self.note(ReportedCounter::Shutdown)
     }
 
     async fn health(&self, request: Request<Streaming<Empty>>) -> Result<Response<Empty>, Status> {
         let mut pings = request.into_inner();
         while let Some(Ok(Empty {})) = pings.next().await {
-            self.note(Told::Health)?;
+            self.note(ReportedCounter::Health)?;
         }
         Ok(Response::new(Empty {}))
     }
@@ -174,7 +174,7 @@ impl Counters for Fake {
         if count > capacity {
             return Err(Status::unknown("out of range. Count must be within range [0,Capacity]"));
         }
-        self.note(Told::Count(wanted.name.clone(), count))?;
+        self.note(ReportedCounter::Count(wanted.name.clone(), count))?;
         Ok(Response::new(Counter { name: wanted.name, count, capacity }))
     }
 }
@@ -200,7 +200,7 @@ async fn start(sidecar: SocketAddr, config: ServerConfig) -> Running {
     let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown.clone());
     let observer = observer.with_patience(PATIENCE);
     let serving = async move { Ok(serving.await?) };
-    let task = tokio::spawn(async move { accompany(&format!("http://{sidecar}"), PACE, observer, serving).await });
+    let task = tokio::spawn(async move { run_with_sidecar(&format!("http://{sidecar}"), PACE, observer, serving).await });
     Running { client: WorldServiceClient::connect(uri).await.unwrap(), shutdown, task }
 }
 
@@ -241,11 +241,11 @@ async fn a_server_is_ready_then_allocated_while_it_has_worlds_and_shut_down_at_t
     server.client.drop_world(wire::DropWorldRequest { world_id }).await.unwrap();
     fake.until(|all| all.iter().filter(|told| **told == count("npcs", 0)).count() == 2).await;
     server.stop().await;
-    let begin = [Told::Ready, count("worlds", 0), count("npcs", 0)];
-    let used = [Told::Allocate, count("worlds", 1), count("npcs", 1)];
-    let end = [Told::Ready, count("worlds", 0), count("npcs", 0), Told::Shutdown];
+    let begin = [ReportedCounter::Ready, count("worlds", 0), count("npcs", 0)];
+    let used = [ReportedCounter::Allocate, count("worlds", 1), count("npcs", 1)];
+    let end = [ReportedCounter::Ready, count("worlds", 0), count("npcs", 0), ReportedCounter::Shutdown];
     assert_eq!(fake.changes(), [&begin[..], &used, &end].concat());
-    assert!(fake.all().contains(&Told::Health));
+    assert!(fake.all().contains(&ReportedCounter::Health));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -259,17 +259,17 @@ async fn health_stops_while_most_worlds_stand_still_and_not_for_one_of_them() {
         async move { client.stall_world(wire::StallWorldRequest { world_id, milliseconds: 1000 }).await.unwrap() }
     };
     // One of three: health is reported all the time, and so more often than before and after the stall.
-    let beats_now = || fake.all().iter().filter(|told| **told == Told::Health).count();
+    let beats_now = || fake.all().iter().filter(|told| **told == ReportedCounter::Health).count();
     let calm = beats_now();
     stall(worlds[0]).await;
     assert!(beats_now() > calm + 10, "{} beats in a second", beats_now() - calm);
     let before = Instant::now();
     tokio::join!(stall(worlds[0]), stall(worlds[1]));
     let after = Instant::now();
-    fake.until(|all| all.last() == Some(&Told::Health)).await;
-    let beats = |told: &(Told, Instant)| (told.0 == Told::Health).then_some(told.1);
+    fake.until(|all| all.last() == Some(&ReportedCounter::Health)).await;
+    let beats = |told: &(ReportedCounter, Instant)| (told.0 == ReportedCounter::Health).then_some(told.1);
     let mut told = fake.told.subscribe();
-    let is_later = |all: &Vec<(Told, Instant)>| all.iter().filter_map(beats).any(|at| at > after);
+    let is_later = |all: &Vec<(ReportedCounter, Instant)>| all.iter().filter_map(beats).any(|at| at > after);
     tokio::time::timeout(Duration::from_secs(60), told.wait_for(is_later)).await.unwrap().unwrap();
     let at: Vec<Instant> = fake.told.borrow().iter().filter_map(beats).filter(|at| *at >= before).collect();
     let longest = at.windows(2).map(|pair| pair[1] - pair[0]).chain([at[0] - before]).max().unwrap();
@@ -294,8 +294,8 @@ async fn restored_worlds_are_reported_once_they_stand() {
     fake.until_told(count("npcs", 1)).await;
     server.stop().await;
     let changes = fake.changes();
-    assert_eq!(changes[..3], [Told::Ready, Told::Allocate, count("worlds", 1)], "{changes:?}");
-    assert_eq!(changes.last(), Some(&Told::Shutdown));
+    assert_eq!(changes[..3], [ReportedCounter::Ready, ReportedCounter::Allocate, count("worlds", 1)], "{changes:?}");
+    assert_eq!(changes.last(), Some(&ReportedCounter::Shutdown));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -310,14 +310,14 @@ async fn worlds_are_served_while_the_sidecar_is_away() {
     let fake = Fake::default();
     let serving = fake.serve(address);
     fake.until_told(count("worlds", 1)).await;
-    assert_eq!(fake.changes()[..2], [Told::Ready, Told::Allocate]);
+    assert_eq!(fake.changes()[..2], [ReportedCounter::Ready, ReportedCounter::Allocate]);
     // It goes and comes again: its game server was allocated, and stays so.
     serving.end().await;
     server.spawn(world_id).await;
     let again = Fake::default();
     let _serving = again.serve(address);
     again.until_told(count("npcs", 1)).await;
-    assert!(!again.changes().contains(&Told::Ready), "{:?}", again.changes());
+    assert!(!again.changes().contains(&ReportedCounter::Ready), "{:?}", again.changes());
     server.stop().await;
 }
 

@@ -2,7 +2,7 @@
 
 use surefoot_planner::store::StoreErrorKind;
 
-/// A failure of the record, the blobs or the queue.
+/// A failure of the database, the blobs or the queue.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{place}: {reason}")]
 pub struct FleetError {

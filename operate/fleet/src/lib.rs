@@ -1,4 +1,4 @@
-//! What several servers and planners share: a record in PostgreSQL, blobs in an object store, work in NATS JetStream. `planners` has what
+//! What several servers and planners share: a database in PostgreSQL, blobs in an object store, work in NATS JetStream. `planners` has what
 //! planners share, `worlds` what servers do, `work` how jobs are sent and done.
 //!
 //! The crate is empty without its feature `service`.
@@ -8,6 +8,6 @@ pub mod blobs;
 pub mod error;
 pub mod member;
 pub mod planners;
-pub mod record;
+pub mod database;
 pub mod work;
 pub mod worlds;

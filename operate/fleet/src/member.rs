@@ -2,7 +2,7 @@
 //! one renewal keeps them all.
 
 use crate::error::FleetError;
-use crate::record::Record;
+use crate::database::Database;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
@@ -30,7 +30,7 @@ impl MemberKind {
 pub struct Member {
     /// Identifies the process; a process that starts again gets another one.
     pub id: i64,
-    record: Record,
+    database: Database,
     lease: Duration,
     /// Until when no other process takes it for dead, by this machine's clock. `Instant` does not count time in which a virtual machine
     /// is suspended: after one wakes, reads may be stale for up to a lease. Writes are not: the database checks the lease in each.
@@ -41,8 +41,8 @@ impl Member {
     /// Registers this process, which others reach at `address`, for `lease`.
     ///
     /// # Errors
-    /// If the record cannot be written.
-    pub async fn join(record: &Record, kind: MemberKind, address: &str, lease: Duration) -> Result<Self, FleetError> {
+    /// If the database cannot be written.
+    pub async fn join(database: &Database, kind: MemberKind, address: &str, lease: Duration) -> Result<Self, FleetError> {
         // Taken before the database sets the end of the lease, which is therefore later.
         let asked = Instant::now();
         let id = sqlx::query_scalar!(
@@ -52,17 +52,17 @@ impl Member {
             address,
             lease.as_secs_f64(),
         );
-        let mut call = record.urgent().await?;
+        let mut call = database.urgent().await?;
         let id = id.fetch_one(call.connection()).await;
         let id = call.done(id)?;
         let until = Arc::new(watch::Sender::new(asked + lease));
-        Ok(Self { id, record: record.clone(), lease, until })
+        Ok(Self { id, database: database.clone(), lease, until })
     }
 
     /// Renews the lease, unless it has expired.
     ///
     /// # Errors
-    /// If the record cannot be written, or the lease has expired: whatever the process held may have been taken over.
+    /// If the database cannot be written, or the lease has expired: whatever the process held may have been taken over.
     pub async fn renew(&self) -> Result<(), FleetError> {
         let asked = Instant::now();
         let renewed = sqlx::query!(
@@ -71,11 +71,11 @@ impl Member {
             self.id,
             self.lease.as_secs_f64(),
         );
-        let mut call = self.record.urgent().await?;
+        let mut call = self.database.urgent().await?;
         let renewed = renewed.execute(call.connection()).await;
         let renewed = call.done(renewed)?;
         if renewed.rows_affected() == 0 {
-            return Err(FleetError::new(self.record.place(), "the lease of this process has expired"));
+            return Err(FleetError::new(self.database.place(), "the lease of this process has expired"));
         }
         self.until.send_replace(asked + self.lease);
         Ok(())
@@ -84,10 +84,10 @@ impl Member {
     /// Ends the lease, so that others take over at once.
     ///
     /// # Errors
-    /// If the record cannot be written; the lease then expires by itself.
+    /// If the database cannot be written; the lease then expires by itself.
     pub async fn leave(&self) -> Result<(), FleetError> {
         let left = sqlx::query!("UPDATE members SET expires_at = now() WHERE id = $1", self.id);
-        let mut call = self.record.urgent().await?;
+        let mut call = self.database.urgent().await?;
         let left = left.execute(call.connection()).await;
         call.done(left)?;
         self.until.send_replace(Instant::now());
@@ -95,7 +95,7 @@ impl Member {
     }
 
     /// Whether the lease is certainly valid. While it is not, others may have taken over what this process held.
-    pub fn is_sure(&self) -> bool {
+    pub fn holds_lease(&self) -> bool {
         *self.until.borrow() > Instant::now()
     }
 

@@ -42,8 +42,8 @@ impl From<PlannerError> for Status {
             PlannerError::LayersUnreadable(_) | PlannerError::Store { .. } => {
                 status::failure(Reason::StoreFailed, message)
             }
-            PlannerError::StoreAway { .. } => status::retry(Reason::StoreUnavailable, RETRY_AFTER, message),
-            PlannerError::Elsewhere(Failure { reason, message }) => {
+            PlannerError::StoreUnavailable { .. } => status::retry(Reason::StoreUnavailable, RETRY_AFTER, message),
+            PlannerError::RemoteBuildFailed(Failure { reason, message }) => {
                 let known = Reason::ALL.iter().find(|known| known.name() == reason);
                 status::failure(known.copied().unwrap_or(Reason::Internal), message)
             }

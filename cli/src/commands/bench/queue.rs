@@ -23,7 +23,7 @@ mod measured {
     use std::process::{Child, Command, Stdio};
     use std::sync::Arc;
     use std::time::Instant;
-    use surefoot_fleet::work::ground::MapRef;
+    use surefoot_fleet::work::map_cache::MapRef;
     use surefoot_fleet::work::probes::{QueuedProbes, result_bytes};
     use surefoot_planner::probe::{Outcome, ProbeExecutor, ProbeWatch, Trial};
     use surefoot_planner::{BuildSettings, Built, Probing, Progress, RawBuildSettings};

@@ -25,7 +25,7 @@ fn share(args: &Args, policy: &Policy, config: EvalConfig) -> anyhow::Result<(Ev
     let config = EvalConfig { keep_in, ..config };
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     let shared = runtime.block_on(Shared::open(nats, args.blobs.blobs.as_deref(), policy))?;
-    let grounds = runtime.block_on(async { shared.grounds() });
+    let grounds = runtime.block_on(async { shared.maps() });
     let bar = progress_bar((config.maps.len() * config.seeds.len()) as u64, "maps and seeds");
     let threads = Threads { beside_provers: 1, alone: config.thread_count };
     units::gather((&shared.dispatcher(), &grounds), policy, &config, threads, &|| bar.inc(1))?;

@@ -45,14 +45,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     use crate::commands::{core_count, load_policy};
     use anyhow::Context;
     use std::sync::Arc;
-    use surefoot_fleet::work::lane::Lane;
+    use surefoot_fleet::work::compute_class::ComputeClass;
     use surefoot_fleet::work::prover::Prover;
     use surefoot_net::serving::Endpoint;
     use tracing::info;
 
     let policy = load_policy(args.model.as_deref())?;
     if args.print_lane {
-        println!("{}", Lane::of(&policy));
+        println!("{}", ComputeClass::of(&policy));
         return Ok(());
     }
     let nats = args.nats.nats.as_deref().context("--nats is missing: the URL of the queue")?;
@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let shared = Shared::open(nats, args.blobs.blobs.as_deref(), &policy).await?;
         let endpoint = Endpoint::open(args.listen, config)?;
         info!(address = %endpoint.address(), lane = %shared.lane, nats = %shared.queue.place(), "prover ready");
-        let runner = Arc::new(units::Runner::new(policy, shared.grounds()));
+        let runner = Arc::new(units::Runner::new(policy, shared.maps()));
         let prover = Prover::new(shared.queue, shared.lane, runner);
         let working = tokio::spawn(prover.clone().run(thread_count, shutdown.clone()));
         let metrics = move || {

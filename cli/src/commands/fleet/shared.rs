@@ -2,8 +2,8 @@
 
 use surefoot_fleet::blobs::Blobs;
 use surefoot_fleet::work::dispatch::Dispatcher;
-use surefoot_fleet::work::ground::Grounds;
-use surefoot_fleet::work::lane::Lane;
+use surefoot_fleet::work::map_cache::MapCache;
+use surefoot_fleet::work::compute_class::ComputeClass;
 use surefoot_fleet::work::probes::QueuedProvers;
 use surefoot_fleet::work::queue::Queue;
 use surefoot_policy::Policy;
@@ -13,7 +13,7 @@ pub struct Shared {
     /// Jobs and results.
     pub queue: Queue,
     /// Who shares them.
-    pub lane: Lane,
+    pub lane: ComputeClass,
     /// Maps.
     pub blobs: Option<Blobs>,
 }
@@ -22,7 +22,7 @@ impl Shared {
     /// Opens them. Call this on a tokio runtime.
     pub async fn open(nats: &str, blobs: Option<&str>, policy: &Policy) -> anyhow::Result<Self> {
         let blobs = blobs.map(Blobs::open).transpose()?;
-        Ok(Self { queue: Queue::open(nats).await?, lane: Lane::of(policy), blobs })
+        Ok(Self { queue: Queue::open(nats).await?, lane: ComputeClass::of(policy), blobs })
     }
 
     /// Who sends jobs.
@@ -31,8 +31,8 @@ impl Shared {
     }
 
     /// Who keeps maps.
-    pub fn grounds(&self) -> Grounds {
-        Grounds::new(self.blobs.clone())
+    pub fn maps(&self) -> MapCache {
+        MapCache::new(self.blobs.clone())
     }
 
     /// Who runs the probes of builds, with this many threads of this process beside provers.

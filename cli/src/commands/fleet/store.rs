@@ -7,7 +7,7 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
-use surefoot_planner_service::Common;
+use surefoot_planner_service::PlannerStores;
 use surefoot_server::store::WorldStore;
 
 /// What servers and planners of a fleet share.
@@ -65,9 +65,9 @@ impl StoreArgs {
 #[cfg(feature = "fleet")]
 impl Place {
     /// Joins the planners.
-    pub async fn planner_stores(&self) -> anyhow::Result<Common> {
+    pub async fn planner_stores(&self) -> anyhow::Result<PlannerStores> {
         let (record, blobs) = self.open().await?;
-        let joined = surefoot_fleet::planners::PlannerRecord::join(record, blobs, self.address.clone(), self.lease);
+        let joined = surefoot_fleet::planners::FleetPlanner::join(record, blobs, self.address.clone(), self.lease);
         Ok(joined.await?.into_stores())
     }
 
@@ -77,9 +77,9 @@ impl Place {
         Ok(Arc::new(surefoot_fleet::worlds::FleetWorlds::join(record, blobs, &self.address, self.lease).await?))
     }
 
-    async fn open(&self) -> anyhow::Result<(surefoot_fleet::record::Record, surefoot_fleet::blobs::Blobs)> {
+    async fn open(&self) -> anyhow::Result<(surefoot_fleet::database::Database, surefoot_fleet::blobs::Blobs)> {
         let blobs = surefoot_fleet::blobs::Blobs::open(&self.blobs)?;
-        Ok((surefoot_fleet::record::Record::open(&self.store).await?, blobs))
+        Ok((surefoot_fleet::database::Database::open(&self.store).await?, blobs))
     }
 }
 
@@ -87,7 +87,7 @@ impl Place {
 #[expect(clippy::unused_async, reason = "with the feature, they connect")]
 impl Place {
     /// Joins the planners.
-    pub async fn planner_stores(&self) -> anyhow::Result<Common> {
+    pub async fn planner_stores(&self) -> anyhow::Result<PlannerStores> {
         bail!("this program was built without a fleet");
     }
 

@@ -11,7 +11,7 @@ use surefoot_eval::unit::Unit;
 use surefoot_eval::{EvalConfig, EvalMap, Method, Price, keep, missing, run_units};
 use surefoot_fleet::error::FleetError;
 use surefoot_fleet::work::dispatch::{Dispatcher, Threads, Work};
-use surefoot_fleet::work::ground::{Grounds, MapRef};
+use surefoot_fleet::work::map_cache::{MapCache, MapRef};
 use surefoot_fleet::work::job::{Answer, Job, JobKind, Opened, Refusal};
 use surefoot_fleet::work::{maps, probes, prover};
 use surefoot_planner::{Attach, BuildSettings};
@@ -25,14 +25,14 @@ const MAX_UNIT_BYTES: u64 = 256 << 20;
 /// Does jobs of every kind.
 pub struct Runner {
     policy: Policy,
-    grounds: Grounds,
+    maps: MapCache,
     probes: AtomicU64,
 }
 
 impl Runner {
     /// Does jobs with this policy.
-    pub fn new(policy: Policy, grounds: Grounds) -> Self {
-        Self { policy, grounds, probes: AtomicU64::new(0) }
+    pub fn new(policy: Policy, maps: MapCache) -> Self {
+        Self { policy, maps, probes: AtomicU64::new(0) }
     }
 }
 
@@ -40,12 +40,12 @@ impl prover::Runner for Runner {
     fn run(&self, job: &Opened) -> Answer {
         match job.kind {
             JobKind::Probes => {
-                let (result, count) = probes::prove(job, &self.policy, &self.grounds)?;
+                let (result, count) = probes::prove(job, &self.policy, &self.maps)?;
                 self.probes.fetch_add(count as u64, Ordering::Relaxed);
                 Ok(result)
             }
-            JobKind::Unit => evaluate(job, &self.policy, &self.grounds),
-            JobKind::Map => maps::generate(job, &self.grounds),
+            JobKind::Unit => evaluate(job, &self.policy, &self.maps),
+            JobKind::Map => maps::generate(job, &self.maps),
         }
     }
 
@@ -115,7 +115,7 @@ impl UnitJob {
     }
 
     /// What the job says, if it can be run.
-    fn config(self, grounds: &Grounds) -> Result<EvalConfig, Refusal> {
+    fn config(self, maps: &MapCache) -> Result<EvalConfig, Refusal> {
         let Follow { replan_after, patience, max_replans, remembers, attaches_to_several, composes } = self.follow;
         let (low, high) = self.distance;
         let is_sound = (1..=100_000).contains(&self.goals)
@@ -125,12 +125,12 @@ impl UnitJob {
             && low >= 0.0
             && low < high;
         if !is_sound {
-            return Err(Refusal::of_all("a unit that cannot be run"));
+            return Err(Refusal::impossible("a unit that cannot be run"));
         }
         let map = match (self.map, self.level) {
             (MapRef::Spec(spec), None) => EvalMap::Generated(spec),
-            (name @ MapRef::Saved { .. }, Some(level)) => EvalMap::Level { name: level, map: grounds.map(&name)? },
-            _ => return Err(Refusal::of_all("a map without a name, or with one too many")),
+            (name @ MapRef::Saved { .. }, Some(level)) => EvalMap::Level { name: level, map: maps.map(&name)? },
+            _ => return Err(Refusal::impossible("a map without a name, or with one too many")),
         };
         let attach = if attaches_to_several { Attach::Several } else { Attach::Nearest };
         Ok(EvalConfig {
@@ -155,15 +155,15 @@ impl UnitJob {
 }
 
 /// Runs the unit of a job.
-fn evaluate(job: &Opened, policy: &Policy, grounds: &Grounds) -> Answer {
-    let unit: UnitJob = job.body().map_err(Refusal::of_all)?;
+fn evaluate(job: &Opened, policy: &Policy, maps: &MapCache) -> Answer {
+    let unit: UnitJob = job.body().map_err(Refusal::impossible)?;
     if unit.policy != policy.weights_hash() {
-        return Err(Refusal::of_this("this prover has another policy"));
+        return Err(Refusal::unable("this prover has another policy"));
     }
     let policy = if unit.senses_transports { policy.clone() } else { policy.clone().without_transports() };
-    let config = unit.config(grounds)?;
-    let units = run_units(&policy, &config, |_, _| {}).map_err(Refusal::of_all)?;
-    compress(&units[0]).map_err(Refusal::of_all)
+    let config = unit.config(maps)?;
+    let units = run_units(&policy, &config, |_, _| {}).map_err(Refusal::impossible)?;
+    compress(&units[0]).map_err(Refusal::impossible)
 }
 
 /// A unit as it is sent: messages have at most a megabyte.
@@ -184,7 +184,7 @@ struct Units<'a> {
 impl Work for Units<'_> {
     type Output = Unit;
 
-    fn do_here(&self, idx: usize, _: &(dyn Fn() -> bool + Sync)) -> Option<Result<Unit, String>> {
+    fn run_locally(&self, idx: usize, _: &(dyn Fn() -> bool + Sync)) -> Option<Result<Unit, String>> {
         let (choice, seed) = &self.choices[idx];
         let config = EvalConfig {
             maps: vec![choice.clone()],
@@ -217,7 +217,7 @@ impl Work for Units<'_> {
 /// # Errors
 /// If a unit cannot be run or saved, or a level cannot be given to provers.
 pub fn gather(
-    (dispatcher, grounds): (&Dispatcher, &Grounds),
+    (dispatcher, maps): (&Dispatcher, &MapCache),
     policy: &Policy,
     config: &EvalConfig,
     threads: Threads,
@@ -229,7 +229,7 @@ pub fn gather(
         .map(|(place, (choice, seed))| {
             let map = match choice {
                 EvalMap::Generated(spec) => MapRef::Spec(*spec),
-                EvalMap::Level { map, .. } => grounds.runtime().block_on(MapRef::save(map, grounds.blobs()))?,
+                EvalMap::Level { map, .. } => maps.runtime().block_on(MapRef::save(map, maps.blobs()))?,
             };
             Ok(Job::new(JobKind::Unit, place, &UnitJob::new(policy, config, (choice, map), *seed)))
         })

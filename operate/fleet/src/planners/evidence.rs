@@ -2,7 +2,7 @@
 //! [`LiveEvidence`] does, so that recent ones can change the estimate.
 
 use super::receipts;
-use super::shared::{Note, Shared};
+use super::db::{Note, PlannerDb};
 use std::collections::BTreeMap;
 use surefoot_planner::live::{Counts, LiveEvidence, MEMORY, Reporter};
 use surefoot_planner::store::{Call, StoreError};
@@ -46,17 +46,17 @@ impl Columns {
 }
 
 /// See [`Replicas::add_evidence`](surefoot_planner_service::replicas::Replicas::add_evidence). Evidence of a graph that is gone is dropped.
-pub fn add(shared: &Shared, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError> {
-    shared.block(async {
-        let fail = |error| shared.failed(error);
-        let mut transaction = shared.begin().await?;
+pub fn add(db: &PlannerDb, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError> {
+    db.block(async {
+        let fail = |error| db.failed(error);
+        let mut transaction = db.begin().await?;
         // One planner at a time adds and halves.
         let row = sqlx::query!("SELECT token FROM graphs WHERE id = $1 FOR UPDATE", &graph.0[..]);
         if row.fetch_optional(&mut *transaction).await.map_err(fail)?.is_none() {
             return transaction.rollback().await.map_err(fail);
         }
         let all: Vec<_> = reports.iter().map(|report| &report.receipt).collect();
-        let new = receipts::store(shared, &mut transaction, &all).await?;
+        let new = receipts::store(db, &mut transaction, &all).await?;
         let is_new = |report: &&Report| {
             let Call { client, id, .. } = &report.receipt.call;
             new.contains(&(client.clone(), id.clone()))
@@ -103,32 +103,32 @@ pub fn add(shared: &Shared, graph: &GraphId, reports: &[Report]) -> Result<(), S
                 break;
             }
         }
-        shared.notify(&mut transaction, &Note::Evidence(*graph)).await?;
+        db.notify(&mut transaction, &Note::Evidence(*graph)).await?;
         transaction.commit().await.map_err(fail)
     })
 }
 
 /// See [`Replicas::drop_evidence`](surefoot_planner_service::replicas::Replicas::drop_evidence).
-pub fn drop_of(shared: &Shared, graph: &GraphId, name: &str) -> Result<(), StoreError> {
-    shared.block(async {
-        let fail = |error| shared.failed(error);
-        let mut transaction = shared.begin().await?;
+pub fn drop_of(db: &PlannerDb, graph: &GraphId, name: &str) -> Result<(), StoreError> {
+    db.block(async {
+        let fail = |error| db.failed(error);
+        let mut transaction = db.begin().await?;
         let dropped = sqlx::query!("DELETE FROM evidence WHERE graph = $1 AND reporter = $2", &graph.0[..], name);
         dropped.execute(&mut *transaction).await.map_err(fail)?;
-        shared.notify(&mut transaction, &Note::Evidence(*graph)).await?;
+        db.notify(&mut transaction, &Note::Evidence(*graph)).await?;
         transaction.commit().await.map_err(fail)
     })
 }
 
 /// See [`GraphStore::live`](surefoot_planner::store::GraphStore::live).
-pub fn read(shared: &Shared, graph: &GraphId) -> Result<LiveEvidence, StoreError> {
-    shared.block(async {
+pub fn read(db: &PlannerDb, graph: &GraphId) -> Result<LiveEvidence, StoreError> {
+    db.block(async {
         let rows = sqlx::query!(
             "SELECT reporter, is_trusted, from_vertex, to_vertex, tries, successes, deaths, decisions, decisions_squared
              FROM evidence WHERE graph = $1 ORDER BY is_trusted, reporter, from_vertex, to_vertex",
             &graph.0[..],
         );
-        let rows = rows.fetch_all(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let rows = rows.fetch_all(&db.database.pool).await.map_err(|error| db.failed(error))?;
         let counts = rows.into_iter().map(|row| Counts {
             reporter: Reporter { name: row.reporter, is_trusted: row.is_trusted },
             edge: EdgeKey::new(row.from_vertex as u32, row.to_vertex as u32),

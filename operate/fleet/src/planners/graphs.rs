@@ -1,30 +1,30 @@
 //! Graphs: who builds which, and publishing, which checks the claim and the lease in the transaction that stores the graph.
 
 use super::operations::stage_of;
-use super::shared::{BLOB_PATIENCE, Note, Shared, unsigned};
+use super::db::{BLOB_PATIENCE, Note, PlannerDb, unsigned};
 use crate::blobs::BlobId;
 use crate::error::FleetError;
 use std::sync::atomic::Ordering;
 use surefoot_planner::store::{StoreError, StoreErrorKind, decode_entry, encode_entry};
 use surefoot_planner::{BuildStats, Built, GraphId};
-use surefoot_planner_service::faults;
+use surefoot_planner_service::failpoint;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::{Claim, Posted, Token};
+use surefoot_planner_service::replicas::{ClaimOutcome, BuildStatus, Token};
 use tracing::warn;
 
 const POISON: &str = "no holder of this lock panics";
 
 /// See [`GraphStore::get`](surefoot_planner::store::GraphStore::get).
-pub fn get(shared: &Shared, id: &GraphId) -> Result<Option<Built>, StoreError> {
-    shared.block_for(BLOB_PATIENCE, async {
+pub fn get(db: &PlannerDb, id: &GraphId) -> Result<Option<Built>, StoreError> {
+    db.block_for(BLOB_PATIENCE, async {
         let row = sqlx::query!(
             r#"UPDATE graphs SET used_at = now() WHERE id = $1 AND blob IS NOT NULL RETURNING blob AS "blob!", times"#,
             &id.0[..],
         );
-        let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let row = row.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
         let Some(row) = row else { return Ok(None) };
         let blob = blob_id(&row.blob);
-        let decoded = match shared.blobs.get(blob).await {
+        let decoded = match db.blobs.get(blob).await {
             Ok(Some(bytes)) => decode_entry(&bytes),
             Ok(None) => Err("there is no such blob".to_owned()),
             Err(error) if error.kind == StoreErrorKind::Lost => Err(error.reason),
@@ -34,7 +34,7 @@ pub fn get(shared: &Shared, id: &GraphId) -> Result<Option<Built>, StoreError> {
             Ok(built) => built,
             Err(reason) => {
                 warn!(graph = %id, %blob, reason, "the blob of a graph is lost: the graph is built again");
-                return forget_blob(shared, id, blob).await.map(|()| None);
+                return forget_blob(db, id, blob).await.map(|()| None);
             }
         };
         let [placing_s, probing_s, seconds] = row.times[..] else { return Ok(Some(Built { graph, stats })) };
@@ -43,9 +43,9 @@ pub fn get(shared: &Shared, id: &GraphId) -> Result<Option<Built>, StoreError> {
 }
 
 /// Notes that a graph has no blob, unless it has got another one meanwhile. Its recipe and its evidence stay.
-async fn forget_blob(shared: &Shared, graph: &GraphId, BlobId(blob): BlobId) -> Result<(), FleetError> {
+async fn forget_blob(db: &PlannerDb, graph: &GraphId, BlobId(blob): BlobId) -> Result<(), FleetError> {
     let forgotten = sqlx::query!("UPDATE graphs SET blob = NULL WHERE id = $1 AND blob = $2", &graph.0[..], &blob[..]);
-    forgotten.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    forgotten.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
 }
 
 fn blob_id(bytes: &[u8]) -> BlobId {
@@ -53,29 +53,29 @@ fn blob_id(bytes: &[u8]) -> BlobId {
 }
 
 /// See [`Replicas::claim`](surefoot_planner_service::replicas::Replicas::claim).
-pub fn claim(shared: &Shared, graph: &GraphId, build: BuildId) -> Result<Claim, StoreError> {
-    shared.building.lock().expect(POISON).insert(graph.0);
-    let claimed = shared.block(async {
-        match try_claim(shared, graph, build).await? {
+pub fn claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError> {
+    db.building.lock().expect(POISON).insert(graph.0);
+    let claimed = db.block(async {
+        match try_claim(db, graph, build).await? {
             Some(claim) => Ok(claim),
             None => {
-                shared.membership.renew().await?;
-                let dead = || FleetError::new(shared.record.place(), "this planner counts as dead at the moment");
-                try_claim(shared, graph, build).await?.ok_or_else(dead)
+                db.membership.renew().await?;
+                let dead = || FleetError::new(db.database.place(), "this planner counts as dead at the moment");
+                try_claim(db, graph, build).await?.ok_or_else(dead)
             }
         }
     });
-    if !matches!(claimed, Ok(Claim::Ours(_))) {
-        shared.building.lock().expect(POISON).remove(&graph.0);
+    if !matches!(claimed, Ok(ClaimOutcome::Ours(_))) {
+        db.building.lock().expect(POISON).remove(&graph.0);
     }
     claimed
 }
 
 /// `None` if this planner counts as dead.
-async fn try_claim(shared: &Shared, graph: &GraphId, build: BuildId) -> Result<Option<Claim>, FleetError> {
-    let fail = |error| shared.failed(error);
-    let member = shared.membership.id();
-    let mut transaction = shared.begin().await?;
+async fn try_claim(db: &PlannerDb, graph: &GraphId, build: BuildId) -> Result<Option<ClaimOutcome>, FleetError> {
+    let fail = |error| db.failed(error);
+    let member = db.membership.id();
+    let mut transaction = db.begin().await?;
     let token = sqlx::query_scalar!(
         "INSERT INTO claims (graph, member, token, build)
          SELECT $1, id, nextval('tokens'), $3 FROM members WHERE id = $2 AND expires_at > now()
@@ -98,11 +98,11 @@ async fn try_claim(shared: &Shared, graph: &GraphId, build: BuildId) -> Result<O
     if found.is_published {
         // Without the claim, which would be in nobody's way but for no reason.
         transaction.rollback().await.map_err(fail)?;
-        return Ok(Some(Claim::Published));
+        return Ok(Some(ClaimOutcome::Published));
     }
     if let Some(token) = token {
         transaction.commit().await.map_err(fail)?;
-        return Ok(Some(Claim::Ours(Token(token))));
+        return Ok(Some(ClaimOutcome::Ours(Token(token))));
     }
     if !found.lives {
         return Ok(None);
@@ -113,7 +113,7 @@ async fn try_claim(shared: &Shared, graph: &GraphId, build: BuildId) -> Result<O
         &graph.0[..],
     );
     let posted = posted.fetch_optional(&mut *transaction).await.map_err(fail)?;
-    Ok(Some(Claim::Theirs(posted.map(|row| Posted {
+    Ok(Some(ClaimOutcome::Theirs(posted.map(|row| BuildStatus {
         stage: stage_of(row.stage),
         done: unsigned(row.probes_done),
         total: unsigned(row.probes_total),
@@ -121,15 +121,15 @@ async fn try_claim(shared: &Shared, graph: &GraphId, build: BuildId) -> Result<O
 }
 
 /// See [`Replicas::release`](surefoot_planner_service::replicas::Replicas::release). What cannot be released now is by [`sweep`].
-pub fn release(shared: &Shared, graph: &GraphId) {
-    shared.building.lock().expect(POISON).remove(&graph.0);
-    let released = shared.block(async {
-        let fail = |error| shared.failed(error);
-        let mut transaction = shared.begin().await?;
+pub fn release(db: &PlannerDb, graph: &GraphId) {
+    db.building.lock().expect(POISON).remove(&graph.0);
+    let released = db.block(async {
+        let fail = |error| db.failed(error);
+        let mut transaction = db.begin().await?;
         let gone =
-            sqlx::query!("DELETE FROM claims WHERE graph = $1 AND member = $2", &graph.0[..], shared.membership.id());
+            sqlx::query!("DELETE FROM claims WHERE graph = $1 AND member = $2", &graph.0[..], db.membership.id());
         if gone.execute(&mut *transaction).await.map_err(fail)?.rows_affected() > 0 {
-            shared.notify(&mut transaction, &Note::Graph(*graph)).await?;
+            db.notify(&mut transaction, &Note::Graph(*graph)).await?;
         }
         transaction.commit().await.map_err(fail)
     });
@@ -142,26 +142,26 @@ pub fn release(shared: &Shared, graph: &GraphId) {
 ///
 /// # Errors
 /// If the database is away.
-pub async fn sweep(shared: &Shared) -> Result<(), FleetError> {
-    let fail = |error| shared.failed(error);
+pub async fn sweep(db: &PlannerDb) -> Result<(), FleetError> {
+    let fail = |error| db.failed(error);
     let newest =
         sqlx::query_scalar!(r#"SELECT CASE WHEN is_called THEN last_value ELSE 0 END AS "newest!" FROM tokens"#);
-    let newest = newest.fetch_one(&shared.record.pool).await.map_err(fail)?;
+    let newest = newest.fetch_one(&db.database.pool).await.map_err(fail)?;
     // A build is noted before its claim gets its token: claims up to this token are noted by now, and later ones are left alone.
-    let building: Vec<Vec<u8>> = shared.building.lock().expect(POISON).iter().map(|id| id.to_vec()).collect();
+    let building: Vec<Vec<u8>> = db.building.lock().expect(POISON).iter().map(|id| id.to_vec()).collect();
     let gone = sqlx::query!(
         "DELETE FROM claims WHERE (member = $1 AND token <= $3 AND NOT graph = ANY($2))
             OR NOT EXISTS (SELECT FROM members WHERE members.id = claims.member AND expires_at > now())",
-        shared.membership.id(),
+        db.membership.id(),
         &building,
         newest,
     );
-    gone.execute(&shared.record.pool).await.map(drop).map_err(fail)
+    gone.execute(&db.database.pool).await.map(drop).map_err(fail)
 }
 
 /// See [`Replicas::publish`](surefoot_planner_service::replicas::Replicas::publish).
 pub fn publish(
-    shared: &Shared,
+    db: &PlannerDb,
     graph: &GraphId,
     Token(token): Token,
     recipe: &[u8],
@@ -171,11 +171,11 @@ pub fn publish(
     let times = [stats.placing_s, stats.probing_s, stats.seconds];
     let timeless = BuildStats { placing_s: 0.0, probing_s: 0.0, seconds: 0.0, ..*stats };
     let bytes = encode_entry(&Built { graph: nav.clone(), stats: timeless });
-    let blob = shared.block_for(BLOB_PATIENCE, shared.blobs.put(bytes))?;
-    faults::pass("stored");
-    let is_published = shared.block(async {
-        let fail = |error| shared.failed(error);
-        let mut transaction = shared.begin().await?;
+    let blob = db.block_for(BLOB_PATIENCE, db.blobs.put(bytes))?;
+    failpoint("stored");
+    let is_published = db.block(async {
+        let fail = |error| db.failed(error);
+        let mut transaction = db.begin().await?;
         // Locked, so that nobody takes the claim over, and the lease is checked after the lock, however long that took.
         let locked = sqlx::query!("SELECT token FROM claims WHERE graph = $1 FOR UPDATE", &graph.0[..]);
         locked.fetch_optional(&mut *transaction).await.map_err(fail)?;
@@ -204,35 +204,35 @@ pub fn publish(
         stored.execute(&mut *transaction).await.map_err(fail)?;
         let done = sqlx::query!("DELETE FROM claims WHERE graph = $1", &graph.0[..]);
         done.execute(&mut *transaction).await.map_err(fail)?;
-        shared.notify(&mut transaction, &Note::Graph(*graph)).await?;
+        db.notify(&mut transaction, &Note::Graph(*graph)).await?;
         transaction.commit().await.map_err(fail)?;
         Ok(true)
     })?;
     if is_published {
-        faults::pass("published");
+        failpoint("published");
     } else {
-        shared.stale_publishes.fetch_add(1, Ordering::Relaxed);
+        db.stale_publishes.fetch_add(1, Ordering::Relaxed);
         warn!(%graph, "this planner was taken for dead while it built a graph, which it does not publish");
     }
     Ok(is_published)
 }
 
 /// See [`Replicas::recipe`](surefoot_planner_service::replicas::Replicas::recipe).
-pub fn recipe(shared: &Shared, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
-    shared.block(async {
+pub fn recipe(db: &PlannerDb, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
+    db.block(async {
         let found = sqlx::query_scalar!("SELECT recipe FROM graphs WHERE id = $1", &graph.0[..]);
-        found.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))
+        found.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))
     })
 }
 
 /// See [`Replicas::note_recipe`](surefoot_planner_service::replicas::Replicas::note_recipe).
-pub fn note_recipe(shared: &Shared, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError> {
-    shared.block(async {
+pub fn note_recipe(db: &PlannerDb, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError> {
+    db.block(async {
         let noted = sqlx::query!(
             "INSERT INTO graphs (id, recipe, times, token) VALUES ($1, $2, '{}', 0) ON CONFLICT DO NOTHING",
             &graph.0[..],
             recipe,
         );
-        noted.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+        noted.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
     })
 }

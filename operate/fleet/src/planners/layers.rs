@@ -1,20 +1,20 @@
 //! Layers of designers. A change is stored only if the layers are those that it was made for: the database compares their version.
 
 use super::receipts;
-use super::shared::{Note, PLACE, Shared, signed, unsigned};
+use super::db::{Note, PLACE, PlannerDb, signed, unsigned};
 use surefoot_planner::edits::Layer;
 use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, Receipt, StoreError, decode_layer, encode_layer};
 
 /// See [`GraphStore::layers`](surefoot_planner::store::GraphStore::layers).
-pub fn read(shared: &Shared, level: &LevelId) -> Result<LevelLayers, StoreError> {
-    shared.block(async {
+pub fn read(db: &PlannerDb, level: &LevelId) -> Result<LevelLayers, StoreError> {
+    db.block(async {
         // One statement, so that version and layers belong together.
         let rows = sqlx::query!(
             r#"SELECT version, name AS "name?", content AS "content?" FROM level_versions LEFT JOIN layers USING (level)
                WHERE level = $1"#,
             &level.0[..],
         );
-        let rows = rows.fetch_all(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let rows = rows.fetch_all(&db.database.pool).await.map_err(|error| db.failed(error))?;
         let mut found = LevelLayers::default();
         for row in rows {
             found.version = unsigned(row.version);
@@ -34,16 +34,16 @@ pub fn read(shared: &Shared, level: &LevelId) -> Result<LevelLayers, StoreError>
 
 /// See [`GraphStore::replace_layer`](surefoot_planner::store::GraphStore::replace_layer).
 pub fn replace(
-    shared: &Shared,
+    db: &PlannerDb,
     level: &LevelId,
     version: u64,
     layer: &Layer,
     receipt: Option<&Receipt>,
 ) -> Result<bool, StoreError> {
     let (level_bytes, content) = (&level.0[..], encode_layer(layer));
-    shared.block(async {
-        let fail = |error| shared.failed(error);
-        let mut transaction = shared.begin().await?;
+    db.block(async {
+        let fail = |error| db.failed(error);
+        let mut transaction = db.begin().await?;
         let begun = sqlx::query!(
             "INSERT INTO level_versions (level, version) VALUES ($1, 0) ON CONFLICT DO NOTHING",
             level_bytes
@@ -59,7 +59,7 @@ pub fn replace(
             return Ok(false);
         }
         if let Some(receipt) = receipt
-            && receipts::store(shared, &mut transaction, &[receipt]).await?.is_empty()
+            && receipts::store(db, &mut transaction, &[receipt]).await?.is_empty()
         {
             transaction.rollback().await.map_err(fail)?;
             return Ok(false);
@@ -79,7 +79,7 @@ pub fn replace(
             stored.execute(&mut *transaction).await
         };
         stored.map_err(fail)?;
-        shared.notify(&mut transaction, &Note::Layers(*level)).await?;
+        db.notify(&mut transaction, &Note::Layers(*level)).await?;
         transaction.commit().await.map_err(fail)?;
         Ok(true)
     })

@@ -1,6 +1,6 @@
 //! Imported levels: a row with name and owner, a blob with the map.
 
-use super::shared::{BLOB_PATIENCE, Shared};
+use super::db::{BLOB_PATIENCE, PlannerDb};
 use crate::blobs::BlobId;
 use std::sync::Arc;
 use surefoot_net::levels::{LevelArchive, SavedLevel};
@@ -9,14 +9,14 @@ use tracing::warn;
 
 /// The levels of all planners.
 #[derive(Debug)]
-pub struct Levels(pub Arc<Shared>);
+pub struct Levels(pub Arc<PlannerDb>);
 
 impl LevelArchive for Levels {
     fn save(&self, SavedLevel { map_hash, name, owner, file }: SavedLevel) -> Result<(), String> {
-        let Self(shared) = self;
+        let Self(db) = self;
         let hash: BlobId = map_hash.parse()?;
-        let saved = shared.block_for(BLOB_PATIENCE, async {
-            let blob = shared.blobs.put(file).await?;
+        let saved = db.block_for(BLOB_PATIENCE, async {
+            let blob = db.blobs.put(file).await?;
             let saved = sqlx::query!(
                 "INSERT INTO levels (map_hash, name, owner, blob) VALUES ($1, $2, $3, $4)
                  ON CONFLICT (map_hash) DO UPDATE SET name = excluded.name, owner = excluded.owner, blob = excluded.blob",
@@ -25,21 +25,21 @@ impl LevelArchive for Levels {
                 owner,
                 &blob.0[..],
             );
-            saved.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+            saved.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
         });
         saved.map_err(|error| error.to_string())
     }
 
     fn load(&self, map_hash: &str) -> Result<Option<SavedLevel>, String> {
-        let Self(shared) = self;
+        let Self(db) = self;
         // What is no hash names no level.
         let Ok(hash) = map_hash.parse::<BlobId>() else { return Ok(None) };
-        let found = shared.block_for(BLOB_PATIENCE, async {
+        let found = db.block_for(BLOB_PATIENCE, async {
             let row = sqlx::query!("SELECT name, owner, blob FROM levels WHERE map_hash = $1", &hash.0[..]);
-            let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+            let row = row.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
             let Some(row) = row else { return Ok(None) };
             let blob = BlobId(row.blob.try_into().expect("the table has hashes of 32 bytes only"));
-            let file = match shared.blobs.get(blob).await {
+            let file = match db.blobs.get(blob).await {
                 Ok(Some(file)) => file,
                 Err(error) if error.kind != StoreErrorKind::Lost => return Err(error),
                 // An import of the same file stores it again.

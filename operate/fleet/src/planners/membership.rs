@@ -2,7 +2,7 @@
 
 use crate::error::FleetError;
 use crate::member::{Member, MemberKind};
-use crate::record::Record;
+use crate::database::Database;
 use std::sync::RwLock;
 use std::time::Duration;
 use tracing::warn;
@@ -12,7 +12,7 @@ const POISON: &str = "no holder of this lock panics";
 /// A planner among the others.
 #[derive(Debug)]
 pub struct Membership {
-    record: Record,
+    database: Database,
     address: String,
     lease: Duration,
     current: RwLock<Member>,
@@ -22,10 +22,10 @@ impl Membership {
     /// Joins, for `lease`; others reach the planner at `address`.
     ///
     /// # Errors
-    /// If the record cannot be written.
-    pub async fn join(record: &Record, address: String, lease: Duration) -> Result<Self, FleetError> {
-        let member = Member::join(record, MemberKind::Planner, &address, lease).await?;
-        Ok(Self { record: record.clone(), address, lease, current: RwLock::new(member) })
+    /// If the database cannot be written.
+    pub async fn join(database: &Database, address: String, lease: Duration) -> Result<Self, FleetError> {
+        let member = Member::join(database, MemberKind::Planner, &address, lease).await?;
+        Ok(Self { database: database.clone(), address, lease, current: RwLock::new(member) })
     }
 
     fn current(&self) -> Member {
@@ -38,25 +38,25 @@ impl Membership {
     }
 
     /// Whether no other planner can have taken over what this one builds.
-    pub fn is_sure(&self) -> bool {
-        self.current().is_sure()
+    pub fn holds_lease(&self) -> bool {
+        self.current().holds_lease()
     }
 
     /// Renews the lease, or joins again if it has expired.
     ///
     /// # Errors
-    /// If the record cannot be written.
+    /// If the database cannot be written.
     pub async fn renew(&self) -> Result<(), FleetError> {
         let member = self.current();
         let Err(error) = member.renew().await else { return Ok(()) };
         let lives =
             sqlx::query_scalar!(r#"SELECT expires_at > now() AS "lives!" FROM members WHERE id = $1"#, member.id);
-        let lives = lives.fetch_optional(&self.record.pool).await.map_err(|error| self.record.failed(error))?;
+        let lives = lives.fetch_optional(&self.database.pool).await.map_err(|error| self.database.failed(error))?;
         if lives == Some(true) {
             return Err(error);
         }
         warn!(member = member.id, "this planner was taken for dead: it joins again");
-        let again = Member::join(&self.record, MemberKind::Planner, &self.address, self.lease).await?;
+        let again = Member::join(&self.database, MemberKind::Planner, &self.address, self.lease).await?;
         *self.current.write().expect(POISON) = again;
         Ok(())
     }
@@ -64,7 +64,7 @@ impl Membership {
     /// Ends the lease, so that others take over at once.
     ///
     /// # Errors
-    /// If the record cannot be written.
+    /// If the database cannot be written.
     pub async fn leave(&self) -> Result<(), FleetError> {
         self.current().leave().await
     }

@@ -1,8 +1,8 @@
-//! Planners that share a store: graphs, layers, evidence and builds in PostgreSQL, blobs in an object store. [`PlannerRecord`] is what each
+//! Planners that share a store: graphs, layers, evidence and builds in PostgreSQL, blobs in an object store. [`FleetPlanner`] is what each
 //! of them has of it.
 //!
 //! `graphs` has claims and publishing, `layers` the comparison of versions, `evidence` the sums, `receipts` the answers of calls that may be repeated, `operations` builds as clients see them,
-//! `levels` imported maps, `upkeep` the lease and notifications. `shared` is what all of them use.
+//! `levels` imported maps, `upkeep` the lease and notifications. `db` is what all of them use.
 
 mod evidence;
 mod graphs;
@@ -11,15 +11,15 @@ mod levels;
 mod membership;
 mod operations;
 mod receipts;
-mod shared;
+mod db;
 mod upkeep;
 
 use crate::blobs::Blobs;
 use crate::error::FleetError;
-use crate::record::Record;
+use crate::database::Database;
 use levels::Levels;
 use membership::Membership;
-use shared::{Note, Shared};
+use db::{Note, PlannerDb};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -27,9 +27,9 @@ use surefoot_planner::edits::Layer;
 use surefoot_planner::live::LiveEvidence;
 use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, Receipt, StoreError};
 use surefoot_planner::{Built, GraphId};
-use surefoot_planner_service::Common;
+use surefoot_planner_service::PlannerStores;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::{Claim, News, Operation, Replicas, Report, Standing, Token, Withdrawals};
+use surefoot_planner_service::replicas::{ClaimOutcome, News, Operation, Replicas, Report, Standing, Token, Withdrawals};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tracing::warn;
@@ -39,38 +39,38 @@ pub const DEFAULT_LEASE: Duration = Duration::from_secs(5);
 /// News that wait; when there are more, the connection to the database waits.
 const NEWS: usize = 256;
 
-/// A planner's part of the record that all planners share.
+/// A planner's part of the database that all planners share.
 #[derive(Debug)]
-pub struct PlannerRecord {
-    shared: Arc<Shared>,
+pub struct FleetPlanner {
+    db: Arc<PlannerDb>,
     news: Mutex<Option<mpsc::Receiver<News>>>,
 }
 
-impl PlannerRecord {
-    /// Joins the planners that share this record and these blobs, for `lease`; others reach this one at `address`.
+impl FleetPlanner {
+    /// Joins the planners that share this database and these blobs, for `lease`; others reach this one at `address`.
     ///
     /// # Errors
-    /// If the record cannot be written.
-    pub async fn join(record: Record, blobs: Blobs, address: String, lease: Duration) -> Result<Self, FleetError> {
-        let membership = Membership::join(&record, address, lease).await?;
-        let shared = Arc::new(Shared::new(record, blobs, membership, Handle::current()));
+    /// If the database cannot be written.
+    pub async fn join(database: Database, blobs: Blobs, address: String, lease: Duration) -> Result<Self, FleetError> {
+        let membership = Membership::join(&database, address, lease).await?;
+        let db = Arc::new(PlannerDb::new(database, blobs, membership, Handle::current()));
         let (sender, news) = mpsc::channel(NEWS);
-        tokio::spawn(upkeep::keep(Arc::downgrade(&shared), sender.clone(), lease));
-        tokio::spawn(upkeep::listen(Arc::downgrade(&shared), sender));
-        Ok(Self { shared, news: Mutex::new(Some(news)) })
+        tokio::spawn(upkeep::keep(Arc::downgrade(&db), sender.clone(), lease));
+        tokio::spawn(upkeep::listen(Arc::downgrade(&db), sender));
+        Ok(Self { db, news: Mutex::new(Some(news)) })
     }
 
     /// The stores of a planner service.
-    pub fn into_stores(self) -> Common {
-        let levels = Arc::new(Levels(self.shared.clone()));
-        let record = Arc::new(self);
-        Common { store: record.clone(), replicas: record, levels: Some(levels) }
+    pub fn into_stores(self) -> PlannerStores {
+        let levels = Arc::new(Levels(self.db.clone()));
+        let database = Arc::new(self);
+        PlannerStores { store: database.clone(), replicas: database, levels: Some(levels) }
     }
 }
 
-impl GraphStore for PlannerRecord {
+impl GraphStore for FleetPlanner {
     fn get(&self, id: &GraphId) -> Result<Option<Built>, StoreError> {
-        graphs::get(&self.shared, id)
+        graphs::get(&self.db, id)
     }
 
     fn put(&self, id: &GraphId, _: &Built) -> Result<(), StoreError> {
@@ -78,7 +78,7 @@ impl GraphStore for PlannerRecord {
     }
 
     fn live(&self, id: &GraphId) -> Result<LiveEvidence, StoreError> {
-        evidence::read(&self.shared, id)
+        evidence::read(&self.db, id)
     }
 
     fn put_live(&self, id: &GraphId, _: &LiveEvidence, _: &[Receipt]) -> Result<(), StoreError> {
@@ -86,7 +86,7 @@ impl GraphStore for PlannerRecord {
     }
 
     fn layers(&self, level: &LevelId) -> Result<LevelLayers, StoreError> {
-        layers::read(&self.shared, level)
+        layers::read(&self.db, level)
     }
 
     fn put_layer(&self, level: &LevelId, layer: &Layer) -> Result<(), StoreError> {
@@ -101,23 +101,23 @@ impl GraphStore for PlannerRecord {
         layer: &Layer,
         receipt: Option<&Receipt>,
     ) -> Result<bool, StoreError> {
-        layers::replace(&self.shared, level, version, layer, receipt)
+        layers::replace(&self.db, level, version, layer, receipt)
     }
 
     fn receipt(&self, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
-        receipts::find(&self.shared, client, id)
+        receipts::find(&self.db, client, id)
     }
 }
 
-impl Replicas for PlannerRecord {
+impl Replicas for FleetPlanner {
     fn site(&self) -> u64 {
-        self.shared.membership.id() as u64
+        self.db.membership.id() as u64
     }
 
     fn standing(&self) -> Standing {
         Standing {
-            is_sure: self.shared.membership.is_sure(),
-            stale_publishes: self.shared.stale_publishes.load(Ordering::Relaxed),
+            holds_lease: self.db.membership.holds_lease(),
+            stale_publishes: self.db.stale_publishes.load(Ordering::Relaxed),
         }
     }
 
@@ -125,60 +125,60 @@ impl Replicas for PlannerRecord {
         self.news.lock().expect("no holder of this lock panics").take()
     }
 
-    fn claim(&self, graph: &GraphId, build: BuildId) -> Result<Claim, StoreError> {
-        graphs::claim(&self.shared, graph, build)
+    fn claim(&self, graph: &GraphId, build: BuildId) -> Result<ClaimOutcome, StoreError> {
+        graphs::claim(&self.db, graph, build)
     }
 
     fn release(&self, graph: &GraphId) {
-        graphs::release(&self.shared, graph);
+        graphs::release(&self.db, graph);
     }
 
     fn publish(&self, graph: &GraphId, token: Token, recipe: &[u8], built: &Built) -> Result<bool, StoreError> {
-        graphs::publish(&self.shared, graph, token, recipe, built)
+        graphs::publish(&self.db, graph, token, recipe, built)
     }
 
     fn recipe(&self, graph: &GraphId) -> Result<Option<Vec<u8>>, StoreError> {
-        graphs::recipe(&self.shared, graph)
+        graphs::recipe(&self.db, graph)
     }
 
     fn note_recipe(&self, graph: &GraphId, recipe: &[u8]) -> Result<(), StoreError> {
-        graphs::note_recipe(&self.shared, graph, recipe)
+        graphs::note_recipe(&self.db, graph, recipe)
     }
 
     fn post(&self, operation: &Operation) -> Result<Withdrawals, StoreError> {
-        operations::post(&self.shared, operation)
+        operations::post(&self.db, operation)
     }
 
     fn operation(&self, id: BuildId) -> Result<Option<Operation>, StoreError> {
-        operations::find(&self.shared, id)
+        operations::find(&self.db, id)
     }
 
     fn open_operations(&self) -> Result<Vec<Operation>, StoreError> {
-        operations::open(&self.shared)
+        operations::open(&self.db)
     }
 
     fn withdraw(&self, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError> {
-        operations::withdraw(&self.shared, id, withdrawals)
+        operations::withdraw(&self.db, id, withdrawals)
     }
 
     fn adopt(&self) -> Result<Vec<Operation>, StoreError> {
-        operations::adopt(&self.shared)
+        operations::adopt(&self.db)
     }
 
     fn add_evidence(&self, graph: &GraphId, reports: &[Report]) -> Result<(), StoreError> {
-        evidence::add(&self.shared, graph, reports)
+        evidence::add(&self.db, graph, reports)
     }
 
     fn drop_evidence(&self, graph: &GraphId, name: &str) -> Result<(), StoreError> {
-        evidence::drop_of(&self.shared, graph, name)
+        evidence::drop_of(&self.db, graph, name)
     }
 
     fn leave(&self) {
-        self.shared.leave();
-        let left = self.shared.block(async {
-            self.shared.membership.leave().await?;
-            let mut connection = self.shared.record.pool.acquire().await.map_err(|error| self.shared.failed(error))?;
-            self.shared.notify(&mut connection, &Note::Left).await
+        self.db.leave();
+        let left = self.db.block(async {
+            self.db.membership.leave().await?;
+            let mut connection = self.db.database.pool.acquire().await.map_err(|error| self.db.failed(error))?;
+            self.db.notify(&mut connection, &Note::Left).await
         });
         if let Err(error) = left {
             warn!(%error, "others take over only when the lease of this planner has expired");

@@ -1,36 +1,36 @@
 //! Builds as clients see them, of all planners.
 
-use super::shared::{Shared, signed, unsigned};
+use super::db::{PlannerDb, signed, unsigned};
 use crate::error::FleetError;
 use std::time::{Duration, SystemTime};
 use surefoot_planner::GraphId;
 use surefoot_planner::store::StoreError;
 use surefoot_planner_service::Failure;
-use surefoot_planner_service::jobs::{BuildId, Stage};
-use surefoot_planner_service::replicas::{Operation, Posted, Withdrawals};
+use surefoot_planner_service::jobs::{BuildId, BuildPhase};
+use surefoot_planner_service::replicas::{Operation, BuildStatus, Withdrawals};
 
 /// Builds of dead planners that are taken over at a time: others take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;
 /// Most builds of other planners that are listed.
 const LISTED: i64 = 256;
-/// Stages by their number in the record.
-const STAGES: [Stage; 8] = [
-    Stage::Queued,
-    Stage::Map,
-    Stage::Vertices,
-    Stage::Probes,
-    Stage::Index,
-    Stage::Done,
-    Stage::Failed,
-    Stage::Cancelled,
+/// Stages by their number in the database.
+const STAGES: [BuildPhase; 8] = [
+    BuildPhase::Queued,
+    BuildPhase::Map,
+    BuildPhase::Vertices,
+    BuildPhase::Probes,
+    BuildPhase::Index,
+    BuildPhase::Done,
+    BuildPhase::Failed,
+    BuildPhase::Cancelled,
 ];
 
 /// The stage with this number.
-pub fn stage_of(number: i16) -> Stage {
-    usize::try_from(number).ok().and_then(|idx| STAGES.get(idx)).copied().unwrap_or(Stage::Failed)
+pub fn stage_of(number: i16) -> BuildPhase {
+    usize::try_from(number).ok().and_then(|idx| STAGES.get(idx)).copied().unwrap_or(BuildPhase::Failed)
 }
 
-fn number_of(stage: Stage) -> i16 {
+fn number_of(stage: BuildPhase) -> i16 {
     STAGES.iter().position(|other| *other == stage).expect("all stages have a number") as i16
 }
 
@@ -58,7 +58,7 @@ impl Row {
         Operation {
             id: BuildId::of_bits(unsigned(self.id)),
             recipe: self.recipe,
-            posted: Posted {
+            posted: BuildStatus {
                 stage: stage_of(self.stage),
                 done: unsigned(self.probes_done),
                 total: unsigned(self.probes_total),
@@ -74,11 +74,11 @@ impl Row {
 }
 
 /// See [`Replicas::post`](surefoot_planner_service::replicas::Replicas::post).
-pub fn post(shared: &Shared, operation: &Operation) -> Result<Withdrawals, StoreError> {
-    let Operation { id, recipe, posted: Posted { stage, done, total }, graph, failure, requesters, started, .. } =
+pub fn post(db: &PlannerDb, operation: &Operation) -> Result<Withdrawals, StoreError> {
+    let Operation { id, recipe, posted: BuildStatus { stage, done, total }, graph, failure, requesters, started, .. } =
         operation;
     let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    shared.block(async {
+    db.block(async {
         // Another planner that has taken the build over knows better.
         let posted = sqlx::query!(
             "INSERT INTO operations (id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started,
@@ -93,7 +93,7 @@ pub fn post(shared: &Shared, operation: &Operation) -> Result<Withdrawals, Store
              RETURNING withdrawn, is_cancelled",
             signed(id.bits()),
             recipe,
-            shared.membership.id(),
+            db.membership.id(),
             number_of(*stage),
             signed(*done),
             signed(*total),
@@ -103,15 +103,15 @@ pub fn post(shared: &Shared, operation: &Operation) -> Result<Withdrawals, Store
             since.as_secs_f64(),
             requesters,
         );
-        let posted = posted.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let posted = posted.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
         let asked = posted.map(|row| Withdrawals { clients: row.withdrawn, is_cancelled: row.is_cancelled });
         Ok(asked.unwrap_or_default())
     })
 }
 
 /// See [`Replicas::operation`](surefoot_planner_service::replicas::Replicas::operation).
-pub fn find(shared: &Shared, id: BuildId) -> Result<Option<Operation>, StoreError> {
-    shared.block(async {
+pub fn find(db: &PlannerDb, id: BuildId) -> Result<Option<Operation>, StoreError> {
+    db.block(async {
         let found = sqlx::query_as!(
             Row,
             "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started,
@@ -119,14 +119,14 @@ pub fn find(shared: &Shared, id: BuildId) -> Result<Option<Operation>, StoreErro
              FROM operations WHERE id = $1",
             signed(id.bits()),
         );
-        let found = found.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
-        Ok(found.map(|row| row.read(shared.membership.id())))
+        let found = found.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
+        Ok(found.map(|row| row.read(db.membership.id())))
     })
 }
 
 /// See [`Replicas::open_operations`](surefoot_planner_service::replicas::Replicas::open_operations).
-pub fn open(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
-    shared.block(async {
+pub fn open(db: &PlannerDb) -> Result<Vec<Operation>, StoreError> {
+    db.block(async {
         let open = sqlx::query_as!(
             Row,
             "SELECT id, recipe, member, stage, probes_done, probes_total, graph, reason, message, started,
@@ -134,28 +134,28 @@ pub fn open(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
              FROM operations WHERE stage < 5 ORDER BY id DESC LIMIT $1",
             LISTED,
         );
-        let open = open.fetch_all(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
-        Ok(open.into_iter().map(|row| row.read(shared.membership.id())).collect())
+        let open = open.fetch_all(&db.database.pool).await.map_err(|error| db.failed(error))?;
+        Ok(open.into_iter().map(|row| row.read(db.membership.id())).collect())
     })
 }
 
 /// See [`Replicas::withdraw`](surefoot_planner_service::replicas::Replicas::withdraw).
-pub fn withdraw(shared: &Shared, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError> {
-    shared.block(async {
+pub fn withdraw(db: &PlannerDb, id: BuildId, withdrawals: &Withdrawals) -> Result<(), StoreError> {
+    db.block(async {
         let withdrawn = sqlx::query!(
             "UPDATE operations SET withdrawn = withdrawn || $2::text[], is_cancelled = is_cancelled OR $3 WHERE id = $1",
             signed(id.bits()),
             &withdrawals.clients,
             withdrawals.is_cancelled,
         );
-        withdrawn.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+        withdrawn.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
     })
 }
 
 /// See [`Replicas::adopt`](surefoot_planner_service::replicas::Replicas::adopt).
-pub fn adopt(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
-    let own = shared.membership.id();
-    shared.block(async {
+pub fn adopt(db: &PlannerDb) -> Result<Vec<Operation>, StoreError> {
+    let own = db.membership.id();
+    db.block(async {
         let adopted = sqlx::query_as!(
             Row,
             "UPDATE operations SET member = $1, noted_at = now() WHERE id IN (
@@ -167,7 +167,7 @@ pub fn adopt(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
             own,
             ADOPTED_AT_A_TIME,
         );
-        let adopted = adopted.fetch_all(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let adopted = adopted.fetch_all(&db.database.pool).await.map_err(|error| db.failed(error))?;
         Ok(adopted.into_iter().map(|row| row.read(own)).collect())
     })
 }
@@ -176,9 +176,9 @@ pub fn adopt(shared: &Shared) -> Result<Vec<Operation>, StoreError> {
 ///
 /// # Errors
 /// If the database is away.
-pub async fn forget(shared: &Shared) -> Result<(), FleetError> {
+pub async fn forget(db: &PlannerDb) -> Result<(), FleetError> {
     let old = sqlx::query!("DELETE FROM operations WHERE stage >= 5 AND noted_at < now() - interval '10 minutes'");
-    old.execute(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+    old.execute(&db.database.pool).await.map_err(|error| db.failed(error))?;
     let dead = sqlx::query!("DELETE FROM members WHERE kind = 'planner' AND expires_at < now() - interval '1 day'");
-    dead.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    dead.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
 }

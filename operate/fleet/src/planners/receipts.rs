@@ -1,7 +1,7 @@
 //! Receipts of calls that clients may repeat: stored in the transaction that carries a call out, so that it is carried out once, whichever
 //! planner gets the repeat.
 
-use super::shared::Shared;
+use super::db::PlannerDb;
 use crate::error::FleetError;
 use sqlx::PgConnection;
 use std::collections::BTreeSet;
@@ -9,11 +9,11 @@ use surefoot_planner::store::{Call, MAX_RECEIPTS, RECEIPTS_KEPT_FOR, Receipt, St
 
 /// See [`GraphStore::receipt`](surefoot_planner::store::GraphStore::receipt). One that is too old counts until it is removed, since it is
 /// in the way of another with its id until then.
-pub fn find(shared: &Shared, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
-    shared.block(async {
+pub fn find(db: &PlannerDb, client: &str, id: &str) -> Result<Option<Receipt>, StoreError> {
+    db.block(async {
         let row =
             sqlx::query!("SELECT request, answer FROM receipts WHERE client = $1 AND request_id = $2", client, id);
-        let row = row.fetch_optional(&shared.record.pool).await.map_err(|error| shared.failed(error))?;
+        let row = row.fetch_optional(&db.database.pool).await.map_err(|error| db.failed(error))?;
         Ok(row.map(|row| {
             let request = row.request.try_into().expect("the table has hashes of 32 bytes only");
             let call = Call { client: client.to_owned(), id: id.to_owned(), request };
@@ -28,11 +28,11 @@ pub fn find(shared: &Shared, client: &str, id: &str) -> Result<Option<Receipt>, 
 /// # Errors
 /// If the database is away.
 pub async fn store(
-    shared: &Shared,
+    db: &PlannerDb,
     connection: &mut PgConnection,
     receipts: &[&Receipt],
 ) -> Result<BTreeSet<(String, String)>, FleetError> {
-    let fail = |error| shared.failed(error);
+    let fail = |error| db.failed(error);
     let (mut clients, mut ids, mut requests, mut answers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for Receipt { call: Call { client, id, request }, answer } in receipts {
         clients.push(client.clone());
@@ -66,10 +66,10 @@ pub async fn store(
 ///
 /// # Errors
 /// If the database is away.
-pub async fn forget(shared: &Shared) -> Result<(), FleetError> {
+pub async fn forget(db: &PlannerDb) -> Result<(), FleetError> {
     let old = sqlx::query!(
         "DELETE FROM receipts WHERE noted_at < now() - make_interval(secs => $1)",
         RECEIPTS_KEPT_FOR.as_secs_f64()
     );
-    old.execute(&shared.record.pool).await.map(drop).map_err(|error| shared.failed(error))
+    old.execute(&db.database.pool).await.map(drop).map_err(|error| db.failed(error))
 }

@@ -6,7 +6,7 @@
 use super::board::Board;
 use super::feed::Feed;
 use super::job::{Answer, Job};
-use super::lane::Lane;
+use super::compute_class::ComputeClass;
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,7 +30,7 @@ pub trait Work: Sync {
     ///
     /// # Errors
     /// Why it cannot be done: the dispatch ends.
-    fn do_here(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Self::Output, String>>;
+    fn run_locally(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Self::Output, String>>;
 
     /// Reads and checks the result of a prover.
     ///
@@ -60,7 +60,7 @@ pub struct Threads {
 #[derive(Debug, Clone)]
 pub struct Dispatcher {
     queue: Queue,
-    lane: Lane,
+    lane: ComputeClass,
     known: Arc<Known>,
 }
 
@@ -96,7 +96,7 @@ enum Event<T> {
 
 impl Dispatcher {
     /// Sends jobs to provers of a lane.
-    pub fn new(queue: Queue, lane: Lane) -> Self {
+    pub fn new(queue: Queue, lane: ComputeClass) -> Self {
         Self { queue, lane, known: Arc::default() }
     }
 
@@ -146,7 +146,7 @@ impl Dispatcher {
                         }
                         let Some(idx) = board.take() else { return };
                         feed.withdraw(idx);
-                        if let Some(done) = work.do_here(idx, &|| board.is_settled(idx)) {
+                        if let Some(done) = work.run_locally(idx, &|| board.is_settled(idx)) {
                             // Whoever dispatches may have given up.
                             let _ = events.send(Event::Here(idx, done));
                         }

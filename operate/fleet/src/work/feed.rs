@@ -3,7 +3,7 @@
 
 use super::board::Board;
 use super::job::{Answer, Job, JobId, open_answer};
-use super::lane::Lane;
+use super::compute_class::ComputeClass;
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
 use std::collections::HashMap;
@@ -34,7 +34,7 @@ pub(super) struct Feed {
 
 struct Shared {
     queue: Queue,
-    lane: Lane,
+    lane: ComputeClass,
     scope: Scope,
     jobs: Vec<Job>,
     board: Arc<Board>,
@@ -49,7 +49,7 @@ struct Shared {
 impl Feed {
     /// Begins to send the jobs of `board`.
     pub fn start(
-        (queue, lane, scope): (Queue, Lane, Scope),
+        (queue, lane, scope): (Queue, ComputeClass, Scope),
         jobs: Vec<Job>,
         board: Arc<Board>,
         hear: impl Fn(usize, Answer) + Send + Sync + 'static,
@@ -57,7 +57,7 @@ impl Feed {
         let sequences = Mutex::new(vec![None; jobs.len()]);
         let (is_read, answers) = (watch::Sender::new(false), watch::Sender::new(0));
         if !queue.is_connected() {
-            queue.note_away(&queue.failed("there is no connection"));
+            queue.note_unreachable(&queue.failed("there is no connection"));
         }
         let shared = Arc::new(Shared { queue, lane, scope, jobs, board, sequences, is_read, answers });
         let running = shared.clone();
@@ -116,7 +116,7 @@ impl Shared {
         while is_open() {
             match self.queue.send(&self.lane, &self.scope, &self.jobs[idx], &format!("{nonce} {idx}")).await {
                 Ok(sequence) => {
-                    self.queue.note_back();
+                    self.queue.note_reachable();
                     if is_open() {
                         self.sequences()[idx] = Some(sequence);
                     } else {
@@ -125,7 +125,7 @@ impl Shared {
                     return;
                 }
                 Err(error) => {
-                    self.queue.note_away(&error);
+                    self.queue.note_unreachable(&error);
                     // The stream is made again, should the server have lost it.
                     let _ = self.queue.jobs().await;
                     tokio::time::sleep(RETRY).await;
@@ -140,7 +140,7 @@ impl Shared {
             self.jobs.iter().enumerate().map(|(idx, job)| (job.id.to_string(), idx)).collect();
         loop {
             let Err(error) = self.read(&places, hear).await;
-            self.queue.note_away(&error);
+            self.queue.note_unreachable(&error);
             tokio::time::sleep(RETRY).await;
         }
     }
@@ -152,7 +152,7 @@ impl Shared {
         let mut pending = reader.cached_info().num_pending;
         let messages = reader.stream().heartbeat(HEARTBEAT).expires(EXPIRES).messages().await;
         let mut messages = messages.map_err(|error| self.queue.failed(error))?;
-        self.queue.note_back();
+        self.queue.note_reachable();
         loop {
             if pending == 0 {
                 self.is_read.send_replace(true);

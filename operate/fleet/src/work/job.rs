@@ -51,12 +51,12 @@ pub struct Refusal {
 
 impl Refusal {
     /// Nobody can do it.
-    pub fn of_all(reason: impl fmt::Display) -> Self {
+    pub fn impossible(reason: impl fmt::Display) -> Self {
         Self { is_final: true, reason: reason.to_string() }
     }
 
     /// This prover cannot do it now.
-    pub fn of_this(reason: impl fmt::Display) -> Self {
+    pub fn unable(reason: impl fmt::Display) -> Self {
         Self { is_final: false, reason: reason.to_string() }
     }
 }
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn an_answer_belongs_to_one_job() {
         let [one, other] = [1, 2].map(|place| Job::new(JobKind::Map, place, &()).id);
-        for answer in [Ok(vec![1, 2, 3]), Err(Refusal::of_all("no")), Err(Refusal::of_this("not now"))] {
+        for answer in [Ok(vec![1, 2, 3]), Err(Refusal::impossible("no")), Err(Refusal::unable("not now"))] {
             let bytes = seal_answer(one, &answer);
             assert_eq!(open_answer(one, &bytes), Ok(answer));
             assert!(open_answer(other, &bytes).is_err());

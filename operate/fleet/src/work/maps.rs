@@ -1,7 +1,7 @@
 //! Maps to generate as jobs: a prover saves the map as a blob and answers with its name.
 
 use super::dispatch::{Dispatcher, Threads, Work};
-use super::ground::Grounds;
+use super::map_cache::MapCache;
 use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
 use crate::blobs::BlobId;
 use crate::error::FleetError;
@@ -11,18 +11,18 @@ use surefoot_world::{Map, MapSpec, exchange};
 ///
 /// # Errors
 /// If the job says what cannot be, or the map cannot be saved.
-pub fn generate(job: &Opened, grounds: &Grounds) -> Result<Vec<u8>, Refusal> {
-    let spec: MapSpec = job.body().map_err(Refusal::of_all)?;
-    let blobs = grounds.blobs().ok_or_else(|| Refusal::of_this("this process has no --blobs"))?;
+pub fn generate(job: &Opened, maps: &MapCache) -> Result<Vec<u8>, Refusal> {
+    let spec: MapSpec = job.body().map_err(Refusal::impossible)?;
+    let blobs = maps.blobs().ok_or_else(|| Refusal::unable("this process has no --blobs"))?;
     let map = Map::generate_with(&spec, 1, |_| {});
-    let saved = grounds.runtime().block_on(blobs.put(exchange::encode(&map))).map_err(Refusal::of_this)?;
+    let saved = maps.runtime().block_on(blobs.put(exchange::encode(&map))).map_err(Refusal::unable)?;
     Ok(encode(&saved.0))
 }
 
 /// Maps to generate.
 struct Maps<'a> {
     specs: &'a [MapSpec],
-    grounds: &'a Grounds,
+    maps: &'a MapCache,
     is_made: &'a (dyn Fn(usize) + Sync),
 }
 
@@ -30,13 +30,13 @@ impl Work for Maps<'_> {
     /// The saved map.
     type Output = Vec<u8>;
 
-    fn do_here(&self, idx: usize, _: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<u8>, String>> {
+    fn run_locally(&self, idx: usize, _: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<u8>, String>> {
         Some(Ok(exchange::encode(&Map::generate_with(&self.specs[idx], 1, |_| {}))))
     }
 
     fn read(&self, idx: usize, result: &[u8]) -> Result<Vec<u8>, String> {
         let blob: [u8; 32] = decode(result).map_err(|damage| damage.to_string())?;
-        let bytes = self.grounds.fetch(BlobId(blob)).map_err(|refusal| refusal.reason)?;
+        let bytes = self.maps.fetch(BlobId(blob)).map_err(|refusal| refusal.reason)?;
         let map = exchange::decode(&bytes).map_err(|error| error.to_string())?;
         if map.spec() != Some(&self.specs[idx]) {
             return Err("the map of another spec".to_owned());
@@ -56,12 +56,12 @@ impl Work for Maps<'_> {
 /// If a prover says that a map cannot be made.
 pub fn generate_all(
     dispatcher: &Dispatcher,
-    grounds: &Grounds,
+    maps: &MapCache,
     specs: &[MapSpec],
     threads: Threads,
     is_made: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Vec<u8>>, FleetError> {
     let jobs = (0..).zip(specs).map(|(place, spec)| Job::new(JobKind::Map, place, spec)).collect();
-    let made = dispatcher.run(jobs, &Maps { specs, grounds, is_made }, threads)?;
+    let made = dispatcher.run(jobs, &Maps { specs, maps, is_made }, threads)?;
     Ok(made.expect("nobody cancels"))
 }

@@ -10,9 +10,9 @@
 mod board;
 pub mod dispatch;
 mod feed;
-pub mod ground;
+pub mod map_cache;
 pub mod job;
-pub mod lane;
+pub mod compute_class;
 pub mod maps;
 pub mod probes;
 pub mod prover;

@@ -2,7 +2,7 @@
 //! ([`QueuedProvers`]) and what a prover does ([`prove`]).
 
 use super::dispatch::{Dispatcher, Threads, Work};
-use super::ground::{Grounds, MapRef};
+use super::map_cache::{MapCache, MapRef};
 use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
 use crate::blobs::Blobs;
 use serde::{Deserialize, Serialize};
@@ -107,14 +107,14 @@ impl ProbeWatch for Unwatched {
 ///
 /// # Errors
 /// If the job is for another policy, says what cannot be, or its map cannot be had.
-pub fn prove(job: &Opened, policy: &Policy, grounds: &Grounds) -> Result<(Vec<u8>, usize), Refusal> {
-    let probes: Probes = job.body().map_err(Refusal::of_all)?;
+pub fn prove(job: &Opened, policy: &Policy, maps: &MapCache) -> Result<(Vec<u8>, usize), Refusal> {
+    let probes: Probes = job.body().map_err(Refusal::impossible)?;
     if probes.policy != policy.weights_hash() {
-        return Err(Refusal::of_this("this prover has another policy"));
+        return Err(Refusal::unable("this prover has another policy"));
     }
     let policy = if probes.senses_transports { policy.clone() } else { policy.clone().without_transports() };
-    let map = grounds.map(&probes.map)?;
-    probes.check(&map).map_err(Refusal::of_all)?;
+    let map = maps.map(&probes.map)?;
+    probes.check(&map).map_err(Refusal::impossible)?;
     let context = ProbeContext { map, profile: probes.profile, policy };
     let outcomes = context.run_chunk(&probes.trials, probes.seed, &Unwatched).expect("nobody cancels");
     let reports: Vec<Reported> = outcomes.iter().map(Reported::of).collect();
@@ -282,7 +282,7 @@ impl ProbeWatch for Until<'_> {
 impl Work for Run<'_> {
     type Output = Vec<Outcome>;
 
-    fn do_here(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<Outcome>, String>> {
+    fn run_locally(&self, idx: usize, is_settled: &(dyn Fn() -> bool + Sync)) -> Option<Result<Vec<Outcome>, String>> {
         self.context.run_chunk(&self.trials[idx], self.seed, &Until { is_settled }).map(Ok)
     }
 
@@ -341,8 +341,8 @@ mod tests {
     #[tokio::test]
     async fn probes_that_cannot_be_run_are_refused() {
         let policy = Policy::shipped().unwrap();
-        let grounds = Grounds::new(None);
-        let (result, count) = prove(&probes(&policy, |_| {}), &policy, &grounds).unwrap();
+        let maps = MapCache::new(None);
+        let (result, count) = prove(&probes(&policy, |_| {}), &policy, &maps).unwrap();
         let reports: Vec<Reported> = decode(&result).unwrap();
         assert_eq!((count, reports.len()), (3, 3));
         type Change = fn(&mut Probes);
@@ -358,7 +358,7 @@ mod tests {
             ("a ride on it", true, |it| it.trials[0].ride = Some(Ride { mover: 0, from: 0, to: 1 })),
         ];
         for (what, is_final, change) in changes {
-            let refusal = prove(&probes(&policy, change), &policy, &grounds).unwrap_err();
+            let refusal = prove(&probes(&policy, change), &policy, &maps).unwrap_err();
             assert_eq!(refusal.is_final, is_final, "{what}: {}", refusal.reason);
         }
     }

@@ -2,7 +2,7 @@
 //! given to another one.
 
 use super::job::{Answer, Job, Opened, Refusal};
-use super::lane::Lane;
+use super::compute_class::ComputeClass;
 use super::queue::{ACK_WAIT, Queue, Scope, scope_of};
 use crate::error::FleetError;
 use async_nats::jetstream::{AckKind, Message};
@@ -62,14 +62,14 @@ impl Counters {
 #[derive(Clone)]
 pub struct Prover {
     queue: Queue,
-    lane: Lane,
+    lane: ComputeClass,
     runner: Arc<dyn Runner>,
     counters: Arc<Counters>,
 }
 
 impl Prover {
     /// A prover of a lane.
-    pub fn new(queue: Queue, lane: Lane, runner: Arc<dyn Runner>) -> Self {
+    pub fn new(queue: Queue, lane: ComputeClass, runner: Arc<dyn Runner>) -> Self {
         Self { queue, lane, runner, counters: Arc::default() }
     }
 
@@ -111,7 +111,7 @@ impl Prover {
     async fn work(self, shutdown: Shutdown) {
         while !shutdown.is_triggered() {
             let Err(error) = self.pull(&shutdown).await else { return };
-            self.queue.note_away(&error);
+            self.queue.note_unreachable(&error);
             tokio::select! {
                 () = tokio::time::sleep(RETRY) => {}
                 () = shutdown.wait() => {}
@@ -126,7 +126,7 @@ impl Prover {
         // One at a time: the next is requested when this one is done, so that nobody sits on jobs.
         let messages = consumer.stream().max_messages_per_batch(1).heartbeat(HEARTBEAT).expires(EXPIRES);
         let mut messages = messages.messages().await.map_err(|error| self.queue.failed(error))?;
-        self.queue.note_back();
+        self.queue.note_reachable();
         loop {
             let next = tokio::select! {
                 () = shutdown.wait() => return Ok(()),
@@ -160,7 +160,7 @@ impl Prover {
             return;
         }
         let answer = if deliveries > MAX_DELIVERIES {
-            Err(Refusal::of_all(format!("{MAX_DELIVERIES} provers in a row ended while they did job {}", job.id)))
+            Err(Refusal::impossible(format!("{MAX_DELIVERIES} provers in a row ended while they did job {}", job.id)))
         } else {
             self.run_job(&message, job.clone()).await
         };
@@ -189,7 +189,7 @@ impl Prover {
         };
         self.counters.micros.fetch_add(started.elapsed().as_micros() as u64, Ordering::Relaxed);
         // What panics here would panic elsewhere.
-        answer.unwrap_or_else(|error| Err(Refusal::of_all(error)))
+        answer.unwrap_or_else(|error| Err(Refusal::impossible(error)))
     }
 
     /// Stores an answer; whether it is stored.

@@ -2,7 +2,7 @@
 //! hour, so that a build that starts again finds what was proved before. A third keeps jobs that nobody could do.
 
 use super::job::{Answer, Job, JobId, Refusal, open_answer, seal_answer};
-use super::lane::Lane;
+use super::compute_class::ComputeClass;
 use crate::error::FleetError;
 use async_nats::connection::State;
 use async_nats::jetstream::consumer::{AckPolicy, DeliverPolicy, PullConsumer, pull};
@@ -74,7 +74,7 @@ pub struct Queue {
     context: Context,
     place: String,
     /// Whether somebody was told that it is away.
-    is_away: Arc<AtomicBool>,
+    is_unavailable: Arc<AtomicBool>,
     pub(super) runtime: Handle,
 }
 
@@ -102,7 +102,7 @@ impl Queue {
         });
         let client = options.connect(addresses).await.map_err(|error| FleetError::new(place.clone(), error))?;
         let context = ContextBuilder::new().timeout(PATIENCE).ack_timeout(PATIENCE).build(client);
-        Ok(Self { context, place, is_away: Arc::default(), runtime: Handle::current() })
+        Ok(Self { context, place, is_unavailable: Arc::default(), runtime: Handle::current() })
     }
 
     /// Addresses of the servers, without passwords.
@@ -116,15 +116,15 @@ impl Queue {
     }
 
     /// Says that the queue is away, once in a row.
-    pub(super) fn note_away(&self, error: &FleetError) {
-        if !self.is_away.swap(true, Ordering::Relaxed) {
+    pub(super) fn note_unreachable(&self, error: &FleetError) {
+        if !self.is_unavailable.swap(true, Ordering::Relaxed) {
             warn!(%error, "the queue is away");
         }
     }
 
     /// Says that the queue is back if it was away.
-    pub(super) fn note_back(&self) {
-        if self.is_away.swap(false, Ordering::Relaxed) {
+    pub(super) fn note_reachable(&self) {
+        if self.is_unavailable.swap(false, Ordering::Relaxed) {
             info!(nats = %self.place, "the queue is back");
         }
     }
@@ -176,7 +176,7 @@ impl Queue {
     }
 
     /// The consumer from which the provers of a lane pull.
-    pub(super) async fn consumer(&self, lane: &Lane) -> Result<PullConsumer, FleetError> {
+    pub(super) async fn consumer(&self, lane: &ComputeClass) -> Result<PullConsumer, FleetError> {
         let name = format!("prove-{lane}");
         let config = pull::Config {
             durable_name: Some(name.clone()),
@@ -202,7 +202,7 @@ impl Queue {
     }
 
     /// Sends a job and returns its number in the stream. `message` tells repeats of the same attempt to send it.
-    pub(super) async fn send(&self, lane: &Lane, scope: &Scope, job: &Job, message: &str) -> Result<u64, FleetError> {
+    pub(super) async fn send(&self, lane: &ComputeClass, scope: &Scope, job: &Job, message: &str) -> Result<u64, FleetError> {
         let publish = PublishMessage::build().payload(job.bytes.clone().into()).message_id(message);
         self.publish(format!("surefoot.jobs.{lane}.{scope}"), publish).await
     }
@@ -211,7 +211,7 @@ impl Queue {
     pub(super) async fn answer(&self, scope: &Scope, job: JobId, answer: &Answer) -> Result<(), FleetError> {
         let mut bytes = seal_answer(job, answer);
         if !self.fits(bytes.len()) {
-            let refusal = Refusal::of_this(format!("a result of {} bytes is more than NATS takes", bytes.len()));
+            let refusal = Refusal::unable(format!("a result of {} bytes is more than NATS takes", bytes.len()));
             bytes = seal_answer(job, &Err(refusal));
         }
         let publish = PublishMessage::build().payload(bytes.into());
@@ -227,7 +227,7 @@ impl Queue {
     }
 
     /// Keeps a job that nobody could do.
-    pub(super) async fn bury(&self, lane: &Lane, bytes: Vec<u8>, reason: &str) -> Result<(), FleetError> {
+    pub(super) async fn bury(&self, lane: &ComputeClass, bytes: Vec<u8>, reason: &str) -> Result<(), FleetError> {
         let config = Config {
             name: DEAD.to_owned(),
             subjects: vec!["surefoot.dead.>".to_owned()],

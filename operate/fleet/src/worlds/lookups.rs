@@ -4,7 +4,7 @@
 //! callers for a moment, also those about worlds that do not exist.
 
 use super::rows;
-use crate::record::Record;
+use crate::database::Database;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
@@ -82,7 +82,7 @@ impl Lookups {
     }
 
     /// Where a world runs, as the member `own` sees it.
-    pub async fn locate(&self, record: &Record, id: WorldId, own: i64) -> Result<Option<Place>, StoreError> {
+    pub async fn locate(&self, database: &Database, id: WorldId, own: i64) -> Result<Option<Place>, StoreError> {
         if let Some(known) = self.known().get(id) {
             return Ok(known);
         }
@@ -101,7 +101,7 @@ impl Lookups {
             }
             let mut ids = std::mem::take(&mut *self.waiting());
             ids.insert(id);
-            let mut found = rows::locate(record, &ids, own).await?;
+            let mut found = rows::locate(database, &ids, own).await?;
             let answer = found.get(&id).cloned();
             self.known().latest.extend(ids.into_iter().map(|id| (id, found.remove(&id))));
             Ok::<_, StoreError>(answer)
@@ -110,14 +110,14 @@ impl Lookups {
     }
 
     /// All servers that hold their lease, as the member `own` sees them.
-    pub async fn servers(&self, record: &Record, own: i64) -> Result<Vec<Place>, StoreError> {
+    pub async fn servers(&self, database: &Database, own: i64) -> Result<Vec<Place>, StoreError> {
         let look = async {
             let mut known = self.servers.lock().await;
             if let Some((_, servers)) = known.as_ref().filter(|(asked, _)| asked.elapsed() < FRESH) {
                 return Ok(servers.clone());
             }
             let asked = Instant::now();
-            let servers = rows::servers(record, own).await?;
+            let servers = rows::servers(database, own).await?;
             *known = Some((asked, servers.clone()));
             Ok::<_, StoreError>(servers)
         };

@@ -1,4 +1,4 @@
-//! Worlds of a fleet: who has them (`rows`, in the record), and what was saved of them (as blobs).
+//! Worlds of a fleet: who has them (`rows`, in the database), and what was saved of them (as blobs).
 //!
 //! A save is a blob of its own, whose name goes into the world's row in a statement that checks the token of the tenure and the lease of
 //! the server. So a server that was taken for dead writes blobs that nobody reads.
@@ -9,9 +9,9 @@ mod rows;
 use crate::blobs::{BlobId, Blobs};
 use crate::error::FleetError;
 use crate::member::{Member, MemberKind};
-use crate::record::Record;
+use crate::database::Database;
 use lookups::Lookups;
-use rows::Claim;
+use rows::Ownership;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::pin::Pin;
@@ -29,7 +29,7 @@ const POISON: &str = "no holder of this lock panics";
 /// The store of a fleet's worlds, for one of its servers.
 #[derive(Debug)]
 pub struct FleetWorlds {
-    record: Record,
+    database: Database,
     blobs: Blobs,
     address: String,
     /// What this process is in the fleet; another member after its lease was over.
@@ -47,7 +47,7 @@ pub struct FleetWorlds {
 /// A world of this server.
 #[derive(Debug, Clone, Copy)]
 struct Held {
-    claim: Claim,
+    claim: Ownership,
     /// Name of the blob with the last save.
     blob: BlobId,
 }
@@ -55,9 +55,9 @@ struct Held {
 /// All worlds of a fleet, with the blobs of their last saves; for measurements.
 ///
 /// # Errors
-/// If the record cannot be read.
-pub async fn saved(record: &Record) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
-    rows::saves(record).await
+/// If the database cannot be read.
+pub async fn saved(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
+    rows::saves(database).await
 }
 
 impl From<FleetError> for StoreError {
@@ -70,14 +70,14 @@ impl FleetWorlds {
     /// Makes this process a server of the fleet, which others reach at `address`.
     ///
     /// # Errors
-    /// If the record cannot be written.
-    pub async fn join(record: Record, blobs: Blobs, address: &str, lease: Duration) -> Result<Self, FleetError> {
-        let member = Member::join(&record, MemberKind::Server, address, lease).await?;
+    /// If the database cannot be written.
+    pub async fn join(database: Database, blobs: Blobs, address: &str, lease: Duration) -> Result<Self, FleetError> {
+        let member = Member::join(&database, MemberKind::Server, address, lease).await?;
         let left = Arc::new(Notify::new());
-        tokio::spawn(rows::listen(record.clone(), left.clone()));
+        tokio::spawn(rows::listen(database.clone(), left.clone()));
         let (address, member) = (address.to_owned(), RwLock::new(member));
         let (held, lookups, horizon) = (Mutex::default(), Lookups::default(), AtomicI64::new(0));
-        Ok(Self { record, blobs, address, member, held, lookups, horizon, left })
+        Ok(Self { database, blobs, address, member, held, lookups, horizon, left })
     }
 
     fn member(&self) -> Member {
@@ -93,7 +93,7 @@ impl FleetWorlds {
         let held = self.held(id);
         let claim = match held {
             Some(held) => held.claim,
-            None => rows::new_claim(&self.record, &self.member()).await?,
+            None => rows::new_claim(&self.database, &self.member()).await?,
         };
         if claim.member != tenure.0 {
             return Err(StoreError::Lost(id));
@@ -108,8 +108,8 @@ impl FleetWorlds {
         let bytes = bytes.map_err(|error| StoreError::Unavailable(error.to_string()))?;
         let blob = self.blobs.put(bytes).await?;
         let is_ours = match held {
-            Some(_) => rows::save(&self.record, id, claim, blob, through).await?,
-            None => rows::insert(&self.record, id, claim, blob, through).await?,
+            Some(_) => rows::save(&self.database, id, claim, blob, through).await?,
+            None => rows::insert(&self.database, id, claim, blob, through).await?,
         };
         let unneeded = if is_ours { held.map(|held| held.blob) } else { Some(blob) };
         self.note_save(id, Held { claim, blob }, is_ours);
@@ -142,7 +142,7 @@ impl FleetWorlds {
         let kept = tokio::task::spawn_blocking(decode).await;
         let kept = kept.map_err(|error| StoreError::Unavailable(error.to_string()))??;
         let KeptWorld { world, log } = Some(kept).filter(|kept| kept.world.id() == id).ok_or_else(damaged)?;
-        let journals = rows::journals(&self.record, id).await?.into_iter();
+        let journals = rows::journals(&self.database, id).await?.into_iter();
         let journals = journals.map(|(through, bytes)| Journal::decode(through, &bytes));
         let journals = journals.collect::<Result<_, _>>().map_err(|_| damaged())?;
         Ok(StoredWorld { world, since: Some((log, journals)) })
@@ -157,8 +157,8 @@ impl FleetWorlds {
 
     async fn claim_worlds(&self, max_worlds: usize, held: &[WorldId]) -> Result<Vec<WorldId>, StoreError> {
         let horizon = self.horizon.load(Ordering::Relaxed);
-        let claimed = rows::claim(&self.record, &self.member(), max_worlds, (held, horizon)).await?;
-        match rows::last_token(&self.record).await {
+        let claimed = rows::claim(&self.database, &self.member(), max_worlds, (held, horizon)).await?;
+        match rows::last_token(&self.database).await {
             Ok(last) => self.horizon.store(last, Ordering::Relaxed),
             Err(error) => {
                 warn!(%error, "cannot read the latest token: worlds that were left behind wait for the next look")
@@ -176,11 +176,11 @@ impl FleetWorlds {
 
     async fn hand_back_world(&self, id: WorldId) -> Result<(), StoreError> {
         let Held { claim, .. } = self.held(id).ok_or(StoreError::Lost(id))?;
-        if !rows::hand_back(&self.record, id, claim).await? {
+        if !rows::hand_back(&self.database, id, claim).await? {
             return Err(StoreError::Lost(id));
         }
         self.held.lock().expect(POISON).remove(&id);
-        Ok(rows::notify(&self.record).await?)
+        Ok(rows::notify(&self.database).await?)
     }
 }
 
@@ -201,7 +201,7 @@ impl WorldStore for FleetWorlds {
     fn forget(&self, id: WorldId) -> StoreCall<'_, ()> {
         Box::pin(async move {
             let Held { claim, blob } = self.held(id).ok_or(StoreError::Lost(id))?;
-            if !rows::forget(&self.record, id, claim).await? {
+            if !rows::forget(&self.database, id, claim).await? {
                 return Err(StoreError::Lost(id));
             }
             self.held.lock().expect(POISON).remove(&id);
@@ -225,7 +225,7 @@ impl SharedStore for FleetWorlds {
     }
 
     fn is_sure(&self) -> bool {
-        self.member.read().expect(POISON).is_sure()
+        self.member.read().expect(POISON).holds_lease()
     }
 
     fn renew(&self) -> StoreCall<'_, ()> {
@@ -233,7 +233,7 @@ impl SharedStore for FleetWorlds {
             let member = self.member();
             match member.renew().await {
                 Ok(()) => Ok(()),
-                Err(_) if !member.is_sure() => Err(StoreError::Expired),
+                Err(_) if !member.holds_lease() => Err(StoreError::Expired),
                 Err(error) => Err(error.into()),
             }
         })
@@ -242,19 +242,19 @@ impl SharedStore for FleetWorlds {
     fn rejoin(&self) -> StoreCall<'_, ()> {
         Box::pin(async {
             let former = self.member();
-            // Its lease may go on in the record, and with it the claim to worlds that are not served any more.
+            // Its lease may go on in the database, and with it the claim to worlds that are not served any more.
             former.leave().await?;
             self.held.lock().expect(POISON).clear();
-            let member = Member::join(&self.record, MemberKind::Server, &self.address, former.lease()).await?;
+            let member = Member::join(&self.database, MemberKind::Server, &self.address, former.lease()).await?;
             *self.member.write().expect(POISON) = member;
-            Ok(rows::notify(&self.record).await?)
+            Ok(rows::notify(&self.database).await?)
         })
     }
 
     fn leave(&self) -> StoreCall<'_, ()> {
         Box::pin(async {
             self.member().leave().await?;
-            Ok(rows::notify(&self.record).await?)
+            Ok(rows::notify(&self.database).await?)
         })
     }
 
@@ -263,7 +263,7 @@ impl SharedStore for FleetWorlds {
     }
 
     fn new_id(&self, earliest: WorldId) -> StoreCall<'_, WorldId> {
-        Box::pin(async move { Ok(rows::new_id(&self.record, earliest).await?) })
+        Box::pin(async move { Ok(rows::new_id(&self.database, earliest).await?) })
     }
 
     fn claim<'a>(&'a self, max_worlds: usize, held: &'a [WorldId]) -> StoreCall<'a, Vec<WorldId>> {
@@ -282,15 +282,15 @@ impl SharedStore for FleetWorlds {
         Box::pin(async move {
             let held = journals.iter().filter_map(|(id, journal)| Some((*id, self.held(*id)?.claim, journal)));
             let held = held.filter(|(_, claim, _)| claim.member == tenure.0);
-            Ok(rows::append(&self.record, held.collect()).await?)
+            Ok(rows::append(&self.database, held.collect()).await?)
         })
     }
 
     fn locate(&self, id: WorldId) -> StoreCall<'_, Option<Place>> {
-        Box::pin(async move { self.lookups.locate(&self.record, id, self.member().id).await })
+        Box::pin(async move { self.lookups.locate(&self.database, id, self.member().id).await })
     }
 
     fn servers(&self) -> StoreCall<'_, Vec<Place>> {
-        Box::pin(async move { self.lookups.servers(&self.record, self.member().id).await })
+        Box::pin(async move { self.lookups.servers(&self.database, self.member().id).await })
     }
 }

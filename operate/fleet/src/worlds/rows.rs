@@ -3,7 +3,7 @@
 use crate::blobs::BlobId;
 use crate::error::FleetError;
 use crate::member::Member;
-use crate::record::Record;
+use crate::database::Database;
 use sqlx::postgres::PgListener;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
 /// Why a server has a world.
 #[derive(Debug, Clone, Copy)]
-pub struct Claim {
+pub struct Ownership {
     /// The member that is the server.
     pub member: i64,
     /// Fencing token.
@@ -29,24 +29,24 @@ pub struct Claim {
 }
 
 /// A claim to a world that nobody had before.
-pub async fn new_claim(record: &Record, member: &Member) -> Result<Claim, FleetError> {
-    let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&record.pool).await;
-    Ok(Claim { member: member.id, token: token.map_err(|error| record.failed(error))? })
+pub async fn new_claim(database: &Database, member: &Member) -> Result<Ownership, FleetError> {
+    let token = sqlx::query_scalar!(r#"SELECT nextval('tokens') AS "token!""#).fetch_one(&database.pool).await;
+    Ok(Ownership { member: member.id, token: token.map_err(|error| database.failed(error))? })
 }
 
 /// Returns an id that no world has had.
-pub async fn new_id(record: &Record, earliest: WorldId) -> Result<WorldId, FleetError> {
+pub async fn new_id(database: &Database, earliest: WorldId) -> Result<WorldId, FleetError> {
     let id =
         sqlx::query_scalar!("UPDATE world_ids SET last = greatest(last + 1, $1) RETURNING last", earliest.0 as i64);
-    let id = id.fetch_one(&record.pool).await.map_err(|error| record.failed(error))?;
+    let id = id.fetch_one(&database.pool).await.map_err(|error| database.failed(error))?;
     Ok(WorldId(id as u64))
 }
 
 /// Adds a world; false if the lease of its server is over.
 pub async fn insert(
-    record: &Record,
+    database: &Database,
     id: WorldId,
-    claim: Claim,
+    claim: Ownership,
     blob: BlobId,
     through: u64,
 ) -> Result<bool, FleetError> {
@@ -60,13 +60,13 @@ pub async fn insert(
         &blob.0,
         through as i64,
     );
-    let inserted = inserted.execute(&record.pool).await.map_err(|error| record.failed(error))?;
+    let inserted = inserted.execute(&database.pool).await.map_err(|error| database.failed(error))?;
     Ok(inserted.rows_affected() == 1)
 }
 
 /// Lets the row of a world refer to another save, and removes events that are in it; false if another server has the world, or the lease
 /// is over.
-pub async fn save(record: &Record, id: WorldId, claim: Claim, blob: BlobId, through: u64) -> Result<bool, FleetError> {
+pub async fn save(database: &Database, id: WorldId, claim: Ownership, blob: BlobId, through: u64) -> Result<bool, FleetError> {
     let saved = sqlx::query!(
         r#"WITH saved AS (
              UPDATE worlds SET blob = $4, through = $5, saved_at = now() FROM members
@@ -82,12 +82,12 @@ pub async fn save(record: &Record, id: WorldId, claim: Claim, blob: BlobId, thro
         &blob.0,
         through as i64,
     );
-    let saved = saved.fetch_optional(&record.pool).await.map_err(|error| record.failed(error))?;
+    let saved = saved.fetch_optional(&database.pool).await.map_err(|error| database.failed(error))?;
     Ok(saved.is_some())
 }
 
 /// Removes a world; false if another server has it, or the lease is over.
-pub async fn forget(record: &Record, id: WorldId, claim: Claim) -> Result<bool, FleetError> {
+pub async fn forget(database: &Database, id: WorldId, claim: Ownership) -> Result<bool, FleetError> {
     let removed = sqlx::query!(
         "DELETE FROM worlds USING members
          WHERE worlds.id = $1 AND owner = $2 AND token = $3 AND members.id = owner AND expires_at > now()",
@@ -95,7 +95,7 @@ pub async fn forget(record: &Record, id: WorldId, claim: Claim) -> Result<bool, 
         claim.member,
         claim.token,
     );
-    let removed = removed.execute(&record.pool).await.map_err(|error| record.failed(error))?;
+    let removed = removed.execute(&database.pool).await.map_err(|error| database.failed(error))?;
     Ok(removed.rows_affected() == 1)
 }
 
@@ -105,11 +105,11 @@ pub async fn forget(record: &Record, id: WorldId, claim: Claim) -> Result<bool, 
 /// Also takes in worlds that are the member's own already by a token up to `horizon`, such as after a claim whose answer was lost. `held`
 /// are left out of all this.
 pub async fn claim(
-    record: &Record,
+    database: &Database,
     member: &Member,
     max_worlds: usize,
     (held, horizon): (&[WorldId], i64),
-) -> Result<Vec<(WorldId, Claim, BlobId)>, FleetError> {
+) -> Result<Vec<(WorldId, Ownership, BlobId)>, FleetError> {
     let lease = member.lease().as_secs_f64();
     let held: Vec<i64> = held.iter().map(|id| id.0 as i64).collect();
     // All get new tokens: what is under way with an earlier one, such as a save, fails. A row that changes its owner meanwhile is left.
@@ -145,22 +145,22 @@ pub async fn claim(
         &held,
         horizon,
     );
-    let claimed = claimed.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    let claimed = claimed.fetch_all(&database.pool).await.map_err(|error| database.failed(error))?;
     let claim = |row: (i64, i64, Vec<u8>)| {
-        let claim = Claim { member: member.id, token: row.1 };
-        Ok((WorldId(row.0 as u64), claim, blob_id(record, row.2)?))
+        let claim = Ownership { member: member.id, token: row.1 };
+        Ok((WorldId(row.0 as u64), claim, blob_id(database, row.2)?))
     };
     claimed.into_iter().map(|row| claim((row.id, row.token, row.blob))).collect()
 }
 
 /// The latest token that any claim has.
-pub async fn last_token(record: &Record) -> Result<i64, FleetError> {
-    let last = sqlx::query_scalar!("SELECT last_value FROM tokens").fetch_one(&record.pool).await;
-    last.map_err(|error| record.failed(error))
+pub async fn last_token(database: &Database) -> Result<i64, FleetError> {
+    let last = sqlx::query_scalar!("SELECT last_value FROM tokens").fetch_one(&database.pool).await;
+    last.map_err(|error| database.failed(error))
 }
 
 /// Gives a world to no server in particular, so that any may take it over; false if another server has it, or the lease is over.
-pub async fn hand_back(record: &Record, id: WorldId, claim: Claim) -> Result<bool, FleetError> {
+pub async fn hand_back(database: &Database, id: WorldId, claim: Ownership) -> Result<bool, FleetError> {
     let handed = sqlx::query!(
         "UPDATE worlds SET owner = (SELECT id FROM members WHERE expires_at = '-infinity' LIMIT 1) FROM members
          WHERE worlds.id = $1 AND owner = $2 AND token = $3 AND members.id = owner AND expires_at > now()",
@@ -168,16 +168,16 @@ pub async fn hand_back(record: &Record, id: WorldId, claim: Claim) -> Result<boo
         claim.member,
         claim.token,
     );
-    let handed = handed.execute(&record.pool).await.map_err(|error| record.failed(error))?;
+    let handed = handed.execute(&database.pool).await.map_err(|error| database.failed(error))?;
     Ok(handed.rows_affected() == 1)
 }
 
 /// Appends what happened. Says for each world whether the server still has it, and it is recorded.
 pub async fn append(
-    record: &Record,
-    journals: Vec<(WorldId, Claim, &Journal)>,
+    database: &Database,
+    journals: Vec<(WorldId, Ownership, &Journal)>,
 ) -> Result<BTreeMap<WorldId, bool>, FleetError> {
-    let column = |of: fn(&(WorldId, Claim, &Journal)) -> i64| journals.iter().map(of).collect::<Vec<_>>();
+    let column = |of: fn(&(WorldId, Ownership, &Journal)) -> i64| journals.iter().map(of).collect::<Vec<_>>();
     let ids = column(|(id, ..)| id.0 as i64);
     let owners = column(|(_, claim, _)| claim.member);
     let tokens = column(|(_, claim, _)| claim.token);
@@ -204,26 +204,26 @@ pub async fn append(
         &throughs,
         &events,
     );
-    let mut call = record.urgent().await?;
+    let mut call = database.urgent().await?;
     let appended = appended.fetch_all(call.connection()).await;
     let appended = call.done(appended)?;
     Ok(journals.iter().map(|(id, ..)| (*id, appended.contains(&(id.0 as i64)))).collect())
 }
 
 /// What happened after the last save of a world, in order.
-pub async fn journals(record: &Record, id: WorldId) -> Result<Vec<(u64, Vec<u8>)>, FleetError> {
+pub async fn journals(database: &Database, id: WorldId) -> Result<Vec<(u64, Vec<u8>)>, FleetError> {
     let rows = sqlx::query!(
         "SELECT world_events.through, events FROM world_events JOIN worlds ON worlds.id = world
          WHERE world = $1 AND world_events.through > worlds.through ORDER BY world_events.through",
         id.0 as i64,
     );
-    let rows = rows.fetch_all(&record.pool).await.map_err(|error| record.failed(error))?;
+    let rows = rows.fetch_all(&database.pool).await.map_err(|error| database.failed(error))?;
     Ok(rows.into_iter().map(|row| (row.through as u64, row.events)).collect())
 }
 
 /// Where worlds run, as the member `own` sees it. Worlds that do not exist are left out.
 pub async fn locate(
-    record: &Record,
+    database: &Database,
     ids: &BTreeSet<WorldId>,
     own: i64,
 ) -> Result<BTreeMap<WorldId, Place>, FleetError> {
@@ -234,7 +234,7 @@ pub async fn locate(
          FROM worlds JOIN members ON members.id = owner WHERE worlds.id = ANY($1)"#,
         &ids,
     );
-    let rows = rows.fetch_all(&record.lookups).await.map_err(|error| record.failed(error))?;
+    let rows = rows.fetch_all(&database.lookups).await.map_err(|error| database.failed(error))?;
     let place = |is_here, address, is_alive, world_count| Place { address, is_here, is_alive, world_count };
     let found = rows.into_iter().map(|row| {
         (WorldId(row.id as u64), place(row.member == own, row.address, row.is_alive, row.world_count as u64))
@@ -243,12 +243,12 @@ pub async fn locate(
 }
 
 /// All servers that hold their lease, by address.
-pub async fn servers(record: &Record, own: i64) -> Result<Vec<Place>, FleetError> {
+pub async fn servers(database: &Database, own: i64) -> Result<Vec<Place>, FleetError> {
     let rows = sqlx::query!(
         r#"SELECT id, address, (SELECT count(*) FROM worlds WHERE owner = members.id) AS "world_count!"
          FROM members WHERE kind = 'server' AND expires_at > now() ORDER BY address, id"#,
     );
-    let rows = rows.fetch_all(&record.lookups).await.map_err(|error| record.failed(error))?;
+    let rows = rows.fetch_all(&database.lookups).await.map_err(|error| database.failed(error))?;
     let place = |id: i64, address, world_count: i64| Place {
         address,
         is_here: id == own,
@@ -259,35 +259,35 @@ pub async fn servers(record: &Record, own: i64) -> Result<Vec<Place>, FleetError
 }
 
 /// All worlds and the blobs with their last saves.
-pub async fn saves(record: &Record) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
-    let rows = sqlx::query!("SELECT id, blob FROM worlds ORDER BY id").fetch_all(&record.pool).await;
-    let rows = rows.map_err(|error| record.failed(error))?;
-    rows.into_iter().map(|row| Ok((WorldId(row.id as u64), blob_id(record, row.blob)?))).collect()
+pub async fn saves(database: &Database) -> Result<Vec<(WorldId, BlobId)>, FleetError> {
+    let rows = sqlx::query!("SELECT id, blob FROM worlds ORDER BY id").fetch_all(&database.pool).await;
+    let rows = rows.map_err(|error| database.failed(error))?;
+    rows.into_iter().map(|row| Ok((WorldId(row.id as u64), blob_id(database, row.blob)?))).collect()
 }
 
-fn blob_id(record: &Record, name: Vec<u8>) -> Result<BlobId, FleetError> {
-    let name = name.try_into().map_err(|_| FleetError::new(record.place(), "the name of a blob is no hash"))?;
+fn blob_id(database: &Database, name: Vec<u8>) -> Result<BlobId, FleetError> {
+    let name = name.try_into().map_err(|_| FleetError::new(database.place(), "the name of a blob is no hash"))?;
     Ok(BlobId(name))
 }
 
 /// Tells all servers to look for worlds.
-pub async fn notify(record: &Record) -> Result<(), FleetError> {
-    let notified = sqlx::query!("NOTIFY surefoot_servers").execute(&record.pool).await;
-    notified.map(drop).map_err(|error| record.failed(error))
+pub async fn notify(database: &Database) -> Result<(), FleetError> {
+    let notified = sqlx::query!("NOTIFY surefoot_servers").execute(&database.pool).await;
+    notified.map(drop).map_err(|error| database.failed(error))
 }
 
 /// Notifies `left` of what others tell, until nobody else waits for it.
-pub async fn listen(record: Record, left: Arc<Notify>) {
+pub async fn listen(database: Database, left: Arc<Notify>) {
     while Arc::strong_count(&left) > 1 {
-        if let Err(error) = listen_once(&record, &left).await {
+        if let Err(error) = listen_once(&database, &left).await {
             warn!(%error, "LISTEN on surefoot_servers was lost; polling for worlds instead");
         }
         tokio::time::sleep(LISTEN_PAUSE).await;
     }
 }
 
-async fn listen_once(record: &Record, left: &Notify) -> Result<(), sqlx::Error> {
-    let mut listener = PgListener::connect_with(&record.pool).await?;
+async fn listen_once(database: &Database, left: &Notify) -> Result<(), sqlx::Error> {
+    let mut listener = PgListener::connect_with(&database.pool).await?;
     listener.listen(CHANNEL).await?;
     loop {
         listener.recv().await?;

@@ -7,7 +7,7 @@ use crate::commands::services::CacheArgs;
 use anyhow::{Context, ensure};
 use std::time::{Duration, Instant};
 use surefoot_fleet::blobs::Blobs;
-use surefoot_fleet::record::Record;
+use surefoot_fleet::database::Database;
 use surefoot_fleet::worlds;
 use surefoot_proto::convert::map_spec_to_wire;
 use surefoot_proto::world::v1 as wire;
@@ -24,17 +24,17 @@ const LEASE_S: f64 = 5.0;
 
 /// Measures over this database and this object store, from which it removes its worlds.
 pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
-    let (record, opened) = (Record::open(store).await?, Blobs::open(blobs)?);
+    let (database, opened) = (Database::open(store).await?, Blobs::open(blobs)?);
     let cache = CacheArgs::default_folder()?.join("bench-serve");
     let scene = Scene::start_of_fleet(NPCS, &cache, store, blobs).await?;
     scene.measure(WARM_UP).await?;
-    let (cpu, server, commits) = (postgres_cpu_s()?, scene.cpu_s()?[0], record.commits().await?);
+    let (cpu, server, commits) = (postgres_cpu_s()?, scene.cpu_s()?[0], database.commits().await?);
     let started = Instant::now();
     let measured = scene.measure(SPAN).await?;
     let seconds = started.elapsed().as_secs_f64();
     let (cpu, server) = (postgres_cpu_s()? - cpu, scene.cpu_s()?[0] - server);
     // PostgreSQL counts them a second late, at both ends.
-    let commits = (record.commits().await? - commits) as f64;
+    let commits = (database.commits().await? - commits) as f64;
     ensure!(
         cpu > 0.0 && commits > 0.0,
         "no PostgreSQL on this machine commits anything: its CPU time is measured here"
@@ -45,7 +45,7 @@ pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
         renew_every_s: LEASE_S / 3.0,
         notes_per_s: (commits / seconds - by_clock).max(0.0),
         cpu_us_per_write: 1e6 * cpu / commits,
-        save_bytes: save_bytes(&scene, &record, &opened).await?,
+        save_bytes: save_bytes(&scene, &database, &opened).await?,
     };
     eprintln!(
         "over PostgreSQL, {NPCS} NPCs: {:.1} commits/s, of which {:.1} record what happened; {:.0} us of CPU each; server {:.1} % of a core, tick p99 {:.2} ms; a saved world {:.0} bytes + {:.0} for each NPC",
@@ -61,13 +61,13 @@ pub async fn measure(store: &str, blobs: &str) -> anyhow::Result<RecordLoad> {
 }
 
 /// Bytes of a saved world without NPCs, and of each NPC. Removes all worlds.
-async fn save_bytes(scene: &Scene, record: &Record, blobs: &Blobs) -> anyhow::Result<[f64; 2]> {
+async fn save_bytes(scene: &Scene, database: &Database, blobs: &Blobs) -> anyhow::Result<[f64; 2]> {
     let mut client = WorldServiceClient::new(connect(&scene.server_uri).await?);
     let map = Some(map_spec_to_wire(&MapSpec::new(1)));
     let empty = client.create_world(wire::CreateWorldRequest { map, ..Default::default() }).await?.into_inner();
     let empty = empty.world.context("a world")?.world_id;
     let (mut none, mut all) = (0.0, Vec::new());
-    for (id, blob) in worlds::saved(record).await? {
+    for (id, blob) in worlds::saved(database).await? {
         // One that has been saved again meanwhile is left out.
         let Some(bytes) = blobs.get(blob).await? else { continue };
         if id.0 == empty {

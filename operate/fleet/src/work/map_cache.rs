@@ -45,13 +45,13 @@ impl MapRef {
 
 /// The maps that a prover used last.
 #[derive(Debug)]
-pub struct Grounds {
+pub struct MapCache {
     blobs: Option<Blobs>,
     runtime: Handle,
     kept: Mutex<VecDeque<(MapRef, Arc<Map>)>>,
 }
 
-impl Grounds {
+impl MapCache {
     /// None yet. Saved ones come from `blobs`. Call this on a tokio runtime.
     pub fn new(blobs: Option<Blobs>) -> Self {
         Self { blobs, runtime: Handle::current(), kept: Mutex::default() }
@@ -92,9 +92,9 @@ impl Grounds {
 
     fn load(&self, map: [u8; 32], blob: BlobId) -> Result<Map, Refusal> {
         let bytes = self.fetch(blob)?;
-        let found = exchange::decode(&bytes).map_err(|error| Refusal::of_all(format!("blob {blob}: {error}")))?;
+        let found = exchange::decode(&bytes).map_err(|error| Refusal::impossible(format!("blob {blob}: {error}")))?;
         if found.hash().0 != map {
-            return Err(Refusal::of_all(format!("blob {blob} is another map than its job says")));
+            return Err(Refusal::impossible(format!("blob {blob} is another map than its job says")));
         }
         Ok(found)
     }
@@ -104,16 +104,16 @@ impl Grounds {
     /// # Errors
     /// If there is no store, or it does not have them, or does not answer.
     pub fn fetch(&self, blob: BlobId) -> Result<Vec<u8>, Refusal> {
-        let blobs = self.blobs.as_ref().ok_or_else(|| Refusal::of_this("this process has no --blobs"))?;
+        let blobs = self.blobs.as_ref().ok_or_else(|| Refusal::unable("this process has no --blobs"))?;
         let mut last = String::new();
         for _ in 0..TRIES {
             match self.runtime.block_on(blobs.get(blob)) {
                 Ok(Some(bytes)) => return Ok(bytes),
-                Ok(None) => return Err(Refusal::of_this(format!("{} has no blob {blob}", blobs.place()))),
+                Ok(None) => return Err(Refusal::unable(format!("{} has no blob {blob}", blobs.place()))),
                 Err(error) => last = error.to_string(),
             }
             std::thread::sleep(PAUSE);
         }
-        Err(Refusal::of_this(last))
+        Err(Refusal::unable(last))
     }
 }

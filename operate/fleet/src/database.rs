@@ -1,4 +1,4 @@
-//! The record: a PostgreSQL database that all servers and planners of a fleet share.
+//! The database: a PostgreSQL database that all servers and planners of a fleet share.
 //!
 //! Its schema is in `migrations/`, applied at start by whoever starts first. Queries are checked against it when they are compiled, from
 //! the descriptions in `.sqlx`, which `tests/fleet/check` compares with a database.
@@ -22,11 +22,11 @@ const MAX_URGENT: u32 = 2;
 /// Most connections for look-ups of clients.
 const MAX_LOOKUPS: u32 = 2;
 
-/// Connections to the record. Clones share them.
+/// Connections to the database. Clones share them.
 ///
 /// They are divided, so that a lease is renewed however many clients ask something: what waits for a connection waits only for its equals.
 #[derive(Debug, Clone)]
-pub struct Record {
+pub struct Database {
     /// For what may wait a moment.
     pub pool: PgPool,
     /// For what clients may ask as often as they like. The number of connections bounds what they cost the database.
@@ -68,7 +68,7 @@ impl Drop for Urgent {
     }
 }
 
-impl Record {
+impl Database {
     /// Connects to `url`, `postgres://user:password@host:port/database`, and brings the schema up to date.
     ///
     /// # Errors
@@ -112,7 +112,7 @@ impl Record {
     /// Number of transactions that the database has committed so far, of all its clients, as its statistics say, for measurements.
     ///
     /// # Errors
-    /// If the record cannot be read.
+    /// If the database cannot be read.
     pub async fn commits(&self) -> Result<i64, FleetError> {
         let count = sqlx::query_scalar!(
             r#"SELECT xact_commit AS "count!" FROM pg_stat_database WHERE datname = current_database()"#
@@ -120,7 +120,7 @@ impl Record {
         count.fetch_one(&self.pool).await.map_err(|error| self.failed(error))
     }
 
-    /// Address of the record, without its password.
+    /// Address of the database, without its password.
     pub fn place(&self) -> &str {
         &self.place
     }

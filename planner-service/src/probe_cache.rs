@@ -21,12 +21,12 @@ type Place = [u32; 3];
 
 /// Results of earlier edits of one graph.
 #[derive(Debug, Default)]
-pub struct Proofs {
+pub struct ProbeCache {
     evidence: Mutex<HashMap<(Candidate, Place, Place), Evidence>>,
     standing: Mutex<HashMap<Place, Option<Vec3>>>,
 }
 
-impl Proofs {
+impl ProbeCache {
     /// Returns the map of a graph as edits need it. Cancelling `progress` ends its probes.
     pub fn terrain<'a>(&'a self, origin: &'a Origin, progress: &'a Arc<Progress>) -> impl Terrain + use<'a> {
         LazyTerrain { origin, progress, proofs: self, terrain: OnceLock::new() }
@@ -37,7 +37,7 @@ impl Proofs {
 struct LazyTerrain<'a> {
     origin: &'a Origin,
     progress: &'a Arc<Progress>,
-    proofs: &'a Proofs,
+    proofs: &'a ProbeCache,
     terrain: OnceLock<MapTerrain>,
 }
 

@@ -12,9 +12,9 @@ const BATCHES: [usize; 5] = [1, 3, 32, 100, 192];
 /// Names what must agree between those who share work: the version of the format, the weights, and the bits that this processor computes
 /// with them. Processors with other vector units add in another order.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Lane(String);
+pub struct ComputeClass(String);
 
-impl Lane {
+impl ComputeClass {
     /// The lane of a process with this policy. It runs the policy on a few made-up observations: some milliseconds.
     pub fn of(policy: &Policy) -> Self {
         let mut hasher = blake3::Hasher::new();
@@ -47,7 +47,7 @@ impl Lane {
     }
 }
 
-impl fmt::Display for Lane {
+impl fmt::Display for ComputeClass {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
     }

@@ -1,9 +1,9 @@
-//! What the parts of a planner's record have in common: connections, membership, and how a call that blocks waits for them.
+//! What the parts of a planner's database have in common: connections, membership, and how a call that blocks waits for them.
 
 use super::membership::Membership;
 use crate::blobs::{BlobId, Blobs};
 use crate::error::FleetError;
-use crate::record::Record;
+use crate::database::Database;
 use sqlx::{PgConnection, Postgres, Transaction};
 use std::collections::BTreeSet;
 use std::sync::Mutex;
@@ -19,15 +19,15 @@ pub const PATIENCE: Duration = Duration::from_secs(5);
 /// The same for a call that moves a blob.
 pub const BLOB_PATIENCE: Duration = Duration::from_secs(30);
 /// The name of the store in messages to clients; it gives no address away.
-pub const PLACE: &str = "the shared store";
+pub const PLACE: &str = "the db store";
 /// Channel of the notifications of all planners.
 pub const CHANNEL: &str = "surefoot_planners";
 
-/// What the parts of a planner's record have in common.
+/// What the parts of a planner's database have in common.
 #[derive(Debug)]
-pub struct Shared {
+pub struct PlannerDb {
     /// The database.
-    pub record: Record,
+    pub database: Database,
     /// Graphs and levels.
     pub blobs: Blobs,
     /// This planner among the others.
@@ -41,11 +41,11 @@ pub struct Shared {
     runtime: Handle,
 }
 
-impl Shared {
+impl PlannerDb {
     /// A planner that builds nothing yet.
-    pub fn new(record: Record, blobs: Blobs, membership: Membership, runtime: Handle) -> Self {
+    pub fn new(database: Database, blobs: Blobs, membership: Membership, runtime: Handle) -> Self {
         Self {
-            record,
+            database,
             blobs,
             membership,
             building: Mutex::default(),
@@ -76,14 +76,14 @@ impl Shared {
         patience: Duration,
         call: impl Future<Output = Result<T, FleetError>>,
     ) -> Result<T, StoreError> {
-        let silent = || FleetError::new(self.record.place(), format!("no answer within {} s", patience.as_secs()));
+        let silent = || FleetError::new(self.database.place(), format!("no answer within {} s", patience.as_secs()));
         let within = async { tokio::time::timeout(patience, call).await.unwrap_or_else(|_| Err(silent())) };
         self.runtime.block_on(within).map_err(told)
     }
 
     /// Converts a failure of a query.
     pub fn failed(&self, error: sqlx::Error) -> FleetError {
-        FleetError { kind: kind_of(&error), ..self.record.failed(error) }
+        FleetError { kind: kind_of(&error), ..self.database.failed(error) }
     }
 
     /// Begins a transaction.
@@ -91,7 +91,7 @@ impl Shared {
     /// # Errors
     /// If the database is away.
     pub async fn begin(&self) -> Result<Transaction<'static, Postgres>, FleetError> {
-        self.record.pool.begin().await.map_err(|error| self.failed(error))
+        self.database.pool.begin().await.map_err(|error| self.failed(error))
     }
 
     /// Tells all planners, once the transaction is committed.
@@ -106,7 +106,7 @@ impl Shared {
 
 /// Logs a failure. What is returned may reach clients: it has no address, and nothing that the database says.
 fn told(error: FleetError) -> StoreError {
-    warn!(%error, "a call of the shared store failed");
+    warn!(%error, "a call of the db store failed");
     let reason = match error.kind {
         StoreErrorKind::Unavailable => "it does not answer",
         StoreErrorKind::Lost => "something is gone or damaged",

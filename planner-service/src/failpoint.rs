@@ -3,7 +3,7 @@
 
 /// Marks a step. With `SUREFOOT_STOP_AT`, the process goes on when it gets the signal CONT.
 #[cfg(feature = "failpoints")]
-pub fn pass(step: &str) {
+pub fn failpoint(step: &str) {
     use std::ffi::OsString;
     use std::sync::LazyLock;
     static STEPS: LazyLock<[Option<OsString>; 2]> =
@@ -20,4 +20,4 @@ pub fn pass(step: &str) {
 
 /// Marks a step.
 #[cfg(not(feature = "failpoints"))]
-pub fn pass(_: &str) {}
+pub fn failpoint(_: &str) {}
