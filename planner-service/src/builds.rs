@@ -3,8 +3,8 @@
 
 use crate::error::PlannerError;
 use crate::failpoint::failpoint;
-use crate::hosted::{Hosted, CarriedOver, Prepared, Provenance};
-use crate::jobs::{BuildResult, Job, Jobs, SERVICE, BuildPhase};
+use crate::hosted::{CarriedOver, Hosted, Prepared, Provenance};
+use crate::jobs::{BuildPhase, BuildResult, Job, Jobs, SERVICE};
 use crate::origin::Origin;
 use crate::planner::Planner;
 use crate::provers::ProbeWork;

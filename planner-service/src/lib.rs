@@ -33,5 +33,5 @@ pub mod wire;
 pub use config::PlannerConfig;
 pub use error::{Failure, PlannerError};
 pub use failpoint::failpoint;
-pub use planner::{PlannerStores, Planner};
+pub use planner::{Planner, PlannerStores};
 pub use serve::serve;

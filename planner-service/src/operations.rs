@@ -3,9 +3,9 @@
 
 use crate::error::PlannerError;
 use crate::hosted::Hosted;
-use crate::jobs::{BuildId, Job, SERVICE, BuildPhase};
+use crate::jobs::{BuildId, BuildPhase, Job, SERVICE};
 use crate::planner::Planner;
-use crate::replicas::{Operation, BuildStatus, Replicas, Withdrawals};
+use crate::replicas::{BuildStatus, Operation, Replicas, Withdrawals};
 use crate::wire;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;

@@ -2,7 +2,7 @@
 
 use crate::config::PlannerConfig;
 use crate::grpc::PlannerApi;
-use crate::planner::{PlannerStores, Planner};
+use crate::planner::{Planner, PlannerStores};
 use std::time::Duration;
 use surefoot_net::serving::{Endpoint, MAX_MESSAGE_BYTES, ServeError, Shutdown, with_grpc_web};
 use surefoot_policy::Policy;

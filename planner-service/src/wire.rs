@@ -4,7 +4,7 @@ use crate::config::PlannerConfig;
 use crate::error::{Failure, PlannerError};
 use crate::figures::Figures;
 use crate::hosted::{GraphView, Hosted, Revision};
-use crate::jobs::{Job, BuildPhase};
+use crate::jobs::{BuildPhase, Job};
 use prost::Message;
 use std::num::NonZeroU64;
 use std::sync::atomic::Ordering;

@@ -5,8 +5,8 @@ use crate::relay::Relay;
 use crate::services::{Ground, Postgres, S3};
 use std::time::Duration;
 use surefoot_fleet::blobs::{BlobId, Blobs};
-use surefoot_fleet::member::{Member, MemberKind};
 use surefoot_fleet::database::Database;
+use surefoot_fleet::member::{Member, MemberKind};
 
 /// A lease that is over soon.
 const SHORT: Duration = Duration::from_millis(300);

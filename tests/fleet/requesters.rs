@@ -37,8 +37,10 @@ async fn a_build_ends_when_all_who_asked_for_it_have_cancelled_it_on_any_planner
     assert_eq!(Reason::of(&refused), Some(Reason::NotOwner), "{refused}");
     let joined = here[1].start_build(request).await.unwrap().into_inner().build.unwrap();
     assert_eq!(joined.build_id, started.build_id);
-    wait_until("the database knows both", || async { fleet.count("operations WHERE cardinality(requesters) = 2") == 1 })
-        .await;
+    wait_until("the database knows both", || async {
+        fleet.count("operations WHERE cardinality(requesters) = 2") == 1
+    })
+    .await;
     there[0].cancel_build(cancel.clone()).await.unwrap();
     wait_until("its planner knows that one has withdrawn", || async {
         fleet.count("operations WHERE requesters = ARRAY['two']") == 1

@@ -71,7 +71,9 @@ impl Fake {
     /// Waits until `enough` of what was told.
     async fn until(&self, enough: impl Fn(&[ReportedCounter]) -> bool) {
         let mut told = self.told.subscribe();
-        let enough = |all: &Vec<(ReportedCounter, Instant)>| enough(&all.iter().map(|(told, _)| told.clone()).collect::<Vec<_>>());
+        let enough = |all: &Vec<(ReportedCounter, Instant)>| {
+            enough(&all.iter().map(|(told, _)| told.clone()).collect::<Vec<_>>())
+        };
         let waiting = tokio::time::timeout(Duration::from_secs(60), told.wait_for(enough));
         assert!(waiting.await.is_ok(), "only {:?}", self.changes());
     }
@@ -200,7 +202,8 @@ async fn start(sidecar: SocketAddr, config: ServerConfig) -> Running {
     let (observer, serving) = surefoot_server::serve_observed(endpoint, config, shutdown.clone());
     let observer = observer.with_patience(PATIENCE);
     let serving = async move { Ok(serving.await?) };
-    let task = tokio::spawn(async move { run_with_sidecar(&format!("http://{sidecar}"), PACE, observer, serving).await });
+    let task =
+        tokio::spawn(async move { run_with_sidecar(&format!("http://{sidecar}"), PACE, observer, serving).await });
     Running { client: WorldServiceClient::connect(uri).await.unwrap(), shutdown, task }
 }
 

@@ -5,9 +5,9 @@
 #![cfg(feature = "service")]
 
 pub mod blobs;
+pub mod database;
 pub mod error;
 pub mod member;
 pub mod planners;
-pub mod database;
 pub mod work;
 pub mod worlds;

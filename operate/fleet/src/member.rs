@@ -1,8 +1,8 @@
 //! Membership: a process of the fleet, and the lease that says that it lives. Claims of builds and worlds refer to their member, so that
 //! one renewal keeps them all.
 
-use crate::error::FleetError;
 use crate::database::Database;
+use crate::error::FleetError;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
@@ -42,7 +42,12 @@ impl Member {
     ///
     /// # Errors
     /// If the database cannot be written.
-    pub async fn join(database: &Database, kind: MemberKind, address: &str, lease: Duration) -> Result<Self, FleetError> {
+    pub async fn join(
+        database: &Database,
+        kind: MemberKind,
+        address: &str,
+        lease: Duration,
+    ) -> Result<Self, FleetError> {
         // Taken before the database sets the end of the lease, which is therefore later.
         let asked = Instant::now();
         let id = sqlx::query_scalar!(

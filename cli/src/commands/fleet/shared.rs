@@ -1,9 +1,9 @@
 //! What processes of a fleet share work through, as the flags say.
 
 use surefoot_fleet::blobs::Blobs;
+use surefoot_fleet::work::compute_class::ComputeClass;
 use surefoot_fleet::work::dispatch::Dispatcher;
 use surefoot_fleet::work::map_cache::MapCache;
-use surefoot_fleet::work::compute_class::ComputeClass;
 use surefoot_fleet::work::probes::QueuedProvers;
 use surefoot_fleet::work::queue::Queue;
 use surefoot_policy::Policy;

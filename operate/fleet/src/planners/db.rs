@@ -2,8 +2,8 @@
 
 use super::membership::Membership;
 use crate::blobs::{BlobId, Blobs};
-use crate::error::FleetError;
 use crate::database::Database;
+use crate::error::FleetError;
 use sqlx::{PgConnection, Postgres, Transaction};
 use std::collections::BTreeSet;
 use std::sync::Mutex;

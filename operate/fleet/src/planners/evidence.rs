@@ -1,8 +1,8 @@
 //! Live evidence: sums of traversals to which every planner adds its own. When there are many of an edge, all of them are halved, as
 //! [`LiveEvidence`] does, so that recent ones can change the estimate.
 
-use super::receipts;
 use super::db::{Note, PlannerDb};
+use super::receipts;
 use std::collections::BTreeMap;
 use surefoot_planner::live::{Counts, LiveEvidence, MEMORY, Reporter};
 use surefoot_planner::store::{Call, StoreError};

@@ -1,7 +1,7 @@
 //! Graphs: who builds which, and publishing, which checks the claim and the lease in the transaction that stores the graph.
 
-use super::operations::stage_of;
 use super::db::{BLOB_PATIENCE, Note, PlannerDb, unsigned};
+use super::operations::stage_of;
 use crate::blobs::BlobId;
 use crate::error::FleetError;
 use std::sync::atomic::Ordering;
@@ -9,7 +9,7 @@ use surefoot_planner::store::{StoreError, StoreErrorKind, decode_entry, encode_e
 use surefoot_planner::{BuildStats, Built, GraphId};
 use surefoot_planner_service::failpoint;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::{ClaimOutcome, BuildStatus, Token};
+use surefoot_planner_service::replicas::{BuildStatus, ClaimOutcome, Token};
 use tracing::warn;
 
 const POISON: &str = "no holder of this lock panics";

@@ -1,7 +1,7 @@
 //! Layers of designers. A change is stored only if the layers are those that it was made for: the database compares their version.
 
-use super::receipts;
 use super::db::{Note, PLACE, PlannerDb, signed, unsigned};
+use super::receipts;
 use surefoot_planner::edits::Layer;
 use surefoot_planner::store::{DamagedLayer, LevelId, LevelLayers, Receipt, StoreError, decode_layer, encode_layer};
 

@@ -1,8 +1,8 @@
 //! A planner among the others. One that was silent for its lease has lost its claims, and goes on as a new member.
 
+use crate::database::Database;
 use crate::error::FleetError;
 use crate::member::{Member, MemberKind};
-use crate::database::Database;
 use std::sync::RwLock;
 use std::time::Duration;
 use tracing::warn;

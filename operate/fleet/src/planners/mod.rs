@@ -4,6 +4,7 @@
 //! `graphs` has claims and publishing, `layers` the comparison of versions, `evidence` the sums, `receipts` the answers of calls that may be repeated, `operations` builds as clients see them,
 //! `levels` imported maps, `upkeep` the lease and notifications. `db` is what all of them use.
 
+mod db;
 mod evidence;
 mod graphs;
 mod layers;
@@ -11,15 +12,14 @@ mod levels;
 mod membership;
 mod operations;
 mod receipts;
-mod db;
 mod upkeep;
 
 use crate::blobs::Blobs;
-use crate::error::FleetError;
 use crate::database::Database;
+use crate::error::FleetError;
+use db::{Note, PlannerDb};
 use levels::Levels;
 use membership::Membership;
-use db::{Note, PlannerDb};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -29,7 +29,9 @@ use surefoot_planner::store::{GraphStore, LevelId, LevelLayers, Receipt, StoreEr
 use surefoot_planner::{Built, GraphId};
 use surefoot_planner_service::PlannerStores;
 use surefoot_planner_service::jobs::BuildId;
-use surefoot_planner_service::replicas::{ClaimOutcome, News, Operation, Replicas, Report, Standing, Token, Withdrawals};
+use surefoot_planner_service::replicas::{
+    ClaimOutcome, News, Operation, Replicas, Report, Standing, Token, Withdrawals,
+};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tracing::warn;

@@ -7,7 +7,7 @@ use surefoot_planner::GraphId;
 use surefoot_planner::store::StoreError;
 use surefoot_planner_service::Failure;
 use surefoot_planner_service::jobs::{BuildId, BuildPhase};
-use surefoot_planner_service::replicas::{Operation, BuildStatus, Withdrawals};
+use surefoot_planner_service::replicas::{BuildStatus, Operation, Withdrawals};
 
 /// Builds of dead planners that are taken over at a time: others take over the rest.
 const ADOPTED_AT_A_TIME: i64 = 4;
@@ -75,8 +75,9 @@ impl Row {
 
 /// See [`Replicas::post`](surefoot_planner_service::replicas::Replicas::post).
 pub fn post(db: &PlannerDb, operation: &Operation) -> Result<Withdrawals, StoreError> {
-    let Operation { id, recipe, posted: BuildStatus { stage, done, total }, graph, failure, requesters, started, .. } =
-        operation;
+    let Operation {
+        id, recipe, posted: BuildStatus { stage, done, total }, graph, failure, requesters, started, ..
+    } = operation;
     let since = started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     db.block(async {
         // Another planner that has taken the build over knows better.

@@ -1,9 +1,9 @@
 //! What runs besides: the lease is renewed, notifications are listened to, and what is left over is cleared away.
 
+use super::db::{CHANNEL, Note, PATIENCE, PlannerDb};
 use super::graphs;
 use super::operations;
 use super::receipts;
-use super::db::{CHANNEL, Note, PATIENCE, PlannerDb};
 use crate::error::FleetError;
 use sqlx::postgres::PgListener;
 use std::sync::{Arc, Mutex, Weak};

@@ -4,9 +4,9 @@
 //! that is away, and no prover at all cost time, never the result.
 
 use super::board::Board;
+use super::compute_class::ComputeClass;
 use super::feed::Feed;
 use super::job::{Answer, Job};
-use super::compute_class::ComputeClass;
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -2,8 +2,8 @@
 //! it tries again.
 
 use super::board::Board;
-use super::job::{Answer, Job, JobId, open_answer};
 use super::compute_class::ComputeClass;
+use super::job::{Answer, Job, JobId, open_answer};
 use super::queue::{Queue, Scope};
 use crate::error::FleetError;
 use std::collections::HashMap;

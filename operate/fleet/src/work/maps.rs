@@ -1,8 +1,8 @@
 //! Maps to generate as jobs: a prover saves the map as a blob and answers with its name.
 
 use super::dispatch::{Dispatcher, Threads, Work};
-use super::map_cache::MapCache;
 use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
+use super::map_cache::MapCache;
 use crate::blobs::BlobId;
 use crate::error::FleetError;
 use surefoot_world::{Map, MapSpec, exchange};

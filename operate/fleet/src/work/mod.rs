@@ -8,11 +8,11 @@
 //! Start reading at [`dispatch`].
 
 mod board;
+pub mod compute_class;
 pub mod dispatch;
 mod feed;
-pub mod map_cache;
 pub mod job;
-pub mod compute_class;
+pub mod map_cache;
 pub mod maps;
 pub mod probes;
 pub mod prover;

@@ -2,8 +2,8 @@
 //! ([`QueuedProvers`]) and what a prover does ([`prove`]).
 
 use super::dispatch::{Dispatcher, Threads, Work};
-use super::map_cache::{MapCache, MapRef};
 use super::job::{Job, JobKind, Opened, Refusal, decode, encode};
+use super::map_cache::{MapCache, MapRef};
 use crate::blobs::Blobs;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, PoisonError};

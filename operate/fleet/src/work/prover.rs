@@ -1,8 +1,8 @@
 //! A prover: pulls the jobs of its lane, does them, stores their results, and only then acknowledges them. What it had begun when it died is
 //! given to another one.
 
-use super::job::{Answer, Job, Opened, Refusal};
 use super::compute_class::ComputeClass;
+use super::job::{Answer, Job, Opened, Refusal};
 use super::queue::{ACK_WAIT, Queue, Scope, scope_of};
 use crate::error::FleetError;
 use async_nats::jetstream::{AckKind, Message};

@@ -1,8 +1,8 @@
 //! The queue: two streams of NATS JetStream, one with jobs, which are removed when they are done, and one with answers, which are kept for an
 //! hour, so that a build that starts again finds what was proved before. A third keeps jobs that nobody could do.
 
-use super::job::{Answer, Job, JobId, Refusal, open_answer, seal_answer};
 use super::compute_class::ComputeClass;
+use super::job::{Answer, Job, JobId, Refusal, open_answer, seal_answer};
 use crate::error::FleetError;
 use async_nats::connection::State;
 use async_nats::jetstream::consumer::{AckPolicy, DeliverPolicy, PullConsumer, pull};
@@ -202,7 +202,13 @@ impl Queue {
     }
 
     /// Sends a job and returns its number in the stream. `message` tells repeats of the same attempt to send it.
-    pub(super) async fn send(&self, lane: &ComputeClass, scope: &Scope, job: &Job, message: &str) -> Result<u64, FleetError> {
+    pub(super) async fn send(
+        &self,
+        lane: &ComputeClass,
+        scope: &Scope,
+        job: &Job,
+        message: &str,
+    ) -> Result<u64, FleetError> {
         let publish = PublishMessage::build().payload(job.bytes.clone().into()).message_id(message);
         self.publish(format!("surefoot.jobs.{lane}.{scope}"), publish).await
     }

@@ -7,9 +7,9 @@ mod lookups;
 mod rows;
 
 use crate::blobs::{BlobId, Blobs};
+use crate::database::Database;
 use crate::error::FleetError;
 use crate::member::{Member, MemberKind};
-use crate::database::Database;
 use lookups::Lookups;
 use rows::Ownership;
 use std::collections::BTreeMap;

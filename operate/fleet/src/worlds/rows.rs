@@ -1,9 +1,9 @@
 //! Rows of worlds. Every call is a single statement, which commits by itself: a process that stops in the middle holds no lock.
 
 use crate::blobs::BlobId;
+use crate::database::Database;
 use crate::error::FleetError;
 use crate::member::Member;
-use crate::database::Database;
 use sqlx::postgres::PgListener;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -66,7 +66,13 @@ pub async fn insert(
 
 /// Lets the row of a world refer to another save, and removes events that are in it; false if another server has the world, or the lease
 /// is over.
-pub async fn save(database: &Database, id: WorldId, claim: Ownership, blob: BlobId, through: u64) -> Result<bool, FleetError> {
+pub async fn save(
+    database: &Database,
+    id: WorldId,
+    claim: Ownership,
+    blob: BlobId,
+    through: u64,
+) -> Result<bool, FleetError> {
     let saved = sqlx::query!(
         r#"WITH saved AS (
              UPDATE worlds SET blob = $4, through = $5, saved_at = now() FROM members
