@@ -1,9 +1,6 @@
 //! Maps, recordings, graphs, layers and messages are unchanged after writing and reading.
 
-#[path = "../../tools/fuzz/src/lib.rs"]
-#[expect(dead_code, reason = "only the floor is needed of what the trials are made of")]
-mod untrusted;
-
+use crate::decoders::FLOOR;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use surefoot_planner::BuildStats;
@@ -30,7 +27,6 @@ use surefoot_world::{
     Ability, Action, Chance, CharacterProfile, Decisions, Map, MapSpec, RawMapSpec, Seconds, TaskConfig, Vec3, World,
     WorldConfig, exchange,
 };
-use untrusted::FLOOR;
 
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() }

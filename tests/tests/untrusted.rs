@@ -1,15 +1,12 @@
 //! Untrusted bytes: every decoder returns a value or an error with a message, and takes memory in proportion to the input. The
 //! trials are those of the fuzz targets. The inputs are their corpora, unchanged and mutated.
 
-#[path = "../../tools/fuzz/src/lib.rs"]
-mod untrusted;
-
+use crate::decoders::{FIRST_NPC, TRIALS, Trial, answer};
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 use std::collections::BTreeSet;
 use std::path::Path;
 use surefoot_proto::{convert, world::v1 as wire};
-use untrusted::{FIRST_NPC, TRIALS, Trial, answer};
 
 /// Number of inputs for each decoder.
 const CASES: u32 = 100_000;
@@ -163,7 +160,7 @@ macro_rules! changed_inputs_are_answered {
     ($($trial:ident)*) => {$(
         #[test]
         fn $trial() {
-            try_all(stringify!($trial), untrusted::$trial);
+            try_all(stringify!($trial), crate::decoders::$trial);
         }
     )*};
 }

@@ -1,11 +1,9 @@
 //! Agents through the C functions: what they see is what the simulation sees, to the bit, and they allocate nothing.
 #![expect(unsafe_code, reason = "calls C functions")]
 
-mod stage;
-
+use crate::stage::{agents, at, fails, handle, map, ok, policy, state, world};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use stage::{agents, at, fails, handle, map, ok, policy, state, world};
 use std::ffi::c_void;
 use std::ptr::{null, null_mut};
 use surefoot::abi::{self, Action, Hit, RAY_COUNT, Ray, State, Vec3};

@@ -1,9 +1,7 @@
 //! Plans and followers through the C functions, on a graph with two ways.
 #![expect(unsafe_code, reason = "calls C functions")]
 
-mod stage;
-
-use stage::{at, fails, graph, graph_text, handle, ok, query, step};
+use crate::stage::{at, fails, graph, graph_text, handle, ok, query, step};
 use std::ptr::{null, null_mut};
 use surefoot::abi::{self, Leg, LegKey, Plan, Query, STOP_GOAL, STOP_START};
 use surefoot::exports::*;

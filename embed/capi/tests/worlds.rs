@@ -1,9 +1,7 @@
 //! Worlds through the C functions: a rollback repeats itself to the bit.
 #![expect(unsafe_code, reason = "calls C functions")]
 
-mod stage;
-
-use stage::{at, fails, handle, map, ok, state, world};
+use crate::stage::{at, fails, handle, map, ok, state, world};
 use std::ptr::{null, null_mut};
 use surefoot::abi::{Action, Outcome, State, Vec3};
 use surefoot::exports::*;

@@ -1,7 +1,7 @@
 """Times PyTorch and onnxruntime on what `surefoot bench learn` times, and prints ratios.
 
     pip install torch onnxruntime onnx numpy
-    python agent/benches/peers.py target/release/surefoot
+    python learn/train/benches/peers.py target/release/surefoot
 
 The networks, batch shapes and losses are those of agent/src/train/sac.rs with its defaults: separate encoders for actor and
 twin critics, an actor update at every second critic update, no gradients for the critics' weights in the actor's loss,

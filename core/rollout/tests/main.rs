@@ -1,0 +1,9 @@
+//! Tests of the crate through its public interface, in one program.
+
+mod build;
+mod crowd;
+mod edits;
+mod env;
+mod motion;
+mod rehearsals;
+mod shapes;

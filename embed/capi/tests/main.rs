@@ -1,0 +1,7 @@
+//! Tests of the crate through its public interface, in one program.
+
+mod agents;
+mod header;
+mod plans;
+mod stage;
+mod worlds;

@@ -1,0 +1,5 @@
+//! Tests of the crate through its public interface, in one program.
+
+mod learning;
+mod replay;
+mod toy;

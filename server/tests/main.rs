@@ -1,0 +1,6 @@
+//! Tests of the crate through its public interface, in one program.
+
+mod hosted;
+mod journal;
+mod simulation;
+mod stuck;

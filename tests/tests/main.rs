@@ -1,0 +1,33 @@
+//! Tests of the whole system over real sockets, in one program.
+
+mod architecture;
+mod bad_input;
+mod bodies;
+mod clients;
+mod crowds;
+#[path = "../../tools/fuzz/src/lib.rs"]
+mod decoders;
+mod details;
+mod editing;
+mod edits;
+mod elsewhere;
+mod events;
+mod games;
+mod golden;
+mod imports;
+mod journeys;
+mod json;
+mod limits;
+mod living;
+mod manifests;
+mod motion;
+mod notices;
+mod operations;
+mod planning;
+mod replicas;
+mod round_trips;
+mod security;
+mod studio;
+mod trust;
+mod untrusted;
+mod void;
