@@ -1,5 +1,5 @@
 //! What the tests of the C functions share: calls that must succeed or fail, a level, and a graph.
-#![allow(dead_code, reason = "each test uses a part")]
+#![expect(unsafe_code, reason = "calls C functions")]
 
 use std::ffi::{CStr, c_void};
 use std::mem::zeroed;
