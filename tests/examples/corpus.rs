@@ -242,13 +242,13 @@ fn recording() -> Vec<u8> {
     world.tick_decision();
     world.start_recording();
     let walker = world.spawn_as(surefoot_world::ProfileIdx(1), Vec3::new(10.0, 1.0, 10.0), 1.0);
-    world.set_goal(walker, Vec3::new(15.0, 1.0, 15.0));
+    world.set_waypoint(walker, Vec3::new(15.0, 1.0, 15.0));
     for turn in [0.5, -0.25, 0.0] {
         world.decide(walker, Action { forward: 1.0, turn, jump: turn, ..Action::default() });
         world.tick_decision();
         world.close_decision(walker);
     }
-    world.clear_goal(walker);
+    world.clear_waypoint(walker);
     world.teleport(standing, Vec3::new(4.0, 1.0, 4.0), 0.0);
     world.tick_decision();
     world.despawn(standing);

@@ -17,7 +17,7 @@ fn after_a_minute() -> World {
     let mut world = World::new(map, profile, TaskConfig::default());
     for pair in points.chunks_exact(2) {
         let slot = world.spawn(pair[0], 0.5);
-        world.set_goal(slot, pair[1]);
+        world.set_waypoint(slot, pair[1]);
     }
     for _ in 0..360 {
         for idx in 0..16 {
@@ -29,7 +29,7 @@ fn after_a_minute() -> World {
             world.close_decision(NpcSlot(idx));
             if world.npc(NpcSlot(idx)).unwrap().harm.is_some() {
                 world.teleport(NpcSlot(idx), points[2 * idx as usize], 0.5);
-                world.set_goal(NpcSlot(idx), points[2 * idx as usize + 1]);
+                world.set_waypoint(NpcSlot(idx), points[2 * idx as usize + 1]);
             }
         }
     }
@@ -43,7 +43,7 @@ fn hex(bytes: &[u8]) -> String {
 #[test]
 fn the_state_after_a_minute_and_what_is_observed_then_are_bit_for_bit_those_of_before() {
     let world = after_a_minute();
-    assert_eq!(world.current_tick(), 3600);
+    assert_eq!(world.current_tick().0, 3600);
     assert_eq!(hex(&world.save().hash()), "8e66e34a0023896ee5fdc0e189bf66a1238572fb6851892414ff5a0d516750ee");
     let mut row = vec![0.0; OBSERVATION_LEN];
     let mut bytes = Vec::new();

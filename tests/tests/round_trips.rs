@@ -142,13 +142,13 @@ proptest! {
         let mut world = World::with_config(FLOOR.clone(), WorldConfig { profiles, task: TaskConfig::default(), npc_collision });
         let bystander = world.spawn(Vec3::new(10.0, 1.0, 10.0), 0.0);
         let mut npc = world.spawn(Vec3::new(10.2, 1.0, 10.0), 0.0);
-        world.set_goal(bystander, Vec3::new(12.0, 1.0, 12.0));
+        world.set_waypoint(bystander, Vec3::new(12.0, 1.0, 12.0));
         world.start_recording();
         for (step, ticks) in moves {
             match step {
                 Move::Decide(action) => world.decide(npc, action),
-                Move::SetGoal(goal) => world.set_goal(npc, goal),
-                Move::ClearGoal => world.clear_goal(npc),
+                Move::SetGoal(goal) => world.set_waypoint(npc, goal),
+                Move::ClearGoal => world.clear_waypoint(npc),
                 Move::Teleport(feet, yaw) => world.teleport(npc, feet, yaw),
                 Move::Close => _ = world.close_decision(npc),
                 Move::Replace(feet) => {

@@ -504,7 +504,8 @@ impl Stats {
             island_count: reach.ground.islands().len(),
             place_count: reach.ground.cells().len(),
             needs: Means::ALL
-                .into_iter()
+                .iter()
+                .copied()
                 .map(|means| (means.name(), all - reach.share_by(|other| other != means)))
                 .collect(),
             borders: borders

@@ -118,7 +118,7 @@ impl Needs {
 
 /// The stops at which a mover stands sooner or later, as bits, if nobody but NPCs tells it otherwise.
 pub fn stops_ahead(mover: &Mover, state: &MoverState) -> u16 {
-    match (state.told, state.at()) {
+    match (state.ordered_stop, state.at()) {
         (_, at) if mover.kind == MoverKind::Crate => at.map_or(0, |at| 1 << at),
         (_, Some(at)) if state.pace == 0.0 => 1 << at,
         (_, None) if state.pace == 0.0 => 0,
@@ -140,7 +140,7 @@ pub fn states_for_proof(map: &Map, held: Option<(u16, u8)>) -> Vec<MoverState> {
         let usual = if mover.kind == MoverKind::Door { mover.stops.len() as u8 - 1 } else { 0 };
         let stop = held.filter(|(held, _)| *held == idx).map_or(usual, |(_, stop)| stop);
         let pace = if mover.kind == MoverKind::Crate { 0.0 } else { 1.0 };
-        MoverState { from: stop, to: stop, told: Some(stop), progress: 0.0, pace, ..MoverState::new(mover) }
+        MoverState { from: stop, to: stop, ordered_stop: Some(stop), progress: 0.0, pace, ..MoverState::new(mover) }
     };
     (0..).zip(map.movers()).map(state).collect()
 }

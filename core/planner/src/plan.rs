@@ -4,7 +4,7 @@ use crate::evidence::{Caution, Evidence};
 use crate::ids::{EdgeKey, LegKey};
 use crate::legs::LegModel;
 use crate::needs::Needs;
-use surefoot_world::{Ability, Chance, Decisions, Seconds, Vec3};
+use surefoot_world::{Ability, AbilitySet, Chance, Decisions, Seconds, Vec3};
 
 /// How start and goal are joined to the graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -65,37 +65,6 @@ impl Query {
     /// Whether this asks for a careful plan, by every means: such plans can be looked up.
     pub(crate) fn is_usual(&self) -> bool {
         self.avoid.is_empty() && self.without.is_empty() && self.caution == Caution::CAREFUL && self.stops.is_empty()
-    }
-}
-
-/// A set of abilities. One with jumps has double jumps as well, which begin with a jump.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct AbilitySet(u8);
-
-impl AbilitySet {
-    /// Whether the set is empty.
-    pub fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Whether the set has an ability.
-    pub fn contains(self, ability: Ability) -> bool {
-        self.0 & 1 << ability as u8 != 0
-    }
-
-    /// The abilities of the set, the least demanding first.
-    pub fn iter(self) -> impl Iterator<Item = Ability> {
-        Ability::ALL.into_iter().filter(move |ability| self.contains(*ability))
-    }
-}
-
-impl FromIterator<Ability> for AbilitySet {
-    fn from_iter<T: IntoIterator<Item = Ability>>(abilities: T) -> Self {
-        let bit = |ability: Ability| match ability {
-            Ability::Jump => 1 << Ability::Jump as u8 | 1 << Ability::DoubleJump as u8,
-            other => 1 << other as u8,
-        };
-        Self(abilities.into_iter().fold(0, |bits, ability| bits | bit(ability)))
     }
 }
 

@@ -359,7 +359,7 @@ impl Router {
     /// Whether an edge needs no ability that the query does without, and the movers it depends on stand where it needs them.
     fn is_possible(&self, query: &Query, edge: EdgeIdx) -> bool {
         let is_met = |needs: &Needs| needs.are_met(&query.stops);
-        (query.without.is_empty() || !query.without.contains(self.adjacency.ability(edge)))
+        (query.without.is_empty() || !query.without.rules_out(self.adjacency.ability(edge)))
             && (query.stops.is_empty() || self.needs_of(self.adjacency.key(edge)).is_none_or(is_met))
     }
 

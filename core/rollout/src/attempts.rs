@@ -166,7 +166,7 @@ impl Rollout {
             decisions.begin(walker.lane.row_idx);
             if let (Some(follower), Some(guide)) = (&mut walker.follower, &mut guide) {
                 let waypoint = guide.plan(follower, walker.track[0]);
-                worlds[0].set_goal(walker.lane.slot, waypoint);
+                worlds[0].set_waypoint(walker.lane.slot, waypoint);
                 walker.promised = follower.promised();
                 walker.rehearses_next = true;
             }
@@ -229,7 +229,7 @@ impl Walker {
     /// Spawns an NPC that follows plans with the configuration `by_plan`, or heads straight for the goal without one.
     fn start(world: &mut World, goal: &Goal, noise: NoiseStream, by_plan: Option<FollowConfig>) -> Self {
         let slot = world.spawn(goal.start, goal.yaw);
-        world.set_goal(slot, goal.goal);
+        world.set_waypoint(slot, goal.goal);
         let follower = by_plan.map(|config| Follower::new(goal.goal, config));
         let track = vec![goal.start];
         let trace = Trace::begin(world.npc(slot).expect("just spawned"));
@@ -264,7 +264,7 @@ impl Walker {
     /// Whether the attempt goes on; otherwise the NPC comes to rest if it `stays`, and is removed if not.
     fn goes_on(&self, world: &mut World, stays: bool) -> bool {
         match self.end {
-            Some(_) if stays => world.clear_goal(self.lane.slot),
+            Some(_) if stays => world.clear_waypoint(self.lane.slot),
             Some(_) => _ = world.despawn(self.lane.slot),
             None => {}
         }
@@ -343,7 +343,7 @@ impl Guide<'_> {
             Step::GiveUp => return walker.end = Some(End::NoProgress),
             Step::Unreachable => return walker.end = Some(End::Unreachable),
         };
-        world.set_goal(slot, waypoint);
+        world.set_waypoint(slot, waypoint);
         walker.rehearses_next = true;
     }
 
@@ -376,7 +376,7 @@ impl Guide<'_> {
             }
             if follower.waypoint().is_none() && !follower.is_barred() {
                 let waypoint = self.plan(follower, body.feet);
-                world.set_goal(walker.lane.slot, waypoint);
+                world.set_waypoint(walker.lane.slot, waypoint);
                 (walker.ghost, walker.rehearses_next) = (None, true);
                 let follower = walker.follower.as_mut().expect("NPCs with a guide follow plans");
                 follower.look(Scene { map: world.map(), states: world.movers() }, body.feet, body.is_grounded());
@@ -436,7 +436,7 @@ impl Guide<'_> {
             Next::Plan => {
                 let feet = world.npc(walker.lane.slot).expect("a running NPC").body.feet;
                 let waypoint = self.plan(follower, feet);
-                world.set_goal(walker.lane.slot, waypoint);
+                world.set_waypoint(walker.lane.slot, waypoint);
                 true
             }
             Next::Wait => false,

@@ -39,7 +39,7 @@ fn renew_goal(world: &mut World, lane: Lane, points: &[Vec3], rng: &mut ChaCha8R
         world.teleport(lane.slot, random_point(points, rng), 0.0);
     }
     if harmed || episode.is_none_or(|episode| episode.end.is_some()) {
-        world.set_goal(lane.slot, random_point(points, rng));
+        world.set_waypoint(lane.slot, random_point(points, rng));
     }
 }
 
@@ -70,7 +70,7 @@ pub fn sample_decisions(
     let mut lanes = Vec::with_capacity(npc_count);
     for pair in points.chunks_exact(2) {
         let slot = worlds[0].spawn(pair[0], 0.0);
-        worlds[0].set_goal(slot, pair[1]);
+        worlds[0].set_waypoint(slot, pair[1]);
         decisions.begin(Lane::of(slot).row_idx);
         lanes.push(Lane::of(slot));
     }

@@ -139,11 +139,11 @@ impl Physics for Ours {
     }
 
     fn set_goal(&mut self, npc_idx: usize, goal: Vec3) {
-        self.worlds[0].set_goal(self.lanes[npc_idx].slot, goal);
+        self.worlds[0].set_waypoint(self.lanes[npc_idx].slot, goal);
     }
 
     fn clear_goal(&mut self, npc_idx: usize) {
-        self.worlds[0].clear_goal(self.lanes[npc_idx].slot);
+        self.worlds[0].clear_waypoint(self.lanes[npc_idx].slot);
     }
 
     fn advance(&mut self, npcs: &[usize], actions: &[Action]) -> Vec<DecisionOutcome> {
@@ -157,7 +157,7 @@ impl Physics for Ours {
 
     fn stand(&self, npc_idx: usize) -> Standing {
         let npc = self.worlds[0].npc(self.lanes[npc_idx].slot).expect("an NPC in every lane");
-        Standing { feet: npc.body.feet, ability: Ability::used(npc.events), is_harmed: npc.harm.is_some() }
+        Standing { feet: npc.body.feet, ability: npc.used_abilities.most_demanding(), is_harmed: npc.harm.is_some() }
     }
 }
 

@@ -84,8 +84,13 @@ impl Motion {
         let body = &npc.body;
         let mut gait = Gait { decisions: 1, ..Gait::default() };
         gait.in_air = u64::from(!body.is_grounded());
-        gait.jumps = u64::from(npc.events.jumped) + u64::from(npc.events.double_jumped);
-        gait.metres = if npc.events.teleported { 0.0 } else { f64::from(body.feet.distance(trace.feet)) };
+        gait.jumps =
+            [Ability::Jump, Ability::DoubleJump].map(|jump| u64::from(npc.used_abilities.contains(jump))).iter().sum();
+        gait.metres = if npc.used_abilities.contains(Ability::Teleporter) {
+            0.0
+        } else {
+            f64::from(body.feet.distance(trace.feet))
+        };
         self.all.add(&gait);
         if ability == Some(Ability::Walk) {
             self.walk.add(&gait);

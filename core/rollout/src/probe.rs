@@ -321,7 +321,7 @@ impl Running {
         let (course, Goal { start, yaw, goal }) = Course::begin(trial, seed, wait, &world.config().profiles[0]);
         let course = Course { style, ..course };
         let slot = world.spawn(start, yaw);
-        world.set_goal(slot, goal);
+        world.set_waypoint(slot, goal);
         Self { slot, trial_idx, course }
     }
 
@@ -341,7 +341,7 @@ impl Running {
         let noted = Noted {
             feet: npc.body.feet,
             is_grounded: npc.body.is_grounded(),
-            ability: Ability::used(npc.events),
+            ability: npc.used_abilities.most_demanding(),
             end: closed.end,
             stalled: episode.stalled_decisions,
             decisions: episode.decisions,
@@ -349,7 +349,7 @@ impl Running {
         match self.course.note(&noted, &world.config().profiles[0]) {
             Next::Same => true,
             Next::Head(goal) => {
-                world.set_goal(self.slot, goal);
+                world.set_waypoint(self.slot, goal);
                 true
             }
             Next::Over => false,

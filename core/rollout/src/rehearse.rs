@@ -250,7 +250,7 @@ impl Rehearsal {
             // An NPC that is under way keeps its episode, of which it is told how long it has lasted.
             let heads_for = ghost.npc.episode.filter(|episode| episode.end.is_none()).map(|episode| episode.goal);
             if let Some(waypoint) = ghost.follower.waypoint().filter(|waypoint| heads_for != Some(*waypoint)) {
-                world.set_goal(slot, waypoint);
+                world.set_waypoint(slot, waypoint);
             }
             hidden.extend_from_slice(&ghost.hidden);
             running.push(Running { idx, slot, until, decisions: 0, ghost, arrival: None });
@@ -346,11 +346,11 @@ impl Running {
         if reached && follower.is_last_leg() {
             self.arrival = world.npc(self.slot).copied();
             self.decisions = 0;
-            world.clear_goal(self.slot);
+            world.clear_waypoint(self.slot);
             return None;
         }
         match follower.note(body.feet, reached) {
-            Step::Head(waypoint) => world.set_goal(self.slot, waypoint),
+            Step::Head(waypoint) => world.set_waypoint(self.slot, waypoint),
             Step::Keep => {}
             Step::Plan | Step::GiveUp | Step::Unreachable => return Some(mishap(false, leg)),
         }

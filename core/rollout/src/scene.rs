@@ -109,7 +109,7 @@ impl Scene<'_> {
         let Some((mover, state)) = self.mover(need.mover) else { return true };
         let Some(at) = state.at().filter(|at| need.stops & 1 << at != 0) else { return false };
         // One that waits to leave, or is told to go elsewhere, has left.
-        match state.told {
+        match state.ordered_stop {
             Some(told) => told == at,
             None => {
                 let left = mover.dwell_ticks().saturating_sub(state.stood);

@@ -16,7 +16,7 @@ use surefoot_planner::assets::{Leap, Passage, Shape};
 use surefoot_planner::needs::Berths;
 use surefoot_planner::probe::Trial;
 use surefoot_planner::{Edge, NavGraph};
-use surefoot_world::character::{Body, MoveScratch, TickEvents, is_clear};
+use surefoot_world::character::{Body, MoveScratch, is_clear};
 use surefoot_world::float::hypot;
 use surefoot_world::map::Zone;
 use surefoot_world::mesh::Surface;
@@ -24,7 +24,7 @@ use surefoot_world::navigable::DOWN;
 use surefoot_world::reach::ground::Ground;
 use surefoot_world::reliance::Reliance;
 use surefoot_world::{
-    Ability, CharacterProfile, DECISION_SECONDS, Map, NpcSlot, TICK_SECONDS, TICKS_PER_SECOND, Vec3, World,
+    Ability, AbilitySet, CharacterProfile, DECISION_SECONDS, Map, NpcSlot, TICK_SECONDS, TICKS_PER_SECOND, Vec3, World,
 };
 
 /// Runs along each edge: the first ones composed, as NPCs move that rehearse, the others as freely as the policy wants.
@@ -96,39 +96,31 @@ struct Moment {
     /// Horizontal speed, m/s.
     speed: f32,
     fuel: f32,
-    /// What happened in the tick.
-    events: TickEvents,
+    /// Abilities that the body began to use in the tick.
+    used: AbilitySet,
 }
 
 impl Moment {
-    fn of(body: &Body, events: TickEvents) -> Self {
+    fn of(body: &Body, used: AbilitySet) -> Self {
         let speed = hypot(body.velocity.x, body.velocity.z);
-        Self { feet: body.feet, stands: body.is_grounded(), speed, fuel: body.fuel, events }
+        Self { feet: body.feet, stands: body.is_grounded(), speed, fuel: body.fuel, used }
     }
 }
 
 /// One run along an edge that is under way.
 struct Runner {
     slot: NpcSlot,
-    /// Events of the decision so far.
-    seen: TickEvents,
+    /// Abilities used in the decision so far.
+    seen: AbilitySet,
     track: Vec<Moment>,
 }
 
 impl Runner {
     fn note(&mut self, world: &World) {
         let Some(npc) = world.npc(self.slot) else { return };
-        let (now, before) = (npc.events, self.seen);
-        let events = TickEvents {
-            jumped: now.jumped && !before.jumped,
-            double_jumped: now.double_jumped && !before.double_jumped,
-            padded: now.padded && !before.padded,
-            zipped: now.zipped && !before.zipped,
-            teleported: now.teleported && !before.teleported,
-            thrust: now.thrust && !before.thrust,
-        };
-        self.seen = now;
-        self.track.push(Moment::of(&npc.body, events));
+        let used = npc.used_abilities.difference(self.seen);
+        self.seen = npc.used_abilities;
+        self.track.push(Moment::of(&npc.body, used));
     }
 }
 
@@ -167,13 +159,13 @@ impl Gauge<'_> {
                 let composed = attempt < COMPOSED_RUNS;
                 let style = if composed { Style::for_leg(edge.evidence.ability) } else { Style::Free };
                 let slot = probes.start_in_style(runners.len(), &trial, style);
-                let start = Moment { stands: true, ..Moment::of(&Body::at(trial.start, 0.0), TickEvents::default()) };
-                runners.push(Runner { slot, seen: TickEvents::default(), track: vec![start] });
+                let start = Moment { stands: true, ..Moment::of(&Body::at(trial.start, 0.0), AbilitySet::default()) };
+                runners.push(Runner { slot, seen: AbilitySet::default(), track: vec![start] });
             }
         }
         let mut arrived = vec![false; runners.len()];
         while !probes.are_done() {
-            runners.iter_mut().for_each(|runner| runner.seen = TickEvents::default());
+            runners.iter_mut().for_each(|runner| runner.seen = AbilitySet::default());
             // All have begun before the first one ends, so that no slot is used twice.
             let ended = probes.decide(Some(&mut |worlds: &[World]| {
                 runners.iter_mut().for_each(|runner| runner.note(&worlds[0]));
@@ -337,7 +329,7 @@ fn drive_once(
 ) -> bool {
     let end = Vec3::from_array(points.last().expect("a path has an end").at);
     let slot = world.spawn(start, yaw);
-    world.set_goal(slot, end);
+    world.set_waypoint(slot, end);
     let mut driver = Driver::new(points);
     let mut has_arrived = false;
     for _ in 0..limit {
@@ -377,7 +369,8 @@ fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
         if now.fuel > before.fuel {
             pickup = centre_of(map, before.feet).map(|centre| (centre, tick));
         }
-        let enters = now.events.padded || now.events.zipped || now.events.teleported;
+        let enters =
+            [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| now.used.contains(device));
         if enters {
             let centre = centre_of(map, before.feet).unwrap_or(before.feet);
             found.extend(open.take().and_then(|flight| flight.land(track, centre, tick - 1, None)));
@@ -385,12 +378,12 @@ fn leaps(map: &Map, track: &[Moment], goal: Vec3) -> Vec<Timed> {
         }
         if !now.stands || enters {
             let flight = open.get_or_insert_with(|| Flight::begin(before.feet, tick - 1, before.speed));
-            flight.events.merge(now.events);
-            if now.events.double_jumped {
+            flight.used = flight.used.union(now.used);
+            if now.used.contains(Ability::DoubleJump) {
                 flight.second_jump.get_or_insert(tick);
             }
         } else if let Some(flight) = open.take() {
-            let picked = if flight.events.thrust { pickup.take() } else { None };
+            let picked = if flight.used.contains(Ability::Jetpack) { pickup.take() } else { None };
             found.extend(flight.land(track, now.feet, tick, picked));
         }
     }
@@ -409,18 +402,18 @@ struct Flight {
     take_off: Vec3,
     begin: usize,
     speed: f32,
-    events: TickEvents,
+    used: AbilitySet,
     second_jump: Option<usize>,
 }
 
 impl Flight {
     fn begin(take_off: Vec3, begin: usize, speed: f32) -> Self {
-        Self { take_off, begin, speed, events: TickEvents::default(), second_jump: None }
+        Self { take_off, begin, speed, used: AbilitySet::default(), second_jump: None }
     }
 
     /// The leap that ends at `landing`; `None` if it was a bump.
     fn land(self, track: &[Moment], landing: Vec3, end: usize, pickup: Option<(Vec3, usize)>) -> Option<Timed> {
-        let ability = Ability::used(self.events);
+        let ability = self.used.most_demanding();
         if ability == Ability::Walk && self.take_off.y - landing.y < BUMP_M {
             return None;
         }

@@ -6,10 +6,10 @@
 //! free to move as the policy does. docs/adr/0026-composed-motion.md says what that changes.
 
 use std::f32::consts::{PI, TAU};
-use surefoot_world::character::{Body, Ride, Support, TickEvents};
+use surefoot_world::character::{Body, Ride, Support};
 use surefoot_world::float::hypot;
 use surefoot_world::sense::{LastDecision, RAY_CHANNELS, RAY_COUNT};
-use surefoot_world::{Ability, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
+use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, DECISION_SECONDS, Episode, Npc, ProfileIdx, Vec3};
 
 /// Angle between facing and motion up to which a composed body does not turn, rad, and what is left of it after a turn.
 const SLACK: f32 = 0.15;
@@ -102,7 +102,7 @@ pub fn npc_of(row: &[f32]) -> Npc {
         action: Action::default(),
         episode: Some(Episode::new(goal, body.feet)),
         last: LastDecision::default(),
-        events: TickEvents::default(),
+        used_abilities: AbilitySet::default(),
         harm: None,
     }
 }

@@ -52,7 +52,7 @@ fn npcs_that_rehearse_do_not_fall_where_others_do() {
 fn heads_straight(map: &Arc<Map>, policy: &Policy, goal: &Goal, noise: NoiseStream) -> ([World; 1], Lane, Actor) {
     let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
     let lane = Lane::of(world.spawn(goal.start, goal.yaw));
-    world.set_goal(lane.slot, goal.goal);
+    world.set_waypoint(lane.slot, goal.goal);
     let follower = Follower::new(goal.goal, FollowConfig::default()).straight();
     let npc = *world.npc(lane.slot).unwrap();
     let actor = Actor { npc, follower, hidden: vec![0.0; policy.memory_len()], noise, ghost: None };
@@ -118,7 +118,7 @@ fn an_npc_whose_rehearsal_arrived_stands_alive_afterwards() {
             continue;
         }
         // What the server does with an NPC that has arrived.
-        worlds[0].clear_goal(lane.slot);
+        worlds[0].clear_waypoint(lane.slot);
         (0..240).for_each(|_| worlds[0].tick());
         let npc = worlds[0].npc(lane.slot).unwrap();
         assert_eq!(npc.harm, None, "an NPC that arrived at {} died", goal.goal);

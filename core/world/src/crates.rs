@@ -124,31 +124,31 @@ pub(crate) fn step(map: &Map, posed: &[Posed], crates: &mut [Crate], pushers: &[
     if !crates.iter().any(awake) {
         return;
     }
-    let mut yard = Yard::default();
+    let mut physics = CratePhysics::default();
     let mut moving = Vec::new();
     for (number, it) in crates.iter().enumerate().filter(|(_, it)| it.state.is_there) {
         if awake(it) {
-            moving.push((number, yard.add_crate(&map.movers()[it.idx], it.state)));
+            moving.push((number, physics.add_crate(&map.movers()[it.idx], it.state)));
         }
     }
     let boxes: Vec<(Vec3, Vec3)> = moving.iter().map(|(number, _)| reach_of(posed, &crates[*number])).collect();
     let is_near = |low: Vec3, high: Vec3| boxes.iter().any(|(a, b)| a.cmple(high).all() && b.cmpge(low).all());
-    yard.add_ground(map, &boxes);
+    physics.add_ground(map, &boxes);
     for (idx, at) in posed.iter().enumerate().filter(|(_, at)| is_near(at.low, at.high)) {
         if !moving.iter().any(|(number, _)| crates[*number].idx == idx) {
-            yard.add_mover(&map.movers()[idx], at);
+            physics.add_mover(&map.movers()[idx], at);
         }
     }
     for pusher in pushers {
         let (low, high) = pusher.bounds();
         if is_near(low, high) {
-            yard.add_capsule(pusher);
+            physics.add_capsule(pusher);
         }
     }
-    yard.world.step();
+    physics.world.step();
     for (number, body) in moving {
         let it = &mut crates[number];
-        it.state = yard.read(body, &map.movers()[it.idx], it.state);
+        it.state = physics.read(body, &map.movers()[it.idx], it.state);
         let (low, high) = map.movers()[it.idx].bounds_at(0);
         it.state.is_there = !map.is_outside((low + high) * 0.5 + it.state.offset);
     }
@@ -218,7 +218,7 @@ fn wake_beside(posed: &[Posed], crates: &mut [Crate]) {
 
 /// The surroundings of the crates that are awake, for one tick.
 #[derive(Default)]
-struct Yard {
+struct CratePhysics {
     world: PhysicsWorld,
 }
 
@@ -227,7 +227,7 @@ fn turned_by(yaw: f32) -> Rotation {
     Rotation::from_xyzw(0.0, sin, 0.0, cos)
 }
 
-impl Yard {
+impl CratePhysics {
     fn add_crate(&mut self, mover: &Mover, state: CrateState) -> RigidBodyHandle {
         let body = RigidBodyBuilder::dynamic()
             .pose(Pose::from_parts(mover.pivot + state.offset, turned_by(state.yaw)))

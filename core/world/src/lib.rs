@@ -39,7 +39,7 @@ pub mod task;
 mod units;
 mod world;
 
-pub use ability::Ability;
+pub use ability::{Ability, AbilitySet};
 pub use character::{Action, Body, CharacterProfile, ProfileError, RawCharacterProfile};
 pub use crates::CrateState;
 pub use editing::Enclosed;

@@ -33,7 +33,7 @@ pub struct MoverState {
     /// Ticks for which it has stood at its stop, saturating.
     pub stood: u32,
     /// The stop to which it was told to go and where it then stays; `None` while it cycles.
-    pub told: Option<u8>,
+    pub ordered_stop: Option<u8>,
     /// Its pace, in multiples of the usual one: 0 to 4. At 0 nobody moves a crate.
     pub pace: f32,
     /// Whether it cycles back towards its first stop.
@@ -41,7 +41,7 @@ pub struct MoverState {
     /// Ticks for which it has waited because a body was in its way, saturating; 0 again once it moves.
     pub blocked: u32,
     /// How a crate lies and moves; `None` for all other kinds.
-    pub lies: Option<CrateState>,
+    pub crate_state: Option<CrateState>,
 }
 
 /// What a mover is told to do.
@@ -63,11 +63,11 @@ impl MoverState {
             to: mover.start,
             progress: 0.0,
             stood: 0,
-            told: (!mover.cycles).then_some(mover.start),
+            ordered_stop: (!mover.cycles).then_some(mover.start),
             pace: 1.0,
             is_returning: false,
             blocked: 0,
-            lies: (mover.kind == MoverKind::Crate).then_some(CrateState::START),
+            crate_state: (mover.kind == MoverKind::Crate).then_some(CrateState::START),
         }
     }
 
@@ -85,7 +85,7 @@ impl MoverState {
     /// The stop at which it stands; `None` while it travels, and for a crate that was pushed away.
     pub fn at(&self) -> Option<u8> {
         let is_in_place =
-            self.lies.is_none_or(|it| it.is_there && it.offset.length_squared() < AT_PLACE_M * AT_PLACE_M);
+            self.crate_state.is_none_or(|it| it.is_there && it.offset.length_squared() < AT_PLACE_M * AT_PLACE_M);
         (self.from == self.to && is_in_place).then_some(self.from)
     }
 
@@ -93,13 +93,13 @@ impl MoverState {
     pub(crate) fn follows_call(&self, mover: &Mover, stop: u8) -> bool {
         mover.kind.is_ridden()
             && usize::from(stop) < mover.stops.len()
-            && self.told.is_some_and(|told| self.at() == Some(told) && told != stop)
+            && self.ordered_stop.is_some_and(|told| self.at() == Some(told) && told != stop)
             && self.stood >= TICKS_PER_SECOND
     }
 
     /// The stop at which it stands or to which it is on its way.
     pub fn bound_for(&self) -> u8 {
-        self.told.unwrap_or(self.to)
+        self.ordered_stop.unwrap_or(self.to)
     }
 
     /// Whether this can be the state of `mover`.
@@ -108,25 +108,25 @@ impl MoverState {
         exists(self.from)
             && exists(self.to)
             && self.from.abs_diff(self.to) <= 1
-            && self.told.is_none_or(exists)
+            && self.ordered_stop.is_none_or(exists)
             && (0.0..=1.0).contains(&self.progress)
             && PACE_RANGE.contains(&self.pace)
-            && self.lies.is_some() == (mover.kind == MoverKind::Crate)
-            && self.lies.is_none_or(|it| it.is_sound(FARTHEST_M))
+            && self.crate_state.is_some() == (mover.kind == MoverKind::Crate)
+            && self.crate_state.is_none_or(|it| it.is_sound(FARTHEST_M))
     }
 
     /// Takes an order; false, and nothing changes, if the mover cannot follow it. A crate goes back to where it began.
     pub fn obey(&mut self, order: MoverOrder, mover: &Mover) -> bool {
         match order {
             MoverOrder::GoTo(stop) if usize::from(stop) < mover.stops.len() => {
-                self.told = Some(stop);
-                self.lies = self.lies.map(|_| CrateState::START);
+                self.ordered_stop = Some(stop);
+                self.crate_state = self.crate_state.map(|_| CrateState::START);
                 if self.from != self.to && (self.from >= stop) == (self.to > self.from) {
                     // It turns round on the way.
                     (self.from, self.to, self.progress) = (self.to, self.from, 1.0 - self.progress);
                 }
             }
-            MoverOrder::Cycle if mover.stops.len() > 1 => self.told = None,
+            MoverOrder::Cycle if mover.stops.len() > 1 => self.ordered_stop = None,
             MoverOrder::Pace(pace) if PACE_RANGE.contains(&pace) => self.pace = pace,
             _ => return false,
         }
@@ -152,7 +152,7 @@ impl MoverState {
     /// The stop that it sets out for now; the one at which it stands if it stays.
     fn next_stop(&mut self, mover: &Mover) -> u8 {
         let towards = |stop: u8| if stop > self.from { self.from + 1 } else { self.from - 1 };
-        match self.told {
+        match self.ordered_stop {
             Some(stop) if stop != self.from => towards(stop),
             Some(_) => self.from,
             None if self.stood < mover.dwell_ticks() || mover.stops.len() < 2 || self.pace == 0.0 => self.from,
@@ -166,7 +166,7 @@ impl MoverState {
 
     /// Where it is.
     pub fn pose(&self, mover: &Mover) -> MoverStop {
-        self.lies.map_or_else(|| mover.between(self.from, self.to, self.progress), |it| it.pose())
+        self.crate_state.map_or_else(|| mover.between(self.from, self.to, self.progress), |it| it.pose())
     }
 }
 
@@ -200,7 +200,7 @@ impl Movers {
                 .iter()
                 .map(|mover| MAX_MOVER_SPEED / mover.speed().max(f32::MIN_POSITIVE))
                 .collect(),
-            crates: (0..states.len()).filter(|idx| states[*idx].lies.is_some()).collect(),
+            crates: (0..states.len()).filter(|idx| states[*idx].crate_state.is_some()).collect(),
             states,
         }
     }
@@ -232,7 +232,7 @@ impl Movers {
     /// Wakes all crates: what they lie on may have changed.
     pub(crate) fn wake_crates(&mut self) {
         for idx in &self.crates {
-            self.states[*idx].lies.iter_mut().for_each(|it| it.rested = 0);
+            self.states[*idx].crate_state.iter_mut().for_each(|it| it.rested = 0);
         }
     }
 
@@ -262,12 +262,13 @@ impl Movers {
             return;
         }
         let states = &self.states;
-        let of =
-            |idx: &usize| states[*idx].lies.map(|state| Crate { idx: *idx, state, is_held: states[*idx].pace == 0.0 });
+        let of = |idx: &usize| {
+            states[*idx].crate_state.map(|state| Crate { idx: *idx, state, is_held: states[*idx].pace == 0.0 })
+        };
         let mut crates: Vec<Crate> = self.crates.iter().filter_map(of).collect();
         crates::step(map, &self.posed, &mut crates, pushers);
         for Crate { idx, state, .. } in crates {
-            self.states[idx].lies = Some(state);
+            self.states[idx].crate_state = Some(state);
             let (pose, mover) = (state.pose(), &map.movers()[idx]);
             if pose != self.posed[idx].pose {
                 self.posed[idx].place(mover, pose);
@@ -348,11 +349,11 @@ impl Movers {
                 state.blocked = 0;
                 continue;
             }
-            let lies = self.former[idx].lies.map(CrateState::halted);
-            *state = MoverState { blocked: state.blocked.saturating_add(1), lies, ..self.former[idx] };
+            let crate_state = self.former[idx].crate_state.map(CrateState::halted);
+            *state = MoverState { blocked: state.blocked.saturating_add(1), crate_state, ..self.former[idx] };
             let former = self.posed[idx].former;
             self.posed[idx].place(&map.movers()[idx], former);
-            if lies.is_some() {
+            if crate_state.is_some() {
                 self.near.follow(idx as u16, &self.posed[idx]);
             }
         }

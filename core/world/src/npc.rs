@@ -1,12 +1,13 @@
 //! NPCs, the configuration that they run under, and the state of a world as plain data.
 
-use crate::character::{Action, Body, CharacterProfile, TickEvents};
+use crate::character::{Action, Body, CharacterProfile};
 use crate::map::Map;
 use crate::movers::{MoverState, Movers};
 use crate::player::Player;
 use crate::sense::LastDecision;
 pub use crate::slot::NpcSlot;
 use crate::task::{End, Episode, TaskConfig};
+use crate::{AbilitySet, Tick};
 use serde::{Deserialize, Serialize};
 
 /// Index of one of a world's character profiles.
@@ -47,8 +48,8 @@ pub struct Npc {
     pub episode: Option<Episode>,
     /// State from which the current decision started.
     pub last: LastDecision,
-    /// Events since the current decision began.
-    pub events: TickEvents,
+    /// Abilities used since the current decision began.
+    pub used_abilities: AbilitySet,
     /// Hazard that harmed the NPC; a harmed NPC stays in place until it is teleported.
     pub harm: Option<End>,
 }
@@ -92,7 +93,7 @@ const MAX_COUNT: u32 = 1 << 30;
 /// Everything about a world that changes while it is stepped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorldState {
-    pub(crate) tick: u64,
+    pub(crate) tick: Tick,
     pub(crate) npcs: Vec<Option<Npc>>,
     pub(crate) movers: Vec<MoverState>,
     pub(crate) players: Vec<Option<Player>>,
@@ -100,7 +101,7 @@ pub struct WorldState {
 
 impl WorldState {
     /// Ticks stepped before the state was saved.
-    pub fn tick(&self) -> u64 {
+    pub fn tick(&self) -> Tick {
         self.tick
     }
 

@@ -8,7 +8,7 @@ use crate::movers::MoverOrder;
 use crate::npc::{MAX_PROFILES, NpcSlot, ProfileIdx, WorldConfig, WorldState};
 use crate::player::{Player, PlayerSlot};
 use crate::sealed::{self, SealError};
-use crate::{TaskConfig, Vec3};
+use crate::{TaskConfig, Tick, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// First bytes of a recording's file.
@@ -27,10 +27,10 @@ pub enum Input {
     Despawn(NpcSlot),
     /// `World::teleport`.
     Teleport(NpcSlot, Vec3, f32),
-    /// `World::set_goal`.
-    SetGoal(NpcSlot, Vec3),
-    /// `World::clear_goal`.
-    ClearGoal(NpcSlot),
+    /// `World::set_waypoint`.
+    SetWaypoint(NpcSlot, Vec3),
+    /// `World::clear_waypoint`.
+    ClearWaypoint(NpcSlot),
     /// `World::decide`.
     Decide(NpcSlot, Action),
     /// `World::close_decision`.
@@ -63,16 +63,16 @@ pub struct Recording {
     pub(crate) npc_collision: bool,
     pub(crate) start: WorldState,
     /// In the order of the calls, each with the number of ticks stepped before it.
-    pub(crate) inputs: Vec<(u64, Input)>,
+    pub(crate) inputs: Vec<(Tick, Input)>,
     pub(crate) checks: Vec<Check>,
-    pub(crate) end_tick: u64,
+    pub(crate) end_tick: Tick,
 }
 
 /// Hash of an intermediate state.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Check {
     /// Ticks stepped before the state.
-    pub tick: u64,
+    pub tick: Tick,
     /// Inputs applied before the state.
     pub input_count: u64,
     pub hash: [u8; 32],
@@ -105,7 +105,7 @@ pub enum ReplayError {
     #[error("the recording is inconsistent at tick {tick}: {input} for NPC {slot}, which does not exist")]
     Inconsistent {
         /// Tick of the input.
-        tick: u64,
+        tick: Tick,
         /// Name of the input.
         input: &'static str,
         /// Slot of the missing NPC.
@@ -115,7 +115,7 @@ pub enum ReplayError {
     #[error("the recording is inconsistent at tick {tick}: mover {mover} does not exist or cannot follow its order")]
     NoSuchMover {
         /// Tick of the order.
-        tick: u64,
+        tick: Tick,
         /// Index of the mover.
         mover: u16,
     },
@@ -123,7 +123,7 @@ pub enum ReplayError {
     #[error("the recording is inconsistent at tick {tick}: player {player} does not exist")]
     NoSuchPlayer {
         /// Tick of the input.
-        tick: u64,
+        tick: Tick,
         /// Slot of the player.
         player: u32,
     },
@@ -131,7 +131,7 @@ pub enum ReplayError {
     #[error("the recording is inconsistent at tick {tick}: {why}")]
     NoSuchEdit {
         /// Tick of the edit.
-        tick: u64,
+        tick: Tick,
         /// Why it is not possible.
         why: String,
     },
@@ -139,9 +139,9 @@ pub enum ReplayError {
     #[error("the replay differs from the recording at tick {tick} (they agreed up to tick {agreed})")]
     Diverged {
         /// Tick of the first state that differed.
-        tick: u64,
+        tick: Tick,
         /// Tick of the last state that matched.
-        agreed: u64,
+        agreed: Tick,
     },
 }
 
@@ -162,18 +162,18 @@ impl Recording {
         }
     }
 
-    pub(crate) fn note(&mut self, tick: u64, input: Input) {
+    pub(crate) fn note(&mut self, tick: Tick, input: Input) {
         self.inputs.push((tick, input));
     }
 
-    pub(crate) fn note_state(&mut self, tick: u64, hash: [u8; 32]) {
+    pub(crate) fn note_state(&mut self, tick: Tick, hash: [u8; 32]) {
         self.checks.push(Check { tick, input_count: self.inputs.len() as u64, hash });
         self.end_tick = tick;
     }
 
     /// Ticks recorded.
     pub fn tick_count(&self) -> u64 {
-        self.end_tick - self.start.tick()
+        self.end_tick.since(self.start.tick())
     }
 
     /// Inputs recorded.
@@ -245,7 +245,7 @@ impl Recording {
         if span.is_empty() || !in_order {
             return senseless("its ticks are not in order");
         }
-        if (self.end_tick - self.start.tick()) / CHECK_EVERY_TICKS >= self.checks.len() as u64 {
+        if self.end_tick.since(self.start.tick()) / CHECK_EVERY_TICKS >= self.checks.len() as u64 {
             return senseless("it has too few state hashes for its length");
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! Replays: a recorded run is repeated bit for bit; a replay that diverges reports the tick.
 
+use crate::Tick;
 use crate::map::{Map, Piece};
 use crate::npc::{NpcSlot, WorldConfig, WorldState};
 pub use crate::recording::{CHECK_EVERY_TICKS, Input, REPLAY_VERSION, Recording, ReplayError};
@@ -13,11 +14,11 @@ impl Recording {
     ///
     /// # Errors
     /// If the map is another one, a state differs, or an NPC or zip line that is named does not exist.
-    pub fn replay(&self, map: Arc<Map>, restore_at: Option<u64>) -> Result<WorldState, ReplayError> {
+    pub fn replay(&self, map: Arc<Map>, restore_at: Option<Tick>) -> Result<WorldState, ReplayError> {
         if map.built_hash() != self.map {
             return Err(ReplayError::OtherMap { expected: self.map, found: map.built_hash() });
         }
-        let map = holding(&map, 0, &self.pieces)?;
+        let map = holding(&map, Tick(0), &self.pieces)?;
         if !self.start.fits(self.profiles.len(), &map) {
             return Err(ReplayError::Senseless("it needs zip lines or movers that the map does not have"));
         }
@@ -55,11 +56,11 @@ impl Recording {
     }
 }
 
-fn holding(map: &Arc<Map>, tick: u64, pieces: &[Piece]) -> Result<Arc<Map>, ReplayError> {
+fn holding(map: &Arc<Map>, tick: Tick, pieces: &[Piece]) -> Result<Arc<Map>, ReplayError> {
     map.holding(pieces).map_err(|error| ReplayError::NoSuchEdit { tick, why: error.to_string() })
 }
 
-fn apply(world: &mut World, tick: u64, input: &Input) -> Result<(), ReplayError> {
+fn apply(world: &mut World, tick: Tick, input: &Input) -> Result<(), ReplayError> {
     match input {
         Input::Spawn(profile, feet, yaw) => _ = world.spawn_as(*profile, *feet, *yaw),
         Input::Order(mover, order) => {
@@ -90,13 +91,13 @@ fn apply(world: &mut World, tick: u64, input: &Input) -> Result<(), ReplayError>
             check_npc(world, tick, *slot, "teleport")?;
             world.teleport(*slot, *feet, *yaw);
         }
-        Input::SetGoal(slot, goal) => {
-            check_npc(world, tick, *slot, "set goal")?;
-            world.set_goal(*slot, *goal);
+        Input::SetWaypoint(slot, goal) => {
+            check_npc(world, tick, *slot, "set waypoint")?;
+            world.set_waypoint(*slot, *goal);
         }
-        Input::ClearGoal(slot) => {
-            check_npc(world, tick, *slot, "clear goal")?;
-            world.clear_goal(*slot);
+        Input::ClearWaypoint(slot) => {
+            check_npc(world, tick, *slot, "clear waypoint")?;
+            world.clear_waypoint(*slot);
         }
         Input::Decide(slot, action) => {
             check_npc(world, tick, *slot, "decide")?;
@@ -110,6 +111,6 @@ fn apply(world: &mut World, tick: u64, input: &Input) -> Result<(), ReplayError>
     Ok(())
 }
 
-fn check_npc(world: &World, tick: u64, slot: NpcSlot, input: &'static str) -> Result<(), ReplayError> {
+fn check_npc(world: &World, tick: Tick, slot: NpcSlot, input: &'static str) -> Result<(), ReplayError> {
     world.npc(slot).map(|_| ()).ok_or(ReplayError::Inconsistent { tick, input, slot: slot.0 })
 }

@@ -2,6 +2,7 @@
 
 use crate::Vec3;
 use serde::{Deserialize, Serialize};
+use strum::VariantArray;
 
 /// Constants of the task; defaults are the paper's where it gives them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,8 +38,22 @@ impl TaskConfig {
 }
 
 /// How an episode ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum End {
     /// The feet came within the goal radius.
     Reached,
@@ -56,7 +71,7 @@ pub enum End {
 
 impl End {
     /// All ends, in a fixed order.
-    pub const ALL: [End; 6] = [End::Reached, End::Fell, End::Burnt, End::Drowned, End::NoProgress, End::Unreachable];
+    pub const ALL: &[End] = Self::VARIANTS;
 
     /// Whether the episode was truncated, so that the value of the next state still counts.
     pub fn is_truncation(self) -> bool {
@@ -70,14 +85,7 @@ impl End {
 
     /// Lower-case name as used in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            End::Reached => "reached",
-            End::Fell => "fell",
-            End::Burnt => "burnt",
-            End::Drowned => "drowned",
-            End::NoProgress => "no_progress",
-            End::Unreachable => "unreachable",
-        }
+        self.into()
     }
 
     /// The sparse reward: +1 for the goal, -1 for harm. A lack of progress is a truncation, not a failure: learners bootstrap from the

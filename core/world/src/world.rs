@@ -1,6 +1,6 @@
 //! A world: many NPCs on one map.
 
-use crate::character::{Action, Body, CharacterProfile, MoveScratch, TickEvents};
+use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::crates::Pusher;
 use crate::crowd::CrowdScratch;
 use crate::editing::{self, Enclosed};
@@ -13,7 +13,7 @@ use crate::recording::{CHECK_EVERY_TICKS, Input, Recording};
 use crate::sense::{LastDecision, RayCone};
 use crate::slot::BodySlot;
 use crate::task::{End, Episode, TaskConfig};
-use crate::{TICKS_PER_DECISION, Vec3};
+use crate::{AbilitySet, TICKS_PER_DECISION, Tick, Vec3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -40,12 +40,12 @@ pub struct World {
     map: Arc<Map>,
     config: WorldConfig,
     cone: RayCone,
-    tick: u64,
+    tick: Tick,
     npcs: Vec<Option<Npc>>,
     /// The empty slots of `npcs`.
     free: BTreeSet<u32>,
-    /// Events of each NPC in the last tick; not part of the state.
-    tick_events: Vec<TickEvents>,
+    /// Abilities that each NPC used in the last tick; not part of the state.
+    used_in_tick: Vec<AbilitySet>,
     /// Scratch memory of each NPC; not part of the state.
     scratch: Vec<MoveScratch>,
     crowd: CrowdScratch,
@@ -72,10 +72,10 @@ impl World {
             map,
             config,
             cone: RayCone::default(),
-            tick: 0,
+            tick: Tick(0),
             npcs: Vec::new(),
             free: BTreeSet::new(),
-            tick_events: Vec::new(),
+            used_in_tick: Vec::new(),
             scratch: Vec::new(),
             crowd: CrowdScratch::default(),
             neighbours: Neighbours::default(),
@@ -118,7 +118,7 @@ impl World {
         self.neighbours.forget();
         self.movers.restore(&self.map, state.movers);
         self.players = state.players;
-        self.tick_events = vec![TickEvents::default(); self.npcs.len()];
+        self.used_in_tick = vec![AbilitySet::default(); self.npcs.len()];
         self.scratch.resize_with(self.npcs.len(), MoveScratch::default);
     }
 
@@ -138,7 +138,7 @@ impl World {
     }
 
     /// Ticks stepped so far.
-    pub fn current_tick(&self) -> u64 {
+    pub fn current_tick(&self) -> Tick {
         self.tick
     }
 
@@ -160,17 +160,17 @@ impl World {
             action: Action::default(),
             episode: None,
             last: LastDecision::default(),
-            events: TickEvents::default(),
+            used_abilities: AbilitySet::default(),
             harm: None,
         };
         let slot = self.free.pop_first().unwrap_or_else(|| {
             self.npcs.push(None);
-            self.tick_events.push(TickEvents::default());
+            self.used_in_tick.push(AbilitySet::default());
             self.scratch.push(MoveScratch::default());
             self.npcs.len() as u32 - 1
         });
         self.npcs[slot as usize] = Some(npc);
-        self.tick_events[slot as usize] = TickEvents::default();
+        self.used_in_tick[slot as usize] = AbilitySet::default();
         self.list(BodySlot::Npc(NpcSlot(slot)));
         NpcSlot(slot)
     }
@@ -195,7 +195,7 @@ impl World {
         self.npcs.clear();
         self.free.clear();
         self.neighbours.forget();
-        self.tick_events.clear();
+        self.used_in_tick.clear();
         self.scratch.clear();
     }
 
@@ -225,12 +225,12 @@ impl World {
         &self.config.profiles[usize::from(npc.profile.0)]
     }
 
-    /// Events of the NPC in `slot` in the last tick.
+    /// Abilities that the NPC in `slot` used in the last tick.
     ///
     /// # Panics
     /// If no NPC has ever been in `slot`.
-    pub fn tick_events(&self, slot: NpcSlot) -> TickEvents {
-        self.tick_events[slot.0 as usize]
+    pub fn used_in_tick(&self, slot: NpcSlot) -> AbilitySet {
+        self.used_in_tick[slot.0 as usize]
     }
 
     /// All NPCs with their slots, in ascending order.
@@ -255,15 +255,15 @@ impl World {
     }
 
     /// Starts an episode towards `goal`, m; the body keeps its motion.
-    pub fn set_goal(&mut self, slot: NpcSlot, goal: Vec3) {
-        self.note(Input::SetGoal(slot, goal));
+    pub fn set_waypoint(&mut self, slot: NpcSlot, goal: Vec3) {
+        self.note(Input::SetWaypoint(slot, goal));
         let npc = self.npc_mut(slot);
         npc.episode = Some(Episode::new(goal, npc.body.feet));
     }
 
     /// Ends the episode without an outcome; the NPC comes to rest.
-    pub fn clear_goal(&mut self, slot: NpcSlot) {
-        self.note(Input::ClearGoal(slot));
+    pub fn clear_waypoint(&mut self, slot: NpcSlot) {
+        self.note(Input::ClearWaypoint(slot));
         let npc = self.npc_mut(slot);
         npc.episode = None;
         npc.action = Action::default();
@@ -277,7 +277,7 @@ impl World {
         npc.last.velocity = npc.body.velocity;
         npc.last.action = action.to_array();
         npc.action = action;
-        npc.events = TickEvents::default();
+        npc.used_abilities = AbilitySet::default();
         npc.body.begin_decision(&action);
     }
 
@@ -294,7 +294,7 @@ impl World {
             let players = players.iter().flatten();
             crowd.separate(npcs, players, map, config, scratch);
         }
-        if self.recording.is_some() && self.tick.is_multiple_of(CHECK_EVERY_TICKS) {
+        if self.recording.is_some() && self.tick.0.is_multiple_of(CHECK_EVERY_TICKS) {
             let hash = self.save().hash();
             self.recording.iter_mut().for_each(|recording| recording.note_state(self.tick, hash));
         }
@@ -317,32 +317,32 @@ impl World {
     /// Moves the NPCs one by one, each by all ticks, which leaves what is around it in the cache.
     fn move_npcs(&mut self, tick_count: u32) {
         self.neighbours.forget();
-        let Self { map, config, npcs, tick_events, scratch, .. } = self;
-        for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(scratch) {
+        let Self { map, config, npcs, used_in_tick, scratch, .. } = self;
+        for ((npc, used), scratch) in npcs.iter_mut().zip(used_in_tick).zip(scratch) {
             let Some(npc) = npc else { continue };
             let profile = &config.profiles[usize::from(npc.profile.0)];
             for _ in 0..tick_count {
-                *events = tick_npc(npc, map, profile, &config.task, scratch);
+                *used = tick_npc(npc, map, profile, &config.task, scratch);
             }
         }
-        self.tick += u64::from(tick_count);
+        self.tick = self.tick + u64::from(tick_count);
     }
 
     /// Moves the movers, then the NPCs that they carry and push; a mover that would crush an NPC stays where it was.
     fn move_with_movers(&mut self) {
         self.neighbours.forget();
         let pushers = if self.movers.has_crates() { self.pushers() } else { Vec::new() };
-        let Self { map, config, npcs, tick_events, scratch, movers, .. } = self;
+        let Self { map, config, npcs, used_in_tick, scratch, movers, .. } = self;
         movers.advance(map, &pushers);
-        for ((npc, events), scratch) in npcs.iter_mut().zip(tick_events).zip(scratch) {
+        for ((npc, used), scratch) in npcs.iter_mut().zip(used_in_tick).zip(scratch) {
             let Some(npc) = npc else { continue };
             let profile = &config.profiles[usize::from(npc.profile.0)];
             if npc.harm.is_some() {
-                *events = TickEvents::default();
+                *used = AbilitySet::default();
                 continue;
             }
             let carried = movers.carry(map, profile, &mut npc.body, scratch);
-            *events = tick_npc(npc, map, profile, &config.task, scratch);
+            *used = tick_npc(npc, map, profile, &config.task, scratch);
             if carried != Vec3::ZERO && !npc.body.is_grounded() {
                 // Who leaves a mover keeps its speed.
                 npc.body.velocity += Vec3::new(carried.x, carried.y.max(0.0), carried.z);
@@ -350,7 +350,7 @@ impl World {
             movers.note_pressed(profile, &npc.body, scratch);
         }
         movers.settle(map);
-        self.tick += 1;
+        self.tick = self.tick + 1;
     }
 
     /// What pushes crates: the bodies that walk, and solid players.
@@ -458,24 +458,24 @@ fn tick_npc(
     profile: &CharacterProfile,
     task: &TaskConfig,
     scratch: &mut MoveScratch,
-) -> TickEvents {
+) -> AbilitySet {
     if npc.harm.is_some() || npc.episode.and_then(|episode| episode.end) == Some(End::NoProgress) {
-        return TickEvents::default();
+        return AbilitySet::default();
     }
     let before = npc.body;
-    let events = npc.body.tick(map, profile, &npc.action, scratch);
+    let used = npc.body.tick(map, profile, &npc.action, scratch);
     if !(npc.body.feet.is_finite() && npc.body.velocity.is_finite()) {
         // A position that is not finite must not spread: the body stays at its last position and counts as fallen.
         npc.body = before;
         npc.harm = Some(End::Fell);
     }
-    npc.events.merge(events);
+    npc.used_abilities = npc.used_abilities.union(used);
     npc.harm = npc.harm.or_else(|| hazard_end(npc, map, task));
     if let Some(episode) = npc.episode.as_mut().filter(|episode| episode.end.is_none()) {
         episode.note_tick(npc.body.feet, task);
         episode.end = episode.end.or(npc.harm);
     }
-    events
+    used
 }
 
 /// The hazard that ends an attempt in this tick; counts ticks in water.

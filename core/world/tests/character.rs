@@ -166,7 +166,7 @@ fn pool(liquid: Liquid) -> World {
         Pool { centre: MIDDLE + Vec3::new(0.0, 1.0, 0.0), outline: Outline::Round { radius: 8.0 }, depth: 1.5, liquid };
     let mut world = world(flat(), Placed { pools: vec![pool], ..Placed::default() });
     world.spawn(MIDDLE, 0.0);
-    world.set_goal(NPC, Vec3::new(5.0, GROUND, 5.0));
+    world.set_waypoint(NPC, Vec3::new(5.0, GROUND, 5.0));
     world
 }
 
@@ -190,7 +190,7 @@ fn lava_burns_at_once_and_water_drowns_after_five_seconds() {
 #[test]
 fn whoever_leaves_the_map_fell_and_stays_where_that_happened() {
     let mut leaving = on(flat(), Vec3::new(30.0, GROUND, 57.0));
-    leaving.set_goal(NPC, MIDDLE);
+    leaving.set_waypoint(NPC, MIDDLE);
     run(&mut leaving, &[FORWARD; 5]);
     assert_eq!(leaving.npc(NPC).unwrap().episode.unwrap().end, Some(End::Fell));
     let there = feet(&leaving);
@@ -204,7 +204,7 @@ fn whoever_leaves_the_map_fell_and_stays_where_that_happened() {
 #[test]
 fn the_goal_is_reached_on_the_tick_that_comes_within_a_metre() {
     let mut running = on(flat(), MIDDLE);
-    running.set_goal(NPC, MIDDLE + Vec3::new(0.0, 0.0, 5.0));
+    running.set_waypoint(NPC, MIDDLE + Vec3::new(0.0, 0.0, 5.0));
     let mut rewards = Vec::new();
     for _ in 0..10 {
         running.decide(NPC, FORWARD);
@@ -224,7 +224,7 @@ fn the_goal_is_reached_on_the_tick_that_comes_within_a_metre() {
 #[test]
 fn no_progress_for_the_whole_patience_cuts_the_attempt_off() {
     let mut standing = on(flat(), MIDDLE);
-    standing.set_goal(NPC, MIDDLE + Vec3::new(0.0, 0.0, 20.0));
+    standing.set_waypoint(NPC, MIDDLE + Vec3::new(0.0, 0.0, 20.0));
     for decision in 1..=300 {
         standing.decide(NPC, STAND);
         standing.tick_decision();
@@ -245,7 +245,7 @@ fn actions_that_are_not_numbers_are_refused_and_large_ones_clamped() {
 #[test]
 fn a_mirrored_observation_mirrored_again_is_itself() {
     let mut world = on(flat(), MIDDLE);
-    world.set_goal(NPC, MIDDLE + Vec3::new(4.0, 0.0, 9.0));
+    world.set_waypoint(NPC, MIDDLE + Vec3::new(4.0, 0.0, 9.0));
     run(&mut world, &[Action { strafe: 0.4, turn: 0.2, ..FORWARD }; 3]);
     let mut row = vec![0.0; surefoot_world::OBSERVATION_LEN];
     assert!(world.observe(NPC, &mut row));

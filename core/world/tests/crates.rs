@@ -57,7 +57,7 @@ fn feet(world: &World) -> Vec3 {
 
 /// How far a crate lies from where it began, m.
 fn shift(world: &World, idx: usize) -> Vec3 {
-    world.movers()[idx].lies.expect("a crate").offset
+    world.movers()[idx].crate_state.expect("a crate").offset
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn a_body_pushes_a_crate_before_it_at_half_its_speed_and_no_further_than_it_walk
     let radius = CharacterProfile::default().radius;
     let gap = 10.0 - 0.5 + pushed.z - (npc.z + radius);
     assert!((-0.02..0.3).contains(&gap), "the body is right behind it: {gap}");
-    let speed = world.movers()[0].lies.expect("a crate").velocity.z;
+    let speed = world.movers()[0].crate_state.expect("a crate").velocity.z;
     assert!((0.3..0.6).contains(&(speed / CharacterProfile::default().forward_speed)), "{speed}");
     run(&mut world, STAND, 20);
     let rest = shift(&world, 0);
@@ -176,11 +176,11 @@ fn a_crate_that_leaves_the_map_is_gone_until_it_is_called_back() {
     let mut world = world(vec![edge]);
     world.spawn(Vec3::new(20.0, FLOOR, 37.5), 0.0);
     run(&mut world, FORWARD, 14);
-    assert!(!world.movers()[0].lies.expect("a crate").is_there);
+    assert!(!world.movers()[0].crate_state.expect("a crate").is_there);
     run(&mut world, Action { forward: -1.0, ..STAND }, 8);
     world.order(0, MoverOrder::GoTo(0));
     run(&mut world, STAND, 5);
-    assert!(world.movers()[0].lies.expect("a crate").is_there);
+    assert!(world.movers()[0].crate_state.expect("a crate").is_there);
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn states_that_no_crate_can_have_are_refused() {
     assert_eq!(surefoot_world::MoverState::unpack(&packed, world.map()), Some(states.clone()));
     let spoil = |change: fn(&mut surefoot_world::CrateState)| {
         let mut spoilt = states.clone();
-        change(spoilt[0].lies.as_mut().expect("a crate"));
+        change(spoilt[0].crate_state.as_mut().expect("a crate"));
         surefoot_world::MoverState::unpack(&surefoot_world::MoverState::pack(&spoilt), world.map())
     };
     assert_eq!(spoil(|it| it.offset.x = f32::NAN), None);
@@ -252,6 +252,6 @@ fn states_that_no_crate_can_have_are_refused() {
     assert_eq!(spoil(|it| it.spin = 1.0e9), None);
     assert_eq!(spoil(|it| it.yaw = f32::NAN), None);
     let mut none = states;
-    none[0].lies = None;
+    none[0].crate_state = None;
     assert_eq!(surefoot_world::MoverState::unpack(&surefoot_world::MoverState::pack(&none), world.map()), None);
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use surefoot_world::map::Features;
 use surefoot_world::replay::{Recording, ReplayError};
 use surefoot_world::{
-    Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, ProfileIdx, RawMapSpec, TaskConfig, World,
+    Action, CharacterProfile, Map, MapSpec, NpcSlot, OBSERVATION_LEN, ProfileIdx, RawMapSpec, TaskConfig, Tick, World,
     WorldConfig, navigable,
 };
 
@@ -17,7 +17,7 @@ fn crowd(map: &Arc<Map>, count: usize) -> World {
     let mut world = World::new(map.clone(), profile, TaskConfig::default());
     for pair in points.chunks_exact(2) {
         let slot = world.spawn(pair[0], 0.5);
-        world.set_goal(slot, pair[1]);
+        world.set_waypoint(slot, pair[1]);
     }
     world
 }
@@ -89,7 +89,7 @@ fn recorded(map: &Arc<Map>, seed: u64) -> Recording {
     world.tick();
     world.start_recording();
     let point = |rng: &mut ChaCha8Rng| points[rng.random_range(0..points.len())];
-    while world.current_tick() < 36_001 {
+    while world.current_tick().0 < 36_001 {
         for &slot in &slots {
             let npc = world.npc(slot).unwrap();
             if npc.harm.is_some() || rng.random_bool(0.01) {
@@ -98,7 +98,7 @@ fn recorded(map: &Arc<Map>, seed: u64) -> Recording {
                 assert_eq!(world.spawn_as(profile, point(&mut rng), 0.0), slot);
             }
             if world.npc(slot).unwrap().episode.is_none_or(|episode| episode.end.is_some()) {
-                world.set_goal(slot, point(&mut rng));
+                world.set_waypoint(slot, point(&mut rng));
             }
             let action = [(); 4].map(|()| rng.random_range(-1.0..1.0));
             world.decide(slot, Action::from_array(action).unwrap());
@@ -121,7 +121,7 @@ fn recordings_of_ten_minutes_replay_to_the_same_state_on_any_thread_and_over_a_r
             assert_eq!(recording.tick_count(), 36_000);
             let read = Recording::decode(&recording.encode()).unwrap();
             let plain = read.replay(map.clone(), None).unwrap();
-            let restored = read.replay(map.clone(), Some(17_777)).unwrap();
+            let restored = read.replay(map.clone(), Some(Tick(17_777))).unwrap();
             assert_eq!(plain, restored, "seed {seed}");
         }
     };
@@ -176,5 +176,5 @@ fn a_changed_input_is_found_by_the_replay() {
     };
     let (one, other) = (run(1.0), run(0.5));
     let spliced = Recording::with_inputs_of(&one, &other);
-    assert_eq!(spliced.replay(map.clone(), None), Err(ReplayError::Diverged { tick: 1200, agreed: 600 }));
+    assert_eq!(spliced.replay(map.clone(), None), Err(ReplayError::Diverged { tick: Tick(1200), agreed: Tick(600) }));
 }

@@ -92,11 +92,11 @@ fn state() -> impl Strategy<Value = MoverState> {
             to,
             progress,
             stood,
-            told,
+            ordered_stop: told,
             pace,
             is_returning,
             blocked,
-            lies: Some(lies),
+            crate_state: Some(lies),
         },
     )
 }
@@ -163,7 +163,7 @@ fn live(map: &Arc<Map>, profile: CharacterProfile, movers: Option<MoverState>, o
     }
     for (slot, share) in (0..).zip([0.2, 0.5, 0.5, 0.9]) {
         world.spawn(Vec3::new(share, 0.1 + 0.3 * share, 1.0 - share) * SIDE_M, share);
-        world.set_goal(NpcSlot(slot), Vec3::splat(SIDE_M * share));
+        world.set_waypoint(NpcSlot(slot), Vec3::splat(SIDE_M * share));
     }
     let mut row = vec![0.0; OBSERVATION_WITH_OTHERS_LEN];
     for step in 0..8 {
@@ -195,8 +195,8 @@ proptest! {
     ) {
         let Ok(map) = floor().with_movers(vec![mover]) else { return Ok(()) };
         let map = Arc::new(map);
-        let lies = state.lies.filter(|_| map.movers()[0].kind == MoverKind::Crate);
-        let state = MoverState { lies, ..state };
+        let lies = state.crate_state.filter(|_| map.movers()[0].kind == MoverKind::Crate);
+        let state = MoverState { crate_state: lies, ..state };
         live(&map, CharacterProfile::default(), state.fits(&map.movers()[0]).then_some(state), &orders);
         if surveyed == 0 {
             Reach::survey(&map, &CharacterProfile::default(), 1);

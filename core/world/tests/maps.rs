@@ -73,7 +73,7 @@ fn what_walks_off_ground_that_is_not_terrain_falls_for_good() {
         let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         // Beyond the rim of what stands there.
         let slot = world.spawn(Vec3::new(1.0, map.extent().y, 1.0), 0.0);
-        world.set_goal(slot, 0.5 * map.extent());
+        world.set_waypoint(slot, 0.5 * map.extent());
         let end = (0..200).find_map(|_| {
             world.decide(slot, Action::default());
             world.tick_decision();

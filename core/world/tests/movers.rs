@@ -7,7 +7,7 @@ use surefoot_world::map::mover::cuboid;
 use surefoot_world::map::{MapSize, Mover, MoverKind, MoverStop, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::Reach;
-use surefoot_world::{Action, CharacterProfile, Map, MoverOrder, MoverState, NpcSlot, TaskConfig, Vec3, World};
+use surefoot_world::{Action, CharacterProfile, Map, MoverOrder, MoverState, NpcSlot, TaskConfig, Tick, Vec3, World};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
 const STAND: Action = Action { forward: 0.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -255,7 +255,7 @@ fn equal_inputs_give_equal_bits_also_from_a_state_that_was_restored_or_recorded(
     assert!(one.movers().iter().zip(busy().movers()).any(|(now, before)| now != before));
     let recording = one.finish_recording().expect("it records");
     let read = surefoot_world::replay::Recording::decode(&recording.encode()).expect("what was just written");
-    assert_eq!(read.replay(one.map().clone(), Some(333)).expect("the same bits").hash(), one.save().hash());
+    assert_eq!(read.replay(one.map().clone(), Some(Tick(333))).expect("the same bits").hash(), one.save().hash());
 }
 
 #[test]

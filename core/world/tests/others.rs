@@ -36,7 +36,7 @@ fn world(npc_collision: bool) -> World {
 /// Adds the NPC that looks along z from [`EYE`].
 fn looker(world: &mut World) -> NpcSlot {
     let slot = world.spawn(EYE, 0.0);
-    world.set_goal(slot, GOAL);
+    world.set_waypoint(slot, GOAL);
     slot
 }
 

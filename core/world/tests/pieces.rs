@@ -11,7 +11,9 @@ use surefoot_world::map::{Features, Liquid, MapSize, Outline, Piece, PieceShape,
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::reach::Reach;
 use surefoot_world::replay::Recording;
-use surefoot_world::{Action, CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Vec3, World};
+use surefoot_world::{
+    Action, CharacterProfile, End, Map, MapSpec, NpcSlot, OBSERVATION_LEN, TaskConfig, Tick, Vec3, World,
+};
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
 const NPC: NpcSlot = NpcSlot(0);
@@ -112,7 +114,7 @@ fn an_edited_map_is_that_of_all_its_triangles() {
         let places = surefoot_world::navigable::sample_many(&map, &CharacterProfile::default(), 64, &mut rng).unwrap();
         for (idx, place) in (0..).zip(places) {
             let slot = world.spawn(place, idx as f32);
-            world.set_goal(slot, place + Vec3::X);
+            world.set_waypoint(slot, place + Vec3::X);
             world.decide(slot, FORWARD);
         }
         (0..300).for_each(|_| world.tick());
@@ -313,7 +315,7 @@ fn who_would_be_enclosed_steps_aside_and_the_run_can_be_repeated() {
     let spots = [Vec3::new(10.0, GROUND, 10.0), Vec3::new(11.0, GROUND, 10.5), Vec3::new(30.0, GROUND, 30.0)];
     for spot in spots {
         let slot = world.spawn(spot, 0.0);
-        world.set_goal(slot, Vec3::new(20.0, GROUND, 36.0));
+        world.set_waypoint(slot, Vec3::new(20.0, GROUND, 36.0));
     }
     (0..20).for_each(|_| world.tick());
     world.start_recording();
@@ -332,7 +334,7 @@ fn who_would_be_enclosed_steps_aside_and_the_run_can_be_repeated() {
     (0..20).for_each(|_| world.tick());
     let recording = world.finish_recording().unwrap();
     let recording = Recording::decode(&recording.encode()).unwrap();
-    let end = recording.replay(plain.clone(), Some(300)).unwrap();
+    let end = recording.replay(plain.clone(), Some(Tick(300))).unwrap();
     assert_eq!(end.hash(), world.save().hash());
 
     // A recording that begins on an edited map is repeated on the map that it was made of.

@@ -8,7 +8,7 @@ use surefoot_world::map::{MapSize, Placed};
 use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::Recording;
 use surefoot_world::{
-    Action, Body, CharacterProfile, Map, NpcSlot, Player, PlayerContact, PlayerSlot, TaskConfig, Vec3, World,
+    Action, Body, CharacterProfile, Map, NpcSlot, Player, PlayerContact, PlayerSlot, TaskConfig, Tick, Vec3, World,
 };
 
 const FORWARD: Action = Action { forward: 1.0, strafe: 0.0, turn: 0.0, jump: -1.0 };
@@ -148,7 +148,7 @@ fn players_are_recorded_replayed_saved_and_restored() {
     run(&mut restored, 45..90);
     assert_eq!(whole.save().hash(), restored.save().hash());
     let recording = Recording::decode(&whole.finish_recording().expect("it records").encode()).expect("sound");
-    assert_eq!(recording.replay(whole.map().clone(), Some(50)).expect("the same").hash(), whole.save().hash());
+    assert_eq!(recording.replay(whole.map().clone(), Some(Tick(50))).expect("the same").hash(), whole.save().hash());
 }
 
 #[test]

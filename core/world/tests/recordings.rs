@@ -7,7 +7,7 @@ use surefoot_world::mesh::{Surface, Triangle};
 use surefoot_world::replay::{Input, REPLAY_VERSION, Recording, ReplayError};
 use surefoot_world::{
     Action, CharacterProfile, Map, MapSpec, MoverState, Npc, NpcSlot, Player, ProfileIdx, RawCharacterProfile,
-    TaskConfig, Vec3, World,
+    TaskConfig, Tick, Vec3, World,
 };
 
 fn floor() -> Arc<Map> {
@@ -35,7 +35,7 @@ impl Parts {
     fn new(map: &Arc<Map>) -> Self {
         let mut world = World::new(map.clone(), CharacterProfile::default(), TaskConfig::default());
         let slot = world.spawn(Vec3::new(5.0, 1.0, 15.0), 0.0);
-        world.set_goal(slot, Vec3::new(9.0, 1.0, 15.0));
+        world.set_waypoint(slot, Vec3::new(9.0, 1.0, 15.0));
         let npcs = vec![world.npc(slot).copied()];
         world.tick_decision();
         Self {
@@ -102,9 +102,9 @@ fn what_cannot_have_happened_is_refused() {
         }),
         ("not in order", |parts, _| parts.start_tick = 11),
         ("not in order", |parts, at| {
-            parts.inputs = [5, 4].map(|tick| (tick, Input::SetGoal(NpcSlot(0), at))).to_vec();
+            parts.inputs = [5, 4].map(|tick| (tick, Input::SetWaypoint(NpcSlot(0), at))).to_vec();
         }),
-        ("not in order", |parts, _| parts.inputs.push((11, Input::ClearGoal(NpcSlot(0))))),
+        ("not in order", |parts, _| parts.inputs.push((11, Input::ClearWaypoint(NpcSlot(0))))),
         ("too few state hashes", |parts, _| parts.end_tick = u64::MAX),
         ("too few state hashes", |parts, _| parts.checks.clear()),
     ];
@@ -122,13 +122,13 @@ fn a_state_that_is_never_compared_is_a_difference() {
     let mut parts = Parts::new(&map);
     // The check claims to come after one input, but there is none.
     parts.checks[0].1 = 1;
-    assert_eq!(parts.replay(&map), Err(ReplayError::Diverged { tick: 10, agreed: 0 }));
+    assert_eq!(parts.replay(&map), Err(ReplayError::Diverged { tick: Tick(10), agreed: Tick(0) }));
     let mut parts = Parts::new(&map);
     let state = parts.checks[0];
     parts.checks.push(state);
     assert_eq!(parts.replay(&map), Ok(()), "the same state twice is still that state");
     parts.checks[1].2 = [0; 32];
-    assert_eq!(parts.replay(&map), Err(ReplayError::Diverged { tick: 10, agreed: 10 }));
+    assert_eq!(parts.replay(&map), Err(ReplayError::Diverged { tick: Tick(10), agreed: Tick(10) }));
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn an_npc_that_gave_up_far_outside_the_map_does_not_stop_a_replay() {
     let mut parts = Parts::new(&map);
     let far = Vec3::new(3.0e38, 1.0, -3.0e38);
     // The attempt ends before its first tick, so nothing notices that the NPC left the map.
-    parts.inputs = vec![(0, Input::Spawn(ProfileIdx(0), far, 0.0)), (0, Input::SetGoal(NpcSlot(1), Vec3::ONE))];
+    parts.inputs = vec![(0, Input::Spawn(ProfileIdx(0), far, 0.0)), (0, Input::SetWaypoint(NpcSlot(1), Vec3::ONE))];
     parts.inputs.extend((0..TaskConfig::default().patience).map(|_| (0, Input::Close(NpcSlot(1)))));
     parts.inputs.push((0, Input::Decide(NpcSlot(1), Action::default())));
     parts.checks[0].1 = parts.inputs.len() as u64;
@@ -155,7 +155,7 @@ fn a_despawn_of_an_empty_slot_changes_nothing_and_can_be_replayed() {
     (0..5).for_each(|_| world.tick());
     let recording = world.finish_recording().unwrap();
     assert_eq!(recording.input_count(), 1, "a call that removes nothing is no input");
-    assert_eq!(recording.replay(map.clone(), Some(2)).unwrap().hash(), world.save().hash());
+    assert_eq!(recording.replay(map.clone(), Some(Tick(2))).unwrap().hash(), world.save().hash());
 
     // Older recordings hold such calls.
     let mut parts = Parts::new(&map);
@@ -185,10 +185,10 @@ fn profiles_that_no_npc_has_make_room_and_the_run_can_be_repeated() {
         assert_eq!(world.profile_of(world.npc(slot).unwrap()), &body(height));
     }
     for slot in [third, other] {
-        world.set_goal(slot, Vec3::new(1.0, 1.0, 18.0));
+        world.set_waypoint(slot, Vec3::new(1.0, 1.0, 18.0));
         world.decide(slot, Action { forward: 1.0, ..Action::default() });
     }
     (0..30).for_each(|_| world.tick());
     let recording = Recording::decode(&world.finish_recording().unwrap().encode()).unwrap();
-    assert_eq!(recording.replay(map, Some(7)).unwrap().hash(), world.save().hash());
+    assert_eq!(recording.replay(map, Some(Tick(7))).unwrap().hash(), world.save().hash());
 }

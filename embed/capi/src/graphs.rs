@@ -271,7 +271,7 @@ pub fn abilities(bits: u32) -> Result<AbilitySet, Fault> {
             format!("without is {bits}: it has bits that are no sf_ability_bit; nobody can do without walking");
         return Err(Fault::argument(message));
     }
-    Ok(Ability::ALL.into_iter().filter(|ability| bits & 1 << *ability as u32 != 0).collect())
+    Ok(Ability::ALL.iter().copied().filter(|ability| bits & 1 << *ability as u32 != 0).collect())
 }
 
 /// The caution of that number.

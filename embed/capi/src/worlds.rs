@@ -96,7 +96,7 @@ impl World {
     /// Gives an NPC a goal, m.
     pub fn set_goal(&mut self, npc: u32, goal: Vec3) -> Result<(), Fault> {
         let (slot, _) = self.npc(npc)?;
-        self.world.set_goal(slot, goal);
+        self.world.set_waypoint(slot, goal);
         Ok(())
     }
 
@@ -219,7 +219,7 @@ impl World {
 
     /// Ticks so far.
     pub fn current_tick(&self) -> u64 {
-        self.world.current_tick()
+        self.world.current_tick().0
     }
 }
 

@@ -17,7 +17,8 @@ use rapier3d::pipeline::{PhysicsWorld, QueryPipeline};
 use std::path::Path;
 use std::sync::Arc;
 use surefoot_game::{
-    Action, BodyState, CharacterProfile, Command, End, GameWorld, Hit, Level, Surface, TICK_SECONDS, TickEvents, Vec3,
+    Ability, AbilitySet, Action, BodyState, CharacterProfile, Command, End, GameWorld, Hit, Level, Surface,
+    TICK_SECONDS, Vec3,
 };
 use surefoot_world::exchange::{self, ImportOptions, UpAxis};
 use surefoot_world::map::Liquid;
@@ -210,7 +211,7 @@ impl Character {
     /// Turns the body, and changes its velocity as the action wants and gravity does.
     fn steer(&mut self, profile: &CharacterProfile, action: &Action) {
         let state = &mut self.state;
-        state.events = TickEvents::default();
+        state.used_abilities = AbilitySet::default();
         state.yaw += action.turn * profile.turn_speed * TICK_SECONDS;
         let (sin, cos) = state.yaw.sin_cos();
         let (forward, right) =
@@ -227,10 +228,10 @@ impl Character {
 
     fn jump(&mut self, profile: &CharacterProfile) {
         if self.state.is_grounded || self.ticks_in_air <= profile.coyote_ticks {
-            self.state.events.jumped = true;
+            self.state.used_abilities.insert(Ability::Jump);
         } else if self.air_jumps_left > 0 {
             self.air_jumps_left -= 1;
-            self.state.events.double_jumped = true;
+            self.state.used_abilities.insert(Ability::DoubleJump);
         } else {
             return;
         }

@@ -13,8 +13,7 @@ mod world;
 
 pub use batch::{Bridge, BridgeError, is_batch_address};
 pub use serve::{Level, serve, serve_blocking};
-pub use surefoot_world::character::TickEvents;
 pub use surefoot_world::map::Placed;
 pub use surefoot_world::mesh::Surface;
-pub use surefoot_world::{Action, CharacterProfile, End, TICK_SECONDS, Vec3};
+pub use surefoot_world::{Ability, AbilitySet, Action, CharacterProfile, End, TICK_SECONDS, Vec3};
 pub use world::{BodyState, Command, GameWorld, Hit};

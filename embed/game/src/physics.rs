@@ -4,11 +4,11 @@ use crate::decide::{Bodies, Decided, Decision, Sighting};
 use crate::world::BodyState;
 use std::fmt;
 use surefoot_rollout::env::{Physics, Placement, Standing};
-use surefoot_world::character::{Ride, Support, TickEvents};
+use surefoot_world::character::{Ride, Support};
 use surefoot_world::map::Placed;
 use surefoot_world::sense::observe_found;
 use surefoot_world::sense::{Found, LastDecision, OBSERVATION_LEN, RAY_COUNT, SenseContext};
-use surefoot_world::{Ability, Action, Body, CharacterProfile, DecisionOutcome, End, Episode, TaskConfig, Vec3};
+use surefoot_world::{AbilitySet, Action, Body, CharacterProfile, DecisionOutcome, End, Episode, TaskConfig, Vec3};
 
 /// The physics of a game, with the episodes of its NPCs.
 pub(crate) struct GamePhysics {
@@ -36,7 +36,7 @@ struct Npc {
 struct Mind {
     episode: Option<Episode>,
     last: LastDecision,
-    events: TickEvents,
+    used_abilities: AbilitySet,
 }
 
 impl fmt::Debug for GamePhysics {
@@ -77,8 +77,8 @@ impl Npc {
     /// Records a tick: how far the NPC came, and whether its attempt ended.
     fn note_tick(&mut self, state: &BodyState, task: &TaskConfig) {
         self.body.state = *state;
-        let Mind { episode, last, events } = &mut self.mind;
-        events.merge(state.events);
+        let Mind { episode, last, used_abilities } = &mut self.mind;
+        *used_abilities = used_abilities.union(state.used_abilities);
         let wet = last.ticks_in_water;
         last.ticks_in_water = if state.is_in_water { wet + 1 } else { wet.saturating_sub(1) };
         let drowned = (last.ticks_in_water >= task.drown_ticks).then_some(End::Drowned);
@@ -155,7 +155,7 @@ impl Physics for GamePhysics {
         for (&npc_idx, action) in npcs.iter().zip(actions) {
             let Npc { body, mind } = &mut self.npcs[npc_idx];
             (mind.last.velocity, mind.last.action) = (body.state.velocity, action.to_array());
-            mind.events = TickEvents::default();
+            mind.used_abilities = AbilitySet::default();
         }
         let actions: Vec<(usize, Action)> = npcs.iter().copied().zip(actions.iter().copied()).collect();
         let placements = std::mem::take(&mut self.announced);
@@ -187,7 +187,7 @@ impl Physics for GamePhysics {
         let is_drowned = mind.last.ticks_in_water >= self.task.drown_ticks;
         Standing {
             feet: body.state.feet,
-            ability: Ability::used(mind.events),
+            ability: mind.used_abilities.most_demanding(),
             is_harmed: body.state.harm.is_some() || is_drowned,
         }
     }

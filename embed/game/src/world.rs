@@ -1,9 +1,8 @@
 //! What a game implements: characters that move by ticks and see by rays.
 
-use surefoot_world::character::TickEvents;
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::RAY_COUNT;
-use surefoot_world::{Action, End, Vec3};
+use surefoot_world::{AbilitySet, Action, End, Vec3};
 
 /// What a ray hit: the distance, m, and the surface.
 pub type Hit = Option<(f32, Surface)>;
@@ -29,8 +28,8 @@ pub struct BodyState {
     pub is_in_water: bool,
     /// How it came to harm, if it did: fell out of the level, burnt or drowned. It is then left alone until it is placed anew.
     pub harm: Option<End>,
-    /// What it did in the last tick.
-    pub events: TickEvents,
+    /// Abilities that it used in the last tick.
+    pub used_abilities: AbilitySet,
 }
 
 /// What a character does in a tick.

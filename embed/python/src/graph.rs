@@ -129,8 +129,8 @@ impl Graph {
         caution: f32,
     ) -> PyResult<Plan> {
         let ability = |name: &String| {
-            Ability::ALL.into_iter().skip(1).find(|ability| ability.name() == name).ok_or_else(|| {
-                let names: Vec<&str> = Ability::ALL.into_iter().skip(1).map(Ability::name).collect();
+            name.parse().ok().filter(|ability| *ability != Ability::Walk).ok_or_else(|| {
+                let names: Vec<&str> = Ability::ALL[1..].iter().map(|ability| ability.name()).collect();
                 value(format!("there is no ability {name} to do without: there are {}", names.join(", ")))
             })
         };

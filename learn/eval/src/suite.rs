@@ -254,10 +254,11 @@ impl SuiteReport {
             .expect("writing to a String cannot fail");
         }
         text += "\n| method | ";
-        text += &End::ALL.map(|end| end.name().replace('_', " ")).join(" | ");
+        let names: Vec<String> = End::ALL.iter().map(|end| end.name().replace('_', " ")).collect();
+        text += &names.join(" | ");
         text += " |\n|---|---|---|---|---|---|\n";
         for row in &self.rows {
-            let counts = End::ALL.map(|end| row.ends[end.name()].to_string());
+            let counts: Vec<String> = End::ALL.iter().map(|end| row.ends[end.name()].to_string()).collect();
             writeln!(text, "| {} | {} |", row.name, counts.join(" | ")).expect("writing to a String cannot fail");
         }
         text += &self.faults();

@@ -301,7 +301,7 @@ impl Collector {
         if !arena.failures.is_empty() && self.rng.random_bool(self.config.retry_share) {
             let (start, goal) = arena.take_failure(&mut self.rng);
             self.worlds[world_idx].teleport(slot, start, yaw);
-            self.worlds[world_idx].set_goal(slot, goal);
+            self.worlds[world_idx].set_waypoint(slot, goal);
             self.starts[lane_idx] = Some(start);
         } else {
             let feet = arena.random_point(&mut self.rng);
@@ -319,7 +319,7 @@ impl Collector {
         let body = &world.npc(slot).expect("an NPC in every lane").body;
         let (from, is_grounded) = (body.feet, body.is_grounded());
         let goal = self.arenas[world_idx].goal(from, band, &mut self.rng);
-        world.set_goal(slot, goal);
+        world.set_waypoint(slot, goal);
         self.starts[lane_idx] = is_grounded.then_some(from);
     }
 

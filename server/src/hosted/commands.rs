@@ -13,7 +13,7 @@ use std::time::SystemTime;
 use surefoot_world::character::{self, Body};
 use surefoot_world::map::Liquid;
 use surefoot_world::sense::Sight;
-use surefoot_world::{Ability, CharacterProfile, Map, ProfileIdx, Seed, Vec3, navigable};
+use surefoot_world::{CharacterProfile, Map, ProfileIdx, Seed, Vec3, navigable};
 
 /// Why a world cannot do what a client requests.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -154,7 +154,7 @@ impl HostedWorld {
         record.attempts += 1;
         record.began = tick;
         let attempt = record.attempts;
-        self.world.set_goal(record.slot, goal);
+        self.world.set_waypoint(record.slot, goal);
         self.log_event(id, EventKind::AttemptBegan { attempt, goal });
         Ok(attempt)
     }
@@ -307,11 +307,8 @@ impl HostedWorld {
             worker: record.worker,
             support: support_of(&npc.body),
             // Without a goal there are no decisions, so only the last tick counts.
-            ability: Ability::used(if record.goal.is_some() {
-                npc.events
-            } else {
-                self.world.tick_events(record.slot)
-            }),
+            ability: if record.goal.is_some() { npc.used_abilities } else { self.world.used_in_tick(record.slot) }
+                .most_demanding(),
             cause: npc.harm,
             body: npc.profile,
         }

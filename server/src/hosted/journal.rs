@@ -237,7 +237,7 @@ impl HostedWorld {
             Change::Began { attempt, goal } => {
                 record.clear_goal();
                 (record.goal, record.attempts, record.began) = (Some(goal), attempt, saved);
-                self.world.set_goal(slot, goal);
+                self.world.set_waypoint(slot, goal);
             }
             Change::Ended { attempt, end, seconds, .. } => {
                 if let Some(end) = end.filter(|_| record.goal.is_some() && record.attempts == attempt) {
@@ -249,7 +249,7 @@ impl HostedWorld {
                     self.counters.ends[at] += 1;
                 }
                 record.clear_goal();
-                self.world.clear_goal(slot);
+                self.world.clear_waypoint(slot);
             }
             Change::Teleported { position, yaw } => {
                 record.clear_goal();

@@ -1,8 +1,7 @@
 //! Detects events in an NPC's movement: jumps, landings, rides, deaths.
 
 use super::events::EventKind;
-use surefoot_world::character::TickEvents;
-use surefoot_world::{Ability, Npc, TICKS_PER_SECOND};
+use surefoot_world::{Ability, AbilitySet, Npc, TICKS_PER_SECOND};
 
 /// Least time in the air, in ticks (0.1 s), that ends with a landing if the NPC neither jumped nor used a device; bumps cause
 /// shorter ones.
@@ -22,23 +21,13 @@ pub(super) struct Motion {
 
 impl Motion {
     /// Compares an NPC with its state one tick ago, and emits the events between; `attempt` is the attempt under way.
-    pub fn note(&mut self, npc: &Npc, events: TickEvents, attempt: Option<u32>, mut emit: impl FnMut(EventKind)) {
+    pub fn note(&mut self, npc: &Npc, used: AbilitySet, attempt: Option<u32>, mut emit: impl FnMut(EventKind)) {
         let position = npc.body.feet;
-        for (happened, ability) in [(events.jumped, Ability::Jump), (events.double_jumped, Ability::DoubleJump)] {
-            if happened {
-                emit(EventKind::Jumped { ability, position });
-            }
-        }
-        let thrust_begins = events.thrust && !self.is_thrusting;
-        let rides = [
-            (events.padded, Ability::Pad),
-            (events.zipped, Ability::ZipLine),
-            (events.teleported, Ability::Teleporter),
-            (thrust_begins, Ability::Jetpack),
-        ];
-        for (happened, ability) in rides {
-            if happened {
-                emit(EventKind::Rode { ability, position });
+        for ability in used.iter() {
+            match ability {
+                Ability::Jump | Ability::DoubleJump => emit(EventKind::Jumped { ability, position }),
+                Ability::Jetpack if self.is_thrusting => {}
+                _ => emit(EventKind::Rode { ability, position }),
             }
         }
         if npc.body.is_grounded() {
@@ -48,13 +37,13 @@ impl Motion {
             (self.airborne_ticks, self.was_thrown) = (0, false);
         } else {
             self.airborne_ticks = self.airborne_ticks.saturating_add(1);
-            self.was_thrown |= events.jumped || events.double_jumped || events.padded || events.zipped || events.thrust;
+            self.was_thrown |= used.iter().any(|ability| ability != Ability::Teleporter);
         }
         if let (Some(cause), false) = (npc.harm, self.is_down) {
             emit(EventKind::Died { cause, attempt, position });
         }
         self.falling_speed = -npc.body.velocity.y;
-        self.is_thrusting = events.thrust;
+        self.is_thrusting = used.contains(Ability::Jetpack);
         self.is_down = npc.harm.is_some();
     }
 }

@@ -17,7 +17,7 @@ use surefoot_net::durable;
 use surefoot_world::exchange;
 use surefoot_world::map::{Piece, PieceError};
 use surefoot_world::sealed::{self, SealError};
-use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Tick, Vec3, WorldState};
+use surefoot_world::{CharacterProfile, End, Map, MapHash, MapSpec, NpcSlot, Vec3, WorldState};
 use tracing::warn;
 
 const MAGIC: &[u8; 8] = b"SFWORLD\n";
@@ -335,11 +335,11 @@ impl HostedWorld {
             let mut record = Record::new(npc.slot, npc_quota.grant(&npc.owner));
             (record.goal, record.last_outcome) = (npc.goal, npc.last_outcome);
             (record.attempts, record.attempts_ended) = (npc.attempts, npc.attempts_ended);
-            record.began = Tick(saved.state.tick());
+            record.began = saved.state.tick();
             world.add_record(npc.id, record);
             if let Some(goal) = npc.goal {
                 // The world's state may hold a waypoint of a plan that is gone.
-                world.world.set_goal(npc.slot, goal);
+                world.world.set_waypoint(npc.slot, goal);
             }
         }
         world.assign_workers();

@@ -56,7 +56,7 @@ impl HostedWorld {
         for (&id, record) in records {
             let npc = world.npc(record.slot).expect("every record has an NPC");
             let attempt = record.goal.map(|_| record.attempts);
-            record.motion.note(npc, world.tick_events(record.slot), attempt, |kind| {
+            record.motion.note(npc, world.used_in_tick(record.slot), attempt, |kind| {
                 // All events of a tick have the same time.
                 let time = *now.get_or_insert_with(SystemTime::now);
                 events.push(tick, time, id, kind);
@@ -149,7 +149,7 @@ impl HostedWorld {
         for (id, attempt, position) in answer.waypoints {
             if let Some(record) = self.records.get_mut(&id).filter(|it| it.is_sought_by(worker, attempt)) {
                 record.waypoint = Some(position);
-                self.world.set_goal(record.slot, position);
+                self.world.set_waypoint(record.slot, position);
             }
         }
         for (id, attempt, end) in answer.gave_up {
@@ -183,7 +183,7 @@ impl HostedWorld {
         record.note_end(end, tick);
         let (attempt, goal, seconds) = (record.attempts, record.goal, record.lasted(tick));
         record.clear_goal();
-        self.world.clear_goal(record.slot);
+        self.world.clear_waypoint(record.slot);
         if let Some(worker) = record.worker {
             let ended = AttemptEnd { npc: id, attempt: record.attempts, end };
             self.outbox.entry(worker).or_default().ended.push(ended);

@@ -222,7 +222,7 @@ impl HostedWorld {
 
     /// Number of ticks stepped.
     pub fn tick(&self) -> Tick {
-        Tick(self.world.current_tick())
+        self.world.current_tick()
     }
 
     /// Number of NPCs.

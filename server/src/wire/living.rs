@@ -49,7 +49,7 @@ pub fn mover_state_to_wire(idx: usize, state: &MoverState, pose: MoverStop) -> w
         from_stop: state.from.into(),
         to_stop: state.to.into(),
         progress: state.progress,
-        told_stop: state.told.map(u32::from),
+        told_stop: state.ordered_stop.map(u32::from),
         pace: state.pace,
         blocked: state.blocked > 0,
         pose: Some(stop_to_wire(pose)),

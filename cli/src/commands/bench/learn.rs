@@ -119,7 +119,7 @@ fn observations(rows: usize) -> Vec<f32> {
     let mut values = vec![0.0; rows * OBSERVATION_LEN];
     for (pair, row) in points.chunks_exact(2).zip(values.chunks_exact_mut(OBSERVATION_LEN)) {
         let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
-        world.set_goal(slot, pair[1]);
+        world.set_waypoint(slot, pair[1]);
         world.observe(slot, row);
     }
     values

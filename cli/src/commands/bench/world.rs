@@ -110,7 +110,7 @@ impl Crowd {
         let mut world = World::with_config(map.clone(), config);
         for pair in points.chunks_exact(2) {
             let slot = world.spawn(pair[0], rng.random_range(-3.0..3.0));
-            world.set_goal(slot, pair[1]);
+            world.set_waypoint(slot, pair[1]);
         }
         Ok(Self { world, points, rng, row: vec![0.0; OBSERVATION_LEN] })
     }
@@ -139,7 +139,7 @@ impl Crowd {
             world.close_decision(slot);
             if world.npc(slot).is_some_and(|npc| npc.harm.is_some()) {
                 world.teleport(slot, pair[0], 0.0);
-                world.set_goal(slot, pair[1]);
+                world.set_waypoint(slot, pair[1]);
             }
         }
     }

@@ -116,7 +116,8 @@ impl Args {
         let reachable = counts.filter(|(_, reached)| **reached).map(|(count, _)| *count as f64).sum::<f64>() / total;
         let all = survey.share_by(|_| true);
         let lost_without = Means::ALL
-            .into_iter()
+            .iter()
+            .copied()
             .map(|means| (means.name().to_owned(), (all - survey.share_by(|other| other != means)).max(0.0)));
         let graph = describe(graph);
         Report {

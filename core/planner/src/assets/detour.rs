@@ -73,7 +73,7 @@ impl OffMeshLinks {
             off_mesh_con_chance: abouts.iter().map(|about| about.chance).collect(),
             off_mesh_con_driven: abouts.iter().map(|about| about.driven).collect(),
             off_mesh_con_leaps: abouts.into_iter().map(|about| about.leaps).collect(),
-            legend: Ability::ALL.map(AbilityKey::of).into(),
+            legend: Ability::ALL.iter().copied().map(AbilityKey::of).collect(),
         }
     }
 }

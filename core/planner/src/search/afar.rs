@@ -191,7 +191,7 @@ mod tests {
                 ..Query::new(Vec3::ZERO, Vec3::new(f32::from(goal.0), 0.0, f32::from(goal.1)))
             };
             let is_open = |edge: &Edge| {
-                !query.without.contains(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops)
+                !query.without.rules_out(edge.evidence.ability) && edge.evidence.needs.are_met(&query.stops)
             };
             // Until no edge leads to another vertex.
             let search = |from: VertexId| -> Vec<bool> {

@@ -1,4 +1,4 @@
-//! The state of a body: its position, its motion, and the events of a tick.
+//! The state of a body: its position and its motion.
 
 use super::action::Action;
 use super::profile::CharacterProfile;
@@ -58,35 +58,6 @@ pub struct Ride {
     pub line_idx: u32,
     /// Distance travelled, m.
     pub distance: f32,
-}
-
-/// Events of a body in one tick, or merged over several ticks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct TickEvents {
-    /// The body jumped from the ground.
-    pub jumped: bool,
-    /// The body jumped in the air.
-    pub double_jumped: bool,
-    /// A pad threw the body upwards.
-    pub padded: bool,
-    /// The body began to ride a zip line.
-    pub zipped: bool,
-    /// The body was teleported.
-    pub teleported: bool,
-    /// A jetpack pushed the body.
-    pub thrust: bool,
-}
-
-impl TickEvents {
-    /// Adds the events of another tick.
-    pub fn merge(&mut self, other: TickEvents) {
-        self.jumped |= other.jumped;
-        self.double_jumped |= other.double_jumped;
-        self.padded |= other.padded;
-        self.zipped |= other.zipped;
-        self.teleported |= other.teleported;
-        self.thrust |= other.thrust;
-    }
 }
 
 impl Body {

@@ -1,16 +1,16 @@
 //! How a body uses pads, zip lines, teleporters and jetpacks.
 
-use super::body::{Body, Ride, Support, TickEvents};
+use super::body::{Body, Ride, Support};
 use super::profile::CharacterProfile;
 use crate::map::features::ZIP_LIFT_M;
 use crate::map::{Map, Zone};
-use crate::{TICK_SECONDS, Vec3};
+use crate::{Ability, AbilitySet, TICK_SECONDS, Vec3};
 
 /// Share of the speed that a body keeps when it lets go of a zip line.
 const ZIP_RELEASE_SHARE: f32 = 0.4;
 
 impl Body {
-    pub(super) fn enter_devices(&mut self, map: &Map, profile: &CharacterProfile, events: &mut TickEvents) {
+    pub(super) fn enter_devices(&mut self, map: &Map, profile: &CharacterProfile, used: &mut AbilitySet) {
         let device = map.device_at(self.feet);
         if !matches!(device, Some(Zone::Teleporter(_) | Zone::TeleporterBack(_))) {
             self.teleport_locked = false;
@@ -19,19 +19,19 @@ impl Body {
             Some(Zone::Pad(idx)) if self.velocity.y <= 0.0 => {
                 self.velocity.y = map.placed().pads[idx as usize].speed;
                 self.leave_ground();
-                events.padded = true;
+                used.insert(Ability::Pad);
             }
             Some(Zone::ZipLine(line_idx)) if profile.uses_zip_lines => {
                 self.ride = Some(Ride { line_idx, distance: 0.0 });
                 self.leave_ground();
                 self.jump_pending = false;
-                events.zipped = true;
+                used.insert(Ability::ZipLine);
             }
             Some(Zone::Teleporter(idx)) if !self.teleport_locked => {
-                self.teleport_to(map.placed().teleporters[idx as usize].to, events);
+                self.teleport_to(map.placed().teleporters[idx as usize].to, used);
             }
             Some(Zone::TeleporterBack(idx)) if !self.teleport_locked => {
-                self.teleport_to(map.placed().teleporters[idx as usize].from, events);
+                self.teleport_to(map.placed().teleporters[idx as usize].from, used);
             }
             Some(Zone::Jetpack(idx)) if profile.uses_jetpacks => {
                 self.fuel = self.fuel.max(map.placed().jetpacks[idx as usize].fuel);
@@ -40,10 +40,10 @@ impl Body {
         }
     }
 
-    fn teleport_to(&mut self, place: Vec3, events: &mut TickEvents) {
+    fn teleport_to(&mut self, place: Vec3, used: &mut AbilitySet) {
         self.feet = place + Vec3::new(0.0, 0.1, 0.0);
         self.teleport_locked = true;
-        events.teleported = true;
+        used.insert(Ability::Teleporter);
     }
 
     /// Rides a zip line for one tick: the cable sets the motion until its end, or until the body lets go with a jump.

@@ -17,7 +17,7 @@ mod surroundings;
 mod tick;
 
 pub use action::{ACTION_LEN, Action, ActionError};
-pub use body::{Body, Ride, Support, TickEvents};
+pub use body::{Body, Ride, Support};
 pub use contact::is_clear;
 pub use profile::{CharacterProfile, ProfileError, RawCharacterProfile};
 pub use surroundings::MoveScratch;

@@ -1,11 +1,11 @@
 //! One tick of a body: turn, accelerate, jump, thrust, enter devices, move.
 
 use super::action::Action;
-use super::body::{Body, Support, TickEvents};
+use super::body::{Body, Support};
 use super::profile::CharacterProfile;
 use super::surroundings::MoveScratch;
 use crate::map::Map;
-use crate::{TICK_SECONDS, Vec3};
+use crate::{Ability, AbilitySet, TICK_SECONDS, Vec3};
 
 /// Terminal speed of a fall, m/s.
 const MAX_FALL_SPEED: f32 = 45.0;
@@ -17,29 +17,29 @@ const WADING_DEPTH_M: f32 = 0.25;
 const WADING_SPEED: f32 = 0.5;
 
 impl Body {
-    /// Advances the body by one tick under `action`.
+    /// Advances the body by one tick under `action`. Returns the abilities that it used.
     pub fn tick(
         &mut self,
         map: &Map,
         profile: &CharacterProfile,
         action: &Action,
         scratch: &mut MoveScratch,
-    ) -> TickEvents {
-        let mut events = TickEvents::default();
+    ) -> AbilitySet {
+        let mut used = AbilitySet::default();
         self.liquid = map.liquid_at(self.feet, WADING_DEPTH_M);
         self.turn(profile, action);
         if let Some(ride) = self.ride {
             self.ride_on(map, profile, ride);
-            return events;
+            return used;
         }
         self.accelerate(profile, action);
-        self.jump(profile, &mut events);
-        self.thrust(profile, action, &mut events);
-        self.enter_devices(map, profile, &mut events);
+        self.jump(profile, &mut used);
+        self.thrust(profile, action, &mut used);
+        self.enter_devices(map, profile, &mut used);
         if self.ride.is_none() {
             self.move_and_collide(map.mesh(), profile, scratch);
         }
-        events
+        used
     }
 
     fn turn(&mut self, profile: &CharacterProfile, action: &Action) {
@@ -94,15 +94,15 @@ impl Body {
         self.velocity.y = (self.velocity.y - profile.gravity * TICK_SECONDS).max(-MAX_FALL_SPEED);
     }
 
-    fn jump(&mut self, profile: &CharacterProfile, events: &mut TickEvents) {
+    fn jump(&mut self, profile: &CharacterProfile, used: &mut AbilitySet) {
         if !self.jump_pending {
             return;
         }
         if self.is_grounded() || self.ticks_in_air <= profile.coyote_ticks {
-            events.jumped = true;
+            used.insert(Ability::Jump);
         } else if self.air_jumps_left > 0 {
             self.air_jumps_left -= 1;
-            events.double_jumped = true;
+            used.insert(Ability::DoubleJump);
         } else {
             return;
         }
@@ -112,8 +112,8 @@ impl Body {
     }
 
     /// Applies jetpack thrust in the air while the jump is held and was not used for a jump in this tick.
-    fn thrust(&mut self, profile: &CharacterProfile, action: &Action, events: &mut TickEvents) {
-        let jumps = events.jumped || events.double_jumped;
+    fn thrust(&mut self, profile: &CharacterProfile, action: &Action, used: &mut AbilitySet) {
+        let jumps = used.contains(Ability::Jump) || used.contains(Ability::DoubleJump);
         let wanted = action.jump > 0.0 && !jumps && !self.is_grounded();
         if !wanted || self.fuel <= 0.0 || self.velocity.y >= profile.jetpack_climb_speed {
             return;
@@ -122,6 +122,6 @@ impl Body {
         self.velocity.y = pushed.min(profile.jetpack_climb_speed);
         self.fuel = (self.fuel - TICK_SECONDS).max(0.0);
         self.leave_ground();
-        events.thrust = true;
+        used.insert(Ability::Jetpack);
     }
 }

@@ -6,10 +6,14 @@ use crate::float::hypot;
 use crate::map::{Liquid, Map};
 use crate::{Vec3, navigable};
 use serde::Serialize;
+use strum::VariantArray;
 
 /// Why a character cannot walk from a place to a neighbouring one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, strum::VariantArray, strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Cause {
     /// The map ends.
     Rim,
@@ -32,39 +36,16 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// All causes, in a fixed order.
-    pub const ALL: [Cause; 9] = [
-        Cause::Rim,
-        Cause::Water,
-        Cause::Lava,
-        Cause::Device,
-        Cause::Building,
-        Cause::Plateau,
-        Cause::Ravine,
-        Cause::Cave,
-        Cause::Terrain,
-    ];
-
     /// Lower-case name as used in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Cause::Rim => "rim",
-            Cause::Water => "water",
-            Cause::Lava => "lava",
-            Cause::Device => "device",
-            Cause::Building => "building",
-            Cause::Plateau => "plateau",
-            Cause::Ravine => "ravine",
-            Cause::Cave => "cave",
-            Cause::Terrain => "terrain",
-        }
+        self.into()
     }
 }
 
 impl Reach {
     /// Counts cell borders by cause; a cell has one border for each neighbour that it cannot walk to.
     pub fn border_causes(&self, map: &Map) -> Vec<(Cause, u64)> {
-        let mut counts = Cause::ALL.map(|cause| (cause, 0));
+        let mut counts: Vec<(Cause, u64)> = Cause::VARIANTS.iter().map(|cause| (*cause, 0)).collect();
         for (idx, cell) in self.ground.cells().iter().enumerate() {
             for (neighbour, (dx, dz)) in NEIGHBOURS.into_iter().enumerate() {
                 if !self.ground.walks_to(idx, neighbour) {
@@ -74,7 +55,7 @@ impl Reach {
                 }
             }
         }
-        counts.to_vec()
+        counts
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::character::{Action, Body, CharacterProfile, MoveScratch};
 use crate::map::Map;
-use crate::{TICK_SECONDS, Vec3};
+use crate::{Ability, TICK_SECONDS, Vec3};
 
 /// How a leap begins and what the body does in the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,9 +78,9 @@ pub fn land(
         if wants_jump || wants_thrust {
             action.jump = 1.0;
         }
-        let events = body.tick(map, profile, &action, scratch);
-        jumps_made += u32::from(events.jumped) + u32::from(events.double_jumped);
-        if events.padded || events.zipped || events.teleported {
+        let used = body.tick(map, profile, &action, scratch);
+        jumps_made += u32::from(used.contains(Ability::Jump)) + u32::from(used.contains(Ability::DoubleJump));
+        if [Ability::Pad, Ability::ZipLine, Ability::Teleporter].into_iter().any(|device| used.contains(device)) {
             return None;
         }
         if map.is_outside(body.feet) || map.liquid_at(body.feet, 0.0).is_some() {

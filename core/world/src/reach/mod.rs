@@ -22,11 +22,26 @@ use ground::Ground;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
+use strum::VariantArray;
 use tries::Tries;
 
 /// What a character must do to follow a link between two islands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    strum::VariantArray,
+    strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Means {
     /// Walking off a ledge.
     Drop,
@@ -48,29 +63,11 @@ pub enum Means {
 
 impl Means {
     /// All means, the least demanding first.
-    pub const ALL: [Means; 8] = [
-        Means::Drop,
-        Means::Jump,
-        Means::DoubleJump,
-        Means::Pad,
-        Means::ZipLine,
-        Means::Teleporter,
-        Means::Jetpack,
-        Means::Mover,
-    ];
+    pub const ALL: &[Means] = Self::VARIANTS;
 
     /// Lower-case name as used in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Means::Drop => "drop",
-            Means::Jump => "jump",
-            Means::DoubleJump => "double_jump",
-            Means::Pad => "pad",
-            Means::ZipLine => "zip_line",
-            Means::Teleporter => "teleporter",
-            Means::Jetpack => "jetpack",
-            Means::Mover => "mover",
-        }
+        self.into()
     }
 }
 

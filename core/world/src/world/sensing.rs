@@ -138,7 +138,7 @@ mod tests {
             Step::Tick => world.tick(),
             Step::Spawn(feet) => {
                 let slot = world.spawn(feet, feet.x);
-                world.set_goal(slot, Vec3::splat(60.0));
+                world.set_waypoint(slot, Vec3::splat(60.0));
                 world.decide(slot, Action { forward: 1.0, strafe: 0.3, turn: 0.2, jump: 1.0 });
             }
             Step::Despawn(slot) => _ = world.despawn(npc(world, slot)),
@@ -146,7 +146,7 @@ mod tests {
                 let slot = npc(world, slot);
                 if world.npc(slot).is_some() {
                     world.teleport(slot, to, to.z);
-                    world.set_goal(slot, Vec3::splat(60.0));
+                    world.set_waypoint(slot, Vec3::splat(60.0));
                 }
             }
             Step::Player(feet) => {

@@ -2,10 +2,9 @@
 
 use crate::decide::{Acted, Decided, Decision, Sighting, TICKS};
 use crate::world::{BodyState, Hit};
-use surefoot_world::character::TickEvents;
 use surefoot_world::mesh::Surface;
 use surefoot_world::sense::{RAY_COUNT, RAY_RANGE_M, RayCone};
-use surefoot_world::{Action, Body, CharacterProfile, End, Vec3};
+use surefoot_world::{AbilitySet, Action, Body, CharacterProfile, End, Vec3};
 
 /// Version of the protocol.
 const VERSION: u32 = 1;
@@ -245,14 +244,7 @@ impl Reader<'_> {
         if flags & 0xc0f0 != 0 {
             return Err(format!("the {} has flags 0x{flags:x}; bits 4 to 7, 14 and 15 must be 0", of("state")));
         }
-        let events = TickEvents {
-            jumped: has(8),
-            double_jumped: has(9),
-            padded: has(10),
-            zipped: has(11),
-            teleported: has(12),
-            thrust: has(13),
-        };
+        let used_abilities = AbilitySet::from(std::array::from_fn(|idx| has(8 + idx as u32)));
         Ok(BodyState {
             feet,
             velocity,
@@ -263,7 +255,7 @@ impl Reader<'_> {
             fuel,
             is_in_water: has(3),
             harm,
-            events,
+            used_abilities,
         })
     }
 

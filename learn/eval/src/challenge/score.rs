@@ -194,7 +194,7 @@ impl Trial {
         let mut world = World::new(map.clone(), body.clone(), task);
         let Goal { start, yaw, goal } = Goal::from(*goal);
         let slot = world.spawn(start, yaw);
-        world.set_goal(slot, goal);
+        world.set_waypoint(slot, goal);
         Self { world, slot, ticks: 0, length: 0.0, feet: start }
     }
 

@@ -30,7 +30,7 @@ fn crowd(count: usize) -> anyhow::Result<World> {
     let mut place = || Vec3::new(rng.random_range(0.5..side_m - 0.5), 1.0, rng.random_range(0.5..side_m - 0.5));
     for _ in 0..count {
         let slot = world.spawn(place(), 0.0);
-        world.set_goal(slot, place());
+        world.set_waypoint(slot, place());
     }
     Ok(world)
 }

@@ -16,10 +16,10 @@ use bevy_surefoot::{
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
-use surefoot_game::{BodyState, CharacterProfile, Command, End, TickEvents};
+use surefoot_game::{BodyState, CharacterProfile, Command, End};
 use surefoot_world::map::Liquid;
 use surefoot_world::sense::RayCone;
-use surefoot_world::{Body, Map, TICKS_PER_SECOND};
+use surefoot_world::{Ability, Body, Map, TICKS_PER_SECOND};
 
 /// Depth of a liquid above the feet from which a body is in it, m.
 const WADING_DEPTH_M: f32 = 0.25;
@@ -170,11 +170,7 @@ fn report(map: &Map, state: &AgentState, jump: Option<Jump>) -> BodyState {
         can_jump: state.can_jump,
         is_in_water: map.liquid_at(state.feet, WADING_DEPTH_M) == Some(Liquid::Water),
         harm,
-        events: TickEvents {
-            jumped: jump == Some(Jump::Ground),
-            double_jumped: jump == Some(Jump::Air),
-            ..TickEvents::default()
-        },
+        used_abilities: jump.into_iter().map(|jump| if jump == Jump::Ground { Ability::Jump } else { Ability::DoubleJump }).collect(),
         ..BodyState::default()
     }
 }
